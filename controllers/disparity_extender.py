@@ -4,7 +4,7 @@
 2. Each edge is extended by half the car's width and a tolerance, at the nearer of its two ranges; a closer reading is
    never overwritten with a farther one (scan_filters.extend_disparities). What is left is what a point could reach.
 3. The goal is the furthest of these readings within 90 degrees to either side; of several as far, the middle one.
-4. No turning into what is beside the car: a reading beyond 90 degrees on the side of the goal, nearer than
+4. No turning into what is at the car's side: a reading beyond 90 degrees on the side of the goal, nearer than
    `side_distance`, and the car goes straight on instead. The readings are those of the LiDAR, before any extension. A
    scan of 180 degrees or less shows nothing there, and the rule does not apply.
 5. The speed is by the distance straight ahead in the source; here it is that of the planner's speed law.
@@ -14,7 +14,7 @@ methods. Differences: an edge is extended to both of its sides, by the same leng
 only one with anything to shorten but for round things; the car steers along an arc towards its goal, shorter when slow,
 not in proportion to the goal's bearing.
 
-Limits: a goal one beam beside an edge is as good as any other, so the tolerance is all the room that is left at a
+Limits: a goal one beam past an edge is as good as any other, so the tolerance is all the room that is left at a
 corner, and a smooth corner, which has no disparity, is not extended at all. The planner takes the longer of two ways,
 wherever that leads. Going straight on because of its side, it may come to stand before a wall.
 """
@@ -47,7 +47,7 @@ class DisparityExtenderSettings(DrivingSettings):
         FROM_ZERO,
     )  # fmt: skip
     disparity_threshold: float = setting(0.3, "m", "between neighbouring readings, for an edge", FROM_ZERO)
-    tolerance: float = setting(0.15, "m", "beside the car, past a disparity", FROM_ZERO)
+    tolerance: float = setting(0.15, "m", "to the side of the car, past a disparity", FROM_ZERO)
     side_distance: float = setting_of_car(0.2, "m", "from the LiDAR: half the car's width, and 45 mm", FROM_ZERO)
 
 

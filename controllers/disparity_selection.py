@@ -15,7 +15,7 @@ where the middle of the free space is the fourth.
 
 Limits: between walls a corner shows one disparity, its inner edge, or none, and the planner is then the naive follow
 the gap, with its limits: on the bundled circuits it drives as that does, to the bit. A gap's end is no disparity: an
-opening beside the masked obstacle is not seen as one. Noise over the threshold makes openings. The planner measures an
+opening next to the masked obstacle is not seen as one. Noise over the threshold makes openings. The planner measures an
 opening, but does not ask whether the car fits through.
 """
 

@@ -53,7 +53,7 @@ class GapFinderSettings(DrivingSettings):
 
     field_of_view: float = setting(math.pi, "rad", "component 4", POSITIVE)
     disparity_threshold: float = setting(0.3, "m", "between neighbouring readings, for an edge", FROM_ZERO)
-    clearance: float = setting(0.15, "m", "beside the car, past a disparity", FROM_ZERO)
+    clearance: float = setting(0.15, "m", "to the side of the car, past a disparity", FROM_ZERO)
     nearest_bubble: float = setting(0.2, "m", "radius of component 5", POSITIVE)
     mean_radius: float = setting(0.1, "m", "of the mean filter's bubble", POSITIVE)
     edge_weight: float = setting(

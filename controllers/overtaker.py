@@ -1,14 +1,14 @@
 """Overtaker: the gap finder among other cars, from the scan and odometry alone.
 
-1. What moves in the scan is told from what stands (perception.other_cars). Only what has moved is a car.
-2. The beams that end on a car are lengthened to what is beside it. Guidance gets that scan: its map has no cars.
+1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
+2. The beams that end on a car are lengthened to what is next to it. Guidance gets that scan: its map has no cars.
 3. Each car is drawn into the scan as large as it is, for the box that is seen is smaller. It is drawn wherever it could
    be when the planner's car is there, and, if it is ahead, where it would come to stand if it began to brake now.
 4. The gap finder drives in that scan, and so do the speed laws and the safety filter, as if all in it stood.
 
 So the planner's car keeps such a distance from one ahead that it could stop behind it, should that one stop, too. Where
-there is room beside a car, a gap leads past it, and where there is none, the planner's car stays behind. The ground
-that a car beside it is about to reach is taken: the planner's car does not turn there.
+there is room next to a car, a gap leads past it, and where there is none, the planner's car stays behind. The ground
+that a neighbouring car is about to reach counts as occupied: the planner's car does not turn there.
 
 Source of the distance: S. Shalev-Shwartz, S. Shammah and A. Shashua, On a Formal Model of Safe and Scalable
 Self-driving Cars, arXiv 1708.06374, where it is called the safe longitudinal distance.
@@ -45,7 +45,7 @@ class OvertakerSettings(GapFinderSettings):
     braking: float = setting(6.0, "m/s^2", "with which another car may stop", POSITIVE)
     car_margin: float = setting(0.06, "m", "round another car", FROM_ZERO)
     least_lead: float = setting(0.2, "s", "for which a car goes on at least", FROM_ZERO)
-    closing: float = setting(1.5, "m/s", "faster than a car beside it, at most", POSITIVE)
+    closing: float = setting(1.5, "m/s", "faster than a car that it passes, at most", POSITIVE)
     closing_braking: float = setting(4.0, "m/s^2", "with which it slows to that behind a car", POSITIVE)
     beside: float = setting(1.2, "m", "to either side: cars that it passes no faster than that", FROM_ZERO)
 
@@ -87,7 +87,7 @@ class Overtaker(GapFinder):
 
 @kernel
 def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
-    """Lengthen the beams (n,) [m] that end on cars to what is beside them."""
+    """Lengthen the beams (n,) [m] that end on cars to what is next to them."""
     count = len(ranges)
     for car in memory.cars:
         if car.age == 0 or not car.moves:
@@ -126,7 +126,7 @@ def _ends_near(scan: Record, ranges: FloatArray, beam: int, ahead: float, left: 
 
 @kernel
 def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
-    """Return how far ahead of the LiDAR and to the left of it a place is [m]."""
+    """Return the distances of a place ahead of the LiDAR and to its left [m]."""
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     dx, dy = x - memory.x, y - memory.y
     return cos * dx + sin * dy, cos * dy - sin * dx
@@ -169,7 +169,7 @@ def draw_cars(
 
 @kernel
 def passing_speed(memory: Record, car: Record, settings: Record) -> float:
-    """Return how fast the planner's car may come up to cars and pass them [m/s], should they turn into its way."""
+    """Return the speed at which the car may approach and pass others [m/s], should they turn into its way."""
     limit = math.inf
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     for other in memory.cars:

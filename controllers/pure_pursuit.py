@@ -47,14 +47,14 @@ _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 @dataclass(frozen=True, kw_only=True)
 class PurePursuitSettings(DrivingSettings):
-    """Which line, how far ahead, and how fast."""
+    """The line, the lookahead and the speed."""
 
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or the path of a CSV file")
     least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
     lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)
-    joining_lookahead: float = setting(3.0, "m/m", "as much more for each metre beside the line", FROM_ZERO)
+    joining_lookahead: float = setting(3.0, "m/m", "as much more for each metre off the line", FROM_ZERO)
     lost_distance: float = setting(2.0, "m", "from the line, beyond which the whole line is searched", POSITIVE)
     reaction: float = setting(0.1, "s", "the speed servo's lag", FROM_ZERO)
     curvature_span: float = setting_of_car(0.8, "m", "to either side of a point, for the profile", POSITIVE)
@@ -116,10 +116,10 @@ def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: flo
 
 
 @kernel
-def lookahead_at(settings: Record, speed: float, beside: float) -> float:
+def lookahead_at(settings: Record, speed: float, offset: float) -> float:
     """Return the lookahead [m] at a speed [m/s] and a distance to the line [m]."""
     on_line = max(settings.least_lookahead, settings.lookahead_time * speed)
-    return float(on_line + settings.joining_lookahead * beside)
+    return float(on_line + settings.joining_lookahead * offset)
 
 
 @kernel
@@ -231,8 +231,8 @@ class PurePursuit(Planner):
         if self.line is None or not math.isfinite(x + y + heading + odometry.speed):
             return None
         nearest = nearest_of_all(self.line, x, y)
-        beside = distance_to(self.line, nearest, x, y)
-        lookahead = lookahead_at(self.settings_row[0], abs(odometry.speed), beside)
+        offset = distance_to(self.line, nearest, x, y)
+        lookahead = lookahead_at(self.settings_row[0], abs(odometry.speed), offset)
         return goal_ahead(self.line, nearest, lookahead, x, y)
 
 

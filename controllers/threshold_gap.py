@@ -58,7 +58,7 @@ class ThresholdGapSettings(DrivingSettings):
 
 @kernel
 def choose_gap(ranges: FloatArray, gaps: NDArray[np.int64], settings: Record) -> int:
-    """Return which of the `gaps` (gaps, 2) in `ranges` (n,) [m] is taken by step 2; -1 where there is none."""
+    """Return the index in `gaps` (gaps, 2), of `ranges` (n,) [m], that step 2 selects; -1 where there is none."""
     best, best_width, best_depth = -1, 0.0, 0.0
     for gap in range(len(gaps)):
         width, depth = float(gaps[gap, 1] - gaps[gap, 0]), -math.inf

@@ -1,4 +1,4 @@
-"""Wall following: a steady distance from the wall beside the car. The planner looks at nothing else.
+"""Wall following: a steady distance from the wall at the car's side. The planner looks at nothing else.
 
 Two beams to one side, b at 90 degrees and a at theta ahead of it, meet the wall at two points. From these
 

@@ -5,7 +5,7 @@ course slides on reactive methods.) Sezer and Gokasan's follow the gap method sa
 
 1. All obstacles are enlarged by the robot's radius: half the car's width and a clearance (scan_filters.widen_all).
 2. An obstacle is what is nearer than the `horizon`; the widest angle without one is the gap.
-3. Its centre is the middle of the line between the two obstacles beside it, d1 away at phi1 and d2 at phi2:
+3. Its centre is the middle of the line between the two obstacles at its ends, d1 away at phi1 and d2 at phi2:
 
        phi_gap = arccos((d1 + d2 cos(phi1 + phi2)) / sqrt(d1^2 + d2^2 + 2 d1 d2 cos(phi1 + phi2))) - phi1
 
@@ -50,7 +50,7 @@ class WeightedGapSettings(DrivingSettings):
 
     alpha: float = setting(2.0, "m", "of the nearest obstacle, at which the gap weighs as much as the goal", POSITIVE)
     horizon: float = setting(2.75, "m", "what is nearer is an obstacle", POSITIVE)
-    clearance: float = setting(0.05, "m", "beside the car", FROM_ZERO)
+    clearance: float = setting(0.05, "m", "to the side of the car", FROM_ZERO)
     field_of_view: float = setting(
         math.pi, "rad", "in which gaps are looked for",
         Accepted("a number above 0, at most pi", lambda value: 0.0 < value <= math.pi),

@@ -18,7 +18,7 @@ inf, whose jump would be wider than any other.
 
 Limits: with neighbouring beams the width is hardly more than the jump of the range, so the widest gap is where most is
 hidden, not where the car fits: a post in the open is two wide gaps. The centre lies right behind the nearer point, so a
-car that drives to C itself meets the corner. The planner considers nothing else that stands beside its way: with
+car that drives to C itself meets the corner. The planner considers nothing else that stands along its way: with
 `safety_filter=false` it crashes in `tight`.
 """
 

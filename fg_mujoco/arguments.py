@@ -63,7 +63,7 @@ def explained(function: _F, name: str = "") -> _F:
 
 
 def _refusal(function: Callable[..., Any], name: str, args: tuple[Any, ...], named: dict[str, Any]) -> str | None:
-    """Return what is wrong with the arguments of a call; None: nothing, or nothing that is known here."""
+    """Return the message for wrong arguments of a call; None: no fault is known here."""
     parameters = list(inspect.signature(function).parameters.values())
     if parameters and parameters[0].name == "self":
         parameters, args = parameters[1:], args[1:]

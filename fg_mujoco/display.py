@@ -1,4 +1,4 @@
-"""How objects show themselves: one line as their repr, tables and pictures in a notebook, a page by `show()`.
+"""Representations of objects: one line as their repr, tables and pictures in a notebook, a page by `show()`.
 
     class Thing(Shown):
         def __repr__(self):
@@ -115,7 +115,7 @@ class Drawing:
         self.area([head], colour, colour)
 
     def cross(self, point: tuple[float, float], text: str, colour: str) -> None:
-        """Mark a point [m] with a cross, and write a text beside it."""
+        """Mark a point [m] with a cross, and write a text next to it."""
         (found,) = [self._pixels([point])]
         for x, y in found.tolist():
             self._parts.append(
@@ -170,7 +170,7 @@ class Drawing:
 
 
 class Shown(Suggesting):
-    """What has a picture or a table in a notebook, by `_repr_html_`, and shows the same elsewhere by `show()`."""
+    """Base of objects with a picture or table in a notebook, by `_repr_html_`; `show()` opens the same elsewhere."""
 
     def _repr_html_(self) -> str:
         raise NotImplementedError

@@ -40,7 +40,7 @@ _OTHER_WORDS: dict[str, tuple[str, ...]] = {
     "wheel_speed": ("wheel_speeds",), "wheelbase": ("vehicle",), "world": ("track",), "worlds": ("n",),
     "x": ("pose", "x_m"), "y": ("pose", "y_m"), "yaw": ("pose", "heading"),
 }  # fmt: skip
-"""What others call it -> what it is called here: a name of the first that is known is meant."""
+"""Words of other packages -> words of this one: the first that is a known name is meant."""
 
 
 def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.6) -> str | None:
@@ -124,7 +124,7 @@ class PlannerError(ControllerError):
     """A planner that failed while it drove: it raised, or answered something else than a command.
 
     Attributes:
-      failure: PlannerFailure: the line of the planner's file, its traceback, and the scan that it was told.
+      failure: PlannerFailure: the line of the planner's file, its traceback, and the scan that it was given.
       result: RaceResult of the race up to there; None where there was no race.
     """
 

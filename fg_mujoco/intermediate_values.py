@@ -10,7 +10,7 @@
 
 The debug page, the live view and `export` collect these values while the planner decides:
 
-    values = ShownValues()
+    values = IntermediateValues()
     with values.of(scan):
         command = planner(scan, odometry)
     values.now["goal"].array
@@ -37,7 +37,7 @@ from .messages import FloatArray, LaserScan, Sketch, read_only, shown
 NUMBER, SCAN, POINTS = "number", "scan", "points"
 """Kinds of values."""
 DRAWN_AS = ("points", "line", "polygon")
-"""How points are drawn: each by itself, joined by a line, or joined by a closed line."""
+"""Ways to draw points: each by itself, joined by a line, or joined by a closed line."""
 LASER, BASE, MAP = "laser", "base_link", "map"
 """Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
 FRAMES = (LASER, BASE, MAP)
@@ -63,7 +63,7 @@ _listener: ContextVar[_Listener | None] = ContextVar("fg_mujoco_show", default=N
 def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) -> None:
     """Show a value of this decision on the debug page, in the live view and in an exported bag.
 
-    A value that cannot be shown is left out, and whoever looks is told so once. It is not looked at where nobody looks.
+    A value that cannot be shown is left out, with one remark. Where nothing collects values, `show` does nothing.
 
     Args:
       name: of the value, at most 60 characters. Of one name the last value of a decision counts.
@@ -78,7 +78,7 @@ def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) 
 
 
 def listener() -> _Listener | None:
-    """Return what takes the values that are shown in this context; None: nobody looks."""
+    """Return the function that collects the values of this context; None: nothing collects them."""
     return _listener.get()
 
 
@@ -97,7 +97,7 @@ def pass_on(to: Callable[[], _Listener | None]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ShownValue:
+class IntermediateValue:
     """One value that a planner has shown in a decision."""
 
     name: str
@@ -159,7 +159,7 @@ def moved(points: FloatArray, frame: str, to: str, pose: FloatArray, lidar_offse
     return found
 
 
-class ShownValues:
+class IntermediateValues:
     """Collects what one planner shows, decision by decision.
 
     Attributes:
@@ -168,7 +168,7 @@ class ShownValues:
     """
 
     def __init__(self) -> None:
-        self.now: dict[str, ShownValue] = {}
+        self.now: dict[str, IntermediateValue] = {}
         self.remarks: list[str] = []
         self._kinds: dict[str, tuple[str, tuple[int, int, int]]] = {}  # of each name that was shown
         self._refused: set[str] = set()
@@ -176,7 +176,7 @@ class ShownValues:
     @contextmanager
     def of(self, scan: LaserScan) -> Iterator[None]:
         """Collect while a planner decides on a scan."""
-        found: dict[str, ShownValue] = {}
+        found: dict[str, IntermediateValue] = {}
         token = _listener.set(partial(self._take, found, len(scan.ranges)))
         try:
             yield
@@ -185,11 +185,13 @@ class ShownValues:
             self.now = dict(found)  # threads of the planner may still write to the other
 
     def sketches(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> list[Sketch]:
-        """Return the last decision's points and scans as drawn in the map; arguments as of ShownValue.sketch."""
+        """Return the last decision's points and scans as drawn in the map; arguments as of IntermediateValue.sketch."""
         found = (value.sketch(scan, pose, lidar_offset) for value in self.now.values())
         return [sketch for sketch in found if sketch is not None]
 
-    def _take(self, found: dict[str, ShownValue], beams: int, name: Any, value: Any, draw: Any, frame: Any) -> None:
+    def _take(
+        self, found: dict[str, IntermediateValue], beams: int, name: Any, value: Any, draw: Any, frame: Any
+    ) -> None:
         try:
             read = self._read(beams, name, value, draw, frame)
         except Exception as error:  # the value is a planner's: anything may be wrong with it, its repr too
@@ -202,7 +204,7 @@ class ShownValues:
         if read is not None:
             found[read.name] = read
 
-    def _read(self, beams: int, name: Any, value: Any, draw: Any, frame: Any) -> ShownValue | None:
+    def _read(self, beams: int, name: Any, value: Any, draw: Any, frame: Any) -> IntermediateValue | None:
         """Return a value as it is shown; None where there is nothing to show.
 
         Raises:
@@ -242,6 +244,6 @@ class ShownValues:
             before = self._kinds[name] = kind, _COLOURS[len(self._kinds) % len(_COLOURS)]
         if before[0] != kind:
             raise SettingsError(f"it is of kind {kind}, and was {before[0]} before; accepted: one kind for a name")
-        return ShownValue(
+        return IntermediateValue(
             name=name, kind=kind, array=read_only(array), draw=draw or "polygon", frame=frame, colour=before[1]
         )

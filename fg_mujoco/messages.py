@@ -1,4 +1,4 @@
-"""What passes between the car and a planner: a scan and odometry in, a command out.
+"""Messages between the car and a planner: a scan and odometry in, a command out.
 
 The field names are those of the ROS messages (sensor_msgs/LaserScan, sensor_msgs/Imu,
 ackermann_msgs/AckermannDrive), so that a planner moves to a real car unchanged. All are frozen; arrays are
@@ -8,7 +8,7 @@ copied on the way in and read-only. SI units and radians; frames as in REP 103: 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from typing import Any, Protocol
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arguments import Suggesting, explain_class
 from .display import Drawing, Shown, brief, paragraph
-from .errors import MessageError, SettingsError
+from .errors import MessageError, SettingsError, accepted_names, with_unit
 
 FloatArray = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class _Ranges(np.ndarray):
 
 
 def shown(value: object) -> str:
-    """Return how Python writes a value, without the middle of what is long; of a huge number, how long it is."""
+    """Return the repr of a value, a long one without its middle; of a huge number, its number of digits."""
     try:
         text = repr(value)
         text = " ".join(text.split()) if "\n" in text else text
@@ -196,15 +196,62 @@ _SCAN_NUMBERS = tuple(f.name for f in fields(LaserScan) if f.name not in ("range
 _COMMAND_NUMBERS = ("steering_angle", "speed")
 _VECTORS = (("angular_velocity", (3,)), ("linear_acceleration", (3,)), ("wheel_speeds", (4,)), ("pose", (3,)))
 _NO_POSE = read_only((math.nan, math.nan, math.nan))
+_NO_NUMBERS = read_only(())
+
+
+@explain_class
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Reading(Suggesting):
+    """The latest reading of a sensor, and all that were delivered since the last tick. Arrays are read-only.
+
+    `reading["speed_m_s"]` is one of its values by its column, whose unit may be left out. Before the first reading is
+    delivered, its stamp and values are NaN.
+
+    Raises:
+      MessageError: samples that are not one row for each stamp, or another number of values.
+    """
+
+    stamp: float  # [s] when the latest was measured
+    values: FloatArray  # (n,)
+    columns: tuple[str, ...] = ()  # names of the values, with their units at the end; none of a LiDAR's ranges
+    stamps: FloatArray = field(default_factory=lambda: _NO_NUMBERS)  # (k,) [s] of those since the last tick
+    samples: FloatArray = field(default_factory=lambda: _NO_NUMBERS)  # (k, n) their values
+
+    def __post_init__(self) -> None:
+        for name in ("values", "stamps", "samples"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        shape = len(self.stamps), len(self.values)
+        if len(self.samples) != shape[0] or (shape[0] and self.samples.shape != shape):
+            raise MessageError(f"Reading.samples has shape {self.samples.shape}; accepted: {shape}")
+
+    def __getitem__(self, column: str) -> float:
+        found = with_unit(column, self.columns) if isinstance(column, str) else None
+        if not self.columns:
+            raise MessageError(f"the reading has no columns, such as {shown(column)}; accepted: its `values`")
+        if found is None:
+            raise MessageError(f"the reading has no column {column!r}; {accepted_names(column, self.columns)}")
+        return float(self.values[self.columns.index(found)])
+
+    def __repr__(self) -> str:
+        names = self.columns or [f"[{index}]" for index in range(len(self.values))]
+        values = [f"{name} {value:.4g}" for name, value in zip(names, self.values, strict=False)]
+        return brief(self, f"stamp {self.stamp:.3f} s", *values[:6], *(["..."] if len(values) > 6 else []))
+
+
+class Readings(dict[str, Reading]):
+    """The readings of a car's sensors by name."""
+
+    def __missing__(self, name: str) -> Reading:
+        raise MessageError(f"the car has no sensor {name!r}; {accepted_names(name, self)}")
 
 
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Odometry(Suggesting):
-    """What the car's own sensors say between scans: wheel encoders, steering sensor, IMU; and where it is on the map.
+    """Readings of the car's own sensors between scans: wheel encoders, steering sensor, IMU; and its pose on the map.
 
     The pose is that of an ideal localisation: the true one, of base_link, at the time of the stamp. No reactive planner
-    needs it. Where there is no map it is NaN.
+    needs it. Where there is no map it is NaN. The sensors that a car has besides are in `readings`, by name.
 
     Raises:
       MessageError: a vector of the wrong length, or a stamp that is not finite.
@@ -217,6 +264,7 @@ class Odometry(Suggesting):
     linear_acceleration: FloatArray  # (3,) [m/s^2] accelerometer, car frame, gravity included
     wheel_speeds: FloatArray  # (4,) [m/s] surface speeds: front left, front right, rear left, rear right
     pose: FloatArray = field(default_factory=lambda: _NO_POSE)  # (3,) x [m], y [m], heading [rad], map frame
+    readings: Mapping[str, Reading] = field(default_factory=lambda: NO_READINGS)  # of the car's `sensors`
 
     def __post_init__(self) -> None:
         require_finite(self, self.stamp, names=("stamp",))
@@ -240,10 +288,13 @@ class Odometry(Suggesting):
         return float(self.angular_velocity[2])
 
 
+NO_READINGS: Mapping[str, Reading] = Readings()
+
+
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class DriveCommand:
-    """What a planner asks of the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
+    """Command of a planner to the car (ackermann_msgs/AckermannDrive). As an array: [steering, speed].
 
     Whole numbers and numpy's become floats.
 
@@ -262,14 +313,14 @@ class DriveCommand:
 
 
 A_COMMAND = "a DriveCommand(steering_angle=0.1, speed=1.0)"
-"""What messages call it that a planner is to answer."""
+"""Name of a planner's answer in messages."""
 
 STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapLine:
-    """The line through the course that a planner with a map is told of.
+    """The line through the course, for planners with a map.
 
     Raises:
       MessageError: points that are not a table of finite numbers, or fewer than two.
@@ -290,7 +341,7 @@ class MapLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sketch:
-    """What a planner shows of its work in the world: points, or pieces of lines.
+    """An intermediate value of a planner that is drawn in the world: points, or pieces of lines.
 
     The live view draws what the method `drawings()` of a planner returns.
     """
@@ -307,7 +358,7 @@ _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class CarParameters:
-    """What a planner is told of its car. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
+    """Parameters of a car for planners. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
     The last seven are of its tires, as `fg-mujoco identify` finds them on a real car. Their defaults are those of tires
     that need hardly any slip angle: the default set `coulomb`, and MuJoCo's contacts.
@@ -365,7 +416,7 @@ class CarParameters:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannerContext:
-    """All that a planner is told before it drives. Its constructor names what it wants of these fields.
+    """All that a planner may know before it drives. Its constructor names those of these fields that it needs.
 
     It is made in one place, by `DriveSettings.context`, whoever asks a planner to drive.
 
@@ -377,9 +428,10 @@ class PlannerContext:
     mu: float  # friction coefficient that it is to believe in; inf: no friction limits
     max_speed: float  # [m/s] fastest that it may command
     period: float = 0.025  # [s] from one scan to the next
-    latency: float = 0.0  # [s] from measuring a scan to the servos being told of its command, thinking not counted
+    latency: float = 0.0  # [s] from measuring a scan to its command reaching the servos, without the planner's own time
     seed: int = 0  # that the car is driven with, for planners that draw numbers
     map_line: MapLine | None = None  # the line through the course; None: there is no map
+    sensors: tuple[str, ...] = ()  # names of the sensors whose readings are in its odometry
 
     def __post_init__(self) -> None:
         require(self, lambda value: value > 0.0, "a positive number, or inf", ("mu",), MessageError)
@@ -389,7 +441,7 @@ class PlannerContext:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ScanGeometry:
-    """What all scans of one LiDAR have in common: everything of a LaserScan but its stamp and ranges."""
+    """The constant part of one LiDAR's scans: everything of a LaserScan but its stamp and ranges."""
 
     angle_min: float  # [rad]
     angle_max: float  # [rad]

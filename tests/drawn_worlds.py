@@ -58,7 +58,7 @@ def middles(memory):
 
 
 class Driven:
-    """A car that starts at x = 0, y = 0 along x, and looks for its way on in every tick."""
+    """A car that starts at x = 0, y = 0 along x, and searches the frontier in every tick."""
 
     def __init__(self, walls, every=1):
         self.walls, self.every = walls, every

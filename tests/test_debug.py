@@ -52,7 +52,7 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
 @pytest.mark.parametrize("mu", [0.15, 0.3])
 def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
     ranges = np.full(1081, 2.5)
-    ranges[720:880] = 9.0  # the way on is to the left
+    ranges[720:880] = 9.0  # the opening is to the left
     seen = decision(scan_of(ranges), speed=0.5, mu=mu, speed_law="friction")
     steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
     bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)

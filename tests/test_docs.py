@@ -32,8 +32,9 @@ NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
 ENTRY_POINT_GROUPS = {  # names for other packages, not modules
-    f"fg_mujoco.{group}" for group in ("scenes", "controllers", "rewards", "end_conditions", "observations")
-}
+    "fg_mujoco.scenes", "fg_mujoco.controllers", "fg_mujoco.tires", "fg_mujoco.vehicles", "fg_mujoco.track_formats",
+    "fg_mujoco.rewards", "fg_mujoco.end_conditions", "fg_mujoco.observations", "fg_mujoco.sensors",
+}  # fmt: skip
 
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```', re.MULTILINE | re.DOTALL)
 
@@ -90,6 +91,7 @@ def test_python_of_a_page_runs_in_an_empty_folder(page, tmp_path, monkeypatch, c
     for module in NEEDS.get(page, ()):
         pytest.importorskip(module)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # as for a script in that folder
     names = {"__name__": "__main__"}
     for title, code in blocks(page, "python"):
         if title:

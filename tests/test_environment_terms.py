@@ -2,8 +2,6 @@
 
 import math
 import pickle
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ import fg_mujoco as fg
 from fg_mujoco.envs import rewards
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
-from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSORS, ObservationTerm, observation
+from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
 from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
 from fg_mujoco.envs.tick_state import Ground, Snapshot, TickState
 from fg_mujoco.studies.comparison.ground import course_ground
@@ -24,7 +22,6 @@ from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
-HOWTO = Path(__file__).parent.parent / "docs" / "howto"
 TERMS = REWARDS.names()  # the bundled ones: other tests register theirs
 PARTS, CONDITIONS = OBSERVATIONS.names(), END_CONDITIONS.names()
 OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding")]
@@ -98,7 +95,7 @@ def test_every_bundled_term_has_a_test_by_hand():
     assert set(TERMS) == {*BY_HAND, "near_wall"}
 
 
-@pytest.mark.parametrize("name", [name for name in PARTS if name not in SENSORS])
+@pytest.mark.parametrize("name", [name for name in PARTS if name not in SENSED])
 def test_a_bundled_observation_is_a_quantity_of_the_state(name):
     made = state(
         pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3
@@ -202,9 +199,9 @@ def test_default_terms_are_not_changed_by_others():
     """Same rewards, bit for bit, where the others weigh nothing; and the same observations, in another order."""
     plain = F1TenthEnv(start="line", beam_step=60)
     other = F1TenthEnv(
-        start="line", beam_step=60, observations=tuple(reversed(SENSORS)), rewards=dict.fromkeys(OTHERS, 0.0)
+        start="line", beam_step=60, observations=tuple(reversed(SENSED)), rewards=dict.fromkeys(OTHERS, 0.0)
     )
-    assert list(other.reset(seed=0)[0]) == list(reversed(SENSORS))
+    assert list(other.reset(seed=0)[0]) == list(reversed(SENSED))
     plain.reset(seed=0)
     for action in actions(20):
         first, second = plain.step(action), other.step(action)
@@ -526,16 +523,3 @@ def test_what_a_function_must_not_return_is_refused(settings, match):
     env = F1TenthEnv(beam_step=540, **settings)
     with pytest.raises(fg.SettingsError, match=match):
         env.reset(seed=0), env.step(STAND)
-
-
-@pytest.mark.skipif(not HOWTO.exists(), reason="not a checkout of the repository")
-@pytest.mark.parametrize(
-    ("page", "names"),
-    [
-        ("own_reward.md", list(TERMS)),
-        ("own_end_condition.md", list(CONDITIONS)),
-        ("own_observation.md", list(PARTS)),
-    ],
-)
-def test_the_pages_list_what_is_bundled(page, names):
-    assert re.findall(r"^\| `(\w+)` \|", (HOWTO / page).read_text("utf-8"), re.MULTILINE) == names

@@ -1,4 +1,4 @@
-"""The way on: in drawn worlds it goes where the course goes, and not back, nor into what was seen to its end."""
+"""The frontier: in drawn worlds it is where the course goes, not behind the car, nor in what was seen to its end."""
 
 import heapq
 import math
@@ -42,7 +42,7 @@ def ahead(driven, distance, aside=0.0):
 
 
 def goal(driven):
-    """The middle of the way on."""
+    """The middle of the frontier."""
     return float(driven.way["x"]), float(driven.way["y"])
 
 
@@ -72,7 +72,7 @@ def test_the_way_back_is_closed():
 
 
 def test_the_way_before_the_start_is_closed_too():
-    """The ground behind a car that has only just been put there is seen, but for a sector, and is no way on."""
+    """The ground behind a car that has only just been put there is seen, but for a sector, and is no frontier."""
     driven = Driven(STRAIGHT)
     assert driven.way["map"]["cells"][cell(-0.35, 0.75)] == FREE
     assert driven.to_go(-0.35, 0.75) == math.inf > driven.to_go(0.95, 0.75)
@@ -155,7 +155,7 @@ def test_a_closed_room_has_no_frontier():
 
 
 def test_after_it_drove_into_a_pocket_the_frontier_is_that_next_to_the_pocket():
-    """The branch straight ahead is closed at x = 10; the way on leaves to the left, from 5 to 6.4 m."""
+    """The branch straight ahead is closed at x = 10; the course leaves to the left, from 5 to 6.4 m."""
     walls = lines([(-30.0, 0.7), (5.0, 0.7), (5.0, 30.0)], [(6.4, 30.0), (6.4, 0.7), (10.0, 0.7), (10.0, -0.7)])
     driven = Driven(np.concatenate((walls, lines([(10.0, -0.7), (-30.0, -0.7)]))))
     driven.go(8.6)
@@ -180,7 +180,7 @@ def test_on_a_short_closed_course_it_goes_on_ahead_lap_after_lap(sign):
 
 
 def _leads_on(driven):
-    """Whether there is a way on, and beams ahead lead nearer to it than those behind."""
+    """Whether there is a frontier, and beams ahead lead nearer to it than those behind."""
     x, y = driven.lidar()
     ahead, behind = (
         min(least_to_go_along(driven.way, x, y, driven.heading + turn + a, 1.2)[0] for a in (-0.8, -0.4, 0.0, 0.4, 0.8))

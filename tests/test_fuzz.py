@@ -1,4 +1,4 @@
-"""Hostile input at every door: no traceback, no hang, no memory without bound, and nothing written where it is refused.
+"""Hostile input for every target: no traceback, no hang, no memory without bound; nothing is written if it is refused.
 
 The same tries in every run; `make fuzz` draws others, and `python -m fuzzing` in this folder has the long form.
 """
@@ -8,22 +8,22 @@ import time
 
 import numpy as np
 import pytest
-from fuzzing.door import Door
-from fuzzing.doors import DOORS
 from fuzzing.harness import Limits, knock
+from fuzzing.target import Target
+from fuzzing.targets import TARGETS
 
 TRIES, SEED = 100, int(os.environ.get("FUZZ_SEED", "0"))
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("door", DOORS)
-def test_hostile_input_is_refused_in_a_line_or_used(door):
-    tally = knock(door, TRIES, seed=SEED)
+@pytest.mark.parametrize("target", TARGETS)
+def test_hostile_input_is_refused_in_a_line_or_used(target):
+    tally = knock(target, TRIES, seed=SEED)
     assert tally.tries == TRIES
     assert not tally.findings, "\n".join(map(str, tally.findings))
 
 
-# -- the harness finds what it is there for: each of these doors has one fault in its third try
+# -- the harness finds what it is there for: each of these targets has one fault in its third try
 
 
 def _raises(samples, here, rng):
@@ -84,7 +84,7 @@ FAULTS = {
 
 def _third(attempt):
     """The harness numbers the folders of its tries."""
-    return Door(
+    return Target(
         attempt=lambda samples, here, rng: (attempt if here.name.endswith("-2") else _is_right)(samples, here, rng)
     )
 
@@ -94,7 +94,7 @@ faulty = {name: _third(attempt) for name, (attempt, _) in FAULTS.items()}
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_the_harness_finds(fault):
-    tally = knock(fault, 5, seed=0, doors="test_fuzz:faulty", limits=LIMITS)
+    tally = knock(fault, 5, seed=0, targets="test_fuzz:faulty", limits=LIMITS)
     (finding,) = tally.findings
     assert finding.number == 2 and FAULTS[fault][1] in finding.wrong
 
@@ -110,5 +110,5 @@ def test_a_try_is_drawn_from_its_number_alone(tmp_path, monkeypatch):
         return lambda: 0
 
     for number in (3, 1, 3):
-        tried(Door(attempt=attempt), tmp_path, tmp_path / "here", _generator("x", 0, number), lambda: "")
+        tried(Target(attempt=attempt), tmp_path, tmp_path / "here", _generator("x", 0, number), lambda: "")
     assert drawn[0] == drawn[2] != drawn[1]

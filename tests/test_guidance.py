@@ -1,4 +1,4 @@
-"""Guidance: planners that would turn back, or stop in a pocket, are led along the way on."""
+"""Guidance: planners that would turn back, or stop in a pocket, are led to the frontier."""
 
 import dataclasses
 import json

@@ -14,7 +14,7 @@ from test_ros_surroundings import DRIVES, NODE, make
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.intermediate_values import BASE, FRAMES, LASER, MAP, ShownValues, moved, show
+from fg_mujoco.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved, show
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.viz.debug.decisions import Witness
 from fg_mujoco.viz.live.live_session import LiveSession
@@ -66,7 +66,7 @@ def shows(tmp_path):
 
 def shown(*arguments, scan=SCAN, **settings):
     """What is collected of one call of `show`: the values, and the remarks."""
-    values = ShownValues()
+    values = IntermediateValues()
     with values.of(scan):
         assert show(*arguments, **settings) is None
     return values.now, values.remarks
@@ -143,7 +143,7 @@ def test_what_is_empty_shows_nothing_and_is_no_mistake(value):
     ],
 )
 def test_a_value_that_cannot_be_shown_is_left_out_and_told_once(arguments, settings, said):
-    values = ShownValues()
+    values = IntermediateValues()
     for _ in range(3):
         with values.of(SCAN):
             show(*arguments, **settings)
@@ -155,7 +155,7 @@ def test_a_value_that_cannot_be_shown_is_left_out_and_told_once(arguments, setti
 
 
 def test_a_name_has_one_kind_and_names_have_an_end():
-    values = ShownValues()
+    values = IntermediateValues()
     with values.of(SCAN):
         show("mine", 1.0)
         show("mine", (1.0, 2.0))
@@ -168,7 +168,7 @@ def test_a_name_has_one_kind_and_names_have_an_end():
 
 
 def test_an_array_that_the_planner_changes_later_is_kept_as_it_was():
-    values, ranges = ShownValues(), np.ones(BEAMS)
+    values, ranges = IntermediateValues(), np.ones(BEAMS)
     with values.of(SCAN):
         show("mine", ranges)
         ranges[:] = 7.0
@@ -176,7 +176,7 @@ def test_an_array_that_the_planner_changes_later_is_kept_as_it_was():
 
 
 def test_each_decision_has_its_own_values_and_nothing_is_left_behind():
-    values = ShownValues()
+    values = IntermediateValues()
     with values.of(SCAN):
         show("first", 1.0)
     show("between", 2.0)
@@ -193,7 +193,7 @@ def test_threads_that_decide_at_the_same_time_do_not_see_each_others_values():
     together, found = threading.Barrier(4), {}
 
     def decide(number):
-        values = ShownValues()
+        values = IntermediateValues()
         for tick in range(20):
             with values.of(SCAN):
                 together.wait(10.0)
@@ -458,7 +458,7 @@ def node(tmp_path):
 
 
 def test_a_node_on_this_simulator_shows_values_as_any_planner_does(node):
-    planner, values = make(node), ShownValues()
+    planner, values = make(node), IntermediateValues()
     odometry = odometry_of(1.0)
     planner(SCAN, odometry)  # nobody looks
     with values.of(SCAN):
@@ -473,7 +473,7 @@ def test_a_node_on_this_simulator_shows_values_as_any_planner_does(node):
 
 
 def test_two_nodes_at_the_same_time_have_their_own_values(node):
-    one, two = (make(node), ShownValues()), (make(node), ShownValues())
+    one, two = (make(node), IntermediateValues()), (make(node), IntermediateValues())
     near = corridor(1.0, 1.0, 3.0)
     for planner, values in (one, two):
         scan = SCAN if planner is one[0] else near

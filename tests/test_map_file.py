@@ -218,7 +218,7 @@ def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path
 @pytest.mark.parametrize("image", ["/home/somebody/maps/drawn.png", "maps/drawn.png", "C:\\\\maps\\\\drawn.png"])
 def test_an_image_that_lay_elsewhere_is_read_beside_the_yaml_with_a_warning(tmp_path, image):
     path = draw_map(tmp_path, box_room(), image=f'"{image}"')
-    with pytest.warns(UserWarning, match=r"image is .*drawn.png', which is not there; drawn.png beside it is read"):
+    with pytest.warns(UserWarning, match=r"image is .*drawn.png', which is not there; drawn.png here is read"):
         assert read_map_file(path).free.any()
 
 

@@ -1,4 +1,4 @@
-"""The motion search: arcs that the car can drive at its speed, clear of walls, to the way on and round U-turns."""
+"""The motion search: arcs that the car can drive at its speed, clear of walls, to the frontier and round U-turns."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Recovery: the car reverses exactly along the path it came by, when it stands without a way on, and not for ever."""
+"""Recovery: the car reverses exactly along the path it came by, when it stands without a frontier, and not for ever."""
 
 import math
 from dataclasses import fields
@@ -31,7 +31,7 @@ def new():
 
 
 def stand(history, settings, seconds):
-    """Stand without a way on; return in how many of the ticks the car is to go back."""
+    """Stand without a frontier; return the number of ticks in which the car is to go back."""
     return sum(bool(reverses(history, settings, True, False, PERIOD)) for _ in range(round(seconds / PERIOD)))
 
 

@@ -11,11 +11,11 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
-SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").told())
+SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").for_planners())
 
 
 def test_contacts_need_no_slip_angles():
-    assert Tires().told() == {} and not slip_row(CAR, 9.0)["soft"][0]
+    assert Tires().for_planners() == {} and not slip_row(CAR, 9.0)["soft"][0]
 
 
 @pytest.mark.parametrize("speed", [0.5, 2.0, 4.0])

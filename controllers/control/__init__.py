@@ -1,4 +1,4 @@
-"""From what a planner wants to what the car is told.
+"""From a planner's reference to the car's command.
 
 A planner finds a goal or a reference (planner), which becomes a safe command in one place for all planners (driving):
 steering by pure pursuit (steering), speed by the laws of the scan and of friction (speed), then the rooms of

@@ -9,7 +9,7 @@ the same for all planners:
 3. The speed is lowered by the distance straight ahead (speed), and to one from which the car stops within what it sees
    (braking_trajectories), unless a motion through the local map says how fast the car may go.
 4. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
-5. A car that stands without a way on reverses along its path (recovery).
+5. A car that stands without a frontier reverses along its path (recovery).
 6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
 The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
@@ -99,7 +99,7 @@ class DrivingSettings(Settings):
         True, text="with speed_law minimum: a reference after which the car could not stop is replaced"
     )
     recovery: bool = setting(
-        True, text="with safety_filter: a car that stands without a way on reverses and tries again"
+        True, text="with safety_filter: a car that stands without a frontier reverses and tries again"
     )
     guidance: bool = setting(
         True,

@@ -65,7 +65,7 @@ from .driving import (
     refer_to_goal,
 )
 from .planner_settings import for_car, record_type, record_values
-from .reasons import Reason, told
+from .reasons import Reason, reasons_in
 
 _NO_MEMORY = np.dtype([("unused", np.int8)])
 _NO_LINE = np.empty((0, 0))
@@ -168,15 +168,15 @@ class Planner:
         return DriveCommand(steering_angle=steering_angle, speed=speed)
 
     def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
-        """Return what the planner makes of a scan, by name, in the order of the work: ranges (n,) [m] of all beams.
+        """Return the intermediate scans by name, in the order of the work: ranges (n,) [m] of all beams.
 
         "raw" is what was measured, without NaN and inf; the others are those of IntermediateScans that it has.
         """
         return {"raw": valid_ranges(scan.ranges, scan.range_max)}
 
     def reasons(self) -> list[Reason]:
-        """Return what each step made of the last command, in the order of the work; none before the first command."""
-        return told(self._alone.memory[0]["reasons"])
+        """Return the change that each step made to the last command, in order; none before the first command."""
+        return reasons_in(self._alone.memory[0]["reasons"])
 
     def motion(self) -> FloatArray:
         """Return the motion along which guidance led the car in the last decision; no points where the planner drove.
@@ -213,7 +213,7 @@ class GoalPlanner(Planner):
         return None if math.isnan(bearing) else (bearing, distance)
 
     def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
-        """Return what the planner makes of a scan, see Planner."""
+        """Return the intermediate scans, see Planner."""
         _, shown = self._look(scan)
         made = {name: ranges for name, ranges in shown._asdict().items() if not np.isnan(ranges).all()}
         return super().intermediate_scans(scan) | made
@@ -425,7 +425,7 @@ class PlannerBatch:
         running: NDArray[np.bool_],
         commands: FloatArray,
     ) -> NDArray[np.int64]:
-        """Return what a kernel is to call instead of this, see ControllerBatch."""
+        """Return the kernel's function that replaces this, see ControllerBatch."""
         self._take(geometry, ranges, odometry, running, commands)
         table, self._given = self._table, ()  # from now on nobody puts anything else into this table
         self._arrays["scan"] = self._arrays["scan"].copy()

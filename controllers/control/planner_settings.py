@@ -3,7 +3,7 @@
     @dataclass(frozen=True, kw_only=True)
     class BubbleSettings(Settings):
         radius: float = setting(0.4, "m", "of the bubble", POSITIVE)
-        margin: float = setting_of_car(0.05, "m", "beside the car", FROM_ZERO)
+        margin: float = setting_of_car(0.05, "m", "to the side of the car", FROM_ZERO)
         point: Literal["furthest", "middle"] = setting("furthest", text="of the gap")
 
     PLANNER = np.dtype([("settings", record_type(BubbleSettings)), ("car", CAR), ("max_speed", np.float64)])
@@ -47,7 +47,7 @@ def _once_for_each_class(function: _F) -> _F:
 
 
 class Accepted(NamedTuple):
-    """Which numbers a setting accepts, in words and as a condition."""
+    """Numbers that a setting accepts, in words and as a condition."""
 
     text: str
     holds: Callable[[float], bool]

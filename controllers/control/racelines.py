@@ -3,7 +3,7 @@
     points, speeds = read_line("Monza_raceline.csv")
     table = line_table(points, speeds, closed=True, limiter=FrictionLimiter(car, mu), max_speed=8.0, **shares)
 
-Read are two formats of the community, told apart by their columns; lines starting with `#` are comments:
+Two formats of the community are read, which differ in their columns; lines starting with `#` are comments:
 
 x_m, y_m, w_tr_right_m, w_tr_left_m                             a centreline; the widths are not used
 s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2            a raceline of TUM's optimiser, of which x, y and vx are
@@ -160,7 +160,7 @@ def curvature(table: FloatArray, span: float, closed: bool) -> FloatArray:
 def limit_speeds(
     table: FloatArray, bend: FloatArray, limiter: Record, cornering_use: float, braking_use: float
 ) -> None:
-    """Lower the speeds of a table to what the tires hold: cornering, and braking and accelerating beside it.
+    """Lower the speeds of a table to what the tires hold: cornering together with braking and accelerating.
 
     A pass against the driving direction, in which each speed is at most what can be braked from to the next, and one
     along it, in which it is at most what can be accelerated to from the one before. Braking and accelerating have

@@ -31,7 +31,7 @@ _STEPS = (
     ("after recovery", "slow, after the car has reversed"),
     ("sight", "speed law stopping: the car can stop within what it sees"),
     ("safety filter", "the simulated stop after the reference has to be free; else another direction, or brakes"),
-    ("recovery", "the car stands without a way on, and reverses along its path"),
+    ("recovery", "the car stands without a frontier, and reverses along its path"),
     ("steering lock", "the car's greatest steering angle"),
     ("friction limiter", "speed and steering angle of a circle that the tires hold: v = sqrt(g mu b / tan|d|)"),
     ("tires, on the way there", "how fast the tires let the car brake, accelerate and turn its wheels"),
@@ -42,7 +42,7 @@ REASONS = (np.float64, (len(_STEPS), 2))
 
 
 class Reason(NamedTuple):
-    """What one step made of the reference."""
+    """The change that one step made to the reference."""
 
     name: str
     steering_angle: float  # [rad] after it; NaN: there is none yet
@@ -64,7 +64,7 @@ def note(reasons: FloatArray, step: int, steering_angle: float, speed: float) ->
     reasons[step, 0], reasons[step, 1] = steering_angle, speed
 
 
-def told(reasons: FloatArray) -> list[Reason]:
+def reasons_in(reasons: FloatArray) -> list[Reason]:
     """Return the steps of a decision that applied, in their order; none where nothing was decided yet."""
     if not reasons[MAXIMUM, 1] > 0.0:  # a planner's memory is zero at the beginning
         return []

@@ -17,9 +17,9 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
 3. Scan and yaw rate are seen from the course, where the rear axle moves, not from the heading (`see_from_course`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
 
-A planner is told of an axle what can be identified on a real car: cornering stiffness, peak, and the peak's slip angle.
+A planner knows of an axle what can be identified on a real car: cornering stiffness, peak, and the peak's slip angle.
 Through these leads one Magic Formula D sin(C atan(B s)), which read backwards is s = tan(asin(u) / C) / B at the share
-u of the peak. Tires of which nothing is told need no slip angles, and all this is left out, to the bit.
+u of the peak. Tires without such parameters need no slip angles, and all this is left out, to the bit.
 """
 
 from __future__ import annotations

@@ -31,16 +31,16 @@ def next_place(points: FloatArray, place: int, x: float, y: float, heading: floa
 
 @kernel
 def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float, float, float]:
-    """Return how a car is placed on the arc that ends at a point of a motion.
+    """Return the place of a car on the arc that ends at a point of a motion.
 
     That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
     arc [rad], positive to the left. Arguments as of `steer_along`.
     """
     cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
     ahead = cos * (point[X] - x) + sin * (point[Y] - y)
-    beside = cos * (y - point[Y]) - sin * (x - point[X]) - 0.5 * point[CURVATURE] * ahead * ahead
+    aside = cos * (y - point[Y]) - sin * (x - point[X]) - 0.5 * point[CURVATURE] * ahead * ahead
     angle = heading - (point[HEADING] - point[CURVATURE] * ahead)
-    return ahead, beside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+    return ahead, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
 
 
 @kernel
@@ -58,11 +58,11 @@ def steer_along(
       speed: of the car [m/s].
       wheelbase: of the car [m].
     """
-    ahead, beside, angle = errors(points[place], x, y, heading)
+    ahead, aside, angle = errors(points[place], x, y, heading)
     along, at = ahead, place
     while along < LAG * speed and at + 1 < len(points):
         along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])
         at += 1
     length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)
-    curvature = points[at, CURVATURE] - beside / (length * length) - 2.0 * math.sin(angle) / length
+    curvature = points[at, CURVATURE] - aside / (length * length) - 2.0 * math.sin(angle) / length
     return math.atan(wheelbase * curvature)

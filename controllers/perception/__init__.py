@@ -1,1 +1,1 @@
-"""What a planner makes of a scan: where its beams point (scan_geometry), filters (scan_filters) and gaps (gaps)."""
+"""Perception of planners: bearings of beams (scan_geometry), filters (scan_filters), gaps, and the local map."""

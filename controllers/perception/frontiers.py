@@ -1,20 +1,20 @@
-"""The way on: where the course goes that the car has not come from, and how far it is to there from everywhere.
+"""Selects the frontier to drive to, and computes each free cell's distance to it.
 
-1. The way back is closed like a wall: across the path of the last metres, as wide as the corridor was there.
+1. The path driven is closed like a wall, across the corridor, over its last 15 m.
 2. From the car, distances spread over the free ground of the local map. Where they reach ground that nobody has
-   seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The way on is
-   the frontier that is far and wide: a pocket that was seen to its end has none.
-3. Where there is no frontier, the car may go round a course as short as its memory: then the way on is the far side
-   of the closed path, to which it comes from behind. Else it is in a pocket, and the end of its path is opened again,
-   2, 4 and 6 m of it.
-4. From the way on, distances spread back over the free ground. Ground near a wall counts as longer, so that the
+   seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The frontier
+   that is far and wide is selected. A pocket that was seen to its end has none.
+3. Where there is no frontier, the car may go round a course as short as its memory: then the goal is the far side
+   of the closed path, which the car reaches from behind. Else it is in a pocket, and the end of its path is opened
+   again, 2, 4 and 6 m of it.
+4. From the frontier, distances spread back over the free ground. Ground near a wall counts as longer, so that the
    shortest way goes round the end of a barrier on a circle and not along it.
 
 Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997, for frontiers. E.
 Dijkstra, A Note on Two Problems in Connexion with Graphs, Numerische Mathematik 1, 1959, with a ring of buckets (R.
 Dial, Algorithm 360, CACM 12, 1969), for the distances.
 
-Limits: a wide opening into a pocket whose end the car does not see yet looks like a way on.
+Limits: a wide opening into a pocket whose end the car does not see yet is taken for a frontier.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from .local_map import (
 )
 from .scan_geometry import period_of
 
-FAR = 65535  # to_go of cells from which no way on is known
+FAR = 65535  # to_go of cells from which no way to the frontier is known
 UNIT = 0.01  # [m] of to_go
 NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
 # bits of a cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells; free;
@@ -62,7 +62,7 @@ NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 
 _MOVED = 0.2  # [m] after which a scan is entered
 _TURNED = 0.1  # [rad] the same
 _ENTER_EVERY = 3  # ticks, the same
-_LASTS = 0.25  # of the distance to the way on, after which it is looked for again
+_LASTS = 0.25  # of the distance to the frontier, after which it is searched again
 _LASTS_AT_MOST = 2.0  # [m] the same, at most
 _OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
@@ -81,11 +81,11 @@ _LEAST_FRONTIER = 5  # cells
 _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
 _WIDE = 3.0  # [m] of a frontier; more counts as this
 _ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow or a crack in a wall
-_SAME = 1.0  # [m] from the last way on: a frontier counts as the same, and as 1 m farther
+_SAME = 1.0  # [m] from the last frontier: another one counts as the same, and as 1 m farther
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 _FREE_START = 4  # cells from the car that may be near a wall
-_MARGIN = 8  # columns beside the known ones, in which their walls count
+_MARGIN = 8  # columns next to the known ones, in which their walls count
 _BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
 _BUCKET = _BUCKETS - 1
 _LAST = SIZE * SIZE - 1
@@ -101,11 +101,11 @@ FRONTIER_SEARCH = np.dtype(
         ("searched_driven", np.float64),  # [m] and how far the car had driven then
         ("found", np.bool_),
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
-        ("x", np.float64),  # [m] of the middle of the way on
+        ("x", np.float64),  # [m] of the middle of the frontier
         ("y", np.float64),
         ("edge_x", np.float64),  # [m] of the nearest of its cells that is not near a wall
         ("edge_y", np.float64),
-        ("to_go", np.uint16, (SIZE, SIZE)),  # to the way on [UNIT], by column and row in the ring; FAR: not known
+        ("to_go", np.uint16, (SIZE, SIZE)),  # to the frontier [UNIT], by column and row in the ring; FAR: not known
         ("nodes", np.int64),  # of all searches for a motion in this tick
         ("blocked", np.uint8, (SIZE, SIZE)),  # bits, see NEAR_WALL, by column and row in the ring
     ]
@@ -127,8 +127,8 @@ def search_frontier(
     """Take a scan and odometry into the memory, in every tick.
 
     A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
-    ticks, and before a search. The way on is looked for after `every` ticks. As long as the planner drives, that is
-    not before the car has come on by a share _LASTS of the distance to the way on, or after `every_plain` ticks.
+    ticks, and before a search. The frontier is searched after `every` ticks. As long as the planner drives, that is
+    not before the car has driven a share _LASTS of the distance to the frontier, or after `every_plain` ticks.
 
     Args:
       scan: of type SCAN.
@@ -159,7 +159,7 @@ def search_frontier(
 
 @kernel
 def search_frontier_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
-    """Enter a scan, and look for the way on, unless that was done in this tick; arguments as of `search_frontier`."""
+    """Enter a scan, and search the frontier, unless that was done in this tick; arguments as of `search_frontier`."""
     if memory.searched == memory.ticks:
         return
     if memory.entered != memory.ticks:
@@ -223,7 +223,7 @@ def least_to_go_towards(
 
 @kernel
 def _find_frontier(memory: Record, lidar_offset: float) -> None:
-    """Look for the way on, and write how far it is to there.
+    """Search the frontier, and write each cell's distance to it.
 
     Below, a cell is a number: its column in the ring times SIZE, and its row. Arrays of cells are unsigned: else numba
     asks of each index if it is negative.
@@ -469,13 +469,13 @@ def _path_point(world: Record, place: int) -> tuple[float, float, float, float]:
 
 @kernel
 def _aside(x: float, y: float, sin: float, cos: float, aside: float) -> tuple[int, int]:
-    """Return the column and row of the cell beside a point of the path [m], left positive; see `_path_point`."""
+    """Return column and row of the cell at a distance to the left of a point of the path [m]; see `_path_point`."""
     return math.floor((x - aside * sin) * PER_METRE), math.floor((y + aside * cos) * PER_METRE)
 
 
 @kernel
 def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
-    """Return whether the ground beside the closed path is reached from the car at a third of its points, or more."""
+    """Return whether the ground along the closed path is reached from the car at a third of its points, or more."""
     points, passed = 0, 0
     for back in range(world.known):
         place = (world.newest - back) % PATH
@@ -686,7 +686,7 @@ def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
 
 @kernel
 def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
-    """Return whether distances grow, at a cell beside the path, in the direction in which the car came by there."""
+    """Return whether distances grow, at a cell along the path, in the direction in which the car came by there."""
     x, y, here = 0.0, 0.0, distance[cell]
     i, j = _place_of(world, cell)
     for di in range(-2, 3):
@@ -716,7 +716,7 @@ def _spread(
       to_go: of each cell, FAR; written to.
       goal: cells.
       free: how many cells are free.
-      impassable: bits of cells that are no way, beside WAY_BACK.
+      impassable: bits of cells that are no way, besides WAY_BACK.
     """
     heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
     room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
@@ -756,7 +756,7 @@ def _spread(
 
 @kernel
 def _costs(length: int, impassable: int) -> NDArray[np.int64]:
-    """Return what a step onto a cell costs by its bits, in units of to_go: up to 4.5 times its length near a wall."""
+    """Return the costs of a step onto a cell by its bits, in units of to_go: up to 4.5 times its length near a wall."""
     costs = np.full(256, FAR)
     for bits in range(256):
         if bits & (OPEN | impassable) == OPEN:

@@ -1,4 +1,4 @@
-"""What a gap is: a run of beams, given as its first one and the one behind its last, `ranges[first:end]`.
+"""Finds gaps: runs of beams, given as the first beam and the one behind the last, `ranges[first:end]`.
 
     ranges = valid_ranges(scan.ranges, scan.range_max)
     first, end = longest_run(mask_nearest(ranges, scan.angle_increment, radius=0.4))

@@ -1,7 +1,7 @@
 """Local map: what the scans of the last metres showed, on a grid that moves with the car, and the path behind it.
 
-A scan shows what can be seen from one place. In a hairpin round a thin barrier the way on is hidden until the car is
-in it, and what was seen a second ago is then behind the car. So the free ground and the walls of the last scans are
+A scan shows what can be seen from one place. In a hairpin round a thin barrier the road ahead is hidden until the car
+is in it, and what was seen a second ago is then behind the car. So the free ground and the walls of the last scans are
 kept on a grid, by dead reckoning. Dead reckoning drifts: a cell is unknown again when the car has driven `_FORGET`
 since it was seen.
 
@@ -47,9 +47,9 @@ _JOINED = 0.4  # [m] between neighbouring ends of beams that are one wall
 _PART = 0.8 * CELL  # [m] at most between cells of a wall that is joined
 _WITHIN_PART = 0.99 * _PART * _PART  # [m^2] below it, one part is enough
 _SPACING = 0.1  # [m] between the points of the path
-_WIDENS = 0.3  # [m/m] by which the room beside the path may grow along it: at a barrier's end the way on is beside
+_WIDENS = 0.3  # [m/m] by which the room along the path may grow: at a barrier's end the road ahead is to the side
 _WIDEST = 3.0  # [m] of the room to one side
-_BESIDE = math.radians(15.0)  # to either side of square to the car: beams that measure the room beside it
+_BESIDE = math.radians(15.0)  # to either side of square to the car: beams that measure the room to its sides
 _KEPT = 15  # cells round the car that are kept when the rest is forgotten
 _BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
 _CLOSE = 2.0  # [m] from the LiDAR within which the ends of beams are kept as they are
@@ -208,7 +208,7 @@ def _forget(memory: Record, now: int) -> None:
 
 @kernel
 def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
-    """Add where the car is to its path, with the room beside it, if the last point is far enough behind.
+    """Add the car's place to its path, with the room to its sides, if the last point is far enough behind.
 
     Arguments as of `enter_scan`. At first, the way before the start is taken to end where the car is. The room is no
     wider than that at the last point and what _WIDENS allows.
@@ -244,7 +244,7 @@ def cut_path(memory: Record, along: float) -> None:
 
 @kernel
 def _room_beside(scan: Record, ranges: FloatArray) -> tuple[float, float]:
-    """Return how far it is to the walls to the right and to the left [m], past what is narrower than the beams."""
+    """Return the distances to the walls to the right and to the left [m], past what is narrower than the beams."""
     right = left = 0.0
     ahead, half = -scan.angle_min / scan.angle_increment, _BESIDE / scan.angle_increment
     quarter, last = 0.5 * math.pi / scan.angle_increment, len(ranges) - 1.0

@@ -10,7 +10,7 @@ Source: P. Kalata, The Tracking Index: A Generalized Parameter for alpha-beta an
 Transactions on Aerospace and Electronic Systems, 1984, for the filter; its gains at first are those of a least-squares
 line through all sightings.
 
-Limits: a car that is partly hidden, or nearer to a wall behind it than `_EDGE`, may not be told from the wall. One that
+Limits: a car that is partly hidden, or nearer to a wall behind it than `_EDGE`, may be taken for the wall. One that
 is hidden or behind the LiDAR's field of view is taken to go on as it did, for `_FORGOTTEN`.
 """
 
@@ -31,10 +31,10 @@ MOST_CARS = 6
 BEHIND = 0.06  # [m] from the middle of what is seen of a box to its own middle
 
 _FARTHEST = 9.0  # [m] at which runs of beams are looked at
-_EDGE = 0.12  # [m] by which a run ends nearer than the beams beside it
+_EDGE = 0.12  # [m] by which a run ends nearer than the neighbouring beams
 _WIDEST = 0.25  # [m] from end to end of a run
 _LEAST_WIDTH = 0.085  # [m] the same: a wheel, which is seen when the planner's car pitches, is less wide
-_NEXT = 0.45  # [m] by which what is beside a run may be nearer: another part of the same car
+_NEXT = 0.45  # [m] by which the neighbour of a run may be nearer: another part of the same car
 _GATE = 0.35  # [m] from where a thing is expected to where it is seen
 _LEAST_AGE = 5  # sightings
 _LEAST_SPEED = 0.5  # [m/s]

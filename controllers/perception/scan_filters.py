@@ -1,4 +1,4 @@
-"""What a planner does to a scan before it looks for a gap: one named function for each filter.
+"""Filters of scans, applied before the search for a gap: one named function for each.
 
     ranges = valid_ranges(scan.ranges, scan.range_max)
     ranges = extend_disparities(ranges, scan.angle_increment, threshold=0.3, radius=0.3)
@@ -65,7 +65,7 @@ def clip_to_lookahead(ranges: FloatArray, lookahead: float) -> FloatArray:
 
 @kernel
 def _bubble_width(distance: float, radius: float, angle_increment: float) -> int:
-    """Return how many beams to either side of one of length `distance` [m] pass within `radius` [m] of its end."""
+    """Return the number of beams to either side of one, `distance` [m] long, that pass its end within `radius` [m]."""
     nearest = radius / math.pi  # from here on the bubble spans half a turn
     width = np.ceil(radius / (angle_increment * (nearest if distance < nearest else distance)))
     width = width if width > 0.0 else 0.0  # NaN, which no width should be, is 0
@@ -74,7 +74,7 @@ def _bubble_width(distance: float, radius: float, angle_increment: float) -> int
 
 @kernel
 def bubble_beams(ranges: FloatArray, radius: float, angle_increment: float) -> NDArray[np.int32]:
-    """Return how many beams to either side of each one pass within `radius` [m] of its end. Shape (n,).
+    """Return the number of beams to either side of each one that pass its end within `radius` [m]. Shape (n,).
 
     The arc between neighbouring beams, angle_increment * range, is taken as straight and in line with the bubble's
     diameter, so the count is radius / (angle_increment * range), rounded up; half a turn at most.

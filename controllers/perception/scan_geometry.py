@@ -1,4 +1,4 @@
-"""Where the beams of a scan point, as kernels read it: every world of a batch has the same geometry.
+"""Bearings of a scan's beams, as kernels read them: every world of a batch has the same geometry.
 
     scan = scan_record(message)[0]
     first, end = beams_between(scan, len(message.ranges), -0.5, 0.5)

@@ -48,7 +48,7 @@ _GRID = (len(_PRESENT), _SPEEDS, len(_TURNING), _POINTS)
 
 @dataclass(frozen=True, kw_only=True)
 class BrakingSettings(Settings):
-    """What a stop is planned with.
+    """Inputs of a planned stop.
 
     Raises:
       SettingsError: a share that is not above 0 and at most 1; a time or a length that is negative or not finite; a

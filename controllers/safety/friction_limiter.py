@@ -58,7 +58,7 @@ _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track wi
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionLimiterSettings(Settings):
-    """Which shares of the tires' grip may be used, and how fast.
+    """Shares of the tires' grip that may be used, and how fast they may build up.
 
     Raises:
       SettingsError: a share that is not above 0 and at most 1; a time or a speed that is not a positive number.

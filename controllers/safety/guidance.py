@@ -1,9 +1,9 @@
-"""Guidance: a planner that would drive into a pocket, or back, is led along the way on.
+"""Guidance: leads a planner that would drive into a pocket, or back, to the frontier.
 
 A gap planner goes where the scan shows most room. In a hairpin that is the pocket at its end, and then the way back.
-Guidance knows the way on (perception.frontiers), and lets the planner drive as long as that is not lost:
+Guidance knows the frontier (perception.frontiers), and lets the planner drive as long as it is in reach:
 
-1. Where the planner's goal leads on about as well as any beam, and nothing hides the way on nearby, the planner
+1. Where the planner's goal leads on about as well as any beam, and nothing hides the frontier nearby, the planner
    drives.
 2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
    the planner still drives.
@@ -14,7 +14,7 @@ Guidance knows the way on (perception.frontiers), and lets the planner drive as 
    and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
    could turn there at full lock.
 
-Where the car has no way on, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
+Where there is no frontier, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
 Limits: as of frontiers and motion_search. Without a friction limit nothing says how sharply the car can turn, and
@@ -53,8 +53,8 @@ _BEAMS = 16  # every so many are compared with the planner's goal
 _BENDS = 0.37  # of the curvature at full lock, from which on the planner's goal alone does not end a motion
 _BENDS_SHARPLY = 0.75  # the same, from which on its simulated reference does not end a motion of a careful car
 _NODES = 2000  # of a search while the car drives
-_AHEAD = math.radians(15.0)  # to either side: what a car without a way on stops ahead of
-_ON_MOTION = (0.15, 0.4)  # [m] beside a motion and [rad] from its heading, within which the car is on it
+_AHEAD = math.radians(15.0)  # to either side: obstacles that a car without a frontier stops ahead of
+_ON_MOTION = (0.15, 0.4)  # [m] to the side of a motion and [rad] from its heading, within which the car is on it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class GuidanceSettings(Settings):
       SettingsError: a share that is not above 0 and at most 1; another value that is negative or not finite.
     """
 
-    every: int = setting(4, "", "ticks between two searches for the way on", POSITIVE)
+    every: int = setting(4, "", "ticks between two searches for the frontier", POSITIVE)
     every_plain: int = setting(16, "", "the same at most, as long as the planner drives", POSITIVE)
     as_good: float = setting(0.6, "", "of the best beam's gain of way: the planner's goal leads on", SHARE)
     worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
@@ -79,12 +79,12 @@ class GuidanceSettings(Settings):
     hidden_braking: float = setting(0.7, "", "of the greatest braking, ahead of a hidden frontier", SHARE)
     horizon: float = setting_of_car(3.0, "m", "of a motion, and .1 s^2/m v^2 more", POSITIVE)
     narrow_speed: float = setting_of_car(1.0, "m/s", "in gaps that are hardly wider than the car", POSITIVE)
-    trusted_speed: float = setting_of_car(3.5, "m/s", "below it a simulated way on says how fast to go", POSITIVE)
+    trusted_speed: float = setting_of_car(3.5, "m/s", "below it a simulated motion gives the speed", POSITIVE)
     lost_after: int = setting(
-        12, "", "ticks without a way on, after which the car stops ahead of what it sees", POSITIVE
+        12, "", "ticks without a frontier, after which the car stops ahead of what it sees", POSITIVE
     )
     start_again_after: int = setting(30, "", "ticks, after which a car that stands forgets its path", POSITIVE)
-    stop_margin: float = setting_of_car(0.3, "m", "ahead of the bumper, where there is no way on", FROM_ZERO)
+    stop_margin: float = setting_of_car(0.3, "m", "ahead of the bumper, where there is no frontier", FROM_ZERO)
 
 
 GUIDANCE = np.dtype(
@@ -97,7 +97,7 @@ GUIDANCE = np.dtype(
         ("narrow", np.bool_),  # the motion leads through a gap that is hardly wider than the car
         ("knows_speed", np.bool_),  # the reference's speed is that of a motion, which is free farther than is in sight
         ("stuck", np.bool_),  # there is no motion
-        ("lost", np.int64),  # ticks without a way on
+        ("lost", np.int64),  # ticks without a frontier
         ("careful", np.bool_),  # the car has had to turn in several moves: there are bends tighter than they look
         ("turning", TURNING),
     ]
@@ -276,8 +276,8 @@ def _is_on_motion(memory: Record, car: Record) -> bool:
     memory.progress = next_place(points, memory.progress, world.x, world.y, world.heading)
     if memory.progress + 2 >= motion.count:
         return False
-    _, beside, angle = errors(points[memory.progress], world.x, world.y, world.heading)
-    if abs(beside) > _ON_MOTION[0] or abs(angle) > _ON_MOTION[1]:
+    _, aside, angle = errors(points[memory.progress], world.x, world.y, world.heading)
+    if abs(aside) > _ON_MOTION[0] or abs(angle) > _ON_MOTION[1]:
         return False
     for k in range(memory.progress, motion.count):
         point = motion.points[k]
@@ -323,7 +323,7 @@ def path_ahead(memory: Record) -> FloatArray:
 
 
 def motion_ahead(memory: Record) -> FloatArray:
-    """Return where the car is led, in the frame of its rear axle: what is left of a motion, or of a turn in moves.
+    """Return the rest of a motion, or of a turn in moves, in the frame of the rear axle.
 
     Args:
       memory: of type GUIDANCE.

@@ -1,11 +1,11 @@
-"""Motion search: arcs that lead a car of its turning circle and speed through the local map along the way on.
+"""Motion search: arcs that lead a car of its turning circle and speed through the local map to the frontier.
 
-The way on (perception.frontiers) is a way for a point. A car at speed can turn only so sharply, and has to slow down
-first. So motions are put together from short arcs: each arc is turned at a share of what the tires hold at the
-speed there, the steering changes by one share at a time, and the car brakes with what cornering leaves, down to the
-speed at which full lock is held. The search goes on from the motion of the least length so far and way to go (A*;
-P. Hart, N. Nilsson and B. Raphael, IEEE Transactions on Systems Science and Cybernetics 4(2), 1968), over places,
-headings and directions (hybrid A*; D. Dolgov et al., Path Planning for Autonomous Vehicles in Unknown Semi-
+The shortest way to the frontier (perception.frontiers) is a way for a point. A car at speed can turn only so sharply,
+and has to slow down first. So motions are put together from short arcs: each arc is turned at a share of what the tires
+hold at the speed there, the steering changes by one share at a time, and the car brakes with what cornering leaves,
+down to the speed at which full lock is held. The search goes on from the motion of the least length so far and way to
+go (A*; P. Hart, N. Nilsson and B. Raphael, IEEE Transactions on Systems Science and Cybernetics 4(2), 1968), over
+places, headings and directions (hybrid A*; D. Dolgov et al., Path Planning for Autonomous Vehicles in Unknown Semi-
 structured Environments, IJRR 29(5), 2010). In reverse an arc counts twice, and a change of direction .6 m.
 
 What has to be free: three discs on the car's axis keep a cell, or two, from walls. Where the car stands nearer to a
@@ -56,7 +56,7 @@ MOST_IN_WALLS = 7  # points of the outline that may lie in cells of walls, whose
 
 MOTION = np.dtype(
     [
-        ("found", np.bool_),  # it leads to the horizon or to the way on
+        ("found", np.bool_),  # it leads to the horizon or to the frontier
         ("count", np.int64),
         ("points", np.float64, (_POINTS, 5)),  # x, y [m], heading [rad], curvature [1/m] up to there, 1 or -1: reverse
     ]
@@ -228,7 +228,7 @@ def _discs_are_clear(way: Record, car: Record, x: float, y: float, cos: float, s
 
 @kernel
 def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float, sin: float) -> int:
-    """Return how many of 14 points of the outline of a car lie in cells of walls, by its heading's cosine and sine."""
+    """Return how many of 14 points of a car's outline lie in cells of walls, by its heading's cosine and sine."""
     hits = 0
     for k in range(7):
         place = k * car.length / 6.0 - car.rear_overhang
@@ -365,7 +365,7 @@ def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
 
 @kernel
 def _slot(table: NDArray[np.int32], key: int) -> int:
-    """Return where in a table of keys, 0 where it is empty, a key is or belongs."""
+    """Return the place of a key in a table of keys, which is 0 where it is empty: where it is or belongs."""
     slot = (key * 2654435761) & (len(table) - 1)
     while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (len(table) - 1)

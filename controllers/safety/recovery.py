@@ -1,10 +1,10 @@
-"""Recovery: a car that stands with no way on reverses along the path it came by, and tries again, slowly.
+"""Recovery: a car that stands without a frontier reverses along the path it came by, and tries again, slowly.
 
 The LiDAR does not see behind the car, but the car can go back where it has come from. The positions of the rear axle
-are kept by dead reckoning, for 4.8 m of path at most, and followed backwards by pure pursuit. The car then tries
-again, no faster than it reversed, so that it turns more sharply than at first. Each attempt reverses farther than the
-one before. After the last attempt the car stays where it is: that is a dead end. After `come_on` of driving forward
-beyond where it stood the attempts are reset. If the car does not move when it is told to reverse, the attempt ends.
+are kept by dead reckoning, for 4.8 m of path at most, and followed backwards by pure pursuit. The car then tries again,
+no faster than it reversed, so that it turns more sharply than at first. Each attempt reverses farther than the one
+before. After the last attempt the car stays where it is: that is a dead end. After `come_on` of driving forward beyond
+where it stood the attempts are reset. If the car does not move when it is commanded to reverse, the attempt ends.
 
 Limits: obstacles behind the car are not seen. A car that was placed before a wall has no path to reverse along.
 """
@@ -99,7 +99,7 @@ def reverses(history: Record, settings: Record, stands: bool, found: bool, perio
       history: of type PATH_HISTORY, written to.
       settings: fields of RecoverySettings.
       stands: the car does not move.
-      found: there is a way on.
+      found: there is a frontier.
       period: of the tick [s].
     """
     reversing = history.back > 0.0
@@ -130,6 +130,6 @@ def angle_along_history(history: Record, wheelbase: float) -> float:
 
 @kernel
 def _distance(history: Record) -> float:
-    """Return how far the newest point of the path is from the rear axle [m]."""
+    """Return the distance of the newest point of the path from the rear axle [m]."""
     x, y = history.points[history.newest, 0] - history.x, history.points[history.newest, 1] - history.y
     return math.hypot(x, y)

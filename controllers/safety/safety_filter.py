@@ -2,7 +2,7 @@
 
 The speed of the reference is that of some free braking trajectory (braking_trajectories), while the steering goes to
 the goal. Where both lead the same way, as in a corner, that is safe. Where the goal jumps, as when a corner opens
-beside a box, it is not: the car would leave the only free trajectory for a goal that it cannot reach at its speed.
+next to a box, it is not: the car would leave the only free trajectory for a goal that it cannot reach at its speed.
 
 So each reference command is simulated first: the car follows it for one tick, since the command holds until the
 next scan, and then brakes to a stop, with the same friction limiter that drives the car. If the car would hit
@@ -52,7 +52,7 @@ _WIDEST = 1.8  # [rad] to either side; directions further back are not simulated
 
 @dataclass(frozen=True, kw_only=True)
 class SafetyFilterSettings(Settings):
-    """What a simulated stop has to keep clear, and in which directions stops are simulated.
+    """Clearances of simulated stops, and the directions in which stops are simulated.
 
     Raises:
       SettingsError: a margin or angle that is negative or not finite; a step, speed or distance that is not a positive
@@ -165,7 +165,7 @@ def safe_steering(
 
 @kernel
 def _aside(number: int, step: float) -> float:
-    """Return by how much a direction lies beside the reference [rad]: 0, a step left, a step right, two left, ..."""
+    """Return the angle between a direction and the reference [rad]: 0, a step left, a step right, two left, ..."""
     offset = step * ((number + 1) // 2)
     return float(offset if number % 2 == 1 else -offset)
 
@@ -280,7 +280,7 @@ def reading(ranges: FloatArray, angle_min: float, angle_increment: float, bearin
 
 @kernel
 def bearing_of_arc(steering_angle: float, distance: float, lidar_offset: float, wheelbase: float) -> float:
-    """Return where the LiDAR sees the point at `distance` [m] on the arc of a steering angle [rad].
+    """Return the position, seen from the LiDAR, of the point at `distance` [m] on the arc of a steering angle [rad].
 
     This is the inverse of `pursue`. Of an arc that does not reach so far: where it comes nearest to it.
     """

@@ -183,7 +183,8 @@ def _replay_scans(options: argparse.Namespace) -> int:
     check_commands_file(out)
     require_new(out, force=options.force)
     setup = setup_of(options)
-    choice, drive, mapped = ControllerChoice.of(str(setup.first.controller)), setup.drive_settings, hasattr(options, "track")
+    choice, drive = ControllerChoice.of(str(setup.first.controller)), setup.drive_settings
+    mapped = hasattr(options, "track")
     course = load_track(setup.track if mapped else _ANY_TRACK, car=drive.car.parameters)
     context = drive.context(drive.world(course).parameters, course.map_line if mapped else None)
     planner = make_controller(choice.source, context, settings=dict(choice.settings))

@@ -73,7 +73,8 @@ def _split(file: TomlFile, command: argparse.ArgumentParser) -> tuple[dict[str, 
         for action in command._actions
         if action.option_strings and action.dest not in (*_OF_THE_USER, "opponent_max_speed")
     }
-    listed = {name for name, action in options.items() if name in SETUP_KEYWORDS and action.default != argparse.SUPPRESS}
+    of_setup = {name: action for name, action in options.items() if name in SETUP_KEYWORDS}
+    listed = {name for name, action in of_setup.items() if action.default != argparse.SUPPRESS}
     values: dict[str, Any] = {}
     own: dict[str, Any] = {}
     for key, value in file.values.items():

@@ -103,19 +103,19 @@ def _json(result: RaceResult) -> str:
 
 
 def _table(result: RaceResult, out: str | None) -> str:
-    figures = handling(result)
-    rows = [("duration", f"{result.sim_time_s:.2f} s, {result.car.end_reason.replace('_', ' ')}")]
+    car, figures = result.car, handling(result)
+    rows = [("duration", f"{result.sim_time_s:.2f} s, {car.end_reason.replace('_', ' ')}")]
     for name, (title, text) in _FIGURES.items():
         if name in figures:
             rows.append((title, "-" if math.isnan(figures[name]) else text(figures[name])))
     rows += [
-        ("greatest sliding", f"{result.car.max_slide_m_s:.4f} m/s, {100.0 * result.car.slide_time_fraction:.2f} % of the time"),
-        ("top speed", f"{result.car.max_speed_m_s:.2f} m/s"),
-        ("clamped commands", f"{result.car.clamped_commands} of {len(result.car.telemetry)}"),
+        ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+        ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
+        ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),
     ]
     if out is not None:
         rows.append(("written to", out))
         if (Path(out) / PAGE).is_file():
             rows.append(("report", str(Path(out) / PAGE)))
-    heading = f"{result.car.controller}, {result.car.vehicle}, mu {result.car.mu:.4g}"
+    heading = f"{car.controller}, {car.vehicle}, mu {car.mu:.4g}"
     return "\n".join([heading, *(f"  {name:<22}{value}" for name, value in rows)])

@@ -17,6 +17,7 @@ from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
 from ..racing.setup import Setup
 from ..simulation.settings import FASTEST
+from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
 from ..viz.plots import require_matplotlib
@@ -86,6 +87,11 @@ def pairs(text: str) -> dict[str, Any]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def name_or_pairs(text: str) -> str | dict[str, Any]:
+    """Read `imu`, or `sensor=imu,rate=100`."""
+    return pairs(text) if "=" in text else text
+
+
 _SETUP: dict[str, dict[str, Any]] = {
     "track": {
         "metavar": "TRACK",
@@ -135,6 +141,11 @@ _SETUP: dict[str, dict[str, Any]] = {
         "action": "store_const", "const": True, "help": "each beam from the pose at its own time in the sweep"
     },
     "odometry_drift": {"type": number, "metavar": "D", "help": "relative error of measured speeds and yaw rate"},
+    "sensors": {
+        "type": name_or_pairs, "action": "append", "metavar": "NAME",
+        "help": f"a sensor besides LiDAR and odometry, {', '.join(SENSORS)}, or sensor=NAME,rate=100,noise_std=.1 with "
+        "settings; again for each",
+    },
     "start_s": {"type": number, "metavar": "M", "help": "progress at which the car starts; default: 0"},
     "start_offset": {"type": number, "metavar": "M", "help": "how far to the left of the line it starts; default: 0"},
     "start_heading": {"type": number, "metavar": "RAD", "help": "from the line's, left positive; default: 0"},
@@ -161,7 +172,7 @@ _SETUP: dict[str, dict[str, Any]] = {
 CAR = (
     "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
     "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_noise", "lidar_dropout",
-    "lidar_latency", "odometry_drift",
+    "lidar_latency", "odometry_drift", "sensors",
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""
 

@@ -5,7 +5,7 @@
     track = read_centreline("aut.csv", direction="clockwise")
 
 The format is the community's: one point a line, `x_m, y_m, w_tr_right_m, w_tr_left_m`, closed without repeating the
-first point. Files without widths are told apart by their number of columns, and need a width:
+first point. Files without widths are recognised by their number of columns, and need a width:
 
     x_m, y_m                                                 a line
     x_m, y_m, vx_mps                                         a line with speeds

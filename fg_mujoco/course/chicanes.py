@@ -20,7 +20,7 @@ from .lanes import SPACING, Lane
 from .polyline import cross
 
 _RAMP = 1.4  # [m] at most, in which the line turns from the middle of the lane to what a box leaves
-_EDGE = 0.01  # [m] from the place beside a corner of a box to the points of the line before and behind it
+_EDGE = 0.01  # [m] from the place at a corner of a box to the points of the line before and behind it
 _FINE = 0.005  # [m] of the places at which such a place is looked for
 
 
@@ -69,8 +69,8 @@ def with_boxes(lane: Lane, start: float, end: float, blocks: Sequence[Block]) ->
     places = [np.arange(0.5 * SPACING, length, 0.5 * SPACING)]
     for corner in np.concatenate([straight.box(block) for block in blocks]):
         is_ahead = np.sum((corner - line[:-1]) * np.diff(line, axis=0), axis=1) > 0.0
-        beside = fine[1:-1][is_ahead[:-1] & ~is_ahead[1:]]
-        places += [beside - _EDGE, beside + _EDGE]
+        corners = fine[1:-1][is_ahead[:-1] & ~is_ahead[1:]]
+        places += [corners - _EDGE, corners + _EDGE]
     along = np.unique(np.clip(np.concatenate(places), _EDGE, length - _EDGE))
     along = along[np.diff(along, append=length) > 0.5 * _EDGE]
     line = straight.points(along, _weave(along, knots))
@@ -89,7 +89,7 @@ def with_boxes(lane: Lane, start: float, end: float, blocks: Sequence[Block]) ->
 
 
 class _Straight:
-    """Points beside a straight of a lane: places along it are counted from its beginning."""
+    """Points to the side of a straight of a lane: places along it are counted from its beginning."""
 
     def __init__(self, lane: Lane, start: float) -> None:
         self._lane = lane

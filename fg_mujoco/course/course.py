@@ -1,4 +1,4 @@
-"""What a course is: a line with a start, the walls and obstacles beside it, and the rules of a race on it.
+"""A course: a line with a start, the walls and obstacles along it, and the rules of a race on it.
 
 `Track` is a closed course, raced for laps. `Scene` is an open one, raced once from its start to its goal. Any other
 object that has the members of `Course` can be raced, too: nothing in the package asks for the class of a course.
@@ -23,11 +23,11 @@ SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this
 
 
 class Sites(Protocol):
-    """Where on a course random boxes may stand."""
+    """The places on a course where random boxes may stand."""
 
     @property
     def most(self) -> int:
-        """How many boxes there is room for, wherever the start is."""
+        """Number of boxes that there is room for, wherever the start is."""
 
     def place(self, count: int, start: float, rng: np.random.Generator) -> tuple[Box, ...]:
         """Return so many boxes for a car that starts at progress `start` [m]."""
@@ -47,7 +47,7 @@ class Course(Protocol):
 
     @property
     def description(self) -> str:
-        """What it measures, in one line for people."""
+        """Its dimensions, in one line for people."""
 
     @property
     def definition(self) -> Mapping[str, FloatArray]:
@@ -65,15 +65,15 @@ class Course(Protocol):
 
     @property
     def modulus(self) -> float:
-        """What progress is counted modulo [m]: the length of a lap; on an open line so much that nothing wraps."""
+        """Period of progress [m]: the length of a lap; on an open line so much that nothing wraps."""
 
     @property
     def table(self) -> FloatArray:
-        """What `track.follow` searches: s, x, y, dx, dy, length^2 of each segment. Shape (6, k)."""
+        """Segments that `track.follow` searches: s, x, y, dx, dy, length^2 of each segment. Shape (6, k)."""
 
     @property
     def map_line(self) -> MapLine:
-        """The line that a planner with a map is told."""
+        """The line for planners with a map."""
 
     @property
     def bounds(self) -> FloatArray:
@@ -92,15 +92,15 @@ class Course(Protocol):
 
     @property
     def origin(self) -> float | None:
-        """Where on the line the progress of a race is counted from [m]; None: from where the car is first seen."""
+        """Place on the line from which the progress of a race is counted [m]; None: from the car's first place."""
 
     @property
     def most_laps(self) -> int | None:
-        """How many laps a race may have; None: any number; 0: there are none."""
+        """Greatest number of laps of a race; None: any number; 0: there are none."""
 
     @property
     def stop_time(self) -> float:
-        """How long the car has to stand behind the goal for the race to be finished [s]; 0: passing it is enough."""
+        """Time for which the car has to stand behind the goal to finish [s]; 0: passing it is enough."""
 
     def longest_race(self, laps: int) -> float:
         """Return the time limit of a race that is given none [s]."""
@@ -151,7 +151,7 @@ class Course(Protocol):
         """
 
     def obstacle_sites(self, car: CarParameters) -> Sites:
-        """Return where random boxes may stand that leave such a car a way past each.
+        """Return the places where random boxes may stand that leave such a car a way past each.
 
         Raises:
           SettingsError: the course takes no random boxes.
@@ -194,12 +194,12 @@ def describe_course(course: Course) -> str:
 
 
 def default_time_limit(laps: int, length: float) -> float:
-    """Return how long a race of so many laps of a track of that length [m] may last [s]."""
+    """Return the time limit of a race of so many laps of a track of that length [m], in s."""
     return laps * length / SLOWEST_RACE
 
 
 def laps_to_drive(course: Course, laps: int | None) -> int:
-    """Return how many laps a race has that wants so many; None: what is usual on the course.
+    """Return the number of laps; None gives the course's default.
 
     Raises:
       SettingsError: more than the course has.

@@ -1,4 +1,4 @@
-"""Whether a car can drive a lap: a search over its motions, forward only.
+"""Decides whether a car can drive a lap by a search over its forward motions.
 
     poses = drivable_lap(track)    # (n, 3), or None where there is no way
 
@@ -39,7 +39,7 @@ _ALIGNED = math.cos(math.radians(45.0))  # of the angle between the last heading
 
 @dataclass(frozen=True, kw_only=True)
 class Footprint:
-    """What of a car matters to where it fits. The defaults are those of the bundled vehicle `f1tenth`.
+    """The dimensions of a car that decide where it fits. The defaults are those of the bundled vehicle `f1tenth`.
 
     Raises:
       SettingsError: a number that is not positive.

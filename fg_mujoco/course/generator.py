@@ -50,7 +50,7 @@ def require_order(settings: object, *names: str) -> None:
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class GeneratorSettings:
-    """What every generated circuit keeps.
+    """Limits that every generated circuit keeps.
 
     Raises:
       SettingsError: a number that is not positive, or a least value above its greatest.

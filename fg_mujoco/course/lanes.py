@@ -24,7 +24,7 @@ from .polyline import step_lengths, steps, subdivide, turns
 from .track import Track
 
 SPACING = 0.1  # [m] between the points of the centreline
-_DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: beside boxes points are 2 cm apart
+_DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: along boxes points are 2 cm apart
 _STRAIGHT = 3.0  # [m] radius over which a lane counts as straight
 _LEFT_OF = {(1, 0): (0, 0), (0, 1): (-1, 0), (-1, 0): (-1, -1), (0, -1): (0, -1)}  # cell to the left of a side
 _RIGHT_OF = {(1, 0): (0, -1), (0, 1): (0, 0), (-1, 0): (-1, 0), (0, -1): (-1, -1)}
@@ -37,7 +37,7 @@ def patch(*rows: str) -> frozenset[Cell]:
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """The outline of a patch, counterclockwise: its corners, and the room beside each side.
+    """The outline of a patch, counterclockwise: its corners, and the room along each side.
 
     Attributes:
       corners: shape (n, 2) [m].
@@ -74,12 +74,12 @@ def outline(
     for k in range(first, first + len(path)):
         i, j = path[k % len(path)]
         ahead = _direction(path, k)
-        beside = [half((i + di, j + dj), ahead[0] != 0) for di, dj in (_LEFT_OF[ahead], _RIGHT_OF[ahead])]
+        sides = [half((i + di, j + dj), ahead[0] != 0) for di, dj in (_LEFT_OF[ahead], _RIGHT_OF[ahead])]
         if ahead == before:
-            rooms[-1] = [min(pair) for pair in zip(rooms[-1], beside, strict=True)]
+            rooms[-1] = [min(pair) for pair in zip(rooms[-1], sides, strict=True)]
         else:
             corners.append((float(x[i]), float(y[j])))
-            rooms.append(beside)
+            rooms.append(sides)
         before = ahead
     left, right = np.array(rooms).T
     return Outline(corners=np.array(corners), room_left=left, room_right=right)
@@ -126,7 +126,7 @@ class Lane:
         return np.asarray(np.cumsum(lengths) - lengths)
 
     def straights(self) -> list[tuple[float, float]]:
-        """Return where the straights begin and end [m]; the one that the start is on is left out."""
+        """Return the beginnings and ends of the straights [m]; the one that the start is on is left out."""
         lengths = step_lengths(self.line)
         bends = self.arc_length[np.abs(turns(self.line)) > 0.5 * (lengths + np.roll(lengths, 1)) / _STRAIGHT].tolist()
         return [(first, last) for first, last in itertools.pairwise(bends) if last - first > 3.0 * SPACING]

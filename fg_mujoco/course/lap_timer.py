@@ -40,7 +40,7 @@ LAP_TIMER = np.dtype(
         ("furthest_y", np.float64),  # [m]
     ]
 )
-"""What a lap timer remembers of one car."""
+"""Memory of a lap timer for one car."""
 
 
 def fresh_timers(count: int) -> NDArray[np.void]:

@@ -322,7 +322,7 @@ _MAKING = ("nrow", "ncol", "width", "height", "size", "nsample", "dim", "num")
 
 
 def _bytes_made(tag: str, attributes: Mapping[str, str]) -> int:
-    """Return how many bytes of arrays MuJoCo makes of an element that it does not list."""
+    """Return the number of bytes of arrays that MuJoCo makes of an element that is not listed."""
 
     def value(name: str) -> int:
         return _whole(attributes.get(name, "0"))

@@ -106,7 +106,7 @@ class MovingObstacle:
 
 
 def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
-    """Return what `obstacle_position` wants to know of moving obstacles. Shape (k, 8), read-only."""
+    """Return the rows of moving obstacles for `obstacle_position`. Shape (k, 8), read-only."""
     table = np.array(
         [(*o.start, *o.end, o.speed, float(o.back_and_forth), o.headway, o.way) for o in obstacles], np.float64
     ).reshape(-1, 8)
@@ -133,7 +133,7 @@ def moving_obstacles(model: Any) -> tuple[MovingObstacle, ...]:
 
 
 def make_mover(model: Any) -> Mover | None:
-    """Return what moves the moving obstacles of a compiled model; None where it has none."""
+    """Return the mover of a compiled model's moving obstacles; None where it has none."""
     return Mover(model) if model.nmocap else None
 
 
@@ -160,7 +160,7 @@ class Mover:
             row[0], row[1] = obstacle.position(time)
 
     def positions(self, time: float, timestep: float, steps: int) -> FloatArray:
-        """Return where each is at a time [s], and after each of so many physics steps. Shape (steps + 1, n, 3) [m]."""
+        """Return the position of each at a time [s], and after each of so many steps. Shape (steps + 1, n, 3) [m]."""
         found = np.zeros((steps + 1, len(self.obstacles), 3))
         for row in found:
             self.write_positions(time, row)

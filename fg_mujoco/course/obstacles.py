@@ -113,7 +113,7 @@ def require_obstacles(obstacles: Any) -> None:
             raise SettingsError(f"obstacles[{index}] is {shown(each)}; {accepted}")
 
 
-"""What may stand on a course."""
+"""An obstacle that stands on a course."""
 
 _KINDS: tuple[Any, ...] = (Box, Cylinder, Prism)
 _SIZES: dict[Any, tuple[str, ...]] = {

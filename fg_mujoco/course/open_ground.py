@@ -67,7 +67,7 @@ class OpenGround(Shown):
 
     @property
     def description(self) -> str:
-        """How long it is driven on."""
+        """Its time limit, in words."""
         return f"no walls, {self.seconds:g} s"
 
     @property
@@ -76,7 +76,7 @@ class OpenGround(Shown):
         return {"seconds": np.array([self.seconds])}
 
     def longest_race(self, laps: int) -> float:
-        """Return how long it is driven on [s]."""
+        """Return the time limit on it [s]."""
         return self.seconds
 
     def wall_surface(self) -> Surface | None:

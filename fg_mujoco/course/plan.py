@@ -60,6 +60,6 @@ def plan(
 
 
 def course_html(course: Course) -> str:
-    """Return what a notebook shows of a course: its description and its plan."""
+    """Return a course for notebooks, as HTML: its description and its plan."""
     said = describe_course(course)
     return paragraph(said) + plan(course).svg(said)

@@ -77,7 +77,7 @@ def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[I
 
 @kernel
 def _overlaps(boxes: tuple[FloatArray, ...], found_first: IndexArray, found_second: IndexArray) -> int:
-    """Return how many pairs of boxes overlap, and write down as many of them as there is room for.
+    """Return the number of pairs of boxes that overlap, and write as many of them as there is room for.
 
     Boxes are low and high corners (n, 2), (m, 2) and, of each _BLOCK of the second kind, (b, 2).
     """
@@ -121,7 +121,7 @@ def self_crossings(points: FloatArray) -> tuple[IndexArray, IndexArray]:
 
 
 def meeting_point(first: FloatArray, second: FloatArray) -> FloatArray | None:
-    """Where two segments (2, 2) cross or touch: shape (2,) [m]; None where they do not, or are parallel."""
+    """Return the point (2,) [m] where two segments (2, 2) cross or touch; None where they do not, or are parallel."""
     along, other = first[1] - first[0], second[1] - second[0]
     scale = float(cross(along, other))
     if scale == 0.0:

@@ -29,7 +29,7 @@ _STEP = 0.1  # [m] of the stations along the line at which the track's width is 
 
 
 class Corridor(Protocol):
-    """What `ObstacleSites` needs of a track."""
+    """The members of a track that `ObstacleSites` needs."""
 
     @property
     def name(self) -> str:
@@ -60,7 +60,7 @@ class Corridor(Protocol):
 
 
 class ObstacleSites:
-    """Where on a track boxes may stand.
+    """The places on a track where boxes may stand.
 
     Args:
       track: the track.

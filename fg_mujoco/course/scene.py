@@ -176,7 +176,7 @@ class Scene(Shown):
 
     @cached_property
     def map_line(self) -> MapLine:
-        """What a planner with a map is told: the way."""
+        """The line for planners with a map: the way."""
         return MapLine(points=self.way, closed=False)
 
     @cached_property
@@ -186,7 +186,7 @@ class Scene(Shown):
 
     @cached_property
     def table(self) -> FloatArray:
-        """What `follow` searches: s, x, y, dx, dy, length^2 of each segment of the way. Shape (6, n - 1), read-only."""
+        """Segments of the way that `follow` searches: s, x, y, dx, dy, length^2. Shape (6, n - 1), read-only."""
         ahead, lengths = self._steps
         return read_only(np.vstack((self.arc_length[:-1], self.way[:-1].T, ahead.T, lengths * lengths)))
 

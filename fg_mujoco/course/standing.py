@@ -1,4 +1,4 @@
-"""Where a car can stand: on the floor between the walls of a course, clear of them and of obstacles.
+"""Decides where a car can stand: on the floor between the walls of a course, clear of them and of obstacles.
 
 if off_course(course, (x, y), on_line) or stands_in_something(course, (x, y, heading), car):
     ...
@@ -24,15 +24,15 @@ def off_course(course: Course, place: ArrayLike, on_line: ArrayLike, *, lane: bo
     Args:
       course: with walls; without, nothing is off it.
       place: x [m], y [m].
-      on_line: x [m], y [m] of the course's line beside it. Where the course has no edges, but walls of solids, the
-        place is off the course if a wall stands between the two.
+      on_line: x [m], y [m] of the nearest point of the course's line. Where the course has no edges, but walls of
+        solids, the place is off the course if a wall stands between the two.
       lane: whether the same holds on any course: then a place between the walls of another stretch is off it, too.
     """
     sides = _sides(course)
-    point, beside = (np.asarray(each, np.float64)[:2] for each in (place, on_line))
+    point, on = (np.asarray(each, np.float64)[:2] for each in (place, on_line))
     if len(course.edges) and not _enclosed(point, sides):
         return True
-    return (lane or not course.edges) and _crosses(sides, beside, point)
+    return (lane or not course.edges) and _crosses(sides, on, point)
 
 
 def stands_in_something(

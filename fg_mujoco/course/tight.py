@@ -40,7 +40,7 @@ _THICK = (1.8, 5.0)  # [m] of a row or column that no two lanes share
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class TightSettings:
-    """What every tight circuit keeps.
+    """Limits that every tight circuit keeps.
 
     Raises:
       SettingsError: a number that is not positive, or a least value above its greatest.
@@ -137,8 +137,8 @@ def _is_shared(cells: frozenset[Cell], axis: int, place: int) -> bool:
     """Tell whether a column or row is all that divides two lanes: it has a cell, or a gap, that is one thick."""
     for other in {cell[1 - axis] for cell in cells}:
         across = {cell[axis] for cell in cells if cell[1 - axis] == other}
-        beside = (place - 1 in across, place + 1 in across)
-        if (place in across and beside == (False, False)) or (place not in across and beside == (True, True)):
+        neighbours = (place - 1 in across, place + 1 in across)
+        if (place in across and neighbours == (False, False)) or (place not in across and neighbours == (True, True)):
             return True
     return False
 
@@ -161,8 +161,8 @@ def _chicanes(rng: np.random.Generator, drawn: Lane, settings: TightSettings) ->
             continue
         apart = rng.uniform(*_APART)
         lengths = rng.uniform(*_BLOCK, min(count, 1 + int(room / (apart + _BLOCK[1]))))
-        beside = np.abs(drawn.arc_length - 0.5 * (begin + end)) < 0.5 * room + SPACING
-        width = float((drawn.right + drawn.left)[beside].min())
+        near = np.abs(drawn.arc_length - 0.5 * (begin + end)) < 0.5 * room + SPACING
+        width = float((drawn.right + drawn.left)[near].min())
         depths = width - rng.uniform(settings.min_gap, settings.max_gap, len(lengths))
         if depths.min() < _BLOCK[0]:
             continue

@@ -39,7 +39,7 @@ _TRIES = 1000  # random starts that are drawn before there is said to be none
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
 MOST_POINTS = 200_000  # work on a line grows with its points
 LONGEST = 30e3  # [m] of a line: the longest circuits there are, at their full size
-MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: lanes beside each other have 2 or 3
+MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: neighbouring lanes have 2 or 3
 FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
 WIDEST = 1e3  # [m] to either wall
 
@@ -118,7 +118,7 @@ class Track(Shown):
 
     @property
     def modulus(self) -> float:
-        """What progress is counted modulo: the length [m]."""
+        """Period of progress: the length [m]."""
         return self.length
 
     @property
@@ -137,7 +137,7 @@ class Track(Shown):
         return 0.0
 
     def longest_race(self, laps: int) -> float:
-        """Return how long a race may last: what a car as slow as SLOWEST_RACE needs [s]."""
+        """Return the time limit of a race: the time that a car as slow as SLOWEST_RACE needs [s]."""
         return default_time_limit(laps, self.length)
 
     @cached_property
@@ -164,7 +164,7 @@ class Track(Shown):
 
     @cached_property
     def map_line(self) -> MapLine:
-        """What a planner with a map is told."""
+        """The line for planners with a map."""
         return MapLine(points=self.centreline, closed=True)
 
     @property
@@ -232,7 +232,7 @@ class Track(Shown):
         _ = self.left_wall
 
     def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
-        """Return where random boxes may stand that leave such a car a way past each."""
+        """Return the places where random boxes may stand that leave such a car a way past each."""
         return ObstacleSites(self, car)
 
     def draw_start(
@@ -339,7 +339,7 @@ class Track(Shown):
 
     @cached_property
     def table(self) -> FloatArray:
-        """What `follow` searches: s, x, y, dx, dy, length^2 of each segment, shape (6, 3 n), read-only.
+        """Segments that `follow` searches: s, x, y, dx, dy, length^2 of each segment, shape (6, 3 n), read-only.
 
         From a lap before the line to two after, so that a window about any progress in [0, length) is one slice.
         """

@@ -156,7 +156,7 @@ def _left_wall(line: FloatArray, widths: FloatArray, name: str) -> FloatArray:
 
 
 def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray) -> BoolArray:
-    """Which points of the left wall, one for each of the line, lie in the corridor of another part of the line.
+    """Return a mask of the points of the left wall, one for each of the line, in the corridor of another part of it.
 
     The corridor of a segment is the trapezoid on it; on the outside of a corner it leans out to meet the next one.
     """
@@ -171,7 +171,7 @@ def _in_corridor(wall: FloatArray, line: FloatArray, widths: FloatArray, half_tu
 def _covered(
     points: FloatArray, j: IndexArray, line: FloatArray, widths: FloatArray, half_turn: FloatArray, beyond: float
 ) -> BoolArray:
-    """Return which points (k, 2) lie in the left corridors of segments j (k,), widened by `beyond` [m]. Shape (k,)."""
+    """Return whether points (k, 2) are in the left corridors of segments j (k,), `beyond` [m] wider. Shape (k,)."""
     lengths = step_lengths(line)
     ahead = steps(line)[j] / lengths[j, None]
     along = np.sum((points - line[j]) * ahead, axis=1)

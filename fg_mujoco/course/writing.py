@@ -4,7 +4,7 @@
 
 A file is written aside, in the same folder, under a name that nobody can predict. It is moved into its place when all
 of it is on the disk. Whoever writes holds a lock on what is written (flock), which ends with the process, however that
-ends. So what a killed process left is told from what another is still writing, and the next write into the folder
+ends. So files of a killed process differ from those that another is still writing, and the next write into the folder
 removes it.
 """
 

@@ -52,7 +52,7 @@ def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
 
 
 def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
-    same: dict[str, Any] = {name: getattr(own, name) for name in ("vehicle", "tires", "mu", "changes")}
+    same: dict[str, Any] = {name: getattr(own, name) for name in ("vehicle", "tires", "mu", "changes", "sensors")}
     if isinstance(opponent, Mapping):
         given = known_settings(opponent, Entry, f"opponent {number}")
         entry = Entry(**(given if "vehicle" in given else same | given))
@@ -112,7 +112,8 @@ class Opponents:
             if isinstance(entry.controller, str):
                 self._planners |= zip(rows.tolist(), _planners(entry, number, world, first, count), strict=True)
             else:
-                layout = ObservationLayout(car, world.vehicles[first + number - 1].lidar.beams, beam_step, observations)
+                beams = world.vehicles[first + number - 1].lidar.beams
+                layout = ObservationLayout(car, beams, beam_step, observations, entry.sensed)
                 bounds = ActionBounds(car, speed_range, normalised=normalised)
                 state, own = None, slice(first + number - 1, None, m)
                 if states is not None:
@@ -169,7 +170,9 @@ class PolicyCars:
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        seen, running = self._layout.read(cars.ranges, cars.odometry, self._state), cars.running
+        running = cars.running
+        readings = [cars.readings(row) for row in range(len(running))]
+        seen = self._layout.read(cars.ranges, cars.odometry, self._state, readings)
         actions = np.zeros((len(running), 2))
         for world in map(int, np.flatnonzero(running)):
             action = self._policy({name: values[world] for name, values in seen.items()})

@@ -14,11 +14,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
+from ..course.obstacles import Obstacle
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
+from ..racing.setup import PARTS, Setup, require_obstacles
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
@@ -34,6 +36,12 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 STARTS = ("random", "line")
+
+_UNUSABLE = (
+    "controller", "planner_mu", "max_speed", "planner_settings", "odometry_drift", "seed", "name", "lidar", "rules",
+    "decision_limit",
+)  # fmt: skip
+"""Keywords of a Setup that are of its planner, or of a race from its beginning to its end."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -52,7 +60,7 @@ class EnvironmentSettings(CarSettings):
     laps: int = 1  # to be driven; of a scene 1
     start: Start | str = "random"  # "random": anywhere on the lap; "line": standing on the start of the centreline
     time_limit: float | None = None  # [s] of an episode; None: what a car of 0.5 m/s needs, or the scene's own
-    obstacles: int = 0  # boxes at random places of the track, which stay there
+    obstacles: Sequence[Obstacle] | int = 0  # on the track, or how many boxes at random places, which stay there
     obstacle_seed: int = 0  # of their places
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
     beam_step: int = 1  # every how many-th beam is seen, counted from the one straight ahead to both sides
@@ -71,8 +79,9 @@ class EnvironmentSettings(CarSettings):
         object.__setattr__(self, "rewards", Rewards.of(self.rewards))
         object.__setattr__(self, "end_conditions", as_end_conditions(self.end_conditions))
         object.__setattr__(self, "observations", as_observations(self.observations))
-        for name, least in (("laps", 1), ("obstacles", 0), ("obstacle_seed", 0), ("beam_step", 1)):
+        for name, least in (("laps", 1), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
+        object.__setattr__(self, "obstacles", require_obstacles(self.obstacles))
         if not isinstance(self.start, str):
             self._make("start", Start)
         elif self.start not in STARTS:
@@ -91,12 +100,20 @@ class EnvironmentSettings(CarSettings):
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> Self:
-        """Return settings by their names.
+        """Return settings by their names: those of this class; `setup`, a Setup; and the PARTS of one, as `mass`.
 
         Raises:
-          SettingsError: an unknown name; the message has the nearest known one.
+          SettingsError: an unknown name; the message has the nearest known one. A setting of a Setup that an
+            environment cannot use: of the planner, whose place the policy takes, or of a whole race.
         """
-        return cls(**known_settings(description, cls, "an environment"))
+        own = dict(description)
+        setup, of_setup = own.pop("setup", None), {name: own.pop(name) for name in PARTS if name in own}
+        if setup is None and not of_setup:
+            return cls(**known_settings(own, cls, "an environment"))
+        of_setup |= {name: own.pop(name) for name in ("changes", "effects", "start") if _is_part(own.get(name))}
+        base = setup if isinstance(setup, Setup) or setup is None else Setup.read(setup)
+        given = _settings_of(Setup.of(base, door="an environment", **of_setup))
+        return cls(**given | known_settings(own, cls, "an environment"))
 
     @property
     def fixed_start(self) -> Start | None:
@@ -120,11 +137,12 @@ class EnvironmentSettings(CarSettings):
         car = self.car.parameters
         course = load_track(self.track, car=car)
         laps_to_drive(course, self.laps)  # refuses more than a scene has
-        start = self.fixed_start or Start()
-        boxes = random_boxes(course, self.obstacles, self.obstacle_seed, car=car, start=start.s)
+        boxes = self.obstacles
+        if isinstance(boxes, int):
+            boxes = random_boxes(course, boxes, self.obstacle_seed, car=car, start=(self.fixed_start or Start()).s)
         learner = WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
         others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
-        return self.world(course, obstacles=boxes, others=others)
+        return self.world(course, obstacles=tuple(boxes), others=others)
 
     def make_engine(self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None) -> Engine:
         """Return an engine of so many worlds; of `world` itself, if it is given, which then is the only one.
@@ -136,3 +154,24 @@ class EnvironmentSettings(CarSettings):
             world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
             own_model=world is not None,
         )  # fmt: skip
+
+
+def _is_part(value: Any) -> bool:
+    """Say whether a setting is an object or a mapping, and not left out or one of the words of an environment."""
+    return value is not None and not isinstance(value, str)
+
+
+def _settings_of(setup: Setup) -> dict[str, Any]:
+    """Return the settings of an environment that a setup says.
+
+    Raises:
+      SettingsError: it sets what an environment cannot use.
+    """
+    setup.require_usable("an environment", *_UNUSABLE)
+    first, usual = setup.first, Setup()
+    own = {name: getattr(first, name) for name in ("vehicle", "tires", "mu", "changes", "effects")}
+    of_race = ("track", "laps", "time_limit", "obstacles", "obstacle_seed", "patches", "grid")
+    own |= {name: getattr(setup, name) for name in of_race if getattr(setup, name) != getattr(usual, name)}
+    return own | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {}) | (
+        {} if first.start is None else {"start": first.start}
+    )

@@ -37,8 +37,9 @@ FACTS = ("time_s", "progress_m", "laps", "sliding", "clipped_actions")
 tire slid, and the number of clipped actions."""
 
 FACTS_AMONG_CARS = ("touches", "position", "lead_m")
-"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead on
-the foremost other car along the course, negative behind it."""
+"""Further facts where there are other cars: how often the car has touched one, its position, 1 in front, and its lead
+on the foremost other car along the course, negative behind it."""
+
 
 class Episodes:
     """Episodes in n worlds, each with its own beginning and end; (n,) is one for each car that learns.
@@ -54,8 +55,8 @@ class Episodes:
       rewards: of the last step (n,).
       terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
         ended the episode (n,).
-      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition that
-        truncates has ended it (n,).
+      truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
+        that truncates has ended it (n,).
       clipped: number of clipped actions of the episode (n,).
       fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
         the last tick's reward, and "return_NAME", the sum of the episode.
@@ -75,7 +76,7 @@ class Episodes:
         )
         car, count = worlds.world.parameters, len(worlds.times)
         self.layout = ObservationLayout(
-            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations
+            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations, settings.sensed
         )
         self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
         self.rewards = np.zeros(count)
@@ -173,12 +174,10 @@ class Episodes:
             return
         for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
             worlds.end(condition.holds(state) & self.running, number)
-        driven = self._driven
         for index, term in enumerate(self._others, start=len(self._weights)):
-            values = values_of(term, state, driven)[driven]
-            self._terms[0, index, driven] = values
-            self._terms[1, index, driven] += values
-            self.rewards[driven] += values
+            values = self._terms[0, index] = values_of(term, state, self._driven)
+            self._terms[1, index] += values
+            self.rewards += values
 
     def stop(self, which: Mask) -> None:
         """Stop the episodes `which` (n,)."""
@@ -187,7 +186,8 @@ class Episodes:
     def observe(self, which: Mask) -> Observation:
         """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
         self.worlds.sense(which)
-        return self.layout.read(self.worlds.ranges, self.worlds.odometry, self.worlds.sensed_state)
+        worlds = self.worlds
+        return self.layout.read(worlds.ranges, worlds.odometry, worlds.sensed_state, worlds.readings)
 
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""

@@ -4,8 +4,8 @@
     observations, infos = envs.reset(seed=1)
     observations, rewards, terminations, truncations, infos = envs.step(envs.action_space.sample())
 
-World i returns the same bits as `F1TenthEnv` with seed + i and the same actions, for any number of worlds and threads, in
-the form of `gymnasium.vector.SyncVectorEnv`. Worlds are reset one by one, as `gymnasium.vector.AutoresetMode` says.
+World i returns the same bits as `F1TenthEnv` with seed + i and the same actions, for any number of worlds and threads,
+in the form of `gymnasium.vector.SyncVectorEnv`. Worlds are reset one by one, as `gymnasium.vector.AutoresetMode` says.
 """
 
 from __future__ import annotations

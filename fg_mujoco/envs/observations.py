@@ -13,12 +13,14 @@
 
 These are sensors' readings; none of them knows the course or the pose. Further terms are functions of a `SensedState`,
 made with `@observation`. All are float32 within bounds; a value beyond them reads the bound.
+
+Each of the settings' `sensors` is one more, by its name: its latest values, NaN before the first are delivered.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,8 +29,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
 from ..lidar.beams import Beams
-from ..messages import ODOMETRY, CarParameters, FloatArray, shown
+from ..messages import ODOMETRY, CarParameters, FloatArray, Reading, shown
 from ..registry import Registry
+from ..vehicle.sensors import Sensor
 from .reward_kernels import read_sensors
 from .tick_state import SensedState
 
@@ -46,7 +49,7 @@ DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "accelera
 
 _MADE = "or an ObservationTerm, as @observation makes it"
 
-SENSORS = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
+SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
 """The parts that are read off the scan and the odometry; see the table above."""
 
 
@@ -71,9 +74,9 @@ class ObservationTerm:
     bounds: Ends | Callable[[CarParameters], Ends]  # least and greatest, or a function of the car that returns them
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in SENSORS:
+        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in SENSED:
             raise SettingsError(
-                f"an observation is called {shown(self.name)}; accepted: one word besides {', '.join(SENSORS)}"
+                f"an observation is called {shown(self.name)}; accepted: one word besides {', '.join(SENSED)}"
             )
         if not callable(self.function):
             raise SettingsError(f"observation {self.name!r} is {shown(self.function)}; accepted: a function")
@@ -114,18 +117,18 @@ class ObservationTerm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorTerm:
+class SensedTerm:
     """A part of an observation that a compiled loop reads off the scan or the odometry."""
 
-    name: str  # one of SENSORS
+    name: str  # one of SENSED
 
 
-Term = SensorTerm | ObservationTerm
+Term = SensedTerm | ObservationTerm
 
 OBSERVATIONS: Registry[Term] = Registry("observation", SettingsError, "fg_mujoco.observations")
 """The parts that are known by name."""
-for _name in SENSORS:
-    OBSERVATIONS[_name] = SensorTerm(name=_name)
+for _name in SENSED:
+    OBSERVATIONS[_name] = SensedTerm(name=_name)
 
 
 def observation(
@@ -235,13 +238,15 @@ class ObservationLayout:
       beams: of its LiDAR.
       beam_step: every how many-th beam is seen, counted from the one straight ahead to both sides.
       parts: names and ObservationTerms.
+      sensors: that the car has besides; what each delivered last is a part of its name.
 
     Attributes:
-      bounds: name -> Bounds, in the order of the parts.
+      bounds: name -> Bounds, in the order of the parts and the sensors.
       bearings: of the beams that are seen (beams,) [rad].
 
     Raises:
-      SettingsError: a step that leaves the beam straight ahead alone, or a term with other bounds than it may have.
+      SettingsError: a step that leaves the beam straight ahead alone, a term with other bounds than it may have, or a
+        sensor with the name of another part.
     """
 
     def __init__(
@@ -250,6 +255,7 @@ class ObservationLayout:
         beams: Beams,
         beam_step: int = 1,
         parts: Sequence[str | Term] = DEFAULT_OBSERVATIONS,
+        sensors: Sequence[Sensor] = (),
     ) -> None:
         middle = len(beams.bearings) // 2
         if not 1 <= beam_step <= middle:
@@ -266,7 +272,7 @@ class ObservationLayout:
             "wheel_speeds": fastest,
         }
         self.bounds: dict[str, Bounds] = {}
-        self._parts: dict[str, slice | ObservationTerm | None] = {}
+        self._parts: dict[str, slice | ObservationTerm | Sensor | None] = {}
         columns: list[int] = []
         for term in as_observations(parts):
             name, first = term.name, len(columns)
@@ -278,12 +284,22 @@ class ObservationLayout:
                 columns += _COLUMNS[name]
                 self.bounds[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name]))
                 self._parts[name] = slice(first, len(columns))
+        for sensor in sensors:
+            if sensor.name in self._parts:
+                said = f"sensor {sensor.name!r} has the name of another observation"
+                raise SettingsError(f"{said}; accepted: a `name` of its own, not {', '.join(self._parts)}")
+            size = sensor.size(len(beams.bearings))
+            self.bounds[sensor.name], self._parts[sensor.name] = _bounds(-math.inf, math.inf, size), sensor
         self._columns, self._beams_seen = np.array(columns, np.int64), len(self.bearings) * ("scan" in self.bounds)
         read = [self.bounds[name].high for name, part in self._parts.items() if isinstance(part, slice)]
         self._high = np.concatenate([np.empty(0, np.float32), *read])
 
     def read(
-        self, ranges: FloatArray, odometry: NDArray[np.void], state: SensedState | None = None
+        self,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        state: SensedState | None = None,
+        readings: Sequence[Mapping[str, Reading]] = (),
     ) -> Observation:
         """Return the observations of n cars, new arrays (n, ...) by name.
 
@@ -291,6 +307,7 @@ class ObservationLayout:
           ranges: of all beams (n, 1081) [m], as in LaserScan.
           odometry: (n,) of ODOMETRY.
           state: of the cars; needed where there are ObservationTerms.
+          readings: of each car's sensors, by name; needed where there are sensors.
         """
         count = len(ranges)
         scan = np.empty((count, self._beams_seen), np.float32)
@@ -305,6 +322,8 @@ class ObservationLayout:
                 found[name] = values[:, part]
             elif part is None:
                 found[name] = scan
+            elif isinstance(part, Sensor):
+                found[name] = np.array([each[name].values for each in readings], np.float32)
             else:
                 assert state is not None
                 found[name] = part.read(state, self.bounds[name])

@@ -46,19 +46,19 @@ def reward(function: RewardFunction) -> RewardFunction:
 
 @reward
 def progress(state: TickState) -> FloatArray:
-    """Distance driven along the course, backward negative [m] (Wurman et al., Nature 602, 2022: course progress)."""
+    """Distance driven along the course, backward negative [m] (course progress of Wurman et al., Nature 602, 2022)."""
     return state.progress - state.before.progress
 
 
 @reward
 def collision(state: TickState) -> FloatArray:
-    """-1 when the chassis touches a wall or an obstacle, or the car rolls over, which ends the episode [-]."""
+    """-1 when the chassis touches a wall or an obstacle, or the car rolls over, which ends the episode."""
     return np.where(state.crashed | state.rolled_over, -1.0, 0.0)
 
 
 @reward
 def sliding(state: TickState) -> FloatArray:
-    """Time in which a tire slides, negative [s] (`TireSlip.slides`)."""
+    """Time in which a tire slides, negative [s] (tire slip of Wurman et al., 2022)."""
     return -state.period * state.sliding
 
 
@@ -76,7 +76,7 @@ def time(state: TickState) -> FloatArray:
 
 @reward
 def lap(state: TickState) -> FloatArray:
-    """Laps completed in the tick [-]."""
+    """Laps completed in the tick."""
     return (state.laps - state.before.laps).astype(np.float64)
 
 
@@ -88,10 +88,7 @@ def speed(state: TickState) -> FloatArray:
 
 @reward
 def command_rate(state: TickState) -> FloatArray:
-    """Squared change of the command from tick to tick, negative, in halves of the car's ranges [-].
-
-    That is the change of normalised actions (mjlab: action_rate_l2).
-    """
+    """Squared change of the normalised command from tick to tick, negative (`action_rate_l2` of mjlab)."""
     car = state.car
     ranges = np.array((2.0 * car.max_steering_angle, car.max_speed - car.min_speed))
     change: FloatArray = 2.0 * (state.command - state.before.command) / ranges
@@ -101,10 +98,7 @@ def command_rate(state: TickState) -> FloatArray:
 
 @reward
 def heading_error(state: TickState) -> FloatArray:
-    """Angle between the heading and the direction of the course, times the period, negative [rad s].
-
-    Source: Jaritz et al., ICRA 2018, who multiply the speed by its cosine.
-    """
+    """Angle between heading and course, times the period, negative [rad s] (Jaritz et al., ICRA 2018: its cosine)."""
     return -state.period * np.abs(state.heading_error)
 
 
@@ -116,19 +110,19 @@ def cross_track_error(state: TickState) -> FloatArray:
 
 @reward
 def near_wall(state: TickState) -> FloatArray:
-    """Time closer than NEAR_WALL to a wall or an obstacle, negative [s]: all of it at the wall, none at NEAR_WALL."""
+    """Time closer than 0.2 m to a wall or an obstacle, negative [s]: all of it at the wall, none at 0.2 m."""
     return -state.period * np.maximum(1.0 - state.wall_distance / NEAR_WALL, 0.0)
 
 
 @reward
 def overtaking(state: TickState) -> FloatArray:
-    """Positions gained among the cars of the world, lost ones negative [-] (Wurman et al., 2022: passing bonus)."""
+    """Positions gained among the cars of the world, lost ones negative (passing bonus of Wurman et al., 2022)."""
     return (state.before.position - state.position).astype(np.float64)
 
 
 @reward
 def car_contact(state: TickState) -> FloatArray:
-    """Number of times that the car begins to touch another car, negative [-] (Wurman et al., 2022: any collision)."""
+    """Number of times that the car begins to touch another, negative (any-collision cost of Wurman et al., 2022)."""
     return (state.before.touches - state.touches).astype(np.float64)
 
 
@@ -205,29 +199,30 @@ class Rewards:
 
 
 def values_of(term: RewardTerm, state: TickState, driven: NDArray[np.bool_]) -> FloatArray:
-    """Return what a term adds to the rewards of a tick. Shape (n,).
+    """Return what a term adds to the rewards of a tick, 0 for cars that were not driven. Shape (n,).
 
     Args:
       term: with its weight.
       state: after the tick.
-      driven: the cars that were driven (n,); the others may have any value.
+      driven: whether each car was driven (n,).
 
     Raises:
       SettingsError: the function returned something else than one finite number for each car.
     """
-    values: FloatArray = np.asarray(term.function(state))
+    values = np.asarray(term.function(state))
     if values.shape != driven.shape or values.dtype.kind not in "biuf":
         raise SettingsError(
             f"reward term {term.name!r} returned {shown(values)} of shape {values.shape}; accepted: one number for "
             f"each car, shape {driven.shape}"
         )
-    bad = driven & ~np.isfinite(values)
-    if bad.any():
+    found: FloatArray = np.where(driven, term.weight * values, 0.0)
+    finite = np.isfinite(found)
+    if not finite.all():
+        car = int(finite.argmin())
         raise SettingsError(
-            f"reward term {term.name!r} is {values[bad][0]} for car {int(bad.argmax())} of {len(bad)}; "
-            "accepted: finite numbers"
+            f"reward term {term.name!r} is {values[car]} for car {car} of {len(values)}; accepted: finite numbers"
         )
-    return term.weight * values
+    return found
 
 
 def _term(name: str, value: Any) -> RewardTerm:

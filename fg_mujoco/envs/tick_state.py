@@ -198,7 +198,8 @@ class TickStates:
         if engine.cars_per_world > 1:
             read |= {"position": positions(engine), "lead": leads(engine)}
         for name, values in read.items():
-            self._now[name][self._driven] = values[self._driven]
+            now = self._now[name]
+            np.copyto(now, values, where=self._driven if now.ndim == 1 else self._driven[:, np.newaxis])
 
     def _read_motions(self) -> None:
         self._engine.read_motions(self._driven, self._now["pose"], self._now["velocity"])

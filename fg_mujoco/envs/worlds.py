@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..messages import FloatArray
+from ..messages import FloatArray, Reading
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
@@ -64,6 +64,9 @@ class Worlds:
         entries = settings.opponents
         self._effects = [settings.effects] * agents + [entry.effects for entry in entries]
         self._drifts = [0.0] * agents + [entry.odometry_drift for entry in entries]
+        for sensor in settings.sensed:
+            sensor.steps(self.world.model.opt.timestep, self.engine.substeps)  # refuses a rate that there is not
+        self._sensors = [settings.sensed] * agents + [entry.sensed for entry in entries]
         self._states = TickStates(self.engine) if settings.looks_at_state else None
         self.tick_state: TickState | None = None
         self.sensed_state: SensedState | None = None
@@ -106,6 +109,12 @@ class Worlds:
         return np.ascontiguousarray(self.engine.odometry[self._rows])
 
     @property
+    def readings(self) -> list[Mapping[str, Reading]]:
+        """What the sensors of each agent have delivered, by their names."""
+        engine = self.engine
+        return [engine.readings(row) for row in range(len(engine.commands))[self._rows]] if self._sensors[0] else []
+
+    @property
     def touches(self) -> NDArray[np.int64]:
         """How often each agent has touched another car since the beginning. Shape (a,)."""
         touches: NDArray[np.int64] = self.engine.statistics["touches"][self._rows]
@@ -130,7 +139,7 @@ class Worlds:
         worlds = int(np.count_nonzero(which))
         self.engine.place(
             starts, np.repeat(which, self.cars), effects=self._effects * worlds, seeds=seeds,
-            odometry_drifts=self._drifts * worlds,
+            odometry_drifts=self._drifts * worlds, sensors=self._sensors * worlds,
         )  # fmt: skip
         if self._opponents is not None:
             self._opponents.begin(which)

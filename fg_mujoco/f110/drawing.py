@@ -1,4 +1,4 @@
-"""Where scripts of f1tenth_gym draw: MuJoCo's viewer where there is a display, and a stub of the gym's window.
+"""Windows for scripts of f1tenth_gym: MuJoCo's viewer where there is a display, and a stub of the gym's window.
 
 Callbacks get the stub, with the names that they read and write: the cars' corners in 50 px a metre, the camera, the
 label, the batch. What they draw with pyglet's names is kept nowhere and shown nowhere.
@@ -153,21 +153,21 @@ class View:
 
     Args:
       driving: to be shown.
-      told: whether it was said already that nothing can be shown.
+      warned: whether a warning already said that nothing can be shown.
 
     Attributes:
-      told: the same.
+      warned: the same.
     """
 
-    def __init__(self, driving: Driving, *, told: bool = False) -> None:
+    def __init__(self, driving: Driving, *, warned: bool = False) -> None:
         self._driving = driving
         self._window: Any = None
         self._renderer: Any = None
-        self.told = told
+        self.warned = warned
 
     def show(self, *, paced: bool) -> None:
         """Show the present state in a window, at the pace of real time or as fast as it can be drawn."""
-        if self.told:
+        if self.warned:
             return
         if self._window is None:
             try:
@@ -179,8 +179,8 @@ class View:
         self._window.show()
 
     def picture(self, ego: int) -> NDArray[np.uint8]:
-        """Return what is seen from behind the ego, black where nothing can be drawn. Shape (480, 640, 3)."""
-        if not self.told:
+        """Return a picture from behind the ego, black where nothing can be drawn. Shape (480, 640, 3)."""
+        if not self.warned:
             try:
                 if self._renderer is None:
                     from ..viz.rendering import Renderer  # on the GPU, or on the CPU where there is none
@@ -207,7 +207,7 @@ class View:
         return Window(self._driving.world, self._driving.data, self._driving.engine.period if paced else 0.0)
 
     def _tell(self, error: Exception) -> None:
-        self.told = True
+        self.warned = True
         warnings.warn(f"render shows nothing and goes on: {error}", stacklevel=5)
 
 

@@ -1,4 +1,4 @@
-"""What the environments of both interfaces are: a Simulator, its laps, its window, and what scripts read of them."""
+"""Base of the environments of both interfaces: a Simulator, its laps, its window, and attributes for scripts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..display import brief
+from ..errors import SettingsError
 from ..messages import FloatArray
+from ..racing.setup import PARTS, SETUP_KEYWORDS, Setup
 from ..simulation.world import World
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -23,8 +25,11 @@ from .gym_world import LAPS, Driving
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import Simulator
 
+_UNUSABLE = tuple(name for name in SETUP_KEYWORDS if name not in ("vehicle", "tires", "entries", "opponents", *PARTS))
+"""Keywords of a Setup of which f1tenth_gym has its own, such as `map`, `seed` and `params`."""
+
 VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
-"""Environment variables: the vehicle and the tires of environments that are not told any."""
+"""Environment variables: the vehicle and the tires of environments that are not given any."""
 
 
 class RaceEnvironment:
@@ -43,7 +48,7 @@ class RaceEnvironment:
 
     renderer: Any = None
     current_obs: Any = None
-    _told = False
+    _warned = False
     _own_track: Track | None = None
     _scale: float = 1.0
 
@@ -86,7 +91,7 @@ class RaceEnvironment:
 
     @property
     def toggle_list(self) -> FloatArray:
-        """How often each car has left or come back to its start, as the gym counts, (num_agents,)."""
+        """Number of times each car has left or come back to its start, as the gym counts, (num_agents,)."""
         return 2.0 * self.lap_counts
 
     @property
@@ -208,7 +213,7 @@ class RaceEnvironment:
         for callback in (*self.render_callbacks, *self.renderer.callbacks):
             callback(self.renderer)
         if self._view is None:
-            self._view = View(self.driving, told=self._told)
+            self._view = View(self.driving, warned=self._warned)
         if mode == "rgb_array":
             return self._view.picture(self.ego_idx)
         self._view.show(paced=mode == "human")
@@ -221,19 +226,28 @@ class RaceEnvironment:
     def _close_view(self) -> None:
         view = getattr(self, "_view", None)
         if view is not None:
-            self._told = view.told
+            self._warned = view.warned
             view.close()
             self._view = None
 
 
 def simulator_of(
-    *, vehicle: Vehicle | str | Path | None, tires: Tires | str | Path | None, **settings: Any
+    *,
+    setup: Setup | None,
+    vehicle: Vehicle | str | Path | None,
+    tires: Tires | str | Path | None,
+    **settings: Any,
 ) -> Simulator:
     """Return the Simulator of an environment; vehicle and tires that are None are those of the environment variables.
 
     Raises:
-      SettingsError: as of Simulator.
+      SettingsError: as of Simulator; a setup that says more than which car drives, or besides vehicle and tires.
     """
+    if setup is not None:
+        setup.require_usable("an environment of f1tenth_gym", *_UNUSABLE, alone=True)
+        if vehicle is not None or tires is not None:
+            raise SettingsError("setup is given beside vehicle or tires; accepted: one of them")
+        vehicle, tires = setup.first.vehicle, setup.first.tires
     return Simulator(
         vehicle=(os.environ.get(VEHICLE) or DEFAULT_VEHICLE) if vehicle is None else vehicle,
         tires=(os.environ.get(TIRES) or None) if tires is None else tires,

@@ -20,21 +20,21 @@ from .simulator import DynamicModel, Integrator
 
 
 class LongitudinalActionType(Enum):
-    """What drives."""
+    """Longitudinal actions."""
 
     SPEED = "speed"
     ACCL = "accl"
 
 
 class SteerActionType(Enum):
-    """What steers."""
+    """Steering actions."""
 
     STEERING_ANGLE = "steering_angle"
     STEERING_SPEED = "steering_speed"
 
 
 class ObservationType(Enum):
-    """What is observed."""
+    """Types of observations."""
 
     DIRECT = "direct"
     DEFAULT = "default"
@@ -46,7 +46,7 @@ class ObservationType(Enum):
 
 
 class ResetStrategy(Enum):
-    """Where cars are put."""
+    """Places of cars at a reset."""
 
     RL_GRID_STATIC = "rl_grid_static"
     RL_GRID_RANDOM = "rl_grid_random"
@@ -60,7 +60,7 @@ class ResetStrategy(Enum):
 
 
 class LoopCounterMode(Enum):
-    """How laps are counted; here by progress, whatever is asked for."""
+    """Ways to count laps; here they are counted by progress, whatever is asked for."""
 
     TOGGLE = 1
     FRENET_BASED = 2
@@ -68,7 +68,7 @@ class LoopCounterMode(Enum):
 
 
 class CollisionCheckMode(Enum):
-    """How collisions are found; here by MuJoCo's contacts, whatever is asked for."""
+    """Ways to find collisions; here they are MuJoCo's contacts, whatever is asked for."""
 
     LIDAR_SCAN = 1
     BOUNDING_BOX = 2
@@ -172,7 +172,7 @@ class LiDARConfig(Settings):
 
 
 class ControlConfig(Settings):
-    """How actions are meant."""
+    """Meaning of actions."""
 
     defaults = {  # noqa: RUF012
         "longitudinal_mode": LongitudinalActionType.SPEED, "steering_mode": SteerActionType.STEERING_ANGLE,
@@ -180,7 +180,7 @@ class ControlConfig(Settings):
 
 
 class SimulationConfig(Settings):
-    """How it is simulated."""
+    """Settings of the simulation."""
 
     defaults = {  # noqa: RUF012
         "timestep": 0.01, "integrator_timestep": 0.01, "integrator": Integrator.RK4, "dynamics_model": DynamicModel.ST,
@@ -189,19 +189,19 @@ class SimulationConfig(Settings):
 
 
 class ObservationConfig(Settings):
-    """What is observed."""
+    """Types of observations."""
 
     defaults = {"type": ObservationType.DIRECT, "features": None}  # noqa: RUF012
 
 
 class ResetConfig(Settings):
-    """Where cars are put."""
+    """Places of cars at a reset."""
 
     defaults = {"strategy": ResetStrategy.RL_GRID_STATIC}  # noqa: RUF012
 
 
 class RenderConfig(Settings):
-    """How it is shown; here as MuJoCo's viewer does."""
+    """Settings of the window; here it is MuJoCo's viewer."""
 
     defaults = {"render_fps": 60, "real_time_factor": 1.0, "frame_output_method": "auto"}  # noqa: RUF012
 

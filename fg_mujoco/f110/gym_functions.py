@@ -197,7 +197,7 @@ def collision(vertices1: FloatArray, vertices2: FloatArray) -> bool:
 
 
 def collision_multiple(vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return which of some cars overlap another, 1 or 0, and which that is, else -1. Shape (n,) each."""
+    """Return whether each car overlaps another, 1 or 0, and the index of the other, else -1. Shape (n,) each."""
     count = len(vertices)
     collisions, others = np.zeros(count), np.full(count, -1.0)
     for first in range(count):

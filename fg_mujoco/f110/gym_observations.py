@@ -35,13 +35,13 @@ FEATURES = (
     "scan", "pose_x", "pose_y", "pose_theta", "linear_vel_x", "linear_vel_y", "ang_vel_z", "delta", "beta", "collision",
     "lap_time", "lap_count", "sim_time", "std_state", "state", "frenet_pose",
 )  # fmt: skip
-"""What can be asked for of each car."""
+"""Names of the observations of each car."""
 
 TYPES = ("original", "features", *_STATES, "rl")
 
 
 class Observation:
-    """What an environment shows of its cars after a step.
+    """Observation of an environment's cars after a step.
 
     Args:
       env: the environment.

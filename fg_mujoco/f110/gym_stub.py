@@ -1,4 +1,4 @@
-"""What scripts use of `gym` and of `gymnasium`, where these are not installed: environments, wrappers, spaces, make.
+"""Stub of `gym` and `gymnasium` where these are not installed: environments, wrappers, spaces, make.
 
 Where a library is installed it stays itself, and the environments are registered with it.
 """
@@ -379,7 +379,7 @@ class Tuple(Space):
 
 
 class EnvSpec:
-    """What is registered of an environment."""
+    """Entry of an environment in the registry."""
 
     def __init__(self, id: str, entry_point: Any, kwargs: Mapping[str, Any], max_episode_steps: int | None) -> None:
         self.id, self.entry_point, self.kwargs = id, entry_point, dict(kwargs)
@@ -411,7 +411,7 @@ class Registry(dict[str, EnvSpec]):
         self[id] = EnvSpec(id, entry_point, kwargs or {}, max_episode_steps)
 
     def find(self, id: Any) -> EnvSpec:
-        """Return what is registered of a name, `module:name` or `name`; the module is imported first.
+        """Return the registry's entry of a name, `module:name` or `name`; the module is imported first.
 
         Raises:
           SettingsError: nothing is.

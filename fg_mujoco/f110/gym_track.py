@@ -3,8 +3,8 @@
     track.raceline.xs, track.raceline.vxs, track.raceline.spline.calc_position(3.0)
     track.cartesian_to_frenet(x, y, heading), track.frenet_to_cartesian(s, offset, heading)
 
-The lines are those of the files beside the map, `NAME_centerline.csv` and `NAME_raceline.csv`. Without a centreline the
-course's own is taken, and without a raceline the centreline.
+The lines are those of the files in the map's folder, `NAME_centerline.csv` and `NAME_raceline.csv`. Without a
+centreline the course's own is taken, and without a raceline the centreline.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class CubicSpline2D:
         return float(self.s[best] + share[best] * (self.s[best + 1] - self.s[best])), float(away[best])
 
     def calc_arclength_inaccurate(self, x: float, y: float, s_guess: float | None = None) -> tuple[float, float]:
-        """Return what `calc_arclength` does, with the distance to the left positive."""
+        """As `calc_arclength`, with the distance to the left positive."""
         s, _ = self.calc_arclength(x, y, s_guess)
         (at_x, at_y), heading = self.spline(s), self.calc_yaw(s)
         return s, float((y - at_y) * math.cos(heading) - (x - at_x) * math.sin(heading))
@@ -172,7 +172,7 @@ class Raceline:
 
 @dataclass
 class TrackSpec:
-    """What the map's YAML says."""
+    """Contents of the map's YAML."""
 
     name: str
     image: str
@@ -265,7 +265,7 @@ class Track:
 
     @cached_property
     def centerline(self) -> Raceline:
-        """That of NAME_centerline.csv beside the map, or the course's own."""
+        """The line of NAME_centerline.csv in the map's folder, or the course's own."""
         file = self._beside("centerline.csv")
         if file is not None:
             return Raceline.from_centerline_file(file, track_scale=self._scale)
@@ -274,7 +274,7 @@ class Track:
 
     @cached_property
     def raceline(self) -> Raceline:
-        """That of NAME_raceline.csv beside the map, or the centreline."""
+        """The line of NAME_raceline.csv in the map's folder, or the centreline."""
         file = self._beside("raceline.csv")
         return self.centerline if file is None else Raceline.from_raceline_file(file, track_scale=self._scale)
 

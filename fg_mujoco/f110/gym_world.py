@@ -1,4 +1,4 @@
-"""What both interfaces of f1tenth_gym drive: a world, its engine, the noise of its scans, and the laps of its cars.
+"""The world behind both interfaces of f1tenth_gym: cars, their engine, the noise of their scans, and their laps.
 
 driving = Driving(course, [WorldCar()], timestep=0.01)
 driving.place([[0.0, 0.0, 0.0]])
@@ -215,7 +215,7 @@ class Driving:
         return noisy
 
     def motion(self, agent: int) -> Motion:
-        """Return how a car moves, read off the engine."""
+        """Return the motion of a car, read off the engine."""
         return car_motion.point_motion(self._qpos, self._qvel, self.ahead[agent], self._constants[agent])
 
     def steering(self, agent: int) -> float:
@@ -229,7 +229,7 @@ class Driving:
         return np.array([x, y, self.steering(agent), ahead, heading % math.tau, yaw_rate, slip])
 
     def _speeds(self, agent: int) -> tuple[float, float]:
-        """Return how fast a car's wheels turn and how fast it goes over the ground [m/s]."""
+        """Return the speed of a car's wheels and its speed over the ground [m/s]."""
         _, _, _, ahead, left, _ = self.motions[agent]
         wheels = car_motion.surface_speed(self._qvel, self._constants[agent])
         return wheels, math.copysign(math.hypot(ahead, left), ahead)
@@ -279,8 +279,8 @@ class LapCount:
     def _near(self, x: float, y: float) -> bool:
         start_x, start_y, heading = self._start
         cos, sin, x, y = math.cos(heading), math.sin(heading), x - start_x, y - start_y
-        beside = max(abs(y * cos - x * sin) - _BESIDE_LINE, 0.0)
-        return (x * cos + y * sin) ** 2 + beside**2 <= _NEAR_LINE
+        aside = max(abs(y * cos - x * sin) - _BESIDE_LINE, 0.0)
+        return (x * cos + y * sin) ** 2 + aside**2 <= _NEAR_LINE
 
 
 class GymWorld(World):

@@ -1,11 +1,11 @@
-"""What the import statements of a script for f1tenth_gym find: `install` gives them the modules.
+"""Resolves the import statements of scripts for f1tenth_gym: `install` provides the modules.
 
     from fg_mujoco import f110
     f110.install(maps="f1tenth_racetracks")
     import gym, f110_gym, pyglet                  # in the script, unedited
 
 `f110_gym`, `f1tenth_gym` and `pyglet` are always those of here. `gym` and `gymnasium` stay themselves where they are
-installed, and then the environments are registered with them. A name that is not here is told with the file and the
+installed, and then the environments are registered with them. A name that is not here is reported with the file and the
 line that asks for it.
 """
 
@@ -40,8 +40,8 @@ def install(
 ) -> None:
     """Let import statements of this process find the modules that scripts of f1tenth_gym ask for.
 
-    What is given here holds for environments that are not told otherwise, in this process and those that it starts; it
-    is kept in the environment variables FG_MUJOCO_MAPS, FG_MUJOCO_VEHICLE and FG_MUJOCO_TIRES.
+    The arguments hold for environments without settings of their own, in this process and those that it starts. They
+    are kept in the environment variables FG_MUJOCO_MAPS, FG_MUJOCO_VEHICLE and FG_MUJOCO_TIRES.
 
     Args:
       maps: folder of the maps that are asked for by name.

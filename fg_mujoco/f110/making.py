@@ -25,7 +25,7 @@ def make(name: str = "f110_gym:f110-v0", **settings: Any) -> Any:
 
 
 def environment_of_gym(**settings: Any) -> Any:
-    """Return what gym makes of `f110-v0`: the environment of v0.2, or, with a `config`, the one of v1.0."""
+    """Return gym's `f110-v0`: the environment of v0.2, or, with a `config`, the one of v1.0."""
     return _new(**settings) if "config" in settings else GymEnv(**settings)
 
 

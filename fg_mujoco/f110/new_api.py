@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
+from ..racing.setup import Setup
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import RaceEnvironment, say_of_others, simulator_of
@@ -48,7 +49,7 @@ _GAPS = (1.5, 2.5)  # [m] from a car to the next
 
 
 class CarAction:
-    """How actions are meant: steering first, then what drives.
+    """Meaning of actions: steering first, then speed or acceleration.
 
     Args:
       control_input: `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
@@ -80,7 +81,7 @@ class CarAction:
 
     @property
     def type(self) -> tuple[str, str]:
-        """What steers, and what drives."""
+        """The steering action and the longitudinal action."""
         return self.steering, self.longitudinal
 
     @property
@@ -103,6 +104,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
       render_mode: human, human_fast, rgb_array, or None, with which `render` does nothing.
       vehicle: as of the environment of v0.2; not in the gym.
       tires: the same.
+      setup: a Setup that says vehicle and tires instead; not in the gym.
       maps: the same.
       settings: of `config`, one by one.
 
@@ -120,6 +122,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         *,
         vehicle: Vehicle | str | Path | None = None,
         tires: Tires | str | Path | None = None,
+        setup: Setup | None = None,
         maps: str | Path | None = None,
         **settings: Any,
     ) -> None:
@@ -139,7 +142,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
             params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
-            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, maps=maps,
+            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, setup=setup, maps=maps,
         )  # fmt: skip
         extension = setting["map_ext"]
         if extension is None or (isinstance(extension, str) and not extension):
@@ -297,7 +300,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         return poses
 
     def _room(self, line: Raceline) -> float:
-        """Return how far to the side of a line a car can be put [m]: none off the centreline."""
+        """Return the greatest distance to the side of a line at which a car can be put [m]: none off the centreline."""
         track = self.driving.world.track
         widths = getattr(track, "width_left", None)
         if line is not self.track.centerline or widths is None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..racing.setup import Setup
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import RaceEnvironment, say_of_others, simulator_of
@@ -43,8 +44,9 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
       fov: of a scan [rad].
       vehicle: of all cars: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; not in the gym.
       tires: that they stand on: a bundled set, a TOML file, or Tires; None: the vehicle's; not in the gym.
+      setup: a Setup that says vehicle and tires instead; not in the gym.
       maps: folder of named maps; None: FG_MUJOCO_MAPS; not in the gym.
-      render_mode: kept as an attribute; `render` is told its mode.
+      render_mode: kept as an attribute; `render` takes its mode as an argument.
 
     Raises:
       SettingsError: no such number of cars, no such ego; a timestep that is not positive.
@@ -70,6 +72,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
         fov: float = FIELD_OF_VIEW,
         vehicle: Vehicle | str | Path | None = None,
         tires: Tires | str | Path | None = None,
+        setup: Setup | None = None,
         maps: str | Path | None = None,
         render_mode: str | None = None,
         **others: Any,
@@ -82,7 +85,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
         sim = simulator_of(
             params=params, num_agents=num_agents, seed=seed, integrator=integrator, model=model, time_step=timestep,
             ego_idx=ego_idx, lidar_dist=lidar_dist, num_beams=num_beams, fov=fov, vehicle=vehicle, tires=tires,
-            maps=maps,
+            setup=setup, maps=maps,
         )  # fmt: skip
         self._begin(sim, map, map_ext)
 

@@ -56,7 +56,7 @@ class Pyglet(ModuleType):
 
 
 def names_of(module: str) -> dict[str, Any]:
-    """Return what a module of pyglet has."""
+    """Return an attribute of a module of pyglet."""
     if module == "pyglet":
         return {"options": {}, "version": "1.5.27"}
     if module == "pyglet.graphics":

@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def run(script: Path, name: str, text: bytes, arguments: list[str]) -> int:
-    """Run a script as `__main__`, and return the exit status; what this package refuses is told in one line."""
+    """Run a script as `__main__`, and return the exit status; what this package refuses is reported in one line."""
     module = ModuleType("__main__")
     vars(module).update(__file__=name, __builtins__=builtins, __cached__=None, __annotations__={})
     multiprocessing.spawn.get_preparation_data = preparation_data
@@ -84,7 +84,7 @@ def run(script: Path, name: str, text: bytes, arguments: list[str]) -> int:
 
 
 def preparation_data(name: str) -> dict[str, Any]:
-    """Return what multiprocessing tells a process that it spawns: in the place of the script comes `spawned`."""
+    """Return the preparation data of multiprocessing for a spawned process, with `spawned` in place of the script."""
     data = _preparation_data(name)
     if data.pop("init_main_from_path", None) is not None:
         data["init_main_from_name"] = _SPAWNED

@@ -40,7 +40,7 @@ MODELS = {"ks": "kinematic", "st": "single-track", "mb": "multi-body", "std": "s
 
 
 class Integrator(Enum):
-    """Which integrator the gym has. MuJoCo has its own, `implicitfast`, so that both drive alike here."""
+    """Integrators of the gym. MuJoCo has its own, `implicitfast`, so that both drive alike here."""
 
     RK4 = 1
     Euler = 2
@@ -64,7 +64,7 @@ class Integrator(Enum):
 
 
 class DynamicModel(Enum):
-    """Which car model the gym has."""
+    """Car models of the gym."""
 
     KS = 1
     ST = 2

@@ -1,7 +1,7 @@
-"""What a process that a script starts by `spawn` or `forkserver` imports in place of the script.
+"""Module that a process started by `spawn` or `forkserver` imports in place of the script.
 
 Python lets such a process run the script again, as `__mp_main__`, so that what the script defines is there. It finds
-this module by the name that `running` has it told. The modules of f1tenth_gym are installed first, with the
+this module by the name that `running` passes on. The modules of f1tenth_gym are installed first, with the
 settings that `install` keeps in environment variables, and then the script is run.
 """
 

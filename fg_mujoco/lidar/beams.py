@@ -58,7 +58,7 @@ class Beams:
         return brief(self, beams, f"{self.range_min:g} to {self.range_max:g} m", f"every {self.period:g} s")
 
     def readings(self, distances: FloatArray) -> FloatArray:
-        """Return what the LiDAR reads at `distances` (n,) [m]: +inf from `range_max` on, -inf below `range_min`.
+        """Return the readings of the LiDAR at `distances` (n,) [m]: +inf from `range_max` on, -inf below `range_min`.
 
         Source: REP 117.
         """
@@ -68,7 +68,7 @@ class Beams:
 
     @cached_property
     def geometry(self) -> ScanGeometry:
-        """What all scans along these beams have in common."""
+        """The constant part of all scans along these beams."""
         return ScanGeometry(
             angle_min=self.angle_min,
             angle_max=self.angle_max,

@@ -1,4 +1,4 @@
-"""Where bodies are at the present state of a simulation.
+"""Poses of bodies at the present state of a simulation.
 
 MuJoCo's `data.xpos` and `data.xmat` lie one timestep behind `data.qpos` after mj_step, until mj_kinematics runs. A body
 that is fixed to the body of a free joint, or to a mocap body, needs neither: its pose follows from the state itself.
@@ -26,7 +26,7 @@ _LEAST_NORM = 1e-15  # mjMINVAL: MuJoCo takes shorter quaternions for no rotatio
 
 
 class Mount(NamedTuple):
-    """How a body is fixed to that of a free joint: what `mounted_pose` wants, with `qpos[qpos_address :][:7]`."""
+    """Mount of a body on that of a free joint, for `mounted_pose`, with `qpos[qpos_address :][:7]`."""
 
     qpos_address: int  # of the free joint
     offset_position: FloatArray  # (3,) [m] in the free body's frame
@@ -73,7 +73,7 @@ class BodyPoses:
         read_poses(self.arrays, state_arrays(data))
 
     def mount(self, index: int) -> Mount | None:
-        """Return how the body of this index is fixed to that of a free joint; None where it is not."""
+        """Return the mount of the body of this index on that of a free joint; None where it has none."""
         sources, offset_positions, offset_rotations, _, _ = self.arrays
         kind, address = sources[index]
         if kind != _FREE_JOINT:
@@ -82,7 +82,7 @@ class BodyPoses:
 
 
 def state_arrays(data: Any) -> StateArrays:
-    """Return what `read_poses` reads of a mujoco.MjData."""
+    """Return the arrays of a mujoco.MjData that `read_poses` reads."""
     return data.qpos, data.mocap_pos, data.mocap_quat, data.xpos, data.xmat
 
 

@@ -103,7 +103,7 @@ def sort_by_distance(scene: SceneArrays, scratch: Scratch) -> int:
 
 @kernel
 def whole_turn(scene: SceneArrays) -> int:
-    """Return how many beams, at most, a full turn has."""
+    """Return the greatest number of beams of a full turn."""
     return int(math.tau / scene.limits[1])
 
 

@@ -1,4 +1,4 @@
-"""What a real LiDAR does to a scan beyond measuring it: noise, dropouts, latency, motion distortion. Off by default.
+"""Effects of a real LiDAR on a scan: noise, dropouts, latency, motion distortion. Off by default.
 
     pipeline = ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(seed))
     for _ in range(substeps):
@@ -69,7 +69,7 @@ class LidarEffects:
             raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")
 
     def sweeps_late(self, period: float) -> int:
-        """Return how many sweeps of a period [s] a scan is late."""
+        """Return the number of sweeps of a period [s] by which a scan is late."""
         # A latency of 2 sweeps is 2, also where the division says 2.0000000000000004.
         return math.ceil(self.latency / period - 1e-9)
 
@@ -132,7 +132,7 @@ class ScanPipeline:
 
 
 class PoseHistory:
-    """Where a body was at the last physics steps.
+    """Poses of a body at the last physics steps.
 
     Args:
       span: how far back it reaches [s].

@@ -24,7 +24,7 @@ _PARALLEL = 1e-15  # mjMINVAL: MuJoCo's rays miss a plane that they approach mor
 
 
 class RayScene:
-    """What rays meet in a model: static geoms as one set of triangles, and one set for each body that moves.
+    """The surfaces of a model for rays: static geoms as one set of triangles, and one set for each body that moves.
 
     Static geoms are taken where the model has them now; what moves, mocap bodies included, is followed.
 

@@ -37,7 +37,7 @@ LIDAR_BACKENDS = ("raycast", "rangefinder")
 
 
 class Lidar(Protocol):
-    """What both back ends are."""
+    """Base class of both back ends."""
 
     @property
     def beams(self) -> Beams:
@@ -176,7 +176,7 @@ def _scan_state(
 
 
 def lidar_mount(model: Any, prefix: str = "") -> Mount | None:
-    """Return how the LiDAR that a compiled model holds under a prefix is fixed to the body of a free joint, if so."""
+    """Return the mount of a compiled model's LiDAR of a prefix on the body of a free joint; None where it has none."""
     return BodyPoses(model, (lidar_body(model, prefix),)).mount(0)
 
 

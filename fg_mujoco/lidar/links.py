@@ -1,4 +1,4 @@
-"""Where the bodies of a kinematic tree are, from the positions of its joints alone: as mj_kinematics, without MuJoCo.
+"""Poses of the bodies of a kinematic tree from the positions of its joints alone: as mj_kinematics, without MuJoCo.
 
 A batch of worlds keeps `qpos` of each and no poses. What a LiDAR sees of another car, wheels too, is placed by this.
 """

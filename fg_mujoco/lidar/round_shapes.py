@@ -51,7 +51,7 @@ def shape_row(kind: int, size: FloatArray, position: FloatArray, rotation: Float
 def ray_distance(
     kind: float, a: float, b: float, c: float, px: float, py: float, pz: float, vx: float, vy: float, vz: float
 ) -> float:
-    """Return how far along a ray a shape is [m], -1 where the ray misses it.
+    """Return the distance to a shape along a ray [m], -1 where the ray misses it.
 
     Args:
       kind: of the shape, as in its row.

@@ -1,4 +1,4 @@
-"""What a LiDAR's rays can meet in a compiled model: triangles, planes and round shapes, for each body that moves.
+"""The surfaces of a compiled model for a LiDAR's rays: triangles, planes and round shapes, for each moving body.
 
 The round ones among them are kept as they are (round_shapes.py).
 

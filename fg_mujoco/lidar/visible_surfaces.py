@@ -20,7 +20,7 @@ _IN_PLANE = 1e-12  # of directions [-] and origins [m]
 
 
 class SceneArrays(NamedTuple):
-    """What a scan reads: one LiDAR's beams and the surfaces of one model. Read-only; all worlds of a model share it.
+    """Input of a scan: one LiDAR's beams and the surfaces of one model. Read-only; all worlds of a model share it.
 
     Frame 0 is the world's, the others are those of ScanlineScene.moving. Clusters, planes and shapes lie frame after
     frame. The tree of a frame is the id of the body at the root of its kinematic tree.
@@ -39,7 +39,7 @@ class SceneArrays(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What a scan writes to besides its result: one for each thread."""
+    """Working arrays of a scan: one set for each thread."""
 
     cuts: FloatArray  # (2, k) [m] where the scan plane cuts each edge of a cluster, in the LiDAR's frame
     columns: NDArray[np.int32]  # (k,) the first beam at or to the left of each cut

@@ -98,7 +98,7 @@ def crash_of(
 
 
 def _described(geom: str, world: World, point: tuple[float, float], normal: FloatArray, place: float) -> str:
-    """Return what a geom of a world is, for people.
+    """Return the description of a geom of a world, for people.
 
     Args:
       geom: its name.

@@ -1,4 +1,4 @@
-"""How long a planner takes for its decisions, and the limit at which a race ends.
+"""The times of a planner's decisions, and the limit at which a race ends.
 
     clock = DecisionClock(limit=1.0)
     with clock:
@@ -36,7 +36,7 @@ _AGAIN = 0.05  # [s] after which a planner that went on all the same is interrup
 
 @dataclass(frozen=True, kw_only=True)
 class DecisionTimes:
-    """How long the planner of a race took for its decisions. Wall times: they differ from run to run.
+    """The times of a planner's decisions in a race. Wall times: they differ from run to run.
 
     Fields are as in the JSON. Times are None where there was no decision.
     """
@@ -71,7 +71,7 @@ class DecisionTimes:
 
 
 def decision_limit_text(limit: float | None, time: float) -> str:
-    """Return what is said of a race that ended by its limit of a decision [s], at a simulated time [s]."""
+    """Return the message for a race that ended by its limit of a decision [s], at a simulated time [s]."""
     return f"no command within {limit:g} s at t = {time:.3f} s"
 
 

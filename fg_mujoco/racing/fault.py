@@ -1,4 +1,4 @@
-"""Whose fault it is that two cars touch: an operationalisation, which stands in for a referee's eye."""
+"""Assigns the fault for a contact of two cars by a fixed rule."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _VX, _VY = (TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s"))
 def approach(
     first: FloatArray, second: FloatArray, parameters: tuple[CarParameters, CarParameters], *, lead: float
 ) -> tuple[int, float]:
-    """Return whose fault the touch of two cars is, 0 the first's or 1 the second's, and how fast they approached [m/s].
+    """Return the car at fault for a contact, 0 the first or 1 the second, and the speed of approach [m/s].
 
     At fault is the car that came nearer faster, along the line between the middles of both chassis; where both came
     nearer alike, the one behind. So it is the car behind that runs into one ahead, the one that comes over into one
@@ -41,7 +41,7 @@ def approach(
 
 
 def _middle(row: FloatArray, car: CarParameters) -> tuple[FloatArray, FloatArray]:
-    """Return where the middle of a car's chassis was at the start of a tick [m], and its velocity [m/s], (2,) each."""
+    """Return position [m] and velocity [m/s] of the middle of a car's chassis at the start of a tick, (2,) each."""
     ahead = 0.5 * car.length - car.rear_overhang  # of base_link
     cos, sin = math.cos(row[_HEADING]), math.sin(row[_HEADING])
     vx, vy = row[_VX], row[_VY] + row[_YAW_RATE] * ahead

@@ -96,9 +96,10 @@ class Opponents:
 
     @property
     def noisy(self) -> bool:
-        """Whether what their LiDARs measure depends on a seed."""
+        """Whether what they sense depends on a seed."""
         return any(
-            entry.effects.range_noise_std > 0.0 or entry.effects.dropout_probability > 0.0 for entry in self.entries
+            entry.effects.range_noise_std > 0.0 or entry.effects.dropout_probability > 0.0 or bool(entry.sensed)
+            for entry in self.entries
         )
 
     def checked(self, course: Course) -> Opponents:

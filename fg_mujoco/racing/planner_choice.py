@@ -61,7 +61,7 @@ class ControllerChoice:
 
     @property
     def label(self) -> str:
-        """What it is called in tables: a file without its folder."""
+        """Its name in tables: a file without its folder."""
         return with_settings(Path(self.source).name, dict(self.settings))
 
     @property
@@ -73,7 +73,7 @@ class ControllerChoice:
         return None if path is None else file_sha256(path)
 
     def settings_with(self, others: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the settings in its brackets and `others`, those that are given beside it.
+        """Return the settings in its brackets and `others`, which are given outside them.
 
         Raises:
           SettingsError: one is given twice.
@@ -91,7 +91,7 @@ class ControllerChoice:
         return find_controller(self.source)
 
     def check(self, course: Course, drive: DriveSettings) -> Files:
-        """Build it once, for a race on `course`, as `drive` says which car and what it is told.
+        """Build it once, for a race on `course` with the car and the planner context of `drive`.
 
         Returns:
           The hashes of the files that it reads, by their paths.

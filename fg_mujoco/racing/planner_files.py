@@ -12,7 +12,7 @@ A file that one of the planner's settings names counts always. A planner that re
 
 Without that attribute the files that a setting names without their ending count, too, and so does a folder that it
 names, with all that is in it, unless it is the current folder or one around that. A file is looked for in the current
-folder and beside the planner's own file. It is another one when its contents are, whatever its time is.
+folder and in that of the planner's own file. A file has changed when its contents have, whatever its time is.
 """
 
 from __future__ import annotations
@@ -219,6 +219,6 @@ def recorded_files(origin: Any) -> Files:
 
 
 def changed_text(path: str, recorded: str | None, now: str | None) -> str:
-    """Return how a file that a planner read is another one now, in words."""
+    """Return in words how a file that a planner read has changed."""
     state = "is not there" if now is None else f"has sha256 {now[:12]}"
     return f"{path}, which it read, {state}, recorded is {recorded and recorded[:12]}"

@@ -15,8 +15,8 @@ from typing import Any
 
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine, PlannerContext
-from ..simulation.planner_adapter import short, short_text
-from ..simulation.planner_failure import file_of, is_of_planner, one_line, told, without_exit
+from ..simulation.planner_adapter import short, short_text, wanted_sensors
+from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
 from .planner_sources import A_PLANNER, find_controller, planner_of
 
 
@@ -30,12 +30,12 @@ def make_controller(
     max_speed: float | None = None,
     map_line: MapLine | None = None,
 ) -> Controller:
-    """Return a controller, built with its settings and with what it is told, as far as its constructor names them.
+    """Return a controller, built with those of its settings and of the context that its constructor names.
 
     Args:
       source: a bundled name, `path/to/file.py:NAME` of a class or a function, a controller, which is taken as it is, or
         a function `f(scan, odometry)`.
-      context: all that it is told, as `DriveSettings.context` makes it; None: a PlannerContext of `car`, `mu`,
+      context: what it may know, as `DriveSettings.context` makes it; None: a PlannerContext of `car`, `mu`,
         `max_speed` and `map_line`, of which the first three must be there.
       settings: those of its settings that are to differ from its own, by name.
       car: parameters of the car.
@@ -55,7 +55,7 @@ def make_controller(
         origin = f"controller {type(source).__name__}"
         if settings:
             raise ControllerError(f"{origin} is made already; accepted: settings only for one that is yet to be built")
-        return _checked(source, origin)
+        return _checked(source, origin, context)
     if context is None:
         if car is None or mu is None or max_speed is None:
             missing = [name for name, value in (("car", car), ("mu", mu), ("max_speed", max_speed)) if value is None]
@@ -93,8 +93,8 @@ def build_controller(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{origin} cannot be built: {told(error, file_of(factory))}") from error
-    return _checked(controller, origin)
+        raise ControllerError(f"{origin} cannot be built: {error_text(error, file_of(factory))}") from error
+    return _checked(controller, origin, context)
 
 
 def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
@@ -129,7 +129,7 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
 
 
 def _like(default: Any, value: Any) -> str:
-    """Return what a value should be to be of the kind of a default; nothing where it is, or the kind is another."""
+    """Return the kind of value that a default asks for; an empty text where the value is of it, or any is accepted."""
     if isinstance(default, bool):
         return "" if isinstance(value, bool) else "True, False"
     if isinstance(default, int):
@@ -139,7 +139,7 @@ def _like(default: Any, value: Any) -> str:
     return ""
 
 
-def _checked(controller: Any, origin: str) -> Controller:
+def _checked(controller: Any, origin: str, context: PlannerContext | None) -> Controller:
     if isinstance(controller, type):
         raise ControllerError(
             f"controller {controller.__name__} is a class; accepted: an object of it, such as {controller.__name__}()"
@@ -151,4 +151,9 @@ def _checked(controller: Any, origin: str) -> Controller:
         raise ControllerError(f"{said}; {accepted}")
     if lacking:
         raise ControllerError(f"{origin} is no controller; accepted: {A_PLANNER}")
+    if context is not None:
+        for name in wanted_sensors(type(controller)):
+            if name not in context.sensors:
+                has = accepted_names(name, context.sensors) if context.sensors else f"accepted: sensors=[{name!r}]"
+                raise ControllerError(f"{origin} reads sensor {name!r}, which its car does not have; {has}")
     return controller  # type: ignore[no-any-return]

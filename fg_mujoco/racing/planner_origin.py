@@ -15,7 +15,7 @@ from .planner_sources import PLANNERS, READ, find_controller, source_file
 
 
 def origin(source: str | Controller, found: Any = None) -> dict[str, str | None]:
-    """Return where a controller comes from, for the manifest of a run.
+    """Return the package, file and hash of a controller, for the manifest of a run.
 
     Args:
       source: as of `make_controller`.
@@ -57,7 +57,7 @@ def source_code(found: Any) -> bytes | None:
 
 
 def describe(name: str) -> dict[str, Any]:
-    """Return what a controller does, in one line, and its settings, for tables.
+    """Return a controller's summary, in one line, and its settings, for tables.
 
     Returns:
       name, summary, distribution and settings; of each setting its name, unit, default, text, and what is accepted. The

@@ -25,7 +25,7 @@ from ..errors import ControllerError, accepted_names
 from ..messages import DriveCommand, LaserScan, Odometry
 from ..registry import Registry, package_of
 from ..simulation.planner_adapter import short
-from ..simulation.planner_failure import is_of_planner, one_line, told, without_exit
+from ..simulation.planner_failure import error_text, is_of_planner, one_line, without_exit
 from .planner_texts import SCHEMES, scheme_of
 
 PLANNERS: Registry[Any] = Registry(
@@ -113,7 +113,7 @@ def planner_of(function: Callable[[LaserScan, Odometry], DriveCommand], said: st
         signature.bind(None, None)
     except TypeError:
         raise ControllerError(f"{said} is the function {name}{signature}; accepted: {name}(scan, odometry)") from None
-    members = {"__call__": staticmethod(function), "reset": lambda self: None}
+    members = {"__call__": staticmethod(function), "reset": lambda self: None, **vars(function)}
     return type(name, (), {**members, "__module__": function.__module__, "__doc__": function.__doc__})
 
 
@@ -152,5 +152,5 @@ def _import_file(path: Path, origin: str) -> ModuleType:
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"{origin} does not import: {told(error, str(path))}") from error
+        raise ControllerError(f"{origin} does not import: {error_text(error, str(path))}") from error
     return module

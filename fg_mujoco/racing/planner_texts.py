@@ -16,7 +16,7 @@ from ..registry import Registry
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerScheme:
-    """What a room that has planners of a scheme does with their texts."""
+    """Functions of a room that has planners of a scheme, by their texts."""
 
     find: Callable[[str], type]  # returns a class of planners
     code: Callable[[str], bytes]  # returns the code that the text names, unexecuted

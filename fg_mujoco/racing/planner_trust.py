@@ -1,4 +1,4 @@
-"""Whether a planner that a recorded run names may be loaded: loading a planner runs the code in its file.
+"""Decides whether a planner that a recorded run names may be loaded: loading a planner runs the code in its file.
 
 A bundled planner always may. Any other one may if its file is the one that was recorded, and the user says so, or raced
 this very run on this machine: then the user has run that code already.
@@ -152,6 +152,7 @@ def recorded_planner(
         max_speed=summary["speed_limit_m_s"],
         planner_settings=summary.get("planner_settings") or {},
         effects=LidarEffects(**summary.get("lidar_effects", {})),
+        sensors=summary.get("sensors") or (),
         seed=summary.get("seed", 0),
     )
     map_line = None if course is None else course.map_line

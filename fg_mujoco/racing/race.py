@@ -128,7 +128,7 @@ def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = N
     )
     engine.place(
         starts, effects=[entry.effects for entry in entries], seeds=[entry.seed for entry in entries],
-        odometry_drifts=[entry.odometry_drift for entry in entries],
+        odometry_drifts=[entry.odometry_drift for entry in entries], sensors=[entry.sensed for entry in entries],
     )  # fmt: skip
     if alone and engine.crashed[0]:
         check_starts(course, starts, cars, [""], obstacles)  # says what is in the way

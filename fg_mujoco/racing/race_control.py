@@ -8,7 +8,7 @@ It watches a world of an engine, tick by tick, and is a layer above the physics:
         control.after_tick()
     control.contacts, control.overtakes, control.warnings
 
-A referee judges by eye. What stands here in his place are operationalisations, each beside its number.
+A referee judges by eye. Here fixed rules take his place; each is given with its thresholds.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """What race control does beyond keeping a record. Lengths in metres."""
+    """The interventions of race control, which otherwise only keeps a record. Lengths in metres."""
 
     name: str
     free_displacement: float = math.inf  # a touch that displaces a car by less is free
@@ -238,7 +238,7 @@ class RaceControl:
             touching.pushed[car] = (speed, way)
 
     def _approach(self, a: int, b: int) -> tuple[float, int]:
-        """Return how fast two cars came nearer at the start of the tick [m/s], and whose fault it is."""
+        """Return the speed of approach of two cars at the start of the tick [m/s], and the car at fault."""
         rows = self._engine.telemetry[self._rows]
         lead = float(rows[a, _PROGRESS] - rows[b, _PROGRESS])
         fault, closing = approach(rows[a], rows[b], (self._parameters[a], self._parameters[b]), lead=lead)
@@ -334,5 +334,5 @@ def find_rules(name: str) -> Rules:
 
 
 def _apart(one: float, other: float, modulus: float) -> float:
-    """Return how far two places on a line are apart [m]."""
+    """Return the distance between two places on a line [m]."""
     return abs((one - other + 0.5 * modulus) % modulus - 0.5 * modulus)

@@ -60,7 +60,7 @@ class Difference:
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class ReplayReport:
-    """How a replay compares with what was recorded; its text is one line, and `lines` has all of it."""
+    """Comparison of a replay with what was recorded; its text is one line, and `lines` has all of it."""
 
     identical: bool  # every bit of every state, and the summary's trajectory_sha256
     ticks: int
@@ -82,7 +82,7 @@ class ReplayReport:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What is proved, what is not and why, and what differs, for people."""
+        """The figures that are proved, those that are not and why, and those that differ, for people."""
         columns = {TELEMETRY_FILE: f"all {len(TELEMETRY)} columns"} if self._all_columns else {}
         proved = [f"{file}: {columns.get(file, ', '.join(names))}" for file, names in self.proved.items()]
         reasons: dict[str, list[str]] = {}
@@ -104,8 +104,8 @@ class ReplayReport:
             )
         if not self.identical:
             return f"not identical: the states are, but {SUMMARY} has not their hash, {self.trajectory_sha256}"
-        told = f"; {len(self.differences)} of its figures differ" if self.differences else ""
-        return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}{told}"
+        differ = f"; {len(self.differences)} of its figures differ" if self.differences else ""
+        return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}{differ}"
 
 
 def replay(folder: str | Path) -> ReplayReport:
@@ -275,7 +275,7 @@ class _Again:
 
 
 def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) -> ReplayReport:
-    """Return what is proved of a run whose states are those of its replay.
+    """Return the figures that are proved of a run whose states are those of its replay.
 
     Args:
       run: what was recorded.
@@ -295,7 +295,7 @@ def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) 
                 Difference(name=f"{SUMMARY}, {name}", recorded=_text(summary[name]), recomputed=_text(value))
             )
     if not no_course and again.from_outside(recorded_end):
-        unproved["end_reason"] = "nothing else had ended the race; what did is not told by its states"
+        unproved["end_reason"] = "nothing else had ended the race; its states do not say what did"
     unproved["clamped_commands"] = f"counted in {TELEMETRY_FILE}; the actuators do not show by how much"
     unproved |= {name: _why_not(name, no_course) for name in summary if name not in recomputed}
     unproved |= {name: f"not in {SUMMARY}" for name in recomputed if name not in summary}
@@ -304,12 +304,12 @@ def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) 
         columns = tuple(name for name in TELEMETRY if name not in _OF_THE_COURSE)
         unproved |= {f"{TELEMETRY_FILE}, {name}": no_course for name in _OF_THE_COURSE}
     unproved |= {name: "no simulation makes it" for name in NOT_SIMULATED if (run.folder / name).exists()}
-    told = {difference.name for difference in differences}
+    parted = {difference.name for difference in differences}
     proved = {
-        STATES: tuple(name for name in ("time", "state", "ctrl") if f"{STATES}, {name}" not in told),
-        TELEMETRY_FILE: tuple(name for name in columns if f"{TELEMETRY_FILE}, {name}" not in told),
+        STATES: tuple(name for name in ("time", "state", "ctrl") if f"{STATES}, {name}" not in parted),
+        TELEMETRY_FILE: tuple(name for name in columns if f"{TELEMETRY_FILE}, {name}" not in parted),
         SUMMARY: tuple(
-            name for name in recomputed if name in summary and not {name, f"{SUMMARY}, {name}"} & {*unproved, *told}
+            name for name in recomputed if name in summary and not {name, f"{SUMMARY}, {name}"} & {*unproved, *parted}
         ),
     }
     return ReplayReport(

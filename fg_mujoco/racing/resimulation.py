@@ -22,19 +22,20 @@ from typing import Any, Protocol, cast
 import mujoco
 import numpy as np
 
-from ..errors import RunFolderError, SettingsError
+from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.engine import Engine, whole_steps
 from ..simulation.physics import STATE
 from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message
 from ..simulation.world import World
+from ..vehicle.sensors import Sensor, as_sensors
 from .result import RaceResult
 from .run_folder import Run
 
 
 class Recording(Protocol):
-    """What a run has to have kept: a run folder that was read, or a drive that is shown."""
+    """The parts of a run that are needed: of a run folder that was read, or of a drive in memory."""
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -46,7 +47,7 @@ class Recording(Protocol):
 
     @property
     def ctrl(self) -> FloatArray:
-        """What the actuators got. Shape (ticks, controls)."""
+        """The controls of the actuators. Shape (ticks, controls)."""
 
     def column(self, name: str) -> FloatArray:
         """Return one column of the telemetry, shape (ticks,)."""
@@ -54,7 +55,7 @@ class Recording(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sensed:
-    """What the car sensed at the start of a tick, and where it was."""
+    """The readings of the car's sensors at the start of a tick, and its pose."""
 
     scan: LaserScan  # as delivered; measured earlier where the LiDAR is late
     odometry: Odometry
@@ -74,7 +75,7 @@ class Tick:
     sensed_by_each: tuple[Sensed, ...] = ()  # what every car sensed, car 0 the first; empty where nothing was to be
 
     def surroundings(self, world: World) -> Surroundings:
-        """Return what surrounded car 0 of a world at the start of the tick, for planners that ask by `look_round`."""
+        """Return the surroundings of car 0 of a world at the start of the tick, for planners with `look_round`."""
         return Surroundings(world=world, others=tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:]))
 
 
@@ -121,8 +122,8 @@ def resimulate(run: Recording, world: World, *, sense: bool = True, follow: bool
         if len(settings) != len(world.cars):
             said = f"summary.json: cars has {len(settings)} rows of {len(world.cars)} cars"
             raise RunFolderError(f"{said}; accepted: one a car, as `race --out` wrote it")
-        effects, seeds, drifts = (list(each) for each in zip(*settings, strict=True))
-        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts)
+        effects, seeds, drifts, sensors = (list(each) for each in zip(*settings, strict=True))
+        engine.load(run.states[0], effects=effects, seed=seeds, odometry_drift=drifts, sensors=sensors)
     for controls, (steering_angle, speed), after in zip(run.ctrl, commands, run.states[1:], strict=True):
         time = float(engine.times[0])
         each = _sense(engine) if sense else ()
@@ -171,14 +172,14 @@ def _other_car(sensed: Sensed) -> OtherCar:
 
 
 def _sense(engine: Engine) -> tuple[Sensed, ...]:
-    """Return what each car of world 0 senses now."""
+    """Return the present scan and odometry of each car of world 0."""
     engine.sense()
     return tuple(_sensed(engine, row) for row in range(engine.cars_per_world))
 
 
 def _sensed(engine: Engine, row: int) -> Sensed:
-    """Return what a car has sensed."""
-    odometry = odometry_message(engine.odometry[row])
+    """Return the scan and the odometry of a car."""
+    odometry = odometry_message(engine.odometry[row], engine.readings(row))
     pose, (x, y) = engine.free_joint(row)
     heading = odometry.pose[2]
     return Sensed(
@@ -190,11 +191,25 @@ def _sensed(engine: Engine, row: int) -> Sensed:
     )
 
 
-def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float]:
-    """Return what the LiDAR of a run did to its scans, the seed of its noise, and the drift of the odometry."""
+def recorded_sensors(summary: dict[str, Any]) -> tuple[Sensor, ...]:
+    """Return the sensors of a car of a run, besides LiDAR and odometry.
+
+    Raises:
+      RunFolderError: one is not in SENSORS here.
+    """
+    try:
+        return as_sensors(summary.get("sensors") or ())
+    except (FgMujocoError, TypeError) as error:
+        said = f"summary.json: {error}"
+        raise RunFolderError(f"{said}; a sensor of your own is there once its module is imported") from error
+
+
+def _sensor_settings(summary: dict[str, Any]) -> tuple[LidarEffects, int, float, tuple[Sensor, ...]]:
+    """Return the LiDAR effects of a run, the seed of its noise, the drift of the odometry, and the sensors."""
+    sensors = recorded_sensors(summary)
     try:
         drift = float(summary.get("odometry_drift", 0.0))  # older runs lack it
-        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"]), drift
+        return LidarEffects(**summary["lidar_effects"]), int(summary["seed"]), drift, sensors
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(
             f"summary.json: {type(error).__name__}: {error}; accepted: with lidar_effects and seed, as `race --out` "

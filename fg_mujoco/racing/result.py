@@ -164,7 +164,8 @@ class CarResult(Suggesting):
         for name in ("wrong_way", "crash", "decision_times", "lidar_effects", "start"):
             values[name] = None if values[name] is None else asdict(values[name])
         failure = self.planner_failure
-        return values | {"planner_failure": None if failure is None else failure.summary()}
+        sensors = {"sensors": [sensor.described() for sensor in self.entry.sensed]} if self.entry.sensors else {}
+        return values | {"planner_failure": None if failure is None else failure.summary()} | sensors
 
 
 _OF_A_CAR = (
@@ -310,7 +311,7 @@ class RaceResult(Shown):
         rows = [car.row() for car in self.cars]
         limit = self.setup.decision_limit
         return {
-            **{name: rows[0][name] for name in OF_CAR_0},
+            **{name: rows[0][name] for name in (*OF_CAR_0, "sensors") if name in rows[0]},
             "collisions": self.car.collisions_wall,
             **{name: getattr(self, name) for name in _OF_ALL},
             "decision_limit_s": None if limit is None else float(limit),

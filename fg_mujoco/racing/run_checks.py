@@ -1,4 +1,4 @@
-"""What the files of a run folder may hold: a folder can come from anybody, and is checked before anything reads it.
+"""Checks the files of a run folder: a folder can come from anybody, and is checked before anything reads it.
 
     check_summary(summary)
     xml = checked_scene(xml)
@@ -62,7 +62,7 @@ def _is_failure(value: Any) -> bool:
 
 
 def _are(kind: type) -> Accepts:
-    """Return what says whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
+    """Return a test of whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
     of_type: dict[str, Accepts] = {"float": is_figure, "int": is_figure, "str": lambda value: isinstance(value, str)}
     checks = {field.name: of_type.get(str(field.type), _are_texts) for field in fields(kind)}
 
@@ -139,6 +139,11 @@ _NUMBERS: tuple[str, Accepts] = (
 )  # fmt: skip
 
 
+def _are_sensors(value: Any) -> bool:
+    """Say whether a value may be sensors; whether there are such, whoever measures with them says."""
+    return isinstance(value, list) and all(isinstance(each, dict) and "sensor" in each for each in value)
+
+
 def _are_texts_by_name(value: Any) -> bool:
     return isinstance(value, dict) and all(each is None or isinstance(each, str) for each in value.values())
 
@@ -187,8 +192,9 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "wrong_way": (f"wrong_way, of {', '.join(sorted(_WRONG_WAY))}", lambda value: _is_mapping(value, _WRONG_WAY)),
     "crash": (f"crash, of {', '.join(sorted(_CRASH))}", lambda value: _is_mapping(value, _CRASH, ("into", "geom"))),
     "planner_failure": ("planner_failure, as a race wrote it", _is_failure),
+    "sensors": ("a list of sensors, as a race wrote it", _are_sensors),
 }  # fmt: skip
-"""What a summary may have, by name: what is accepted, and what says whether a value is. Each may be null or missing."""
+"""Entries of a summary by name: the accepted values in words, and a test of a value. Each may be null or missing."""
 
 
 def check_summary(summary: Mapping[str, Any]) -> None:

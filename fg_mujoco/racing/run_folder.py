@@ -11,7 +11,7 @@
     telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
     telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary
-    failed_scan.npz where the planner failed: the scan and the odometry that it was told, see `read_failed_scan`
+    failed_scan.npz where the planner failed: the scan and the odometry that it was given, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
 A folder with a summary is complete: everything is written aside, and the summary is moved in last. Its `files` has the
@@ -46,7 +46,7 @@ from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
 from ..kernels import own_folder
-from ..messages import FloatArray, LaserScan, Odometry, shown
+from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
 from .result import RaceResult
@@ -74,6 +74,8 @@ NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
 """Files of which no replay says anything."""
 RECORDED = "recorded"
 """End of a run that a car recorded, and nobody simulated: what the tires did is not known."""
+_ODOMETRY = ODOMETRY.names or ()
+_READING = tuple(f.name for f in fields(Reading))
 _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
 
 
@@ -209,7 +211,7 @@ def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
 
 
 def of_car(file: str, index: int) -> str:
-    """Return what a file of a run folder is called for a car; car 0's are called as if it were alone."""
+    """Return the name of a file of a run folder for a car; car 0's are named as if it were alone."""
     name, dot, ending = file.partition(".")
     return f"{name}_car_{index}{dot}{ending}" if index else file
 
@@ -326,7 +328,7 @@ def read_run(folder: str | Path) -> Run:
 
 
 def car_count(summary: Mapping[str, Any]) -> int:
-    """Return how many cars a run's summary tells of."""
+    """Return the number of cars in a run's summary."""
     return max(len(summary.get("cars") or ()), 1)
 
 
@@ -339,12 +341,19 @@ def read_failed_scan(folder: str | Path) -> tuple[LaserScan, Odometry]:
     path = Path(folder) / FAILED_SCAN
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {FAILED_SCAN}; accepted: the folder of a race whose planner failed")
-    _require_unchanged(path, read_summary(folder))
+    summary = read_summary(folder)
+    _require_unchanged(path, summary)
     with _blame(path):
-        names = [f.name for f in fields(LaserScan)] + [f"odometry_{f.name}" for f in fields(Odometry)]
+        sensors = [str(each.get("name")) for each in summary.get("sensors") or ()]
+        names = [f.name for f in fields(LaserScan)] + [f"odometry_{name}" for name in _ODOMETRY]
+        names += [f"reading_{sensor}_{name}" for sensor in sensors for name in _READING]
         file = read_arrays(path, names, _MOST_FAILED_SCAN)
         scan = LaserScan(**{f.name: _value(file[f.name]) for f in fields(LaserScan)})
-        odometry = Odometry(**{f.name: _value(file[f"odometry_{f.name}"]) for f in fields(Odometry)})
+        readings = Readings()
+        for sensor in sensors:
+            parts = {name: _value(file[f"reading_{sensor}_{name}"]) for name in _READING}
+            readings[sensor] = Reading(**parts | {"columns": tuple(map(str, parts["columns"]))})
+        odometry = Odometry(**{name: _value(file[f"odometry_{name}"]) for name in _ODOMETRY}, readings=readings)
     return scan, odometry
 
 
@@ -353,9 +362,11 @@ def _value(array: Any) -> Any:
 
 
 def _write_failed_scan(failure: PlannerFailure, path: Path) -> None:
-    """Write the fields of a scan by their names, and those of the odometry behind `odometry_`."""
+    """Write a scan by its fields, the odometry behind `odometry_`, and each sensor's reading behind `reading_NAME_`."""
     values = {f.name: getattr(failure.scan, f.name) for f in fields(LaserScan)}
-    values |= {f"odometry_{f.name}": getattr(failure.odometry, f.name) for f in fields(Odometry)}
+    values |= {f"odometry_{name}": getattr(failure.odometry, name) for name in _ODOMETRY}
+    for sensor, reading in failure.odometry.readings.items():
+        values |= {f"reading_{sensor}_{name}": getattr(reading, name) for name in _READING}
     np.savez_compressed(path, **values)
 
 

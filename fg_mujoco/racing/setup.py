@@ -37,6 +37,7 @@ from ..simulation.settings import CarSettings, DriveSettings, Start, as_parts, r
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
+from ..vehicle.sensors import Sensor
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .entries import Entry, require_entries, require_grid
@@ -91,6 +92,7 @@ class StudyKeywords(TypedDict, total=False):
     start: Start | Mapping[str, Any] | None
     effects: LidarEffects | Mapping[str, Any]
     odometry_drift: float
+    sensors: Sequence[Sensor | str | Mapping[str, Any]]
     lidar_noise: float
     lidar_dropout: float
     lidar_latency: float
@@ -143,13 +145,7 @@ class Setup:
         require_time_limit(self)
         require_decision_limit(self)
         self._set("patches", as_parts(self.patches, Patch, "patches"))
-        if isinstance(self.obstacles, int) and not isinstance(self.obstacles, bool):
-            require_whole("obstacles", self.obstacles, 0)
-        elif isinstance(self.obstacles, (str, Mapping)) or not isinstance(self.obstacles, Iterable):
-            said = f"obstacles is {shown(self.obstacles)}"
-            raise SettingsError(f"{said}; accepted: a whole number from 0, or a sequence of Box, Cylinder and Prism")
-        else:
-            self._set("obstacles", as_obstacles(self.obstacles))
+        self._set("obstacles", require_obstacles(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
         if self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {self.lidar!r}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
@@ -195,8 +191,9 @@ class Setup:
             of_race["entries"] = (_changed_entry(self.first, keywords),)
         if opponents is not None:
             first, *others = of_race.get("entries", self.entries)
-            if "entries" in of_race and others or isinstance(opponents, (str, Entry, Mapping)):
-                raise SettingsError(f"opponents is {shown(opponents)}; accepted: a list, and no other entries beside it")
+            if ("entries" in of_race and others) or isinstance(opponents, (str, Entry, Mapping)):
+                said = f"opponents is {shown(opponents)}"
+                raise SettingsError(f"{said}; accepted: a list, and no other entries beside it")
             of_race["entries"] = (first, *(as_opponent(each, first) for each in opponents))
         for name in ("obstacles", "patches"):
             if name in of_race and of_race[name] is None:
@@ -267,7 +264,8 @@ class Setup:
             of_race = name in _OF_RACE
             value, usual = (getattr(each if of_race else each.first, name) for each in (self, _usual()))
             if value != usual and (name != "start" or value != Start()):
-                raise SettingsError(f"{name} is {shown(value)} in {door}, which cannot use it; accepted: {shown(usual)}")
+                said = f"{name} is {shown(value)} in {door}, which cannot use it"
+                raise SettingsError(f"{said}; accepted: {shown(usual)}")
 
     def described(self) -> dict[str, Any]:
         """Return what differs from the defaults as it can stand in JSON and in TOML; `read` reads it back.
@@ -397,7 +395,8 @@ def _read(values: Mapping[str, Any]) -> Setup:
     """Return the setup of some values by name, as `described` returns them; keys may have hyphens."""
     own = {name.replace("-", "_"): value for name, value in values.items()}
     if "entries" in own:
-        own["entries"] = tuple(_entry(each, f"entries[{i}]") for i, each in enumerate(as_list(own["entries"], "entries")))
+        cars = as_list(own["entries"], "entries")
+        own["entries"] = tuple(_entry(each, f"entries[{index}]") for index, each in enumerate(cars))
     for name in ("opponents", "patches"):
         if name in own:
             own[name] = as_list(own[name], name)
@@ -478,6 +477,21 @@ def _require_vehicle(entry: Entry, sha256: Any) -> None:
 def described_obstacles(obstacles: Sequence[Obstacle]) -> list[dict[str, Any]]:
     """Return obstacles as they can stand in JSON and TOML; `as_obstacles` reads them back."""
     return [{"kind": type(each).__name__.lower(), **asdict(each)} for each in obstacles]
+
+
+def require_obstacles(value: Any) -> tuple[Obstacle, ...] | int:
+    """Return obstacles, or how many boxes there are to be.
+
+    Raises:
+      SettingsError: it is neither.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        require_whole("obstacles", value, 0)
+        return value
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
+        said = f"obstacles is {shown(value)}"
+        raise SettingsError(f"{said}; accepted: a whole number from 0, or a sequence of Box, Cylinder and Prism")
+    return as_obstacles(value)
 
 
 def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstacle, ...]:

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import missing_extra
-from ..intermediate_values import ShownValue
-from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ..intermediate_values import IntermediateValue
+from ..messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from ..simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
-GRID = "nav_msgs/msg/OccupancyGrid"
+GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
 NUMBER, MARKERS = "std_msgs/msg/Float64", "visualization_msgs/msg/MarkerArray"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOTOR = "vesc_msgs/msg/VescStateStamped"
@@ -36,7 +36,8 @@ MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base
 STEERING_JOINT = "steering"
 WHEEL_JOINTS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 
-_OTHERS = {  # of the package ackermann_msgs, which no release of ROS has in its core
+_OTHERS = {  # our own, and those of the package ackermann_msgs, which no release of ROS has in its core
+    READING: "std_msgs/Header header\nstring[] names\nfloat64[] values\n",
     DRIVE: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
     "ackermann_msgs/msg/AckermannDrive": (
         "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
@@ -176,6 +177,14 @@ def joints_message(odometry: Odometry, wheel_radius: float, frame: str = BASE_FR
     )
 
 
+def reading_messages(reading: Reading, frame: str) -> list[Any]:
+    """Return READING messages of all that a sensor delivered since the last tick, each stamped when it was measured."""
+    return [
+        _make(READING, header=_header(nanoseconds(stamp), frame), names=list(reading.columns), values=values)
+        for stamp, values in zip(reading.stamps.tolist(), reading.samples, strict=True)
+    ]
+
+
 def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:
     """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns].
 
@@ -229,7 +238,7 @@ def number_message(value: float) -> Any:
     return _make(NUMBER, data=float(value))
 
 
-def markers_message(time: int, values: Sequence[ShownValue], gone: Sequence[str] = ()) -> Any:
+def markers_message(time: int, values: Sequence[IntermediateValue], gone: Sequence[str] = ()) -> Any:
     """Return visualization_msgs/MarkerArray of points and lines that a planner shows, at `time` [ns].
 
     The namespace of a marker is the name of its value, and its frame is the value's. `gone` are names whose markers
@@ -239,7 +248,7 @@ def markers_message(time: int, values: Sequence[ShownValue], gone: Sequence[str]
     return _make(MARKERS, markers=markers + [_marker(time, name, None) for name in gone])
 
 
-def _marker(time: int, name: str, value: ShownValue | None) -> Any:
+def _marker(time: int, name: str, value: IntermediateValue | None) -> Any:
     """Return the marker of a value; None: one that deletes it."""
     points = np.empty((0, 2)) if value is None else value.array
     line = value is not None and value.draw != "points" and len(points) > 1

@@ -11,6 +11,10 @@
     /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
     /map           nav_msgs/OccupancyGrid                frame map; latched
 
+Of a car with `sensors`, all that each of them has delivered:
+
+    /sensors/NAME  fg_mujoco_msgs/msg/Reading                 names with units, values; frame of the sensor
+
 With the planner run once more (`trust`), also what it shows by `fg_mujoco.show`:
 
     /show          visualization_msgs/MarkerArray        points, lines and polygons, one namespace a name
@@ -24,6 +28,7 @@ f1tenth_gym_ros for two cars, with frames of their own under map:
     /opp_scan, /opp_drive, /opp_racecar/odom, /opp_racecar/imu, /opp_racecar/joint_states  car 1's;
     /opp_racecar/opp_odom  car 0's
     /car_2/scan, /car_2/drive, /car_2/odom, /car_2/imu, /car_2/joint_states  car 2's, and so on
+    /opp_racecar/sensors/NAME, /car_2/sensors/NAME  of the others' sensors
 
 Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
 time of the measurement. The odometry of a run does not drift, so map and odom are one frame.
@@ -49,19 +54,20 @@ import numpy as np
 
 from ..course.writing import staged_file
 from ..errors import BagError, PlannerError, SettingsError
-from ..intermediate_values import NUMBER as SHOWN_NUMBER
-from ..intermediate_values import SCAN as SHOWN_SCAN
-from ..intermediate_values import ShownValue, ShownValues
+from ..intermediate_values import NUMBER as NUMBER_VALUE
+from ..intermediate_values import SCAN as SCAN_VALUE
+from ..intermediate_values import IntermediateValue, IntermediateValues
 from ..messages import DriveCommand, LaserScan
 from ..racing.planner_sources import bundled_names
 from ..racing.planner_trust import recorded_planner
-from ..racing.resimulation import Sensed, Tick, load_world, resimulate
+from ..racing.resimulation import Sensed, Tick, load_world, recorded_sensors, resimulate
 from ..racing.run_folder import Run, read_run
 from ..simulation.cars import car_prefix
 from ..simulation.planner_adapter import plan
 from ..simulation.telemetry import COMMAND
 from ..simulation.world import World
 from ..vehicle.car import car_parameters, element_id
+from ..vehicle.sensors import Sensor
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,
@@ -84,6 +90,7 @@ from .bag_messages import (
     nanoseconds,
     number_message,
     odometry_message,
+    reading_messages,
     require_ros_extra,
     scan_message,
     to_cdr,
@@ -216,7 +223,7 @@ def export_bag(
     radius = world.parameters.wheel_radius
     ticks = len(run.ctrl)
     others = [_Other(run, model, index) for index in range(1, len(world.cars))]
-    ends = _Ends.of(run, 0)
+    ends, own_sensors = _Ends.of(run, 0), recorded_sensors(run.summary)
     show = _Shown(run, world) if trust else None
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
         for index, tick in enumerate(resimulate(run, world), start=1):
@@ -238,6 +245,7 @@ def export_bag(
                 bag.write("/odom", odometry, time)
                 bag.write("/imu", imu_message(sensed.odometry), time)
                 bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
+                _write_readings(bag, "", own_sensors, sensed, time)
             if index <= ends.drives:
                 bag.write("/scan", scan_message(sensed.scan), time)
                 bag.write("/drive", drive_message(tick.command, time), time)
@@ -305,7 +313,7 @@ class _Shown:
                 f"{run.folder}: its planner publishes no topics and shows no values; accepted with --trust: a run of "
                 "ros:..., or of a planner that calls fg_mujoco.show"
             )
-        self._values, self._topics = ShownValues(), dict[str, str]()
+        self._values, self._topics = IntermediateValues(), dict[str, str]()
         self._marked: set[str] = set()  # names of the values that have a marker
         if self._published is not None:
             self._published()  # from here on all is kept
@@ -330,11 +338,11 @@ class _Shown:
 
     def _values_of(self, scan: LaserScan, time: int) -> Iterator[tuple[str, Any]]:
         """Yield topics and messages of the values that are shown now."""
-        marked: list[ShownValue] = []
+        marked: list[IntermediateValue] = []
         for name, value in self._values.now.items():
-            if value.kind == SHOWN_NUMBER:
+            if value.kind == NUMBER_VALUE:
                 yield self._topic(name), number_message(float(value.array))
-            elif value.kind == SHOWN_SCAN:
+            elif value.kind == SCAN_VALUE:
                 yield self._topic(name), scan_message(replace(scan, ranges=value.array))
             elif len(value.array):
                 marked.append(value)
@@ -361,6 +369,7 @@ class _Other:
         self.car, self.mounts, self.ends = car, _mounts(model, car), _Ends.of(run, car)
         self.namespace, self.scans, self.drive = _names(car)
         self.base = f"{self.namespace}/{BASE_FRAME}"
+        self.sensors = recorded_sensors(run.summary["cars"][car])
         self.commands = run.others[car - 1][:, COMMAND : COMMAND + 2]
         self.radius = car_parameters(model, car_prefix(car)).wheel_radius
 
@@ -385,6 +394,7 @@ def _write_others(
             bag.write(f"/{EGO}/opp_odom", odometry, time)
         bag.write(f"/{name}/imu", imu_message(seen.odometry, f"{name}/{IMU_FRAME}"), time)
         bag.write(f"/{name}/joint_states", joints_message(seen.odometry, other.radius, other.base), time)
+        _write_readings(bag, f"/{name}", other.sensors, seen, time)
         if tick < other.ends.drives:
             bag.write(other.scans, scan_message(seen.scan, f"{name}/{LASER_FRAME}"), time)
             steering_angle, speed = other.commands[tick].tolist()
@@ -392,6 +402,16 @@ def _write_others(
             bag.write(other.drive, drive_message(command, time, other.base), time)
     if moved:
         bag.write("/tf", transform_message(time, moved), time)
+
+
+def _write_readings(
+    bag: BagWriter, namespace: str, sensors: Sequence[Sensor], sensed: Sensed, time: int
+) -> None:
+    """Write what each sensor of a car has delivered in a tick, in frames of the car's namespace."""
+    for sensor in sensors:
+        within = "" if sensor.frame in (MAP_FRAME, ODOM_FRAME) or not namespace else f"{namespace[1:]}/"
+        for message in reading_messages(sensed.odometry.readings[sensor.name], within + sensor.frame):
+            bag.write(f"{namespace}/sensors/{sensor.name}", message, time)
 
 
 def _told(sensed: Sensed, child: str) -> Any:

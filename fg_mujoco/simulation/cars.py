@@ -93,7 +93,7 @@ class WorldCar:
 
 
 def car_prefix(index: int) -> str:
-    """Return what the names of everything that belongs to a car begin with."""
+    """Return the prefix of the names of everything that belongs to a car."""
     return f"car_{index}/" if index else CAR_PREFIX
 
 
@@ -109,7 +109,7 @@ def require_car(car: int, count: int) -> int:
 
 
 def lidar_prefix(index: int) -> str:
-    """Return what the names of everything that belongs to a car's LiDAR begin with."""
+    """Return the prefix of the names of everything that belongs to a car's LiDAR."""
     return car_prefix(index) + LIDAR_IN_CAR
 
 
@@ -187,7 +187,7 @@ def touch_name(first: int, second: int) -> str:
 
 
 def touch_places(model: mujoco.MjModel, count: int) -> NDArray[np.int64]:
-    """Return where in sensordata each two cars' sensor begins, -1 on the diagonal. Shape (cars, cars)."""
+    """Return the index in sensordata of each two cars' sensor, -1 on the diagonal. Shape (cars, cars)."""
     places = np.full((count, count), -1, np.int64)
     for first in range(count):
         for second in range(first + 1, count):

@@ -1,4 +1,4 @@
-"""Where a car touches nothing, so that MuJoCo need not look for contacts there.
+"""Finds poses in which a car touches nothing, so that MuJoCo need not look for contacts there.
 
 In each physics step MuJoCo looks through the walls of a course for those near a car, which takes a fifth of a step on
 tires of ours. Where all cars are further from what is solid, and from each other, than they reach, and stand over the
@@ -22,7 +22,7 @@ from ..vehicle.car import element_id
 from ..vehicle.motion import CarArray
 
 REACH = 1.0
-"""[m] Greatest distance that is told apart, which is further than any car of this scale reaches from its middle."""
+"""[m] Greatest distance that is measured, which is further than any car of this scale reaches from its middle."""
 
 _CELL = 0.25  # [m]
 MOST_CELLS = 4_000_000  # of a course 500 m long and wide; on a greater one nothing is left out
@@ -31,7 +31,7 @@ _UPRIGHT = 0.8  # [-] cosine of a car's tilt, up to which the corners of its hul
 
 
 class ClearGround(NamedTuple):
-    """What tells where the cars of a world touch nothing; empty `distances`: nothing is known, and none is clear."""
+    """Distances that show where the cars of a world touch nothing; empty `distances`: no place is known to be clear."""
 
     distances: FloatArray  # (rows, columns) [m] from the middles of cells to what stands, REACH at most
     corner: FloatArray  # (2,) x and y of the middle of cell (0, 0) [m]
@@ -41,7 +41,7 @@ class ClearGround(NamedTuple):
 def find_clear_ground(
     grid: tuple[FloatArray, FloatArray], model: mujoco.MjModel, prefixes: Sequence[str]
 ) -> ClearGround:
-    """Return what tells where the cars of a world are clear.
+    """Return the distances that show where the cars of a world are clear.
 
     Args:
       grid: of `distances_of` the model.
@@ -234,7 +234,7 @@ def touches_nothing(qpos: FloatArray, cars: CarArray, clear: ClearGround) -> boo
 
 @kernel
 def _place(qpos: FloatArray, q: int, body: FloatArray, along: float) -> tuple[float, float]:
-    """Return where a point so far before the middle of a car's hull is from above [m]."""
+    """Return the position from above of a point so far ahead of the middle of a car's hull [m]."""
     w, x, y, z = qpos[q + 3], qpos[q + 4], qpos[q + 5], qpos[q + 6]
     a, b, c = body[0] + along, body[1], body[2]
     forward = a * (1.0 - 2.0 * (y * y + z * z)) + 2.0 * (b * (x * y - w * z) + c * (x * z + w * y))

@@ -16,7 +16,7 @@ HAS_CLOCK = hasattr(ctypes.pythonapi, _WITH_ROOM) or hasattr(ctypes.pythonapi, _
 
 @numbas(time.perf_counter_ns)
 def _nanoseconds() -> Any:
-    """Return what reads the clock [ns]."""
+    """Return the function that reads the clock [ns]."""
     from llvmlite.ir import FunctionType, IntType
     from numba.core import cgutils
     from numba.extending import intrinsic

@@ -70,7 +70,7 @@ all cars, the state after it, and the controls; in the row before the first stat
 NOTHING_KEPT = ArrayTable(KEPT, {}).rows
 
 DRIVEN, LATE, NO_NUMBERS = range(3)
-"""How a whole tick ended: driven, or before the cars were driven, after a decision over its limit, or because the
+"""Ends of a whole tick: driven, or before the cars were driven, after a decision over its limit, or because the
 command of a car that runs is no number."""
 
 _TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any, Protocol
@@ -33,10 +33,13 @@ from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects, ScanPipeline
 from ..lidar.lidar import Lidar
-from ..messages import FloatArray, LaserScan
+from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.motion import ground_speed, planar_pose
+from ..vehicle.sensors import CarState, Sampler, Sensor
+from ..vehicle.sensors.sensor import drift_odometry
+from .cars import car_prefix
 from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT
 from .physics import span_of
 from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
@@ -146,6 +149,7 @@ class Engine:
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
         self._pipelines: dict[int, ScanPipeline] = {}
+        self._samplers: dict[int, list[Sampler]] = {}
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
@@ -229,7 +233,7 @@ class Engine:
         return self.state(i)[first:end]
 
     def ctrl(self, i: int) -> FloatArray:
-        """Return what the actuators of world i get. Live."""
+        """Return the controls of world i's actuators. Live."""
         first, end = self._place_of(i)[0].layout.ctrl
         return self.state(i)[first:end]
 
@@ -255,7 +259,7 @@ class Engine:
             batch.read_motions(which[batch.rows], poses[batch.rows], velocities[batch.rows])
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return what surrounds a car: its world, and where the other cars of it are."""
+        """Return the surroundings of a car: its world, and the poses of its other cars."""
         i, own = divmod(row, self.cars_per_world)
         qpos, qvel, others = self.qpos(i), self.qvel(i), []
         for other in range(row - own, row - own + self.cars_per_world):
@@ -266,7 +270,7 @@ class Engine:
         return Surroundings(world=self.world_of(i), others=tuple(others))
 
     def slip(self, i: int = 0) -> FloatArray:
-        """Return what the tires of the car did that was driven last in the batch of world i, as TireSlip.values. Live.
+        """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.
 
         Shape (QUANTITIES, substeps, 4).
         """
@@ -330,6 +334,7 @@ class Engine:
         effects: Sequence[LidarEffects] | None = None,
         seeds: Sequence[int] | None = None,
         odometry_drifts: Sequence[float] | None = None,
+        sensors: Sequence[Sequence[Sensor]] | None = None,
     ) -> None:
         """Place cars at their starts and begin their races.
 
@@ -337,8 +342,12 @@ class Engine:
           starts: one for each of the cars.
           which: (r,) the cars, whole worlds; None: all.
           effects: what the LiDAR of each does to a scan; None: nothing.
-          seeds: of the LiDAR's noise of each; needed with effects.
+          seeds: of the LiDAR's noise of each, and of its sensors'; needed with effects or sensors.
           odometry_drifts: relative error of the speeds and the yaw rate in the odometry of each; None: there is none.
+          sensors: of each, besides LiDAR and odometry; None: none.
+
+        Raises:
+          SettingsError: a sensor's rate that is not one in a whole number of physics steps.
         """
         chosen = np.ones(len(self.commands), np.bool_) if which is None else which
         start_of: list[Start | None] = [None] * len(chosen)
@@ -348,6 +357,10 @@ class Engine:
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
+            self._samplers.pop(row, None)
+            if sensors is not None and sensors[place]:
+                assert seeds is not None
+                self._samplers[row] = self._make_samplers(row, sensors[place], seeds[place])
         self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
         for batch in self._batches:
             batch.place(chosen[batch.rows], start_of[batch.rows])
@@ -360,6 +373,7 @@ class Engine:
         effects: LidarEffects | Sequence[LidarEffects] | None = None,
         seed: int | Sequence[int] = 0,
         odometry_drift: float | Sequence[float] = 0.0,
+        sensors: Sequence[Sequence[Sensor]] = (),
         timed: bool = False,
     ) -> None:
         """Go on in world i from a recorded state (k,).
@@ -370,6 +384,7 @@ class Engine:
           effects: what its LiDARs do to a scan, all alike, or one for each car; None: nothing.
           seed: of their noise, likewise.
           odometry_drift: relative error of the speeds and the yaw rate in their odometry, likewise.
+          sensors: of each car, besides LiDAR and odometry; nothing: none.
           timed: begin the races of its cars there, with their laps and why they end; else they race without end.
         """
         batch, place = self._place_of(i)
@@ -378,8 +393,12 @@ class Engine:
         self._drift(rows, odometry_drift)
         effects_of = effects if isinstance(effects, Sequence) else [effects] * len(rows)
         seed_of = seed if isinstance(seed, Sequence) else [seed] * len(rows)
-        for row, own, number in zip(rows, effects_of, seed_of, strict=True):
+        sensors_of = sensors or [()] * len(rows)
+        for row, own, number, sensing in zip(rows, effects_of, seed_of, sensors_of, strict=True):
             self._pipelines.pop(row, None)
+            self._samplers.pop(row, None)
+            if sensing:
+                self._samplers[row] = self._make_samplers(row, sensing, number)
             if own is not None and own != LidarEffects():
                 self._pipelines[row] = self._pipeline(row, own, number)
             self.running[row] = self.running[row] or not timed
@@ -388,20 +407,21 @@ class Engine:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
         chosen = self.running if which is None else which
         if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
-            beside = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
-            if beside.any():
-                self._share(lambda batch: batch.read(beside[batch.rows]))
+            others = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
+            if others.any():
+                self._share(lambda batch: batch.read(others[batch.rows]))
         self._share(lambda batch: batch.sense(chosen[batch.rows]))
         if self._drifts:
-            factors = 1.0 + self._odometry_drift[chosen]
-            self.odometry["speed"][chosen] *= factors
-            self.odometry["wheel_speeds"][chosen] *= factors[:, np.newaxis]
-            self.odometry["angular_velocity"][chosen, 2] *= factors
+            drifted = self.odometry[chosen]
+            drift_odometry(drifted, 1.0 + self._odometry_drift[chosen])
+            self.odometry[chosen] = drifted
         for batch in self._batches:
             if batch.drawn is None:
                 for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
                     lidar = batch.lidar(row % self.cars_per_world)
                     self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
+        if self._samplers:
+            self._measure(np.flatnonzero(chosen), deliver=True)
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -429,7 +449,7 @@ class Engine:
         Args:
           controls: of the actuators, as recorded, (n, controls), instead of the commands; None: the commands are held.
         """
-        if self.before_substep or self.after_substep or self._swept or controls is not None:
+        if self.before_substep or self.after_substep or self._in_steps or controls is not None:
             for batch in self._batches:
                 self._drive_in_steps(batch, controls)
         else:
@@ -454,10 +474,10 @@ class Engine:
         """Sense, decide, drive and judge; return which cars were driven, (r,).
 
         That is one compiled call for worlds of one car, where the planners are compiled and there are no hooks, no
-        effects of the LiDAR and no drift of the odometry, which happen in Python.
+        effects of the LiDAR, no sensors and no drift of the odometry, which happen in Python.
 
         Args:
-          clock: is told how long the decision took; what it raises then leaves the cars as they are.
+          clock: called with the time of the decision; where it raises, the cars stay as they are.
           history: keeps the tick of world 0, once its cars are driven.
         """
         calls = self._compiled_calls()
@@ -480,7 +500,7 @@ class Engine:
 
     def _compiled_calls(self) -> Calls | None:
         """Return the calls that decide in a tick of one compiled call; None where it takes more."""
-        if self.before_substep or self.after_substep or self._pipelines or self._drifts:
+        if self.before_substep or self.after_substep or self._pipelines or self._samplers or self._drifts:
             return None
         if self._called is not self.planners:
             self._called, self._calls, batch = self.planners, None, self._batches[0]
@@ -550,7 +570,7 @@ class Engine:
         )  # fmt: skip
 
     def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:
-        """Return what a LiDAR in Python reads world i from; a pipeline that does not look at bodies wants the time."""
+        """Return the data that a LiDAR in Python measures in, of world i; a pipeline without bodies needs its time."""
         if pipeline is not None and not pipeline.needs_every_step:
             return SimpleNamespace(time=self.time(i))
         if i not in self._data:
@@ -559,9 +579,47 @@ class Engine:
         return self._data[i]
 
     @property
-    def _swept(self) -> bool:
-        """Whether any LiDAR moves during its sweep."""
-        return any(pipeline.needs_every_step for pipeline in self._pipelines.values())
+    def _in_steps(self) -> bool:
+        """Whether any LiDAR moves during its sweep, or any sensor measures within a tick."""
+        return any(pipeline.needs_every_step for pipeline in self._pipelines.values()) or any(
+            sampler.steps % self.substeps for samplers in self._samplers.values() for sampler in samplers
+        )
+
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """Return what the sensors of a car have delivered up to when it last sensed, by their names."""
+        samplers = self._samplers.get(row)
+        if samplers is None:
+            return NO_READINGS
+        return Readings((sampler.sensor.name, sampler.reading) for sampler in samplers)
+
+    def car_state(self, row: int) -> CarState:
+        """Return what can be measured on a car now. Live."""
+        i, car = divmod(row, self.cars_per_world)
+        batch, place = self._place_of(i)
+        return CarState(
+            time=self.time(i), qpos=self.qpos(i), qvel=self.qvel(i), sensordata=batch.physics.sensors[place],
+            ranges=self.ranges[row], constants=self._arrays.constants[row : row + 1],
+            odometry_drift=float(self._odometry_drift[row]), model=batch.world.model, prefix=car_prefix(car),
+        )  # fmt: skip
+
+    def _make_samplers(self, row: int, sensors: Sequence[Sensor], seed: int) -> list[Sampler]:
+        """Return what measures with the sensors of a car."""
+        timestep, beams = self.world_of(row // self.cars_per_world).model.opt.timestep, len(self.beams.bearings)
+        return [
+            Sampler(sensor, seed, steps=sensor.steps(timestep, self.substeps), size=sensor.size(beams))
+            for sensor in sensors
+        ]
+
+    def _measure(self, rows: NDArray[np.int64], *, deliver: bool) -> None:
+        """Have the sensors of some cars measure where it is time to, and deliver what is old enough."""
+        for row in rows.tolist():
+            samplers = self._samplers.get(row, ())
+            state = self.car_state(row) if samplers else None
+            for sampler in samplers:
+                assert state is not None
+                sampler.measure(round(state.time / state.model.opt.timestep), state)
+                if deliver:
+                    sampler.deliver(state.time)
 
     def _drive_in_steps(self, batch: WorldBatch, controls: FloatArray | None) -> None:
         """Drive a batch as its `drive` does, one physics step after the other, hooks in between."""
@@ -573,6 +631,8 @@ class Engine:
             for row, pipeline in self._pipelines.items()
             if pipeline.needs_every_step and row // self.cars_per_world in worlds
         ]
+        stepped = np.zeros(self.count, np.bool_)
+        stepped[worlds] = True
         for step in range(self.substeps):
             for hook in self.before_substep:
                 hook(self, worlds)
@@ -581,6 +641,8 @@ class Engine:
                 hook(self, worlds)
             for row, pipeline in swept:
                 pipeline.record(self._data_of(row // self.cars_per_world, pipeline))
+            if self._samplers and step < self.substeps - 1:  # at the end of a tick when the car senses
+                self._measure(np.flatnonzero(self.running & np.repeat(stepped, self.cars_per_world)), deliver=False)
         batch.book(ids)
 
     def _share(self, work: Callable[[WorldBatch], None]) -> None:
@@ -597,7 +659,7 @@ def _drive(batch: WorldBatch) -> None:
 
 
 def _parts(worlds: Sequence[World], threads: int) -> list[slice]:
-    """Return consecutive worlds that are the same, cut at the ends of equal shares for so many threads."""
+    """Split the worlds into runs of equal models, with at most one run per thread."""
     count = len(worlds)
     shares = min(threads, count)
     ends = {count * k // shares for k in range(1, shares + 1)}
@@ -618,7 +680,7 @@ class RangesRow:
 
 
 def whole_steps(period: float, timestep: float) -> int:
-    """Return how many physics steps make one period.
+    """Return the number of physics steps in one period.
 
     Raises:
       ModelError: not a whole number of them.

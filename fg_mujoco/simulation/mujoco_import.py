@@ -1,7 +1,7 @@
 """Imports MuJoCo where MUJOCO_GL asks for a library that is not there: races need no pictures.
 
 With MUJOCO_GL=egl, `import mujoco` itself looks for EGL and ends in a traceback from ctypes without it. Then it is
-imported as with MUJOCO_GL=disable; whoever asks for a picture is told what to install (rendering/gl.py).
+imported as with MUJOCO_GL=disable; a request for a picture is refused with what to install (rendering/gl.py).
 
 By default MuJoCo draws with the package `glfw`, which starts another Python to look for its library, and takes longer
 to import than MuJoCo itself. Here it is imported once something draws.

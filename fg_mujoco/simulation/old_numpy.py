@@ -47,7 +47,7 @@ _COMPILED = re.compile(r"numpy\.core\.multiarray failed to import|compiled using
 
 
 def advice(error: BaseException, said: str) -> str:
-    """Return which NumPy to install for an error that comes of a newer one; empty for any other error.
+    """Return the NumPy version to install for an error that a newer one causes; empty for any other error.
 
     Args:
       error: of a planner, a node or a script.

@@ -21,13 +21,13 @@ from ..messages import FloatArray
 from ..vehicle.stages import library_path
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""What a state holds: all that the next step depends on."""
+"""The parts of a state: all that the next step depends on."""
 
 BAD_STATE = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 """Warnings after which MuJoCo resets a state by itself."""
 
 BAD_WARNINGS = slice(2 * BAD_STATE.start + 1, 2 * BAD_STATE.stop, 2)
-"""Where their counts are in `Batch.warnings`."""
+"""The indices of their counts in `Batch.warnings`."""
 
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 
@@ -93,14 +93,14 @@ def apply_to_states(batch: int, ids: NDArray[np.int32], count: int, function: in
 
 
 def span_of(model: mujoco.MjModel, part: mujoco.mjtState) -> tuple[int, int]:
-    """Return where a part of a state lies in its row: the first place, and the one behind the last."""
+    """Return the place of a part of a state in its row: the first index, and the one behind the last."""
     earlier = (1 << bit for bit in range(int(part).bit_length() - 1))
     before = sum(mujoco.mj_stateSize(model, bit) for bit in earlier if int(STATE) & bit)
     return before, before + mujoco.mj_stateSize(model, int(part))
 
 
 class StateLayout(NamedTuple):
-    """Where the parts of a state lie in its row: the first place, and the one behind the last."""
+    """The places of the parts of a state in its row: the first index, and the one behind the last."""
 
     time: int
     qpos: tuple[int, int]

@@ -1,13 +1,13 @@
 """Planner adapters: what the cars of an engine sense goes one way, what their planners command the other.
 
-Any planner can be told in messages. One that decides for many worlds at once is told in arrays: the same decision, bit
+Any planner can be given messages. One that decides for many worlds at once is given arrays: the same decision, bit
 for bit, for that is the contract of `batch`, without the messages in between.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -17,15 +17,26 @@ from numpy.typing import NDArray
 
 from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
-from ..messages import A_COMMAND, ODOMETRY, Controller, ControllerBatch, DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import (
+    A_COMMAND,
+    NO_READINGS,
+    ODOMETRY,
+    Controller,
+    ControllerBatch,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    Reading,
+)
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
+    error_text,
     failure_of,
     file_of,
     is_of_planner,
     place,
-    told,
     without_exit,
     wrong_answer,
 )
@@ -47,7 +58,7 @@ Decide = Callable[[], DriveCommand]
 
 @dataclass(frozen=True, kw_only=True)
 class OtherCar:
-    """Where another car of the same world is, truly."""
+    """The true pose of another car of the same world."""
 
     pose: tuple[float, float, float]  # x [m], y [m], heading [rad] of base_link in the map frame
     speed: float  # [m/s] along its heading, over ground
@@ -56,7 +67,7 @@ class OtherCar:
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """What a planner that asks for it is told beyond what its car senses.
+    """Knowledge beyond the car's sensors, for planners with `look_round`.
 
     A planner asks by a method `look_round`, which is called with this before each decision.
     """
@@ -66,7 +77,7 @@ class Surroundings:
 
 
 class Cars(Protocol):
-    """What planners want of an engine."""
+    """The members of an engine that planners need."""
 
     beams: Beams  # of the LiDARs
     odometry: NDArray[np.void]  # (r,) of ODOMETRY
@@ -78,8 +89,11 @@ class Cars(Protocol):
     def running(self) -> NDArray[np.bool_]:
         """Which cars race. Shape (r,)."""
 
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """Return what the sensors of a car have delivered, by their names."""
+
     def surroundings(self, row: int) -> Surroundings:
-        """Return what surrounds a car."""
+        """Return the surroundings of a car."""
 
 
 class Planners(Protocol):
@@ -87,7 +101,7 @@ class Planners(Protocol):
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed, by row."""
+        """The errors of the planners that failed, by row."""
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """Write the commands of the cars that they drive; return whose planner failed, or None: nobody's."""
@@ -180,7 +194,7 @@ class BatchPlanners:
         return found if isinstance(found, np.ndarray) and found.dtype == np.int64 and found.ndim == 2 else None
 
     def failed(self, error: BaseException, cars: Cars) -> Reasons:
-        """Return whose planner has failed, after the planners have raised.
+        """Return the cars whose planner has failed, after the planners have raised.
 
         Raises:
           PlannerError: as a call does.
@@ -193,7 +207,7 @@ class BatchPlanners:
         return np.where(cars.running, _FAILED, 0)
 
     def refused(self, cars: Cars) -> Reasons:
-        """Return whose planner has failed, after the planners have commanded what is no number.
+        """Return the cars whose planner has failed, after a command that is no number.
 
         Raises:
           PlannerError: as a call does.
@@ -210,7 +224,7 @@ class BatchPlanners:
 
 
 class PlannersOfEach:
-    """Planners of cars that have different ones: each group of cars is told by itself.
+    """Planners of cars that have different ones: each group of cars is asked by itself.
 
     Args:
       groups: rows of the cars (k,), and the planners of those cars.
@@ -221,7 +235,7 @@ class PlannersOfEach:
 
     @property
     def failures(self) -> dict[int, PlannerError]:
-        """What was wrong with the planners that failed, by row."""
+        """The errors of the planners that failed, by row."""
         return {int(rows[own]): error for rows, planners, _ in self._groups for own, error in planners.failures.items()}
 
     def __call__(self, cars: Cars) -> Reasons | None:
@@ -241,7 +255,7 @@ class PlannersOfEach:
 
 
 class _SomeCars:
-    """What some of an engine's cars sense, in the order of their rows: of one car views, of several copies."""
+    """Scans and odometry of some of an engine's cars, in row order: of one car views, of several copies."""
 
     def __init__(self) -> None:
         self._viewed: FloatArray | None = None
@@ -257,6 +271,10 @@ class _SomeCars:
             self._viewed = cars.ranges if one else None
         scans = cars.scans
         self.scans = {own: scans[row] for own, row in enumerate(rows.tolist()) if row in scans} if scans else {}
+
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """See Cars."""
+        return self._whole.readings(int(self._rows[row]))
 
     def surroundings(self, row: int) -> Surroundings:
         """See Cars."""
@@ -278,7 +296,7 @@ def adapt(
 
     Args:
       planners: in the order of the cars.
-      arrays: whether planners that can decide together are told in arrays; False where a planner is the caller's own
+      arrays: whether planners that can decide together are given arrays; False where a planner is the caller's own
         object, which may have been used before.
       raises: whether the failure of a planner is raised.
       timed: as MessagePlanners takes it; planners then decide one after the other.
@@ -287,7 +305,7 @@ def adapt(
       ControllerError: their class's `batch` raises.
     """
     kind = type(planners[0])
-    batch = getattr(kind, "batch", None) if arrays and timed is None else None
+    batch = getattr(kind, "batch", None) if arrays and timed is None and not wanted_sensors(kind) else None
     if batch is None or any(type(planner) is not kind for planner in planners):
         return MessagePlanners(planners, raises=raises, timed=timed)
     try:
@@ -295,14 +313,27 @@ def adapt(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"controller {kind.__name__} failed in batch(): {told(error, file_of(kind))}") from error
+        raise ControllerError(f"controller {kind.__name__} failed in batch(): {error_text(error, file_of(kind))}") from error
     return BatchPlanners(together, kind, raises=raises)
 
 
-def odometry_message(row: Any) -> Odometry:
-    """Return the message of a row of ODOMETRY."""
+def odometry_message(row: Any, readings: Mapping[str, Reading] = NO_READINGS) -> Odometry:
+    """Return the message of a row of ODOMETRY, with the readings of the car's sensors."""
     values: dict[str, Any] = {name: row[name] if row[name].ndim else float(row[name]) for name in _ODOMETRY}
-    return Odometry(**values)
+    return Odometry(**values, readings=readings)
+
+
+def wanted_sensors(kind: type) -> tuple[str, ...]:
+    """Return the names of the sensors that planners of a class read: those of its attribute `sensors`.
+
+    Raises:
+      ControllerError: the attribute is something else than a sequence of names.
+    """
+    names = getattr(kind, "sensors", ())
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        said = f"controller {kind.__name__} has sensors = {short(names)}"
+        raise ControllerError(f"{said}; accepted: the names of those that it reads, such as ('imu',)")
+    return tuple(names)
 
 
 @without_exit()
@@ -319,7 +350,7 @@ def start(controller: Controller) -> None:
             raise
         name = class_name(controller)
         raise ControllerError(
-            f"controller {name} failed in reset(): {told(error, file_of(type(controller)))}"
+            f"controller {name} failed in reset(): {error_text(error, file_of(type(controller)))}"
         ) from error
 
 
@@ -352,8 +383,8 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
 
 
 def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
-    """Return what a car senses, as messages."""
-    sensed = odometry_message(cars.odometry[row])
+    """Return the scan and the odometry of a car, as messages."""
+    sensed = odometry_message(cars.odometry[row], cars.readings(row))
     return cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp), sensed
 
 
@@ -373,7 +404,7 @@ def _answered(said: str, accepted: str, kind: type, scan: LaserScan, odometry: O
 
 
 def short(value: object) -> str:
-    """Return how Python writes a value, cut to 60 characters; where it cannot be written, what it is."""
+    """Return the repr of a value, cut to 60 characters; where it has none, its class."""
     try:
         return short_text(str.__str__(repr(value)))
     except BaseException as error:

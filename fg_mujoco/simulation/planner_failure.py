@@ -1,4 +1,4 @@
-"""Where and why a planner failed: the line of its file, its own part of the traceback, and what it was told then."""
+"""Describes a planner's failure: the line of its file, its part of the traceback, and the messages it was given."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class PlannerFailure:
     line: int | None  # in it, the innermost that was reached, or where `__call__` is defined; None: neither is in it
     traceback: str  # from the planner's file on, many lines; empty where nothing was raised
     whole_traceback: str  # with the frames that called the planner, and what caused the error
-    scan: LaserScan = field(repr=False)  # that the planner was told
+    scan: LaserScan = field(repr=False)  # that the planner was given
     odometry: Odometry = field(repr=False)
 
     def __repr__(self) -> str:
@@ -51,7 +51,7 @@ class PlannerFailure:
         return f"{self.error}{place(self.file, self.line)}, t = {self.time_s:.3f} s"
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON summary holds: everything but the messages."""
+        """Return the entries for the JSON summary: everything but the messages."""
         names = ("error", "time_s", "file", "line", "traceback")
         return {name: getattr(self, name) for name in names}
 
@@ -71,14 +71,14 @@ def one_line(error: BaseException) -> str:
 
 
 def _advice(error: BaseException, said: str) -> str:
-    """Return what to do about an error of Python's or NumPy's that says nothing of it; nothing of any other."""
+    """Return advice for errors of Python or NumPy that give none; an empty text for any other error."""
     if type(error) is FrozenInstanceError or (type(error) is ValueError and "read-only" in said):
         return "; scans and odometry are read-only: change a copy, such as ranges = scan.ranges.copy()"
     return numpy_advice(error, said)
 
 
 def is_of_planner(error: BaseException) -> bool:
-    """Return whether what came out of a planner's code is its failure, whatever it is: not Ctrl-C, nor its time limit.
+    """Return whether an exception is the planner's fault, and not Ctrl-C or the decision limit.
 
     A planner raises KeyboardInterrupt itself by a `raise` statement. Ctrl-C comes between two other instructions.
     """
@@ -127,7 +127,7 @@ def place(file: str | None, line: int | None) -> str:
     return f" ({file}, line {line})" if file is not None and line is not None else ""
 
 
-def told(error: BaseException, file: str | None) -> str:
+def error_text(error: BaseException, file: str | None) -> str:
     """Return the kind and the message of an error, and the line of a planner's file in which it was raised."""
     return one_line(error) + ("" if issubclass(type(error), SyntaxError) else place(file, line_of(error, file)))
 
@@ -232,7 +232,7 @@ def _bounded(text: str) -> str:
 
 
 def _raising_exit(real: Callable[[int], Any], process: int) -> Callable[[int], Any]:
-    """Return what stands for `os._exit` in a process."""
+    """Return the function that replaces `os._exit` in a process."""
 
     def _exit(status: int) -> Any:
         if os.getpid() != process:  # a fork's

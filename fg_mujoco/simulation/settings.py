@@ -25,6 +25,7 @@ from ..messages import CarParameters, MapLine, PlannerContext, require, require_
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
+from ..vehicle.sensors import Sensor, as_sensors
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import WorldCar, car_prefix, lidar_prefix
@@ -167,11 +168,13 @@ class CarSettings:
     changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
     tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
+    sensors: Sequence[Sensor | str | Mapping[str, Any]] = ()  # besides LiDAR and odometry, as `as_sensors` takes them
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
         object.__setattr__(self, "patches", as_parts(self.patches, Patch, "patches"))
+        object.__setattr__(self, "sensors", as_sensors(self.sensors))
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:
@@ -198,6 +201,11 @@ class CarSettings:
     def tire_set(self) -> Tires:
         """The tires that the car stands on, loaded."""
         return self.car.tires if self.tires is None else cast(Tires, self.tires)
+
+    @property
+    def sensed(self) -> tuple[Sensor, ...]:
+        """The sensors, made."""
+        return cast("tuple[Sensor, ...]", self.sensors)
 
     @property
     def tires_mu(self) -> float:
@@ -235,6 +243,8 @@ class CarSettings:
                 found |= {name: value.source, "vehicle_sha256": value.sha256}
             elif isinstance(value, Tires):
                 found[name] = value.described()
+            elif name == "sensors":
+                found[name] = [sensor.described() for sensor in value]
             elif name == "patches":
                 found[name] = [asdict(patch) for patch in value]
             elif is_dataclass(value) and not isinstance(value, type):
@@ -273,7 +283,7 @@ class DriveSettings(CarSettings):
     start: Start = field(default_factory=Start)
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
     odometry_drift: float = 0.0  # relative error of the speeds and the yaw rate that the planner is told; 0.05: 5 %
-    seed: int = 0  # of the LiDAR's noise and dropouts
+    seed: int = 0  # of the LiDAR's noise and dropouts, and of the sensors'
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -315,6 +325,7 @@ class DriveSettings(CarSettings):
         return PlannerContext(
             car=car, mu=self.assumed_mu, max_speed=float(self.max_speed), period=period,
             latency=self.effects.sweeps_late(period) * period + delay, seed=self.seed, map_line=map_line,
+            sensors=tuple(sensor.name for sensor in self.sensed),
         )  # fmt: skip
 
     @property

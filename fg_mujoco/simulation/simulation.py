@@ -10,7 +10,8 @@ drives the same engine without the MuJoCo data in between.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,6 +23,7 @@ from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import A_COMMAND, DriveCommand, FloatArray, LaserScan, Odometry, shown
 from ..vehicle.motion import is_rolled_over
+from ..vehicle.sensors import Sensor, as_sensors
 from ..vehicle.tire_slip import TireSlip
 from .engine import Engine
 from .physics import STATE
@@ -39,6 +41,7 @@ class Simulation(Suggesting):
       effects: what the LiDAR does to a scan beyond measuring it; nothing by default.
       seed: of the LiDAR's noise and dropouts.
       odometry_drift: relative error of the speeds and the yaw rate in the odometry, as in DriveSettings.
+      sensors: whose readings are in the odometry, as in DriveSettings.
       engine: of this one world, whose model is the world's own; None: a new one.
       data: to be used as `data`, of the world's model; None: a new one.
       others: settings of each car besides car 0: its start, effects, seed and drift. These cars do what stands in
@@ -64,6 +67,7 @@ class Simulation(Suggesting):
         effects: LidarEffects | None = None,
         seed: int = 0,
         odometry_drift: float = 0.0,
+        sensors: Sequence[Sensor | str | Mapping[str, Any]] = (),
         engine: Engine | None = None,
         data: mujoco.MjData | None = None,
         others: Sequence[DriveSettings] = (),
@@ -78,6 +82,7 @@ class Simulation(Suggesting):
         self.data = mujoco.MjData(world.model) if data is None else data
         self.period, self.substeps = self.engine.period, self.engine.substeps
         self._effects, self._seed, self._odometry_drift = effects or LidarEffects(), seed, odometry_drift
+        self._sensors = as_sensors(sensors)
         self._all = np.ones(len(world.cars), np.bool_)
         self.reset()
 
@@ -103,6 +108,7 @@ class Simulation(Suggesting):
             effects=[self._effects, *(other.effects for other in others)],
             seeds=[self._seed, *(other.seed for other in others)],
             odometry_drifts=[self._odometry_drift, *(other.odometry_drift for other in others)],
+            sensors=[self._sensors, *(other.sensed for other in others)],
         )
         self.engine.read(0, self.data)
         return self._sense()
@@ -128,7 +134,7 @@ class Simulation(Suggesting):
         engine.read(0, self.data)
 
     def sense(self) -> tuple[LaserScan, Odometry]:
-        """Return what the car senses at the end of a period. Once for each: noise is drawn, late scans move up."""
+        """Return scan and odometry at the end of a period. Call it once each: noise is drawn, late scans move up."""
         mujoco.mj_getState(self.world.model, self.data, self.engine.state(0), int(STATE))
         return self._sense()
 
@@ -136,7 +142,7 @@ class Simulation(Suggesting):
         """Sense in the engine's state, which nobody has changed since."""
         engine = self.engine
         engine.sense(self._all)
-        odometry = odometry_message(engine.odometry[0])
+        odometry = odometry_message(engine.odometry[0], engine.readings(0))
         return engine.scans.get(0) or engine.beams.to_scan(engine.ranges[0], odometry.stamp), odometry
 
     @property
@@ -165,7 +171,7 @@ class Simulation(Suggesting):
 
     @property
     def slip(self) -> TireSlip:
-        """What the tires did in the last step; no rows before the first."""
+        """The tire slip of the last step; no rows before the first."""
         values = self.engine.slip()
         return TireSlip(values=values.copy() if self.data.time > 0.0 else values[:, :0].copy())
 
@@ -186,7 +192,7 @@ class Simulation(Suggesting):
 
     @property
     def pose(self) -> tuple[float, float, float]:
-        """Where the rear axle is: x [m], y [m], heading [rad], world frame."""
+        """Pose of the rear axle: x [m], y [m], heading [rad], world frame."""
         return self.world.car.pose(self.data)
 
 

@@ -50,7 +50,7 @@ heading and to the left of it, its slip angle and its slip ratio, as in TireSlip
 
 
 def column_index(name: str) -> int:
-    """Return which column of the telemetry has a name; the unit at its end may be left out, as in "speed".
+    """Return the index of a column of the telemetry; the unit in its name may be left out, as in "speed".
 
     Raises:
       SettingsError: none has.
@@ -62,7 +62,7 @@ def column_index(name: str) -> int:
 
 
 def column_meant(name: str, other: str | None) -> str | None:
-    """Return what an attribute may mean that a result has not.
+    """Return the attribute that was probably meant by one that a result does not have.
 
     Args:
       name: of the attribute.
@@ -97,7 +97,7 @@ STATISTICS = np.dtype(
 
 
 class StatisticsFigures(TypedDict):
-    """What the summary says of the running statistics."""
+    """The figures of the running statistics for the summary."""
 
     max_slide_m_s: float
     max_lateral_slide_m_s: float

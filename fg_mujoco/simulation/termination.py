@@ -40,7 +40,7 @@ _ROLLED_OVER = END_REASONS.index("rolled_over")
 
 @dataclass(frozen=True, kw_only=True)
 class WrongWay:
-    """Where a car that went the wrong way turned: where it first had its greatest progress. Fields are as in the JSON.
+    """Place where a car that went the wrong way turned: where its progress was greatest first. Fields as in the JSON.
 
     Its text is for people: "turned at (3.10, -0.02) m, 12.3 m into lap 1, t = 4.10 s".
     """
@@ -53,7 +53,7 @@ class WrongWay:
 
     @classmethod
     def of(cls, timer: Any, length: float, laps: int) -> WrongWay:
-        """Return where a car turned.
+        """Return the place where a car turned.
 
         Args:
           timer: a row of LAP_TIMER.

@@ -34,7 +34,7 @@ _APART = 0.5  # [s] without touching each other after which two cars touch anew
 
 
 class Mounts(NamedTuple):
-    """How the LiDARs of the cars of a world are fixed to their cars, see body_poses.Mount."""
+    """Mounts of the LiDARs of a world on their cars, see body_poses.Mount."""
 
     offset_positions: FloatArray  # (m, 3) [m]
     offset_rotations: FloatArray  # (m, 3, 3)
@@ -292,7 +292,7 @@ def any_touch(records: FloatArray, sensor: int) -> bool:
 
 @kernel
 def not_finite(running: Mask, commands: FloatArray) -> Mask:
-    """Return which of the running cars got a command that is no number. Shape (r,)."""
+    """Return whether each running car got a command that is no number. Shape (r,)."""
     bad = np.zeros(len(running), np.bool_)
     for row in range(len(running)):
         bad[row] = running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1]))

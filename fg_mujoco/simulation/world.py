@@ -156,7 +156,7 @@ class World(Suggesting):
 
     @property
     def parameters(self) -> CarParameters:
-        """What a planner is told of the car, read off `model`."""
+        """Parameters of the car for planners, read off `model`."""
         return self.car.parameters
 
     @cached_property
@@ -170,7 +170,7 @@ class World(Suggesting):
 
     @cached_property
     def distances(self) -> tuple[FloatArray, FloatArray]:
-        """How far it is to what stands, from anywhere, see `clear_ground.distances_of`."""
+        """Distances to everything that stands, see `clear_ground.distances_of`."""
         return distances_of(self.model)
 
     @cached_property

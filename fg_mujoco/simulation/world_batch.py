@@ -50,7 +50,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CarArrays:
-    """What is known of r cars, one row a car."""
+    """Scans, odometry and progress of r cars, one row a car."""
 
     constants: NDArray[np.void]  # (r,) of CAR
     mu: FloatArray  # (r, 4) of the tires
@@ -155,7 +155,7 @@ class WorldBatch:
         self._table = self._make_table(period, time_limit)
 
     def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
-        """Return where what belongs to each car of a world is, see tick.TREE."""
+        """Return the places of each car's parts in its model, see tick.TREE."""
         places = np.full((len(meters), 6), -1, np.int64)
         first = 0
         for place, meter, car in zip(places, meters, self.world.cars, strict=True):
@@ -170,7 +170,7 @@ class WorldBatch:
 
     @cached_property
     def _mounts(self) -> list[Mount]:
-        """How the LiDAR of each car is fixed to it."""
+        """Mount of the LiDAR on each car."""
         found = [self.drawn.mount] if self.drawn is not None else []
         for index in range(1, self._cars_per_world):
             found.append(lidar_mount(self.world.model, lidar_prefix(index)))
@@ -185,14 +185,14 @@ class WorldBatch:
         return Floor(patches, wheels, np.zeros((substeps, room, len(WHEELS))), self._pairs.ravel())
 
     def _sizes(self) -> Sizes:
-        """Return how large the model is, and whether any car has tires of ours."""
+        """Return the sizes of the model, and whether any car has tires of ours."""
         model = self.world.model
         return Sizes(
             model.nq, model.nv, model.nsensordata, model.nuserdata, model.npair, int(self._on_own_tires)
         )  # fmt: skip
 
     def _gear_of(self, car: Car, meter: TireSlipMeter) -> NDArray[np.void]:
-        """Return how a car is steered and driven on tires of ours, (1,) of GEAR."""
+        """Return the steering and drive of a car on tires of ours, (1,) of GEAR."""
         if not len(meter.rows):
             return no_gear()
         gear = gear_row(self._model, car.prefix).copy()
@@ -233,7 +233,7 @@ class WorldBatch:
         return ArrayTable(compiled_tick.NAMES, arrays)
 
     def _find_clear_ground(self) -> ClearGround:
-        """Return where cars touch nothing; of a model that its owner may change, nothing is known."""
+        """Return the clear ground of cars; empty for a model that its owner may change."""
         nothing = np.zeros((0, 0)), np.zeros(2)
         grid = nothing if self._own_model else self.world.distances
         return find_clear_ground(grid, self.world.model, [car.prefix for car in self.world.cars])
@@ -246,7 +246,7 @@ class WorldBatch:
         return lidar if draws and isinstance(lidar, RaycastLidar) else None
 
     def lidar(self, car: int) -> Lidar:
-        """Return what measures for a car of these worlds, without effects, in data of the world's model."""
+        """Return the LiDAR of a car of these worlds, without effects, which measures in data of the world's model."""
         if car not in self._lidars:
             self._lidars[car] = self.world.make_lidar(car)
         return self._lidars[car]
@@ -340,7 +340,7 @@ class WorldBatch:
         """Begin the races of the cars `which` (r,) where they are now."""
         monitor, course = self._monitor, self.world.track
         others = monitor.running & ~which
-        monitor.running[:] = which  # a timer is told of a moment only once
+        monitor.running[:] = which  # a timer gets each moment only once
         if course is not None:
             rows = np.flatnonzero(which)
             first = self.layout.qpos[0] + self._arrays.constants["free_qpos"][rows]
@@ -419,7 +419,7 @@ class WorldBatch:
 
     @property
     def driven(self) -> NDArray[np.int32]:
-        """Which of the worlds have a car that races."""
+        """Whether each of the worlds has a car that races."""
         running = self._monitor.running.reshape(-1, self._cars_per_world)
         return np.flatnonzero(running.any(axis=1)).astype(np.int32)
 

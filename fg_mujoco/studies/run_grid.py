@@ -27,7 +27,7 @@ def require_axes(axes: Iterable[tuple[str, Sequence[Any]]]) -> None:
 
 
 def time_left(runs: int, found: int, driven: int, elapsed: float) -> float | None:
-    """Return what the missing runs will take, if it goes on like this [s]; None before the first one is finished.
+    """Return the expected time for the missing runs [s]; None before the first one is finished.
 
     Args:
       runs: of the whole grid.

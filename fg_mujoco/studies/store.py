@@ -110,7 +110,7 @@ class StudyFolder:
             return self.manifest()
 
     def manifest(self, *, checked: bool = True) -> dict[str, Any]:
-        """Return what the folder was made with.
+        """Return the settings and versions that made the folder.
 
         Args:
           checked: whether to compare it with its checksum, if it has one.

@@ -37,7 +37,7 @@ _Answer = TypeVar("_Answer")
 
 
 def usable_cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -59,7 +59,7 @@ def work_through(
       items: as of `work_off`.
       keep: takes an item and its answer.
       workers: number of processes; None: as many as there are cores; one: no other than this.
-      watch: told several times a second how many items are done, and for how long the work goes on [s].
+      watch: called several times a second with the number of items that are done, and the time since the start [s].
       died: as of `work_off`, of workers that are other processes.
 
     Raises:
@@ -224,7 +224,7 @@ class _Worker:
 
 @dataclass(frozen=True)
 class _Failure:
-    """What a function raised, in one line."""
+    """The error that a function raised, in one line."""
 
     said: str
 

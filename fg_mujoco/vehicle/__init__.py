@@ -1,4 +1,4 @@
-"""What drives: vehicles read off their MJCF, what differs from it, tires, and what each tire did.
+"""Vehicles: read off their MJCF, changes of them, tires, and the slip of each tire.
 
 `vehicle` has Vehicle, one MJCF file with its LiDAR and its look; `contract` is what such a file must name and keep, and
 `fitting` what follows from its masses and lengths. `changes` has small differences from the file, for one world or for

@@ -15,7 +15,7 @@ from ..kernels import numbas
 
 
 def _add_scaled(lanes: int) -> Any:
-    """Return what adds to `lanes` numbers of an array others of it, times a factor."""
+    """Return a function that adds to `lanes` numbers of an array others of it, times a factor."""
 
     def made() -> Any:
         from llvmlite.ir import Constant, DoubleType, IntType, VectorType
@@ -51,7 +51,7 @@ add_scaled_16 = _add_scaled(16)
 
 @numbas(bool)
 def unlikely() -> Any:
-    """Return what returns a condition as it is, and has the compiler believe that it is seldom true."""
+    """Return a function that returns its argument, a condition, and tells the compiler that it is seldom true."""
     from llvmlite.ir import Constant, FunctionType, IntType
     from numba.core import types
     from numba.extending import intrinsic

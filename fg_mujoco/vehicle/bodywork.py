@@ -1,4 +1,4 @@
-"""How a car's body meets what is solid: the walls and obstacles, other cars, and the ground that it falls on.
+"""Contacts of a car's body with walls, obstacles, other cars, and the ground that it falls on.
 
 A contact is MuJoCo's soft one in its direct form, in units of the physics step h: damping (1 + e) / h turns the speed
 of approach v into e v within one step, whatever the depth, and stiffness 0.05 / h^2 then takes out a twentieth of what

@@ -36,7 +36,7 @@ def element_id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 
 
 def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
-    """Return where the readings of a named sensor lie in `data.sensordata`.
+    """Return the slice of `data.sensordata` that has the readings of a named sensor.
 
     Raises:
       ModelError: the model has no sensor of that name.
@@ -52,7 +52,7 @@ def command_delay(model: mujoco.MjModel, prefix: str = "") -> float:
 
 
 def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
-    """Read what a planner is told of its car off the compiled model, at rest (qpos0); its tires as published.
+    """Return the parameters of a car for planners, read off the compiled model at rest (qpos0); its tires as published.
 
     Raises:
       ModelError: the model does not hold the car under this prefix.
@@ -117,7 +117,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         speed_time_constant=effective_mass / speed_gain,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
-        **tires_of(model, prefix).told(),
+        **tires_of(model, prefix).for_planners(),
     )
 
 
@@ -137,7 +137,7 @@ class Car:
     """One car in a compiled model: reads its sensors, places it and drives it.
 
     Attributes:
-      parameters: what a planner is told of it.
+      parameters: of the car, for planners.
       mu: friction coefficient of the tires, or the greatest lateral peak of those with a curve [-].
       chassis_contact: where in sensordata the chassis' contact is.
       constants: where it is in the model and its limits, for kernels, (1,) of car_motion.CAR.

@@ -32,7 +32,7 @@ _CHASSIS, _SERVOS = "base_link", ("steering", "speed")
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class CarChanges:
-    """What differs from the vehicle's MJCF; None: nothing does.
+    """Changes of a vehicle's MJCF; None: no change.
 
     Raises:
       SettingsError: a value out of its range.

@@ -1,4 +1,4 @@
-"""What the MJCF of a vehicle must name and keep, and the checks of it.
+"""The contract of a vehicle's MJCF: the names that it must have, the rules that it must keep, and the checks of both.
 
 Each check raises in one line that says which name, in which file, and what is accepted.
 """
@@ -112,7 +112,7 @@ def compiled(spec: Any, where: str) -> Any:
 
 
 def _reason(error: Exception) -> str:
-    """Return what MuJoCo refuses, in one line, and what it would accept."""
+    """Return MuJoCo's error in one line, with what it would accept."""
     text = " ".join(str(error).split())
     line = re.search(r"line (\d+)", text)
     at = f" (line {line[1]})" if line else ""
@@ -156,7 +156,7 @@ def find_lidar(spec: Any, folder: Path | None, where: str) -> LidarModel:
     """Return the LiDAR that a vehicle's text `lidar` names, or the default one.
 
     Raises:
-      ModelError: a file that is neither beside the vehicle's nor bundled, or not that of a LiDAR.
+      ModelError: a file that is neither in the vehicle's folder nor bundled, or not that of a LiDAR.
     """
     file = _named_file(spec, "lidar", folder, where, default=DEFAULT_LIDAR)
     assert file is not None
@@ -167,7 +167,7 @@ def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
     """Return the file of meshes that a vehicle's text `look` names, if it does.
 
     Raises:
-      ModelError: a file that is neither beside the vehicle's nor bundled.
+      ModelError: a file that is neither in the vehicle's folder nor bundled.
     """
     return _named_file(spec, "look", folder, where)
 
@@ -176,22 +176,22 @@ def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
     """Return the tires that a vehicle's text `tires` names, or the default set.
 
     Raises:
-      ModelError: neither a file beside the vehicle's nor a bundled set, or not that of tires.
+      ModelError: neither a file in the vehicle's folder nor a bundled set, or not that of tires.
     """
     element = spec.text("tires")
     if element is None:
         return Tires.load(DEFAULT_TIRES)
     name = str(element.data)
-    beside = None if folder is None else inside(folder, name)
+    own = None if folder is None else inside(folder, name)
     try:
-        if beside is not None and is_file(beside):
-            return Tires.load(beside)
+        if own is not None and is_file(own):
+            return Tires.load(own)
         if "/" not in name and not name.endswith(".toml"):
             return Tires.load(name)
     except SettingsError as error:
         raise ModelError(f"{where}: text 'tires': {error}") from error
     named = short_text(repr(name))
-    raise ModelError(f"{where}: text 'tires' names {named}; accepted: a file beside it, or a bundled set")
+    raise ModelError(f"{where}: text 'tires' names {named}; accepted: a file in its folder, or a bundled set")
 
 
 def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: str | None = None) -> str | None:
@@ -199,13 +199,13 @@ def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: 
     if element is None:
         return default
     name = str(element.data)
-    beside = None if folder is None else inside(folder, name)
-    if beside is not None and is_file(beside):
-        return str(beside)
+    own = None if folder is None else inside(folder, name)
+    if own is not None and is_file(own):
+        return str(own)
     if Path(name).name == name and is_file(str(files("fg_mujoco.models") / name)):
         return name
     named = short_text(repr(name))
-    raise ModelError(f"{where}: text {text!r} names {named}; accepted: a file beside it, or a bundled one")
+    raise ModelError(f"{where}: text {text!r} names {named}; accepted: a file in its folder, or a bundled one")
 
 
 def check_model(model: Any, where: str) -> None:
@@ -327,7 +327,7 @@ def _step(model: Any, data: Any, where: str) -> None:
 
 
 def _chassis_places(data: Any) -> FloatArray:
-    """Return where two points of the chassis are, behind and ahead (2, 3) [m]."""
+    """Return the positions of two points of the chassis, behind and ahead (2, 3) [m]."""
     return np.array((data.body("base_link").xpos, data.site("lidar_mount").xpos))
 
 

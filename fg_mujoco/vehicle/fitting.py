@@ -1,4 +1,4 @@
-"""What follows from a vehicle's masses and lengths: how it rests, how its front wheels steer, how strong its drive is.
+"""Computes from a vehicle's masses and lengths its rest position, its steering geometry and the strength of its drive.
 
     spec = Vehicle.load("f1tenth").spec()
     for body in ("steering", "front_left_carrier", "front_right_carrier"):

@@ -235,7 +235,7 @@ def random_patches(
 
 
 def wheel_positions(model: mujoco.MjModel, prefix: str) -> FloatArray:
-    """Return where the middles of the wheels are in the car's frame, at rest. Shape (4, 2) [m]."""
+    """Return the middles of the wheels in the car's frame, at rest. Shape (4, 2) [m]."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}base_link")

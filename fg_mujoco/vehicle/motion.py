@@ -1,4 +1,4 @@
-"""What a tick reads off a car's state and writes to its actuators, compiled: for one car and for many."""
+"""Kernels that read a car's motion off its state and write its actuators: for one car and for many."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ CAR = np.dtype(
         ("rear_axle_distance", np.float64),
     ]
 )
-"""Where a car is in its model, and its limits. Kernels take an array (1,) of it."""
+"""The indices of a car in its model, and its limits. Kernels take an array (1,) of it."""
 
 CarArray = NDArray[np.void]
 
@@ -150,7 +150,7 @@ def read_motions(
 def point_motion(
     qpos: FloatArray, qvel: FloatArray, ahead: float, car: CarArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Return how a point of the car moves that is `ahead` [m] of base_link.
+    """Return the motion of a point of the car that is `ahead` [m] of base_link.
 
     These are its x [m], y [m] and heading [rad] in the world, its velocity over the ground, forward and to the left of
     that heading [m/s], and the yaw rate [rad/s].

@@ -96,7 +96,7 @@ _AXLE = "wheel_axle"  # sensor of a wheel: where its axle points, (3,) in the wo
 _LEAST_ROLLING = 0.05  # [m/s] of a wheel of the model `contact`; a slower one has no slip angle and no slip ratio
 
 QUANTITIES = 10
-"""How many quantities of each tire and step the slip meter writes."""
+"""Number of quantities of each tire and step that the slip meter writes."""
 
 (
     _SLIDING_SPEED, _FRICTION_USE, NORMAL_FORCE, _FRICTION_FORCE, _LATERAL_SPEED, FORCE_X, FORCE_Y, SLIP_ANGLE,
@@ -107,7 +107,7 @@ QUANTITIES = 10
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class TireSlip:
-    """What the tires did in the recorded steps; columns: front left, front right, rear left, rear right.
+    """Slip and forces of the tires in the recorded steps; columns: front left, front right, rear left, rear right.
 
     All have shape (steps, 4), NaN where a tire is off the ground.
     """
@@ -124,7 +124,7 @@ class TireSlip:
 
     @property
     def sliding_speed(self) -> FloatArray:
-        """How fast each tire slides [m/s].
+        """Sliding speed of each tire [m/s].
 
         Of bristles: the ground under them, beyond what bends them. Of the model `contact`: the contact point over the
         ground. Of any other tire: the part of its slip speed by which it is past its peak.
@@ -279,7 +279,7 @@ class TireSlipMeter:
 
 
 def _first_axle(model: mujoco.MjModel, prefix: str) -> int:
-    """Return where the sensors of the axles begin in `data.sensordata`, -1 unless they are there side by side."""
+    """Return the first index of the axles' sensors in `data.sensordata`, -1 unless they are consecutive."""
     found = [
         mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, f"{prefix}{wheel}_{_AXLE}") for wheel in WHEELS
     ]  # fmt: skip

@@ -105,7 +105,7 @@ class Vehicle:
 
     @property
     def source(self) -> str:
-        """What `Vehicle.load` makes it of: its name if it is bundled, else its file."""
+        """Argument with which `Vehicle.load` returns it: its name if that is registered, else its file."""
         bundled = self.name in vehicle_names() and self == _bundled(self.name)
         return self.name if bundled else self.file
 
@@ -117,7 +117,7 @@ class Vehicle:
 
     @cached_property
     def parameters(self) -> CarParameters:
-        """What a planner is told of it, read off the compiled model."""
+        """Its parameters for planners, read off the compiled model."""
         return car_parameters(self._model)
 
     @cached_property
@@ -131,7 +131,7 @@ class Vehicle:
         return self.reliable_mu()
 
     def reliable_mu(self, tires: Tires | None = None, mu: float | None = None) -> float:
-        """Return the friction that the car can rely on [-]: what its planners are told.
+        """Return the friction that the car can rely on [-], which its planners assume.
 
         Args:
           tires: that it stands on; None: its own.

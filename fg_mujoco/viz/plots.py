@@ -217,12 +217,13 @@ def _winning_time(result: RaceResult) -> float:
 
 
 def _headline(result: RaceResult) -> str:
-    laps = f"{result.car.laps_completed} of {result.laps_requested} laps"
+    car = result.car
+    laps = f"{car.laps_completed} of {result.laps_requested} laps"
     if not result.laps_requested:
         laps = f"{result.sim_time_s:.1f} s"
-    best = f", best {min(result.car.lap_times_s):.2f} s" if result.car.lap_times_s else ""
-    end = "" if result.car.finished else f", ended by {result.car.end_reason}"
-    return f"{result.track}, {result.car.controller}: {laps}{best}{end}; greatest sliding {result.car.max_slide_m_s:.3f} m/s"
+    best = f", best {min(car.lap_times_s):.2f} s" if car.lap_times_s else ""
+    end = "" if car.finished else f", ended by {car.end_reason}"
+    return f"{result.track}, {car.controller}: {laps}{best}{end}; greatest sliding {car.max_slide_m_s:.3f} m/s"
 
 
 def _draw_panels(panels: list[Axes], column: dict[str, FloatArray], model: str, car: CarParameters) -> None:

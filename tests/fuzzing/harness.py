@@ -1,6 +1,7 @@
-"""Tries a door again and again in a process of its own, and tells every try that went wrong.
+"""Tries a target again and again in a process of its own, and tells every try that went wrong.
 
-That process is a fork of one which has imported the doors and driven a race, so that each door is not charged for it.
+That process is a fork of one which has imported the targets and driven a race, so that each target is not charged for
+it.
 
 Wrong is: a traceback, a death, more than 10 s, more than 1.5 GB; of a command that refuses its input, too: more than
 one line, anything on its standard output, and anything written.
@@ -46,22 +47,22 @@ READY = "ready"
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A try that went wrong. `python -m fuzzing --door DOOR --seed SEED --only TRY` does it again."""
+    """A try that went wrong. `python -m fuzzing --target TARGET --seed SEED --only TRY` does it again."""
 
-    door: str
+    target: str
     seed: int
     number: int
     wrong: str
 
     def __str__(self) -> str:
-        return f"{self.door}, seed {self.seed}, try {self.number}: {self.wrong}"
+        return f"{self.target}, seed {self.seed}, try {self.number}: {self.wrong}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tally:
-    """What came of many tries at one door."""
+    """What came of many tries at one target."""
 
-    door: str
+    target: str
     tries: int
     refused: int
     findings: tuple[Finding, ...]
@@ -70,22 +71,22 @@ class Tally:
 
 
 def knock(
-    door: str,
+    target: str,
     tries: int,
     *,
     seed: int,
     first: int = 0,
-    doors: str = "fuzzing.doors:DOORS",
+    targets: str = "fuzzing.targets:TARGETS",
     limits: Limits | None = None,
 ) -> Tally:
-    """Try a door; after a death or a hang, go on with the next try in a new process.
+    """Try a target; after a death or a hang, go on with the next try in a new process.
 
     Args:
-      door: its name in `doors`.
+      target: its name in `targets`.
       tries: how many.
-      seed: of the whole; a try is drawn from it, the door's name and the try's number, and from nothing else.
+      seed: of the whole; a try is drawn from it, the target's name and the try's number, and from nothing else.
       first: number of the first try.
-      doors: the module that has them, and their name in it behind a colon.
+      targets: the module that has them, and their name in it behind a colon.
       limits: of a try; None: the usual ones.
     """
     findings: list[Finding] = []
@@ -93,15 +94,15 @@ def knock(
     slowest, number = 0.0, first
     with tempfile.TemporaryDirectory(prefix="fuzzing-") as folder:
         while number < first + tries:
-            with _Knocker(doors, door, seed, number, first + tries, Path(folder), limits or Limits()) as knocker:
+            with _Knocker(targets, target, seed, number, first + tries, Path(folder), limits or Limits()) as knocker:
                 for told in knocker:
                     number = told.number + 1
                     refused += told.refused
                     slowest = max(slowest, told.seconds)
                     if told.wrong:
-                        findings.append(Finding(door=door, seed=seed, number=told.number, wrong=told.wrong))
+                        findings.append(Finding(target=target, seed=seed, number=told.number, wrong=told.wrong))
                 memory = max(memory, knocker.memory)
-    return Tally(door=door, tries=tries, refused=refused, findings=tuple(findings), slowest=slowest, memory=memory)
+    return Tally(target=target, tries=tries, refused=refused, findings=tuple(findings), slowest=slowest, memory=memory)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,11 +116,13 @@ class _Told:
 class _Knocker:
     """The process that tries, watched."""
 
-    def __init__(self, doors: str, door: str, seed: int, number: int, end: int, folder: Path, limits: Limits) -> None:
+    def __init__(
+        self, targets: str, target: str, seed: int, number: int, end: int, folder: Path, limits: Limits
+    ) -> None:
         self._log = folder / "log"
         self._told, telling = _forks().Pipe(duplex=False)
-        arguments = (doors, door, seed, number, end, folder, telling)
-        self._process = _forks().Process(target=_try_door, args=arguments)
+        arguments = (targets, target, seed, number, end, folder, telling)
+        self._process = _forks().Process(target=_try_target, args=arguments)
         self._process.start()
         telling.close()
         self._next, self._end, self._limits = number, end, limits
@@ -172,7 +175,7 @@ class _Knocker:
 
 @cache
 def _forks() -> ForkServerContext:
-    """Start the process of which those that try are forks: it has loaded what every door needs, and waits."""
+    """Start the process of which those that try are forks: it has loaded what every target needs, and waits."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["fuzzing.warm"])
     with patch.dict(os.environ, {"FG_MUJOCO_COMPILING": "in tests", "PYTHONPATH": str(_TESTS)}):
@@ -183,14 +186,14 @@ def _forks() -> ForkServerContext:
 # -- in the process that tries
 
 
-def _try_door(doors: str, name: str, seed: int, number: int, end: int, folder: Path, telling: Connection) -> None:
+def _try_target(targets: str, name: str, seed: int, number: int, end: int, folder: Path, telling: Connection) -> None:
     os.setsid()
     os.chdir(folder)
     log = os.open("log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
     for stream in (1, 2):
         os.dup2(log, stream)
     importlib.import_module("fuzzing.warm")
-    module, _, catalogue = doors.partition(":")
+    module, _, catalogue = targets.partition(":")
     made = getattr(importlib.import_module(module), catalogue)[name]
     samples = folder / "samples"
     if not samples.exists():
@@ -207,7 +210,7 @@ def _generator(name: str, seed: int, number: int) -> np.random.Generator:
 
 
 def tried(
-    door: Any, samples: Path, here: Path, rng: np.random.Generator, output: Callable[[], str], *, keep: bool = False
+    target: Any, samples: Path, here: Path, rng: np.random.Generator, output: Callable[[], str], *, keep: bool = False
 ) -> tuple[float, bool, str]:
     """Return how long one try took [s], whether it was refused, and what went wrong, in one line."""
     here.mkdir()
@@ -215,7 +218,7 @@ def tried(
     code: object = None
     said = wrong = ""
     try:
-        attempt = door.attempt(samples, here, rng)
+        attempt = target.attempt(samples, here, rng)
         before = _contents(here)
         output()
         begun = time.perf_counter()

@@ -1,11 +1,11 @@
-"""Imported once, by the process of which those that try are forks: loads, or compiles, what every door needs."""
+"""Imported once, by the process of which those that try are forks: loads, or compiles, what every target needs."""
 
 import subprocess
 import sys
 
 import fg_mujoco as fg
 
-from . import doors as doors
+from . import targets as targets
 
 _RACE = "import fg_mujoco as fg; fg.race('oval', time_limit=0.03)"
 

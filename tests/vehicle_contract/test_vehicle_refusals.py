@@ -121,7 +121,7 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
         ([("</worldbody>", "</worldbdy>")], "no XML: mismatched tag"),
         ([("integrator=", "integrater=")], "did you mean 'integrator'?"),
         ([('data="hokuyo_ust10lx.xml"', 'data="velodyne.xml"')],
-         "text 'lidar' names 'velodyne.xml'; accepted: a file beside it, or a bundled one"),
+         "text 'lidar' names 'velodyne.xml'; accepted: a file in its folder, or a bundled one"),
         ([('data="f1tenth_look.xml"', 'data="nowhere.xml"')], "text 'look' names 'nowhere.xml'"),
     ],
 )  # fmt: skip

@@ -54,7 +54,7 @@ def find_hole(clearance: FloatArray, inside: BoolArray, border: BoolArray) -> Ho
 
 
 def close_holes(clearance: FloatArray, inside: BoolArray, border: BoolArray, width: float) -> BoolArray:
-    """Return what stays free when every way from the inside to the border is walled up; none is wider than `width`.
+    """Return the pixels that stay free when every way from inside to the border, up to `width`, is walled up.
 
     Ground that is wider than `width` belongs to the inside or to the border, whichever it is connected to. All other
     pixels go to the one of the two that they have the widest way to, which is the watershed of the clearance (J. Cousty
@@ -90,7 +90,7 @@ def _watershed(clearance: FloatArray, inside: BoolArray, outside: BoolArray) -> 
 
 
 def _ways(number: NDArray[Any], clearance: FloatArray) -> tuple[NDArray[Any], NDArray[Any], FloatArray]:
-    """Return which numbers meet, the lower one first, and how wide the widest place is where they do, (m,) each."""
+    """Return the pairs of numbers that meet, the lower one first, and the greatest width where they do, (m,) each."""
     starts, ends, ways = [], [], []
     widest = np.zeros((2, number.max() + 1), clearance.dtype)  # where a pixel meets one of the two wide parts
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):

@@ -64,7 +64,7 @@ def export_track(track: Track, path: str | Path, *, resolution: float = RESOLUTI
 
     Args:
       track: what to write.
-      path: `.yaml`, a map_server map, with its `.png` beside it; `.csv`, the centreline; or the walls in 3D, in
+      path: `.yaml`, a map_server map, with its `.png` next to it; `.csv`, the centreline; or the walls in 3D, in
         metres, `.obj` and `.stl` with z up, `.glb` with y up, as glTF 2.0 wants it.
       resolution: of a map, side of a pixel [m].
 
@@ -108,7 +108,7 @@ def _contents(track: Track, files: tuple[Path, ...], resolution: float) -> dict[
 
 
 def occupancy_image(track: Track, resolution: float = RESOLUTION) -> tuple[NDArray[np.bool_], FloatArray]:
-    """Return which pixels have their middle between the walls of a track, and where the lower left corner is.
+    """Return a mask of the pixels with their middle between the walls of a track, and the lower left corner.
 
     Returns:
       Shape (rows, columns), row 0 below; and x, y [m] of the lower left corner of the image, shape (2,).
@@ -136,7 +136,7 @@ def occupancy_image(track: Track, resolution: float = RESOLUTION) -> tuple[NDArr
 
 
 def _inside(loops: list[FloatArray], rows: int, columns: int) -> NDArray[np.bool_]:
-    """Return which pixels have their middle inside an odd number of closed polylines, in pixels."""
+    """Return a mask of the pixels with their middle inside an odd number of closed polylines, in pixels."""
     toggles = np.zeros((rows, columns + 1), dtype=np.int64)
     for loop in loops:
         start, end = loop, np.roll(loop, -1, axis=0)

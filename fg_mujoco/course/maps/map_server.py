@@ -51,7 +51,7 @@ _SIXTEEN_BITS = ("I;16", "I;16B", "I")  # kinds of images of one channel, as Pil
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OccupancyMap:
-    """What of the ground is free, on a grid that may be turned.
+    """Free ground on a grid that may be turned.
 
     Pixel (i, j) covers i to i + 1 upwards and j to j + 1 to the right of the lower left corner, in pixels.
     """
@@ -187,7 +187,7 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
 
 
 def _shares(levels: NDArray[Any], free: BoolArray, occupied: BoolArray, transparent: BoolArray) -> str:
-    """Return how many pixels are free, occupied, unknown and transparent, by what each level of brightness is."""
+    """Return the numbers of free, occupied, unknown and transparent pixels, by the meaning of each brightness."""
     counts = np.bincount(levels.ravel(), minlength=len(free)) / levels.size
     kinds = {"free": free, "occupied": occupied & ~free, "unknown": ~(free | occupied | transparent)}
     if counts[transparent].sum() > 0.0:
@@ -299,17 +299,17 @@ def _is_near(value: Any) -> bool:
 
 
 def _image_path(path: Path, name: Any, outside_folder: bool) -> Path:
-    """Return where the image is that the YAML names."""
+    """Return the path of the image that the YAML names."""
     if not isinstance(name, str) or not name:
-        raise TrackError(f"{path}: image is {name!r}; accepted: the name of a file beside it")
+        raise TrackError(f"{path}: image is {name!r}; accepted: the name of a file in its folder")
     image = path.parent / name
     if "\0" in name or len(name) > _MOST_CHARACTERS:
-        raise TrackError(f"{path}: image is {name[:60]!r}; accepted: the name of a file beside it")
-    beside = path.parent / Path(name.replace("\\", "/")).name
-    inside, is_beside = (file.resolve().is_relative_to(path.parent.resolve()) for file in (image, beside))
-    if not (is_file(image) if inside else outside_folder) and is_beside and is_file(beside):  # as map_saver wrote it
-        warnings.warn(f"{path}: image is {name!r}, which is not there; {beside.name} beside it is read", stacklevel=4)
-        return beside
+        raise TrackError(f"{path}: image is {name[:60]!r}; accepted: the name of a file in its folder")
+    local = path.parent / Path(name.replace("\\", "/")).name
+    inside, is_local = (file.resolve().is_relative_to(path.parent.resolve()) for file in (image, local))
+    if not (is_file(image) if inside else outside_folder) and is_local and is_file(local):  # as map_saver wrote it
+        warnings.warn(f"{path}: image is {name!r}, which is not there; {local.name} here is read", stacklevel=4)
+        return local
     if not outside_folder and not inside:
         raise TrackError(
             f"{path}: image {name!r} is outside of the YAML's folder; accepted: a file inside it, or outside_folder=yes"

@@ -230,7 +230,7 @@ def _occupancy(
     outside_folder: bool = False,
     **_: Any,
 ) -> tuple[OccupancyMap, FloatArray | None]:
-    """Return what of a map is free, and the point of the course (2,) [m] that is given, or is in the file."""
+    """Return the free ground of a map, and the point of the course (2,) [m] that is given, or is in the file."""
     if start is not None and not all(map(math.isfinite, start)):
         raise TrackError(f"{path}: start is {start!r}; accepted: x and y in metres")
     if not 0.0 <= close < math.inf:

@@ -49,7 +49,7 @@ MOST_SIDES_IN_ALL = 2 * MOST_SIDES  # along those of all regions together
 MOST_SPECKS = 1000  # of a map that is looked through for a setting that helps; one of more is noise
 _DOUBLE_DOOR = 2.0  # [m] a hole no wider is one in a wall, however narrow the course is
 _WIDEST_HOLE = 2.0  # times the width of the course at its widest place; where more of a wall is missing, it has none
-_CORRIDOR = 4.0  # an open way is longer than wide by this at least; a shorter one is a hall
+_CORRIDOR = 4.0  # an open way is longer than wide by this at least; a shorter one is a room
 _ROUNDING = 1e-6  # [m]
 _NEIGHBOURS = np.ones((3, 3))
 _NEXT = ((np.s_[:, 1:], np.s_[:, :-1]), (np.s_[1:], np.s_[:-1]))  # pixels, and those to their left and below
@@ -178,7 +178,7 @@ class _Region:
 
     @cached_property
     def sides(self) -> int:
-        """How many sides of pixels the walls have."""
+        """Number of pixel sides in the walls."""
         return _sides(self.mask)
 
     @cached_property
@@ -393,7 +393,7 @@ def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
 
 
 def _close(found: _Tight | _Leak, at: FloatArray | None, close: float) -> _Tight | _Leak:
-    """Return what is found after holes of up to `close` [m] have been closed. Errors as of `_look`."""
+    """Return the result of `_look` after holes of up to `close` [m] have been closed. Errors as there."""
     while isinstance(found, _Leak) and found.hole is not None and found.width <= close + _ROUNDING:
         found = replace(_look(found.walled(), at), closed=max(found.closed, found.width))
     return found
@@ -466,11 +466,11 @@ def _options(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> dic
         closed, width = _course(lambda: _close(_look(clean, at), at, math.inf))
         if closed <= max(_DOUBLE_DOOR, _WIDEST_HOLE * width):
             return {"specks": f"{SPECK}"} | ({"close": _rounded_up(closed)} if closed else {})
-        if _course(lambda: _look(clean.with_walled_border(), at), hall=False)[1]:
+        if _course(lambda: _look(clean.with_walled_border(), at), room=False)[1]:
             return {"specks": f"{SPECK}", "border": "wall"}
         if leak.width <= _DOUBLE_DOOR:  # without a try: in so much noise one takes long
             return {"close": _rounded_up(leak.width)}
-    return {"border": "wall"} if _course(lambda: _look(bordered, at), hall=False)[1] else {}
+    return {"border": "wall"} if _course(lambda: _look(bordered, at), room=False)[1] else {}
 
 
 def _rounded_up(width: float) -> str:
@@ -478,12 +478,12 @@ def _rounded_up(width: float) -> str:
     return f"{math.floor(10.0 * width + _ROUNDING) / 10.0 + 0.1:.1f}"
 
 
-def _course(find: Callable[[], _Tight | _Leak], *, hall: bool = True) -> tuple[float, float]:
-    """Return how wide a hole was closed for the course that is found, and how wide the course is at its widest [m].
+def _course(find: Callable[[], _Tight | _Leak], *, room: bool = True) -> tuple[float, float]:
+    """Return the width of the holes closed for the course that is found, and the greatest width of the course [m].
 
     Args:
       find: finds it.
-      hall: whether a course may be an open way that is less than `_CORRIDOR` times as long as it is wide.
+      room: whether a course may be an open way that is less than `_CORRIDOR` times as long as it is wide.
 
     Returns:
       Infinity and 0 where there is no course.
@@ -505,13 +505,13 @@ def _course(find: Callable[[], _Tight | _Leak], *, hall: bool = True) -> tuple[f
     walls = region.outlines if loop is None else loop.outlines
     width = 2.0 * float(cKDTree(np.concatenate(walls)).query(line)[0].max()) * resolution
     length = float(np.hypot(*np.diff(line, axis=0).T).sum()) * resolution
-    if loop is None and length < (SHORTEST_WAY if hall else max(SHORTEST_WAY, _CORRIDOR * width)):
+    if loop is None and length < (SHORTEST_WAY if room else max(SHORTEST_WAY, _CORRIDOR * width)):
         return none
     return found.closed, width
 
 
 def _sides(free: BoolArray) -> int:
-    """Return how many sides of pixels are between free and other ones."""
+    """Return the number of pixel sides between free and other pixels."""
     return sum(int(np.count_nonzero(free[one] != free[other])) for one, other in _NEXT)
 
 

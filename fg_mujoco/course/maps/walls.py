@@ -17,11 +17,11 @@ from ...messages import FloatArray
 from ..polyline import IndexArray, distance_to_segment, enclosed_area, self_crossings
 
 TOLERANCE = 0.5
-"""How far a wall may be from the middle of a pixel's edge that it stands for, in pixels."""
+"""Greatest distance of a wall from the middle of a pixel's edge that it represents, in pixels."""
 
 _SMOOTHING = 3.0  # [points] of an outline, standard deviation: evens out the stairs of a slanted wall
 _MOST_MOVED = 0.4  # [pixel] by it; less than TOLERANCE, so that corners stay
-_STAY = 1e-3  # weight of where a corner is beside that of a point of the outline, so that every corner is somewhere
+_STAY = 1e-3  # weight of a corner's place relative to that of a point of the outline, so that all are defined
 _SLACK = 1e-6  # [pixel] in comparisons with the tolerance
 _HALVINGS = 6  # of the tolerance, for what is smaller than it
 MOST_DENSE = 2000  # corners of a wall at most, whose equations are solved as a full matrix: of more it takes minutes
@@ -67,7 +67,7 @@ def outlines(region: NDArray[np.bool_]) -> list[FloatArray]:
 def _following(
     start: NDArray[np.intp], end: NDArray[np.intp], direction: NDArray[np.intp], width: int
 ) -> NDArray[np.intp]:
-    """Return which edge begins where each ends: of two, the one to the left, which stays with the same pixel."""
+    """Return the index of the edge that begins where each ends: of two, the one to the left, at the same pixel."""
     key = 4 * (start[:, 1] * width + start[:, 0]) + direction
     order = np.argsort(key)
     result = np.full(len(start), -1)
@@ -170,7 +170,7 @@ def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance
 
 
 def _solved(row: IndexArray, column: IndexArray, value: FloatArray, right: FloatArray) -> FloatArray:
-    """Return what a sparse matrix, the sum of entries (k,), turns into `right` (m, 2)."""
+    """Return the vector that a sparse matrix, the sum of entries (k,), maps to `right` (m, 2)."""
     count = len(right)
     if count <= MOST_DENSE:
         matrix = np.zeros((count, count))

@@ -70,7 +70,7 @@ def scene_names() -> tuple[str, ...]:
 
 
 def describe_scene(name: str) -> str:
-    """Return what the scene of this name is, in one line; of another distribution, with the distribution."""
+    """Return the description of a scene, in one line; of another distribution, with the distribution."""
     origin = "" if name in SCENES else f" ({package_of(SCENES.entry_point(name))})"
     first_line = " ".join((SCENES.find(name).__doc__ or "").split("\n\n")[0].split())
     return f"{PREFIX}{name}: {first_line}{origin}"

@@ -32,7 +32,7 @@ def straight(
 
 
 def corridor_sparse(name: str, seed: int, car: CarParameters) -> Scene:
-    """A corridor with a box every 4 to 5 m, on the left or the right, 2.5 car widths or more beside it."""
+    """A corridor with a box every 4 to 5 m, on the left or the right, which leaves 2.5 car widths or more."""
     rng = np.random.default_rng(seed)
     stations = 4.0 + np.cumsum(rng.uniform(4.0, 5.0, 5)) - 4.0
     boxes = []
@@ -58,7 +58,7 @@ def crossing_box(name: str, seed: int, car: CarParameters) -> Scene:
 
 
 def slow_leader(name: str, seed: int, car: CarParameters) -> Scene:
-    """A corridor that a box drives down ahead of the car, at 1 to 2 m/s, with 2 car widths or more beside it."""
+    """A corridor that a box drives down ahead of the car, at 1 to 2 m/s, which leaves 2 car widths or more."""
     rng = np.random.default_rng(seed)
     y, speed = float(rng.uniform(-0.3, 0.3)), float(rng.uniform(1.0, 2.0))
     box = MovingObstacle(length=0.5, width=0.3, start=(4.0, y), end=(30.0 + 4.5, y), speed=speed)

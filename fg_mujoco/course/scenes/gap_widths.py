@@ -22,7 +22,7 @@ LANE, DOOR = 2.0, 2.3  # widths of the car: the chicane's narrow way straight on
 DOOR_BEARING = math.radians(130.0)  # of the wide way, from the narrow one
 _SECOND = (0.7, 0.5)  # [m] length and width of what stands between them
 _LANE_ON = 1.5  # [m] that the narrow way is narrow for, so that it looks small besides
-_HALL = 4.5  # [m] width of the room behind, beside the lane
+_ROOM = 4.5  # [m] width of the room behind the lane, without the lane
 
 _RADII = (0.08, 0.2)  # [m] of cylinders
 _DARTS, _DRAWS = 150, 100
@@ -76,7 +76,7 @@ def wrong_side_chicane(name: str, seed: int, car: CarParameters) -> Scene:
         Box(x=float(middle[0]), y=float(middle[1]), length=_SECOND[0], width=_SECOND[1], heading=DOOR_BEARING),
         block((x, half), (x + _LANE_ON, half + 0.3)),
     )
-    length, shoulder = x + 5.0, np.array([end, half]) + _HALL / back[1] * back
+    length, shoulder = x + 5.0, np.array([end, half]) + _ROOM / back[1] * back
     room = [
         (-BEHIND, -half), (length + BEYOND, -half), (length + BEYOND, shoulder[1]), shoulder, (end, half),
         (-BEHIND, half),
@@ -104,7 +104,7 @@ def _scattered(rng: np.random.Generator, along: tuple[float, float], half: float
 
 
 def _least_gap(cylinder: FloatArray, others: FloatArray) -> float:
-    """Return how far it is from one cylinder to the nearest of others (n, 3) [m]."""
+    """Return the distance from one cylinder to the nearest of others (n, 3) [m]."""
     apart = np.hypot(*(others[:, :2] - cylinder[:2]).T) - others[:, 2] - cylinder[2]
     return float(apart.min(initial=math.inf))
 

@@ -63,7 +63,8 @@ class ComparisonSettings:
         own = {name: value for name, value in self.base.described().items() if name not in ("track", "controller")}
         mu = self.drive().assumed_mu
         told = {"planner_mu": "off" if mu == math.inf else mu} if self.base.first.all_changes.mu is not None else {}
-        return own | {"laps": self.laps} | told | self.opponents.described() | ({} if self.rules == "none" else {"rules": self.rules})
+        rules = {} if self.rules == "none" else {"rules": self.rules}
+        return own | {"laps": self.laps} | told | self.opponents.described() | rules
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> ComparisonSettings:

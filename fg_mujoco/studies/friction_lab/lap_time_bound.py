@@ -108,7 +108,7 @@ class HoldingCar(PointMass):
     """
 
     def acceleration(self, curvature: float, squared_speed: float) -> float:
-        """Return at what the front axle lets go, or what the motor gives."""
+        """Return the front axle's slip limit, or the motor's acceleration if that is lower [m/s^2]."""
         light = self._axle(self.car.rear_axle_distance, curvature * squared_speed)
         return min(light, motor_acceleration(self.car, squared_speed))
 

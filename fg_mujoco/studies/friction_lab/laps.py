@@ -103,19 +103,20 @@ class LapsExperiment:
         """Race, and bound the best lap."""
         track, controller = cell["track"], cell["controller"]
         result = race(track, controller, laps=cell["laps"])
-        uses = np.fmax.reduce([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
-        row: Row = {"track": track, "controller": controller, "laps": result.car.laps_completed}
-        row |= {"end_reason": result.car.end_reason, **no_number(f"{result.car.laps_completed} laps: no flying one", *_NUMBERS)}
-        row["max_slide_m_s"], row["sliding_share"] = result.car.max_slide_m_s, result.car.slide_time_fraction
+        own = result.car
+        uses = np.fmax.reduce([own.column(f"friction_use_{wheel}") for wheel in WHEELS])
+        row: Row = {"track": track, "controller": controller, "laps": own.laps_completed}
+        row |= {"end_reason": own.end_reason, **no_number(f"{own.laps_completed} laps: no flying one", *_NUMBERS)}
+        row["max_slide_m_s"], row["sliding_share"] = own.max_slide_m_s, own.slide_time_fraction
         row["friction_use_max"] = float(np.nanmax(uses))
-        if len(result.car.lap_times_s) < 2:
+        if len(own.lap_times_s) < 2:
             return {"laps": [row]}
-        car, mu, max_speed = result.world.car.parameters, result.car.mu, result.car.speed_limit_m_s
-        lap = best_flying_lap(result.car)
-        driven, best = driven_lap(result.car, lap, car), result.car.lap_times_s[lap - 1]
+        car, mu, max_speed = result.world.car.parameters, own.mu, own.speed_limit_m_s
+        lap = best_flying_lap(own)
+        driven, best = driven_lap(own, lap, car), own.lap_times_s[lap - 1]
         point_mass = PointMass(mu=mu, car=car, max_speed=max_speed)
         holding_car = HoldingCar(mu=mu, car=car, max_speed=max_speed)
-        limited_car = LimitedCar(mu=mu, car=car, max_speed=max_speed, limiter=FrictionLimiter(car, result.car.planner_mu))
+        limited_car = LimitedCar(mu=mu, car=car, max_speed=max_speed, limiter=FrictionLimiter(car, own.planner_mu))
         tolerances: list[Row] = []
         for tolerance in _TOLERANCES:
             smoothed = smooth_line(driven.points, tolerance)
@@ -129,8 +130,8 @@ class LapsExperiment:
         actual = driven.speed_at(len(fastest))
         bound, holding_bound, guarded_bound = (lap_time(line, speeds) for speeds in (fastest, holding, guarded))
         row |= {
-            "first_lap_s": result.car.lap_times_s[0], "best_lap_s": best, "line_m": line.length,
-            "friction_use_mean": float(np.nanmean(uses[result.car.column("lap") == lap])), "gap_mm": 1e3 * driven.gap,
+            "first_lap_s": own.lap_times_s[0], "best_lap_s": best, "line_m": line.length,
+            "friction_use_mean": float(np.nanmean(uses[own.column("lap") == lap])), "gap_mm": 1e3 * driven.gap,
             "bound_s": bound, "ratio": best / bound, "holding_bound_s": holding_bound,
             "holding_ratio": best / holding_bound, "guarded_bound_s": guarded_bound,
             "guarded_ratio": best / guarded_bound, "reason": "",

@@ -3,7 +3,8 @@
     found = identify_drives([Drive.of_run(read_run("runs/slalom"))])
     print(found)
 
-`drive_log` has what a car records, `smoothed_motion` smooths it, `steering` has the wheels follow the commands, `fit`
-finds the parameters of `vehicle.single_track`, `identification` measures them on the part held back, `tire_file` writes
-them as TOML, and `page` draws it. docs/identification.md has the method, its sources, and how exact it is.
+`drive_log` has what a car records, `smoothed_motion` smooths it, `steering_response` has the wheels follow the
+commands, `fit` finds the parameters of `vehicle.single_track`, `identification` measures them on the part held back,
+`tire_file` writes them as TOML, and `page` draws it. docs/identification.md has the method, its sources, and how exact
+it is.
 """

@@ -1,4 +1,4 @@
-"""How two planners differ in the duels that both drove: the same start, opponent, distance and ratio of speeds.
+"""Differences of two planners in the duels that both drove: the same start, opponent, distance and ratio of speeds.
 
 Intervals are those of `studies.intervals`, at 95 %, of each difference by itself.
 """
@@ -18,7 +18,7 @@ from .tables import ALL
 
 @dataclass(frozen=True, kw_only=True)
 class DuelDifference:
-    """How a planner differs from another one, the reference: its figure minus the other's, duel by duel."""
+    """Difference of a planner from another one, the reference: its figure minus the other's, duel by duel."""
 
     planner: str
     reference: str

@@ -45,13 +45,13 @@ HEADWAY = (2.0, 10.0)
 _PLANNER, _OPPONENT = 0, 1  # rows of the cars
 _BIN = 0.25  # [m] along the centreline, of a pace
 OUTCOMES = ("overtaken", "behind", "touch", "wall", "stopped", "failed")
-"""How a duel ends. "behind": after two laps; "wall": the planner's car touched one; "stopped": its race ended
+"""Ends of a duel. "behind": after two laps; "wall": the planner's car touched one; "stopped": its race ended
 otherwise; "failed": no duel could be driven."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class DuelSettings(CarSettings):
-    """What all duels of a study have in common.
+    """The settings that all duels of a study have in common.
 
     Raises:
       SettingsError: a value outside what is accepted.
@@ -73,7 +73,7 @@ class DuelSettings(CarSettings):
         self.drive()  # refuses the others
 
     def drive(self) -> DriveSettings:
-        """Return what the planner is told."""
+        """Return the context of the planner."""
         return DriveSettings(
             vehicle=self.vehicle, tires=self.tires, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu,
             max_speed=self.max_speed,
@@ -86,7 +86,7 @@ class DuelSettings(CarSettings):
 
 @dataclass(frozen=True)
 class DuelKey:
-    """What a duel depends on, but for the settings that all have in common and the versions."""
+    """The settings of one duel, without those that all have in common, and without the versions."""
 
     planner: str
     planner_sha256: str | None  # of a user's file
@@ -104,7 +104,7 @@ class DuelKey:
 
 @dataclass(frozen=True, kw_only=True)
 class DuelFigures:
-    """How a duel went. None: there is no such figure."""
+    """The result of a duel. None: there is no such figure."""
 
     outcome: str  # of OUTCOMES
     message: str | None  # why it failed, or ended
@@ -161,7 +161,7 @@ class Duel:
             return self._failed(text)
 
     def died(self, how: str) -> DuelRow:
-        """Return what `drive` would, of a duel whose worker process ended, with how it did in words."""
+        """Return the result of a duel whose worker process ended, with its end in words."""
         return self._failed(how)
 
     def _failed(self, message: str) -> DuelRow:
@@ -169,7 +169,7 @@ class Duel:
         return DuelRow(self.key, DuelFigures(**none | {"outcome": "failed", "message": message}))  # type: ignore[arg-type]
 
     def draw(self, length: float) -> tuple[float, float, float]:
-        """Return where the planner's car starts [m], the headway [m] and the ratio of speeds: as the seed draws them.
+        """Return the start of the planner's car [m], the headway [m] and the ratio of speeds, as the seed draws them.
 
         They are the same for all planners.
         """
@@ -287,7 +287,7 @@ def _planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> 
 
 @lru_cache(maxsize=64)
 def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
-    """Return how fast a planner is in its second lap alone, of a standing start at the line.
+    """Return the pace of a planner in its second lap alone, from a standing start at the line.
 
     Raises:
       ControllerError: it does not drive two laps.
@@ -312,7 +312,7 @@ def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
 
 
 def time_alone(duel: Duel, start: float, progress: float) -> float:
-    """Return how long the planner needs alone from the same start for the same way [s]; inf: it does not get there."""
+    """Return the planner's time alone from the same start for the same way [s]; inf: it does not get there."""
     world = _world(duel.key.track, duel.settings, 1)
     engine = Engine(world, laps=duel.settings.laps + 1)
     engine.planners = adapt([_planner(duel.planner, world, duel.settings)])

@@ -41,14 +41,14 @@ DEFAULT_RATIO = (0.3, 0.9)
 
 _UNUSABLE = (
     "track", "time_limit", "obstacles", "patches", "lidar", "rules", "decision_limit", "planner_settings", "start",
-    "effects", "odometry_drift", "seed", "name",
+    "effects", "odometry_drift", "sensors", "seed", "name",
 )  # fmt: skip
 """Keywords of a Setup that a duel cannot use."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OvertakingProgress:
-    """What a study tells whoever watches it."""
+    """Progress of a study, for `watch`."""
 
     duels: int
     duels_found: int  # in the folder, driven by an earlier call
@@ -57,13 +57,13 @@ class OvertakingProgress:
 
     @property
     def remaining_s(self) -> float | None:
-        """What it will still take, if it goes on like this [s]; None before the first duel is finished."""
+        """Expected time to the end [s]; None before the first duel is finished."""
         return time_left(self.duels, self.duels_found, self.duels_driven, self.wall_time_s)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Overtaking(Shown):
-    """How all duels went."""
+    """The results of all duels."""
 
     rows: tuple[DuelRow, ...]
     cells: tuple[DuelCell, ...]
@@ -83,7 +83,7 @@ class Overtaking(Shown):
 
     @property
     def differences(self) -> tuple[DuelDifference, ...]:
-        """How each two planners differ in the duels that both drove."""
+        """Differences of each two planners in the duels that both drove."""
         return paired_differences(self.rows)
 
     def markdown(self) -> str:

@@ -7,10 +7,10 @@ planner's, however the course winds, which a limit of .6 of the greatest speed d
 centreline   pure_pursuit on the centreline
 raceline     pure_pursuit on a line of least curvature between the walls
 reactive     gap_finder, which sees the course and the planner's car
-blocking     pure_pursuit beside the centreline: on the side on which the planner's car comes up behind it
+blocking     pure_pursuit off the centreline: on the side on which the planner's car comes up behind it
 
-`blocking` is a test instrument. It is told where the planner's car is, and moves aside by half of the room that it has,
-no faster than BLOCKING_RATE. It goes on to do so until the planner's car is beside it.
+`blocking` is a test instrument. It knows where the planner's car is, and moves aside by half of the room that it has,
+no faster than BLOCKING_RATE. It goes on to do so until the planner's car is next to it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _ROUNDS = 4000  # of the descent
 
 @dataclass(frozen=True, eq=False)
 class Pace:
-    """How fast a planner is at each place of a course, alone."""
+    """Speed of a planner at each place of a course, alone."""
 
     s: FloatArray  # (n,) [m] along the centreline, increasing
     speed: FloatArray  # (n,) [m/s]
@@ -83,25 +83,25 @@ class Slowed:
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Answer the planner's command, slower if need be."""
         s, _ = self.place(odometry)
-        command = self._planner(scan, self.told(odometry))
+        command = self._planner(scan, self.sensed(odometry))
         most = max(self._ratio * self._pace.at(s), _LEAST_SPEED)
         return replace(command, speed=min(command.speed, most))
 
     def place(self, odometry: Odometry) -> tuple[float, float]:
-        """Return how far along the centreline the car is, and how far to the left of it [m]."""
+        """Return the distance of the car along the centreline, and to the left of it [m]."""
         x, y, _ = odometry.pose.tolist()
         if math.isnan(self._s):
             self._s = float(self._track.project([[x, y]])[0][0])
         self._s, offset = follow(x, y, self._s, self._track.table, self._track.length)
         return self._s, offset
 
-    def told(self, odometry: Odometry) -> Odometry:
-        """Return what its planner is told."""
+    def sensed(self, odometry: Odometry) -> Odometry:
+        """Return the odometry for its planner."""
         return odometry
 
 
 class Blocking(Slowed):
-    """Drives beside the centreline, on the side of a follower.
+    """Drives off the centreline, on the side of a follower.
 
     Arguments are those of Slowed, and:
 
@@ -119,27 +119,27 @@ class Blocking(Slowed):
     def reset(self) -> None:
         """Forget everything seen so far."""
         super().reset()
-        self._beside = 0.0
+        self._aside = 0.0
         self.follower = (math.inf, 0.0)
 
-    def told(self, odometry: Odometry) -> Odometry:
-        """Return odometry whose pose is as far to the other side as the car is to keep beside its line."""
+    def sensed(self, odometry: Odometry) -> Odometry:
+        """Return odometry whose pose is as far to the other side as the car is to keep from its line."""
         s, _ = self.place(odometry)
         behind, offset = self.follower
         wanted = 0.0
         if self._length < behind < BLOCKING_FROM:
             wanted = math.copysign(_BLOCKING_SHARE * self._room(s), offset)
         elif -self._length <= behind <= self._length:
-            wanted = self._beside  # it does not turn into a car beside it
+            wanted = self._aside  # it does not turn into a car next to it
         step = BLOCKING_RATE * 0.025
-        self._beside += max(-step, min(step, wanted - self._beside))
+        self._aside += max(-step, min(step, wanted - self._aside))
         x, y, heading = odometry.pose.tolist()
         along = self._track.start_pose(s)[2]
-        moved = read_only((x + self._beside * math.sin(along), y - self._beside * math.cos(along), heading))
+        moved = read_only((x + self._aside * math.sin(along), y - self._aside * math.cos(along), heading))
         return replace(odometry, pose=moved)
 
     def _room(self, s: float) -> float:
-        """Return how far the car can move to either side of the centreline [m]."""
+        """Return the room of the car to either side of the centreline [m]."""
         track = self._track
         sides = (track.corridor_right, track.corridor_left)
         room = min(float(np.interp(s, track.arc_length, side, period=track.length)) for side in sides)
@@ -156,7 +156,7 @@ def make_opponent(
       track: that it drives on.
       pace: of the planner that is to overtake it.
       ratio: of its speed to that pace.
-      context: what its planner is told.
+      context: of its planner.
       lines: folder to which the line of least curvature is written.
 
     Raises:
@@ -210,7 +210,7 @@ def least_curvature(track: Track, car: CarParameters) -> FloatArray:
 
 
 def _second_difference(points: FloatArray) -> FloatArray:
-    """Return how a closed line bends at each of its points, (n, 2)."""
+    """Return the curvature vectors of a closed line at its points, (n, 2)."""
     bend: FloatArray = np.roll(points, 1, axis=0) - 2.0 * points + np.roll(points, -1, axis=0)
     return bend
 

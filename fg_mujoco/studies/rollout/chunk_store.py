@@ -1,4 +1,4 @@
-"""Where the finished chunks of a rollout are kept: in memory, or in a folder that a later call can go on with.
+"""Stores of a rollout's finished chunks: in memory, or in a folder that a later call can go on with.
 
     manifest.json     the settings and versions that made it; a folder of any others is refused
     tracks.npz        the courses, bit for bit

@@ -68,7 +68,7 @@ RESULT = np.dtype(
         ("max_speed_m_s", np.float64),
     ]
 )
-"""How it went in one world; fields as in RaceResult."""
+"""Result of one world; fields as in RaceResult."""
 
 AMONG = np.dtype(
     [
@@ -80,7 +80,7 @@ AMONG = np.dtype(
         ("winner", "U60"),
     ]
 )
-"""How car 0 fared among its opponents, behind RESULT where it has any; fields as in AmongCars."""
+"""Result of car 0 among its opponents, behind RESULT where it has any; fields as in AmongCars."""
 
 _FAILED = END_REASONS.index("failed")
 _FASTEST = 20.0  # [m/s] where only the time_limit is given, it makes room for the laps of a car as fast as this
@@ -88,7 +88,7 @@ _FASTEST = 20.0  # [m/s] where only the time_limit is given, it makes room for t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorldResults:
-    """How it went, in the order of the scenarios."""
+    """Results in the order of the scenarios."""
 
     rows: NDArray[np.void]  # (n,) of RESULT, with opponents of RESULT and AMONG
     lap_times_s: FloatArray  # (n, k), NaN where fewer laps were driven
@@ -120,12 +120,12 @@ def drive_worlds(
       scenarios: the worlds.
       controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
       laps: to be driven, of a scene 1; None: as many as fit the time_limit.
-      time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own limit.
+      time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own.
       record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.
       stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
-      watch: told every tick how many ticks were done in this call and how many worlds run.
+      watch: called every tick with the ticks done in this call and the number of worlds that run.
 
     Raises:
       SettingsError: neither laps nor time_limit, more laps than a scene has, or an unknown record.
@@ -198,12 +198,12 @@ def drive_worlds(
 
 
 def laps_within(course: Course, laps: int | None, time_limit: float) -> int:
-    """Return how many laps a world has room for; None: as many as a car of 20 m/s drives within a time limit [s]."""
+    """Return the number of laps that a world has room for; None: those of a car of 20 m/s in the time limit [s]."""
     return course.most_laps or laps or int(time_limit * _FASTEST / course.length) + 2
 
 
 def result_dtype(*, among: bool) -> np.dtype[Any]:
-    """Return what a world's row has: RESULT, and where car 0 is `among` opponents AMONG behind it."""
+    """Return the type of a world's row: RESULT, and where car 0 is `among` opponents AMONG behind it."""
     return np.dtype([*RESULT.descr, *AMONG.descr]) if among else RESULT
 
 
@@ -258,6 +258,7 @@ def make_engine(
         [scenario.start for scenario in scenarios], effects=[scenario.effects for scenario in scenarios],
         seeds=[scenario.seed for scenario in scenarios],
         odometry_drifts=[scenario.odometry_drift for scenario in scenarios],
+        sensors=[scenario.sensed for scenario in scenarios],
     )  # fmt: skip
     return engine
 
@@ -296,12 +297,13 @@ def _make_field(
     engine.place(
         [entry.start or Start() for entry in entries], effects=[entry.effects for entry in entries],
         seeds=[entry.seed for entry in entries], odometry_drifts=[entry.odometry_drift for entry in entries],
+        sensors=[entry.sensed for entry in entries],
     )  # fmt: skip
     return engine
 
 
 def _worlds(cars: NDArray[np.bool_], engine: Engine) -> NDArray[np.bool_]:
-    """Return which worlds have any of some cars (r,). Shape (n,)."""
+    """Return whether each world has any of some cars (r,). Shape (n,)."""
     found: NDArray[np.bool_] = np.any(cars.reshape(engine.count, -1), axis=1)
     return found
 

@@ -1,4 +1,4 @@
-"""What a rollout drives: worlds by number, cut into chunks, each chunk driven on its own wherever there is a core.
+"""The work of a rollout: worlds by number, cut into chunks, each chunk driven on its own wherever there is a core.
 
 World i depends on its seed and on its track, `tracks[i % len(tracks)]`, and on nothing else: not on how many worlds
 there are, nor on the chunk. The worlds of a chunk are of one track, because those can be stepped together.
@@ -44,7 +44,7 @@ from .randomization import Randomization
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
 Arrays = dict[str, NDArray[Any]]
-"""What a driven chunk leaves, by name: "worlds" (n,) of `RolloutJob.world_dtype` and "lap_times_s" (n, k); if recorded
+"""Results of a driven chunk, by name: "worlds" (n,) of `RolloutJob.world_dtype` and "lap_times_s" (n, k); if recorded
 "ticks" (n,) and, of all its worlds one after the other, "telemetry" (ticks, len(TELEMETRY)); and "states", all states
 in one row, with "state_size" (n,) and "ctrl" (ticks, 2) of each car."""
 
@@ -180,13 +180,13 @@ class RolloutJob:
         return self._arrays(numbers, drawn, results)
 
     def undriven(self, world: int, reason: str) -> Arrays:
-        """Return what `drive` would, of a world that could not be driven, which ended for a reason of END_REASONS."""
+        """Return the result of a world that could not be driven, which ended for a reason of END_REASONS."""
         among = bool(self.opponents.entries)
         results = undriven_world(int(self.seeds[world]), reason, self.record, among=among)
         return self._arrays([world], self._drawn([world]), results)
 
     def _drawn(self, numbers: Sequence[int]) -> list[dict[str, Value]]:
-        """Return what is drawn for some worlds."""
+        """Return the parameters that are drawn for some worlds."""
         return [self.randomization.draw(int(self.seeds[number])) for number in numbers]
 
     def _arrays(self, numbers: Sequence[int], drawn: Sequence[dict[str, Value]], results: WorldResults) -> Arrays:
@@ -200,7 +200,7 @@ class RolloutJob:
         return {"worlds": worlds, "lap_times_s": results.lap_times_s} | traces
 
     def trace_bytes(self) -> int:
-        """Return what the telemetry, states and controls of one world take at most [bytes]."""
+        """Return the greatest size of one world's telemetry, states and controls [bytes]."""
         if self.record == "summary":
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
@@ -275,7 +275,7 @@ class RolloutJob:
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Return what else the results depend on, to the last bit."""
+    """Return package versions and a hash of all sources: a change means that results may differ."""
     sources = hashlib.sha256()
     for path, source in package_files(".py", ".xml", ".toml", ".json"):
         text = source.read_bytes()
@@ -291,7 +291,7 @@ def versions() -> dict[str, str]:
 
 
 def joined(parts: Sequence[Arrays]) -> Arrays:
-    """Return what a chunk leaves, of what its worlds leave that were driven in several parts, in their order."""
+    """Join the results of a chunk's parts in world order."""
     most = max(part["lap_times_s"].shape[1] for part in parts)
     laps = [
         np.pad(part["lap_times_s"], ((0, 0), (0, most - part["lap_times_s"].shape[1])), constant_values=math.nan)

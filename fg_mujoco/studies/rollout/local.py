@@ -31,7 +31,7 @@ def drive_in_threads(
       job: the rollout.
       chunks: their numbers.
       workers: threads; None: as many as this process has cores.
-      pulse: told several times a second how many world-seconds the chunks under way have behind them, about.
+      pulse: called several times a second with the approximate world-seconds of the chunks under way.
     """
     stopped, driven = threading.Event(), dict.fromkeys(chunks, 0.0)  # [s] of chunks that are not finished
 
@@ -69,7 +69,7 @@ def drive_in_threads(
 def drive_in_processes(
     job: RolloutJob, chunks: Sequence[int], *, workers: int | None, pulse: Callable[[float], None]
 ) -> Generator[tuple[int, Arrays], None, None]:
-    """Do as `drive_in_threads`, in processes, whose chunks do not say how far they are: `pulse` is told 0.
+    """Do as `drive_in_threads`, in processes, whose chunks do not say how far they are: `pulse` gets 0.
 
     Raises:
       EngineError: a worker could not be started, or the engine raised.
@@ -114,7 +114,7 @@ class _Part:
         return self.job.drive(self.chunk, worlds=None if self.world is None else [self.world])
 
     def died(self, how: str) -> Arrays | None:
-        """Return what is left when the worker dies; None: not known yet."""
+        """Return the rest of the work when the worker dies; None: not known yet."""
         if self.world is None:
             return None
         warnings.warn(f"{self}: {how}", UserWarning, stacklevel=2)

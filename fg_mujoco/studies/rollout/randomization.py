@@ -1,4 +1,4 @@
-"""What differs from world to world: for each parameter a range, and from a world's seed a value for each.
+"""Randomization of worlds: for each parameter a range, and from a world's seed a value for each.
 
     randomization = Randomization.of({"mu": (0.6, 1.2), "planner.lookahead": [8, 10], "obstacles": "0:4"})
     scenario = randomization.scenario(load_track("oval"), seed=7)
@@ -257,7 +257,7 @@ class Randomization:
             "seed": seed,
         } | of[Scenario]
         if "mu" in values and drawn.get("planner_mu", base.planner_mu) is None:
-            drawn["planner_mu"] = base.assumed_mu  # a planner is not told what is drawn
+            drawn["planner_mu"] = base.assumed_mu  # a planner does not know what is drawn
         kept = {f.name: getattr(base, f.name) for f in fields(DriveSettings)}
         return Scenario(**(kept | drawn), track=track)
 

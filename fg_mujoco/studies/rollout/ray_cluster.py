@@ -28,7 +28,7 @@ from ..workers import completed, usable_cores
 from .job import Arrays, RolloutJob, versions
 
 RETRIES = 5
-"""How often a chunk is driven again after its worker was lost."""
+"""Number of times that a chunk is driven again after its worker was lost."""
 
 _KNOCK = 10.0  # [s] for a cluster to answer
 _AHEAD = 2  # chunks submitted for each core of the cluster: what is finished and not yet fetched stays bounded
@@ -43,7 +43,7 @@ def drive_on_ray(
       job: the rollout.
       chunks: their numbers.
       workers: most chunks at a time, and cores of a cluster of this machine's own; None: as many as there are.
-      pulse: told 0.
+      pulse: gets 0.
 
     Raises:
       MissingExtraError: Ray is not installed.

@@ -1,4 +1,4 @@
-"""How a rollout went: one row a world, and the way back to any of its worlds."""
+"""The result of a rollout: one row a world, and the way back to any of its worlds."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 @explain_class
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RolloutResult(Shown):
-    """How a rollout went. Arrays are read-only; `result["mu"]` is the column of `worlds` of that name.
+    """The result of a rollout. Arrays are read-only; `result["mu"]` is the column of `worlds` of that name.
 
     A column is a number `world`, that of its track `track`, a randomised parameter, or a field of
     `world_batch.RESULT`, and with opponents of `world_batch.AMONG`.
@@ -144,7 +144,7 @@ class RolloutResult(Shown):
         return self._trace(world, "states")
 
     def ctrl(self, world: int) -> FloatArray:
-        """Return what the actuators of a world got, as in RaceResult. Shape (ticks, 2), errors as `telemetry`."""
+        """Return the controls of a world's actuators, as in RaceResult. Shape (ticks, 2), errors as `telemetry`."""
         return self._trace(world, "ctrl")
 
     def summary(self) -> dict[str, Any]:

@@ -51,7 +51,7 @@ _UNUSABLE = ("lidar", "rules", "name")  # keywords of a Setup
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class Executor:
-    """Where worlds are driven, and how much memory that may take.
+    """The place where worlds are driven, and the memory that this may take.
 
     Raises:
       SettingsError: an unknown kind, or numbers that are none.
@@ -73,7 +73,7 @@ class Executor:
 @explain_class
 @dataclass(frozen=True, kw_only=True)
 class RolloutProgress:
-    """What a rollout tells whoever watches it."""
+    """Progress of a rollout, for `watch`."""
 
     worlds: int
     worlds_found: int  # in the folder, driven by an earlier call
@@ -88,7 +88,7 @@ class RolloutProgress:
 
     @property
     def remaining_s(self) -> float | None:
-        """What it will still take, if it goes on like this [s]; None before the first chunk is finished."""
+        """Expected time to the end [s]; None before the first chunk is finished."""
         return time_left(self.worlds, self.worlds_found, self.worlds_driven, self.wall_time_s)
 
 

@@ -1,4 +1,4 @@
-"""What a tire law is: the force of a tire over its load, by its slip in one direction.
+"""A tire law: the force of a tire over its load, by its slip in one direction.
 
     class Curve(Law):
         model = "my_law"
@@ -19,7 +19,7 @@ import numpy as np
 from ...messages import FloatArray
 
 NUMBERS = 8
-"""How many numbers a kernel gets of a law."""
+"""Number of values of a law that a kernel gets."""
 
 GREATEST_SLIP = 1.0
 """[-] Greatest slip that a tire takes on: that of a locked wheel. A wheel that slides more has the force of this."""
@@ -57,12 +57,12 @@ class Law:
     @property
     @abstractmethod
     def peak(self) -> float:
-        """Greatest force over the load [-]; where there is none, the friction that its planner is told."""
+        """Greatest force over the load [-]; where there is none, the friction that its planner assumes."""
 
     @property
     @abstractmethod
     def numbers(self) -> tuple[float, ...]:
-        """What its kernel needs, up to NUMBERS of them."""
+        """The values for its kernel, up to NUMBERS of them."""
 
     @classmethod
     def value_names(cls) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ class Linear(Law):
     slides: ClassVar[bool] = False
 
     stiffness: float  # [1/rad] the force is load * D * stiffness * slip
-    D: float  # [-] the friction that its planner is told
+    D: float  # [-] the friction that its planner assumes
 
     def __post_init__(self) -> None:
         require(self, lambda v: 0.0 < v <= 3.0, "above 0, up to 3, which no such tire reaches", ("D",), SettingsError)
@@ -49,7 +49,7 @@ class Linear(Law):
 
     @property
     def peak(self) -> float:
-        """The friction that its planner is told [-]."""
+        """The friction that its planner assumes [-]."""
         return self.D
 
     @property

@@ -205,8 +205,8 @@ class Tires:
         )
         return replace(self, front=front, rear=rear)
 
-    def told(self) -> dict[str, float]:
-        """Return what a planner is told of the tires, as fields of CarParameters; of Coulomb friction nothing more."""
+    def for_planners(self) -> dict[str, float]:
+        """Return the parameters of the tires for planners, as fields of CarParameters; none for Coulomb friction."""
         if self._of_vehicle or self.model == DEFAULT_TIRES:
             return {}
         found = {"relaxation_length": max(axle.relaxation_length for axle in self.axles)}
@@ -241,7 +241,7 @@ def _values(curve: Law) -> dict[str, float]:
 
 
 def numbers_of(axle: AxleTires, law: str) -> list[float]:
-    """Return what `tires_of` reads from a compiled model: see NUMERIC."""
+    """Return the numbers that `tires_of` reads from a compiled model: see NUMERIC."""
     found = [float([own.model for own in LAWS].index(law))]
     for curve in (axle.lateral, axle.longitudinal):
         found += [getattr(curve, key) for key in curve.value_names()]

@@ -27,7 +27,7 @@ import numpy as np
 from ...arguments import explain_class
 from ...display import brief
 from ...errors import ControllerError
-from ...intermediate_values import BASE, FARTHEST, MAP, NUMBER, SCAN, ShownValues, moved
+from ...intermediate_values import BASE, FARTHEST, MAP, NUMBER, SCAN, IntermediateValues, moved
 from ...messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from ...simulation.planner_adapter import Surroundings, plan, short_text
 from ...simulation.planner_failure import one_line
@@ -163,7 +163,7 @@ class Witness:
     asked: int = 0
     remarks: list[str] = field(default_factory=list)
     _stopped: bool = False
-    _values: ShownValues = field(default_factory=ShownValues)
+    _values: IntermediateValues = field(default_factory=IntermediateValues)
     _sketches: list[Sketch] = field(default_factory=list)
 
     def __post_init__(self) -> None:

@@ -4,8 +4,8 @@
     with LiveView(session, port=8080) as view:
         view.run()  # until Ctrl-C
 
-The server is viser's. It listens on 127.0.0.1 unless told otherwise: whoever reaches it can turn the knobs, but for the
-pages of other sites in a browser (`handshake`).
+The server is viser's. It listens on 127.0.0.1 unless another address is given: whoever reaches it can turn the knobs,
+but for the pages of other sites in a browser (`handshake`).
 """
 
 from __future__ import annotations
@@ -265,7 +265,7 @@ class LiveView:
 
     @property
     def _assumed_mu(self) -> float:
-        """Where the slider of the planner's friction coefficient stands: without friction limits at its greatest."""
+        """Position of the slider of the planner's friction coefficient: without friction limits at its greatest."""
         return round(min(self.session.settings.assumed_mu, _GREATEST_MU), 4)
 
     def _hotkey(self, label: str, key: Any, act: Any) -> None:
@@ -294,7 +294,7 @@ class LiveView:
         limit = session.limit_speed
         best = f", best lap {min(session.laps.lap_times):.3f} s" if session.laps.lap_times else ""
         self._label_pause()
-        if session.settings.planner_mu is None:  # the planner is told the tires' mu
+        if session.settings.planner_mu is None:  # the planner knows the tires' mu
             self._planner_mu.value = self._assumed_mu
         state = "\n\n".join(_plain(text) for text in ("paused" if session.paused else "", session.message) if text)
         if session.failure is not None and session.failure.traceback:
@@ -324,7 +324,7 @@ def _plain(text: str) -> str:
 
 
 def _legend() -> str:
-    """Return what the colours of the scene mean, as HTML."""
+    """Return the legend of the scene's colours, as HTML."""
     rows = [
         f'<div><span style="color:rgb{colour};font-size:1.3em">&#9679;</span> {name}</div>'
         for name, colour in LEGEND.items()
@@ -333,7 +333,7 @@ def _legend() -> str:
 
 
 def _key_help() -> str:
-    """Return what the keys do, as HTML."""
+    """Return the help on keys, as HTML."""
     drive = {name: " ".join(_shown(keys[name]) for keys in (ARROWS, WASD, KEYS) if name in keys) for name in KEYS}
     others = {"pause, go on": "P", "reset": "R", "planner or keys": "M"}
     rows = "".join(
@@ -345,6 +345,6 @@ def _key_help() -> str:
 
 
 def _shown(key: str) -> str:
-    """Return what is on a key."""
+    """Return the label of a key."""
     signs = {"arrowup": "\u2191", "arrowdown": "\u2193", "arrowleft": "\u2190", "arrowright": "\u2192"}
     return signs.get(key, key)

@@ -27,7 +27,7 @@ LEGEND = {
     "where LiDAR beams end": _SCAN, "where the planner steers to": _GOAL, "driven since the reset": _TRACE,
     "obstacles": _OBSTACLE, "obstacles that move": _MOVING,
 }  # fmt: skip
-"""What is shown -> its colour."""
+"""Colours of the things in the scene."""
 
 
 class LiveScene:
@@ -120,7 +120,7 @@ class LiveScene:
             self._shown[key] = name, shown
 
     def _scan_points(self) -> NDArray[np.float32]:
-        """Return where the beams end, always as many points: those of beams that come to nothing are in the car."""
+        """Return the ends of beams, always as many points: those of beams without a reading are in the car."""
         points = self._session.scan_points(_BEAM_STEP)
         count = len(self._session.scan.ranges[::_BEAM_STEP])
         x, y, _ = self._session.simulation.pose
@@ -128,7 +128,7 @@ class LiveScene:
 
 
 def camera_view(session: LiveSession, camera: str) -> tuple[FloatArray, FloatArray] | None:
-    """Return where a camera of CAMERAS is and what it looks at, (3,) [m] each; None for one that is moved by hand."""
+    """Return a camera's position and the point that it looks at, (3,) [m] each; None for one that is moved by hand."""
     if camera == "free":
         return None
     if camera == "course":

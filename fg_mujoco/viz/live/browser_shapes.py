@@ -12,7 +12,7 @@ from ...messages import FloatArray
 from ...simulation.world import World
 
 _FLOOR_MARGIN = 4.0  # [m] of floor round the course
-_LEVELS = 24  # of each colour: so many shades are told apart
+_LEVELS = 24  # of each colour: number of shades
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -59,13 +59,13 @@ def run_desktop(session: LiveSession) -> None:
         raise SettingsError(f"the display cannot be used: {' '.join(str(error).split())}; accepted: --web") from error
     print(friction_text(session.world.car.mu, session.settings.assumed_mu), file=sys.stderr)
     with viewer:
-        due, told = time.perf_counter(), ""
+        due, printed = time.perf_counter(), ""
         while viewer.is_running():
             with viewer.lock():
                 session.tick()
-            if session.message != told:
-                told = session.message
-                print(told or "all is well", file=sys.stderr)
+            if session.message != printed:
+                printed = session.message
+                print(printed or "all is well", file=sys.stderr)
                 if session.failure is not None:
                     print(session.failure.traceback, end="", file=sys.stderr)
             viewer.sync()

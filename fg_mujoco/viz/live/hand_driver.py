@@ -11,7 +11,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import CarParameters, DriveCommand
 
 KEYS = {"faster": "I", "slower": "K", "left": "J", "right": "L", "stop": "B"}
-"""What a key does -> the key, in a browser and on the desktop."""
+"""Actions of keys -> the key, in a browser and on the desktop."""
 ARROWS = {"faster": "arrowup", "slower": "arrowdown", "left": "arrowleft", "right": "arrowright", "stop": "space"}
 """The same by the arrows and the space bar, in a browser."""
 WASD = {"faster": "W", "slower": "S", "left": "A", "right": "D"}

@@ -105,7 +105,7 @@ def own_pages_only(host: str) -> Iterator[list[str]]:
 
 
 def _log() -> logging.Logger:
-    """Return where the server tells of requests that are none: nowhere, unless Python's logging is set up."""
+    """Return the logger for requests that are none: silent, unless Python's logging is set up."""
     logger = logging.getLogger("fg_mujoco.live")
     if not logger.handlers:
         logger.addHandler(logging.NullHandler())

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...course.lap_timer import LapTimer
 from ...errors import FgMujocoError, PlannerError, SettingsError
-from ...intermediate_values import ShownValues
+from ...intermediate_values import IntermediateValues
 from ...lidar.beams import lidar_body
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from ...racing.entries import check_starts, grid_starts
@@ -72,7 +72,8 @@ class LiveSession:
         self.setup.require_usable("a live view", "laps", "time_limit", "lidar", "rules", "decision_limit")
         self.settings = self.setup.drive_settings
         self.planner_settings: dict[str, Any]
-        self._source, self.planner_settings = split_controller(self.setup.first.controller, self.settings.planner_settings)
+        planner = self.setup.first.controller
+        self._source, self.planner_settings = split_controller(planner, self.settings.planner_settings)
         self._course = self.setup.load_course()
         self._obstacles = self.setup.obstacles_on(self._course)
         self._opponents = self.setup.named[1:]
@@ -88,13 +89,13 @@ class LiveSession:
         self._reset = False
         self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
         self._history: deque[tuple[float, float, float]] = deque(maxlen=round(_HISTORY / self.period))
-        self.values, self._remarked = ShownValues(), 0
+        self.values, self._remarked = IntermediateValues(), 0
         self._sketches: list[Sketch] = []  # of the values
         self.scan: LaserScan
         self.odometry: Odometry
         self.message = ""
         self.failure: PlannerFailure | None = None
-        self._told: set[int] = set()  # rows of the opponents whose planner's failure was told
+        self._reported: set[int] = set()  # rows of the opponents whose planner's failure was reported
         self._place()
 
     @property
@@ -157,7 +158,7 @@ class LiveSession:
 
     @property
     def trace(self) -> FloatArray:
-        """Where the rear axle was since the reset. Shape (n, 2) [m]."""
+        """Positions of the rear axle since the reset. Shape (n, 2) [m]."""
         return np.array(self._trace, dtype=np.float64).reshape(-1, 2)
 
     @property
@@ -176,18 +177,18 @@ class LiveSession:
     def friction_utilisation(self) -> float:
         """Of the tire with the greatest, in the last tick [-]; 0 where all are in the air."""
         if self._opponents:
-            return self._told_last("friction_use_front_left")
+            return self._last_in("friction_use_front_left")
         return _greatest(self.simulation.slip.friction_utilisation)
 
     @property
     def sliding_speed(self) -> float:
         """Of the tire with the greatest, in the last tick [m/s]; 0 where all are in the air."""
         if self._opponents:
-            return self._told_last("slide_front_left_m_s")
+            return self._last_in("slide_front_left_m_s")
         return _greatest(self.simulation.slip.sliding_speed)
 
     def scan_points(self, step: int = 1) -> FloatArray:
-        """Return where every `step`-th beam ends, in the world; none for beams that come to nothing. (n, 3) [m]."""
+        """Return the end of every `step`-th beam in the world, without those that have no reading. (n, 3) [m]."""
         ranges = self.scan.ranges[::step]
         seen = np.isfinite(ranges)
         bearings = self.scan.bearings[::step][seen]
@@ -198,7 +199,7 @@ class LiveSession:
 
     @without_exit()
     def goal(self) -> FloatArray | None:
-        """Return where the planner is heading, (3,) [m] in the world; None: nowhere, or it does not say."""
+        """Return the goal of the planner, (3,) [m] in the world; None: it has none, or does not say."""
         try:
             return self._goal()
         except BaseException as error:
@@ -208,7 +209,7 @@ class LiveSession:
 
     @without_exit()
     def drawings(self) -> list[Sketch]:
-        """Return what the planner shows of its work: its values, and the markers, paths and poses of nodes."""
+        """Return the planner's drawings: its intermediate values, and the markers, paths and poses of nodes."""
         try:
             of_nodes = self._planner.drawings() if hasattr(self._planner, "drawings") else []
             return [*self._sketches, *of_nodes]
@@ -274,8 +275,8 @@ class LiveSession:
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
             settings = replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None))
-            told = settings.assumed_mu != self.settings.assumed_mu
-            planner = self._make_planner(self.planner_settings, settings) if told else self._planner
+            changed = settings.assumed_mu != self.settings.assumed_mu
+            planner = self._make_planner(self.planner_settings, settings) if changed else self._planner
             self._change_mu(settings)
             self._planner = planner
         elif name in ("max_speed", "planner_mu"):
@@ -297,7 +298,7 @@ class LiveSession:
         cars, engine, before = (settings, *self._opponents), simulation.engine, self.simulation.engine
         engine.load(
             state, effects=[car.effects for car in cars], seed=[car.seed for car in cars],
-            odometry_drift=[car.odometry_drift for car in cars],
+            odometry_drift=[car.odometry_drift for car in cars], sensors=[car.sensed for car in cars],
         )  # fmt: skip
         engine.crashed[:], engine.planners = before.crashed, before.planners
         engine.running[1:] = before.running[1:]
@@ -308,7 +309,7 @@ class LiveSession:
         settings = self.settings
         return Simulation(
             world, effects=settings.effects, seed=settings.seed, odometry_drift=settings.odometry_drift,
-            others=self._opponents,
+            sensors=settings.sensed, others=self._opponents,
         )  # fmt: skip
 
     def _make_world(self, settings: DriveSettings) -> World:
@@ -338,7 +339,7 @@ class LiveSession:
         return own
 
     def _make_opponents(self) -> Planners:
-        """Return what drives the opponents, as new.
+        """Return the opponents' planners, as new.
 
         Raises:
           ControllerError: a planner that cannot be built.
@@ -365,11 +366,11 @@ class LiveSession:
                 self.message = f"{opponent.name} {said}"
         if self._opponents and engine.planners is not None:
             for row, error in engine.planners.failures.items():
-                if row not in self._told:
-                    self._told.add(row)
+                if row not in self._reported:
+                    self._reported.add(row)
                     self.message = f"{self._opponents[row - 1].name}: {' '.join(str(error).split())}"
 
-    def _told_last(self, column: str) -> float:
+    def _last_in(self, column: str) -> float:
         """Return the greatest of the four values of the tires of car 0 from a column of the telemetry on."""
         first = TELEMETRY.index(column)
         return _greatest(self.simulation.engine.telemetry[0, first : first + 4])
@@ -383,7 +384,7 @@ class LiveSession:
     def _place(self) -> None:
         self.scan, self.odometry = self.simulation.reset(**asdict(self._start))
         if self._opponents:
-            self.simulation.engine.planners, self._told = self._make_opponents(), set()
+            self.simulation.engine.planners, self._reported = self._make_opponents(), set()
         start(self._planner)
         self.hand.release()
         self.laps.reset()

@@ -74,7 +74,7 @@ class View:
         return replace(self, height=factor * self.height, position=self.position - lower)
 
     def project(self, points: ArrayLike, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
-        """Return where points (n, 3) [m] are in a picture of `size` (width, height) [px].
+        """Return the places of points (n, 3) [m] in a picture of `size` (width, height) [px].
 
         Returns:
           Columns and rows (n, 2) [px] from the upper left corner, and the depth of each (n,) [m], negative behind.

@@ -45,7 +45,7 @@ def deck() -> Any:
 
 
 def _side_pod(side: float) -> Any:
-    """Return a panel beside the battery that bulges out and tapers to both ends."""
+    """Return a panel at the side of the battery that bulges out and tapers to both ends."""
     stations = [(0.088, 0.0030), (0.100, 0.0095), (0.130, 0.0125), (0.200, 0.0125), (0.235, 0.0085), (0.252, 0.0030)]
     rings = []
     for x, rise in stations:

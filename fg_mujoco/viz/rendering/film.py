@@ -168,7 +168,7 @@ class Film:
         return self.renderer.depth(data, view)
 
     def segmentation(self, time: float) -> NDArray[np.uint8]:
-        """Return what is seen in each pixel at a time [s]; see Renderer.segmentation."""
+        """Return the label of each pixel at a time [s]; see Renderer.segmentation."""
         data, _, view = self._look(time)
         return self.renderer.segmentation(data, view)
 

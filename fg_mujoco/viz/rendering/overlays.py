@@ -43,7 +43,7 @@ USUAL_OVERLAYS = {
     "track": Overlays(trace=True, strip=True),
     "orbit": Overlays(forces=True, strip=True),
 }
-"""Those of each camera, unless told otherwise."""
+"""Default overlays of each camera."""
 
 
 def find_overlays(camera: str, **switches: bool | None) -> Overlays:
@@ -138,7 +138,7 @@ def draw_trace(scene: mujoco.MjvScene, drive: Drive, time: float, here: FloatArr
 def draw_marker(
     scene: mujoco.MjvScene, position: FloatArray, heading: float, view: View, colour: Colour | None = None
 ) -> None:
-    """Add a ring round a car that is small in the picture, with a tip where it is heading; dark blue unless told."""
+    """Add a ring round a car that is small in the picture, with a tip where it is heading; dark blue by default."""
     size = 0.022 * view.height
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     aside = np.array([-ahead[1], ahead[0], 0.0])
@@ -152,7 +152,7 @@ def draw_marker(
 
 
 def _pixel(view: View, rows: int) -> float:
-    """Return how long a pixel is on the ground that is looked at [m]."""
+    """Return the length of a pixel on the ground that is looked at [m]."""
     if view.is_parallel:
         return view.height / rows
     return 2.0 * float(np.linalg.norm(view.focus - view.position)) * float(np.tan(0.5 * view.fovy)) / rows

@@ -1,4 +1,4 @@
-"""What the planner of a recorded drive saw in a tick: its scan, its intermediate scans, and its goal.
+"""Input and work of a recorded drive's planner in a tick: its scan, its intermediate scans, and its goal.
 
 The scan is measured again at the recorded state, with the noise and delay of the run, and given to the planner again. A
 planner gives its intermediate scans by a method `intermediate_scans(scan) -> {name: ranges (n,)}`, which the bundled
@@ -31,7 +31,7 @@ from .recorded_drive import Drive
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannerView:
-    """What a planner saw in one tick, and from where."""
+    """Input and work of a planner in one tick, and the pose of the car."""
 
     scan: LaserScan
     intermediate_scans: dict[
@@ -87,7 +87,7 @@ class PlannerEye:
             return None
 
     def at_tick(self, tick: int) -> PlannerView:
-        """Return what the planner saw at the start of a tick."""
+        """Return the planner's view at the start of a tick."""
         scan = self._scan(tick)
         self._place(tick)
         position = self._data.xpos[self._lidar_body].copy()

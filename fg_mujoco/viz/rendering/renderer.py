@@ -32,7 +32,7 @@ from .presets import find_quality
 from .scenery import LOOK_PREFIX, WALL_TOPS, compile_scenery, semantic_labels
 
 LABELS = ("nothing", "ground", "road", "start line", "wall", "obstacle", "car")
-"""What the numbers of a segmentation mean."""
+"""Meanings of the numbers of a segmentation."""
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _MOST_GEOMS = 20_000
@@ -152,7 +152,7 @@ class Renderer:
     def moment(
         self, data: mujoco.MjData, times: FloatArray | None = None, headings: FloatArray | None = None
     ) -> Moment:
-        """Return what a camera is told of a state; `times` [s] and `headings` [rad] are of the whole drive."""
+        """Return what cameras need to know of a state; `times` [s] and `headings` [rad] are of the whole drive."""
         if times is None or headings is None:
             times, headings = np.empty(0), np.empty(0)
         base = self._bases[self.car]
@@ -210,7 +210,7 @@ class Renderer:
     def segmentation(
         self, data: mujoco.MjData | FloatArray, camera: str | Camera | View = "chase"
     ) -> NDArray[np.uint8]:
-        """Return what is seen in each pixel, as its place in LABELS. Shape (height, width) uint8."""
+        """Return the label of each pixel, as its place in LABELS. Shape (height, width) uint8."""
         self._draw(data, camera, None, labels=True)
         pixels = np.empty((self._height, self._width, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, self._rect, self._gl)
@@ -305,7 +305,7 @@ def check_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def track_start(world: World) -> tuple[float, float]:
-    """Return where the race on a world's track starts, x and y [m]."""
+    """Return the start of the race on a world's track, x and y [m]."""
     x, y, _ = world.track.start_pose()
     return float(x), float(y)
 

@@ -133,7 +133,7 @@ def nearest_on(line: FloatArray, point: FloatArray) -> FloatArray:
 
 
 def _along(chain: FloatArray) -> FloatArray:
-    """Return how far along a wall (m, 8, 3) each of its joints is, stretched to whole tiles of 1 m. Shape (m + 1,)."""
+    """Return the distance of each joint along a wall (m, 8, 3), stretched to whole tiles of 1 m. Shape (m + 1,)."""
     lengths = np.linalg.norm(chain[:, 1, :2] - chain[:, 0, :2], axis=1)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     stretched: FloatArray = along * max(round(along[-1]), 1) / along[-1]

@@ -44,7 +44,7 @@ def require_pillow() -> None:
 
 
 def strip_height(height: int) -> int:
-    """Return how many of a picture's rows the strip takes [px]."""
+    """Return the height of the strip in a picture [px]."""
     return min(max(round(0.105 * height), 30), height // 3)
 
 
@@ -72,7 +72,7 @@ def draw_strip(picture: Picture, drive: Drive, time: float, car: CarParameters) 
 
 
 def _names_of(drive: Drive, time: float) -> tuple[str, ...]:
-    """Return what the car is called among several, with its place at a time [s], the longest first; else nothing."""
+    """Return the car's name among several with its place at a time [s], the longest first; empty for a single car."""
     if drive.standings is None:
         return ()
     positions = drive.standings.positions[:, drive.tick_at(time)]

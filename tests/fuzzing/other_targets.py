@@ -1,4 +1,4 @@
-"""Doors of vehicles, settings files, the command line, bags, environments and the live view."""
+"""Targets of vehicles, settings files, the command line, bags, environments and the live view."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.viz.live.handshake import is_own
 from fg_mujoco.viz.rendering.scenery import compile_scenery
 
-from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
-from .folder_doors import run
+from .folder_targets import run
 from .mutations import NUMBERS, WORDS, mutated, mutated_binary, one_of
+from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
 
 # -- vehicles
 
@@ -237,7 +237,7 @@ def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
     return _read_bag("bag", rng)
 
 
-# -- Python's doors
+# -- Python's targets
 
 
 def _environment(samples: Path, here: Path, rng: Generator) -> Attempt:
@@ -292,13 +292,13 @@ def _live_view(samples: Path, here: Path, rng: Generator) -> Attempt:
     return check
 
 
-DOORS = {
-    "vehicle": Door(attempt=_vehicle),
-    "vehicle_files": Door(attempt=_vehicle_files),
-    "settings_file": Door(attempt=_settings_file),
-    "command_line": Door(attempt=_command_line, prepare=run),
-    "bag": Door(attempt=_bag, prepare=_bags),
-    "bag_messages": Door(attempt=_messages, prepare=_bags),
-    "environment": Door(attempt=_environment),
-    "live_view": Door(attempt=_live_view),
+TARGETS = {
+    "vehicle": Target(attempt=_vehicle),
+    "vehicle_files": Target(attempt=_vehicle_files),
+    "settings_file": Target(attempt=_settings_file),
+    "command_line": Target(attempt=_command_line, prepare=run),
+    "bag": Target(attempt=_bag, prepare=_bags),
+    "bag_messages": Target(attempt=_messages, prepare=_bags),
+    "environment": Target(attempt=_environment),
+    "live_view": Target(attempt=_live_view),
 }

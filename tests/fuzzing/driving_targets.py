@@ -1,4 +1,4 @@
-"""Doors of what drives on and on: environments of f1tenth_gym, the live view and its server, races of several cars."""
+"""Targets that drive on and on: environments of f1tenth_gym, the live view and its server, races of several cars."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from fg_mujoco.racing.setup import Setup
 from fg_mujoco.viz.live.browser import LiveView
 from fg_mujoco.viz.live.live_session import LiveSession
 
-from .course_doors import ring
-from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
-from .folder_doors import any_json_file, changed_arrays, read
+from .course_targets import ring
+from .folder_targets import any_json_file, changed_arrays, read
 from .mutations import NUMBERS, mutated, mutated_binary, one_of
+from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
 
 VALUES: tuple[Any, ...] = (
     None, True, 0, 1, -1, 3, 10**9, 10**400, 0.5, -0.5, 1e-300, 1e308, float("nan"), float("inf"), "", "a", "\0",
@@ -244,10 +244,10 @@ def _several_cars_folder(samples: Path, here: Path, rng: Generator) -> Attempt:
     return read(here, rng)
 
 
-DOORS = {
-    "f110": Door(attempt=_f110, prepare=ring),
-    "live_session": Door(attempt=_live_session),
-    "live_server": Door(attempt=_live_server),
-    "several_cars": Door(attempt=_several_cars, prepare=ring),
-    "several_cars_folder": Door(attempt=_several_cars_folder, prepare=_race_of_several),
+TARGETS = {
+    "f110": Target(attempt=_f110, prepare=ring),
+    "live_session": Target(attempt=_live_session),
+    "live_server": Target(attempt=_live_server),
+    "several_cars": Target(attempt=_several_cars, prepare=ring),
+    "several_cars_folder": Target(attempt=_several_cars_folder, prepare=_race_of_several),
 }

@@ -1,4 +1,4 @@
-"""Doors of folders: of a race, a rollout and a comparison, as others send them or disks damage them."""
+"""Targets of folders: of a race, a rollout and a comparison, as others send them or disks damage them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 
-from .door import SHORT, Attempt, Door, command
 from .mutations import WORDS, mutated, mutated_binary, one_of
+from .target import SHORT, Attempt, Target, command
 
 QUICK = ("--n", "3", "--time-limit", "0.05", "--chunk", "1", "--workers", "1")
 COMPARED = ("--controller", "gap_finder", "--track", "oval", "--seed", "0:1", "--laps", "1", "--time-limit", "0.05")
@@ -176,11 +176,11 @@ def _undrawn(attempt: Attempt) -> Attempt:
     return call
 
 
-DOORS = {
-    "run_summary": Door(attempt=_summary, prepare=run),
-    "run_states": Door(attempt=_states, prepare=run),
-    "run_telemetry": Door(attempt=_run_file("telemetry.csv"), prepare=run),
-    "run_scene": Door(attempt=_run_file("scene.xml"), prepare=run),
-    "rollout_folder": Door(attempt=_rollout_folder, prepare=_rollout),
-    "comparison_folder": Door(attempt=_comparison_folder, prepare=_comparison),
+TARGETS = {
+    "run_summary": Target(attempt=_summary, prepare=run),
+    "run_states": Target(attempt=_states, prepare=run),
+    "run_telemetry": Target(attempt=_run_file("telemetry.csv"), prepare=run),
+    "run_scene": Target(attempt=_run_file("scene.xml"), prepare=run),
+    "rollout_folder": Target(attempt=_rollout_folder, prepare=_rollout),
+    "comparison_folder": Target(attempt=_comparison_folder, prepare=_comparison),
 }

@@ -1,4 +1,4 @@
-"""Doors of courses: centreline CSVs, maps, their images, and the names of tracks."""
+"""Targets of courses: centreline CSVs, maps, their images, and the names of tracks."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 
-from .door import SHORT, Attempt, Door, as_text, command
 from .mutations import NUMBERS, mutated, mutated_binary, one_of
+from .target import SHORT, Attempt, Target, as_text, command
 
 
 def ring(samples: Path) -> None:
@@ -69,9 +69,9 @@ def _track_name(samples: Path, here: Path, rng: Generator) -> Attempt:
     return command("race", f"--track={name}", *(f"{option}" for option in options), *SHORT)
 
 
-DOORS = {
-    "track_csv": Door(attempt=_track_csv, prepare=ring),
-    "map_yaml": Door(attempt=_map_yaml, prepare=ring),
-    "map_image": Door(attempt=_map_image, prepare=ring),
-    "track_name": Door(attempt=_track_name, prepare=ring),
+TARGETS = {
+    "track_csv": Target(attempt=_track_csv, prepare=ring),
+    "map_yaml": Target(attempt=_map_yaml, prepare=ring),
+    "map_image": Target(attempt=_map_image, prepare=ring),
+    "track_name": Target(attempt=_track_name, prepare=ring),
 }

@@ -1,4 +1,4 @@
-"""Doors of planners: their names and settings, their files, their lines, and the scans that they are told."""
+"""Targets of planners: their names and settings, their files, their lines, and the scans that they are told."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from fg_mujoco.ros.node_host.program import read_program
 from fg_mujoco.viz.debug import page
 from fg_mujoco.viz.debug.decisions import Witness
 
-from .course_doors import ring
-from .door import SHORT, Attempt, Door, as_text, command, ignore_refusal
+from .course_targets import ring
 from .mutations import mutated, one_of
+from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
 
 PLANNERS = (
     "gap_finder[lookahead=6]", "follow_the_gap[point=deepest,speed_law=friction]", "pure_pursuit[line=ring.csv]",
@@ -272,11 +272,11 @@ def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
     return look
 
 
-DOORS = {
-    "launch_file": Door(attempt=_launch_file),
-    "shown_values": Door(attempt=_shown_values),
-    "planner_settings": Door(attempt=_planner_settings, prepare=ring),
-    "planner_file": Door(attempt=_planner_file),
-    "raceline": Door(attempt=_raceline, prepare=ring),
-    "scans": Door(attempt=_scans),
+TARGETS = {
+    "launch_file": Target(attempt=_launch_file),
+    "shown_values": Target(attempt=_shown_values),
+    "planner_settings": Target(attempt=_planner_settings, prepare=ring),
+    "planner_file": Target(attempt=_planner_file),
+    "raceline": Target(attempt=_raceline, prepare=ring),
+    "scans": Target(attempt=_scans),
 }

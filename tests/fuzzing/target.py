@@ -1,7 +1,7 @@
-"""What a door is, and what the doors share.
+"""The class of targets, and what all targets share.
 
-An attempt is a call without arguments. It returns an exit code, or, of Python's doors, 0; any error that it raises is a
-finding. It runs in a folder that is empty but for what the try has put there.
+An attempt is a call without arguments. It returns an exit code, or, of Python's targets, 0; any error that it raises is
+a finding. It runs in a folder that is empty but for what the try has put there.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ SHORT = ("--time-limit", "0.03")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Door:
-    """A way in.
+class Target:
+    """A kind of files or values that is read.
 
     Attributes:
       attempt: takes the folder of samples, the present folder and the generator; puts a changed input there.
