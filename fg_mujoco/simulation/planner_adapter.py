@@ -313,7 +313,8 @@ def adapt(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"controller {kind.__name__} failed in batch(): {error_text(error, file_of(kind))}") from error
+        said = f"controller {kind.__name__} failed in batch()"
+        raise ControllerError(f"{said}: {error_text(error, file_of(kind))}") from error
     return BatchPlanners(together, kind, raises=raises)
 
 
