@@ -36,17 +36,29 @@ from ..lidar.links import LINK, place_links
 from ..lidar.scanline import scan
 from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..messages import ODOMETRY, FloatArray
+from ..vehicle import stages
 from ..vehicle.motion import CAR, read_odometry
 from ..vehicle.motion import drive as drive_car
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia
+from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_tires
 from ..vehicle.tire_slip import measure_slip
-from .clear_ground import ClearGround
+from .clear_ground import ClearGround, touches_nothing
 from .clock import seconds
 from .physics import Batch, StateLayout, apply_to_states
 from .telemetry import COMMAND, GREATEST_COMMAND, STATISTICS, add_row, begin_row, end_motion, end_row
 from .termination import END_REASONS, judge_cars
-from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor, Sizes, step_world
+from .world_step import (
+    AXLES,
+    CHASSIS_CONTACT,
+    FIRST_TIRE,
+    MOUNT,
+    TIRES,
+    TREE,
+    Floor,
+    Sizes,
+    friction_under,
+    place_obstacles,
+)
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
@@ -207,23 +219,41 @@ def _floor(table: Table) -> Floor:
 
 @kernel
 def _step_world(model: int, data: int, world: int, address: int) -> None:
-    """Do the steps of `span` in a world, see `step_world`; MuJoCo's batch calls it with the address of a table."""
+    """Do the physics steps of `span` in a world, and note what sensors and tires did.
+
+    MuJoCo's batch calls it with the addresses of a model, its data and a table. Steps that do not advance only work out
+    forces and sensors.
+    """
     table = table_at(address, _ARRAYS)
-    sizes, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
-    step_world(
-        model, data, world, span[_FIRST], span[_END], span[_ADVANCE] != 0,
-        Sizes(sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]),
-        _fields_of(whole_numbers(table[_FIELDS])),
-        Inertia(
-            short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]),
-            short_numbers(table[_COLUMNS_OF_INERTIA]),
-        ),
-        rows(table[_GEARS], GEAR), whole_matrix(table[_CAR_PLACES]), rows(table[_CARS], CAR),
-        rows(table[_TIRE_ROWS], TIRE), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
-        numbers(table[_TIMES])[_TIMESTEP], matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES]),
-        numbers(table[_SCRATCH]),
-        ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
+    n, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
+    sizes, found = Sizes(n[0], n[1], n[2], n[3], n[4], n[5]), _fields_of(whole_numbers(table[_FIELDS]))
+    inertia = Inertia(
+        short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]), short_numbers(table[_COLUMNS_OF_INERTIA])
     )  # fmt: skip
+    gears, car_places, cars = rows(table[_GEARS], GEAR), whole_matrix(table[_CAR_PLACES]), rows(table[_CARS], CAR)
+    tires, mu, floor = rows(table[_TIRE_ROWS], TIRE), matrix(table[_MU]), _floor(table)
+    motions, timestep, scratch = matrix(table[_MOTIONS]), numbers(table[_TIMES])[_TIMESTEP], numbers(table[_SCRATCH])
+    ground = ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES]))
+    sensors, records, tire_states = matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES])
+    userdata = stages.vector(data, found.userdata, sizes.userdata)
+    readings = stages.vector(data, found.sensordata, sizes.readings)
+    for step in range(span[_FIRST], span[_END]):
+        place_obstacles(data, found, motions)
+        under = friction_under(model, data, found, world, step, sizes, car_places, cars, mu, floor)
+        if not sizes.own_tires:
+            stages.step(model, data)
+        else:
+            own = cars[world * len(car_places) : (world + 1) * len(car_places)]
+            clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
+            step_on_tires(
+                model, data, found, inertia, gears, tires, under, userdata, scratch, sizes.dofs, timestep,
+                span[_ADVANCE] != 0, clear, step == span[_END] - 1,
+            )  # fmt: skip
+        for k in range(sizes.readings):
+            sensors[world, k] = records[world, step, k] = readings[k]
+        for k in range(sizes.userdata):
+            tire_states[world, step, k] = userdata[k]
+    place_obstacles(data, found, motions)
 
 
 _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
