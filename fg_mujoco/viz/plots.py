@@ -229,6 +229,9 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
 
     On a course without end it is drawn over time.
     """
+    from matplotlib.patches import StepPatch
+
+    outline: Any = {"baseline": None, "fill": False, "linewidth": 1.0}
     endless = not math.isfinite(track.length)
     place, laps = column["time_s" if endless else "progress_m"], column["lap"]
     length = float(place.max(initial=1e-3)) if endless else track.length
@@ -244,8 +247,9 @@ def _draw_tires(panels: list[Axes], column: dict[str, FloatArray], track: Course
         greatest = np.full(cells, -np.inf)
         np.maximum.at(greatest, cell, np.nan_to_num(use, nan=-np.inf))
         greatest[np.isneginf(greatest)] = np.nan  # nobody was there, or the tire was off the ground
-        panel.stairs(greatest, edges, color=colour, linewidth=1.0, baseline=None)
-        panel.stairs(greatest, edges, color=colour, alpha=0.15, fill=True)
+        # by `stairs` matplotlib would look for their limits, which are known, for a third of the time of the picture
+        panel.add_artist(StepPatch(greatest, edges, edgecolor=colour, **outline))
+        panel.add_artist(StepPatch(greatest, edges, facecolor=colour, alpha=0.15, linewidth=0.0))
         slid = column[f"slide_{wheel}_m_s"] > slides_above(model)
         panel.plot(place[slid], np.full(slid.sum(), 1.12), "|", color=ALERT, markersize=5.0, markeredgewidth=1.2)
         limit(panel, 1.0)
