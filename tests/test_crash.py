@@ -78,7 +78,8 @@ def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     assert crash.speed_m_s == pytest.approx(3.0, abs=0.1)
     car = result.world.parameters
     front = crash.x_m - (car.length - car.rear_overhang)
-    assert crash.time_s == pytest.approx(np.interp(front, result.car.column("x_m"), result.car.column("time_s")), abs=0.026)
+    reached = np.interp(front, result.car.column("x_m"), result.car.column("time_s"))
+    assert crash.time_s == pytest.approx(reached, abs=0.026)
     assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
 
 
@@ -116,7 +117,7 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "planner.py").write_text(PLANNER)
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
     assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
     table = capsys.readouterr().out
     crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]
@@ -147,7 +148,7 @@ def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, m
 
 def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    from fg_mujoco.viz.report.recorded_run import read_recorded
+    from fg_mujoco.viz.report.recorded import read_recorded
 
     folder = fg.write_run(lap, tmp_path / "run", picture=False)
     summary = json.loads((folder / "summary.json").read_text())

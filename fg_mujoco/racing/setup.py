@@ -5,8 +5,8 @@
     again = race(setup.replace(mu=0.5))
     setup.write("race.toml")
 
-All doors take a Setup, or its keywords, and build one: a race, a rollout, a comparison, an environment. The keywords
-are the fields of Setup, and those of Entry for its first car. A file has the same names as keys.
+All functions take a Setup, or its keywords, and build one: a race, a rollout, a comparison, an environment. The
+keywords are the fields of Setup, and those of Entry for its first car. A file has the same names as keys.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ RENAMED = {
     "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
     "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
 }  # fmt: skip
-"""Keyword that a door had before -> what it is called now."""
+"""Keyword that a function had before -> its name now."""
 
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
@@ -91,7 +91,7 @@ class StudyKeywords(CarKeywords, total=False):
 
 
 class SetupKeywords(StudyKeywords, total=False):
-    """The keywords of a Setup, as all doors take them, besides `track` and `controller`, which are arguments."""
+    """The keywords of a Setup, as all functions take them, besides `track` and `controller`, which are arguments."""
 
     max_speed: float
     seed: int
@@ -143,12 +143,12 @@ class Setup:
         object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, track: Setup | Course | str | None = None, /, *, door: str = "Setup", **keywords: Any) -> Setup:
+    def of(cls, track: Setup | Course | str | None = None, /, *, caller: str = "Setup", **keywords: Any) -> Setup:
         """Return the setup of a track and keywords; of a Setup and keywords that one with these in it.
 
         Args:
           track: or the setup that the keywords change.
-          door: what messages call the function that was called with the keywords.
+          caller: name of the function that got the keywords, for messages.
           keywords: of SetupKeywords.
 
         Raises:
@@ -158,7 +158,7 @@ class Setup:
         base = track if isinstance(track, Setup) else cls()
         if track is not None and not isinstance(track, Setup):
             keywords = {"track": track, **keywords}
-        _require_known(door, keywords)
+        _require_known(caller, keywords)
         return base.replace(**keywords)
 
     def replace(self, **keywords: Any) -> Setup:
@@ -229,11 +229,11 @@ class Setup:
             tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
         )  # fmt: skip
 
-    def require_usable(self, door: str, *unusable: str, alone: bool = False) -> None:
-        """Refuse settings that a door cannot use and that are not the default.
+    def require_usable(self, caller: str, *unusable: str, alone: bool = False) -> None:
+        """Refuse settings that the caller cannot use and that are not the default.
 
         Args:
-          door: its name, for messages.
+          caller: its name, for messages.
           unusable: names of SetupKeywords.
           alone: whether it has one car only.
 
@@ -241,12 +241,12 @@ class Setup:
           SettingsError: one is set.
         """
         if alone and len(self.entries) > 1:
-            raise SettingsError(f"{len(self.entries)} entries in {door}; accepted: one car")
+            raise SettingsError(f"{len(self.entries)} entries in {caller}; accepted: one car")
         for name in unusable:
             of_race = name in _OF_RACE
             value, usual = (getattr(each if of_race else each.first, name) for each in (self, _usual()))
             if value != usual and (name != "start" or value != Start()):
-                said = f"{name} is {shown(value)} in {door}, which cannot use it"
+                said = f"{name} is {shown(value)} in {caller}, which cannot use it"
                 raise SettingsError(f"{said}; accepted: {shown(usual)}")
 
     def described(self) -> dict[str, Any]:
@@ -363,14 +363,14 @@ def brief_entry(entry: Entry) -> str:
     return name + (f"({', '.join(set_)})" if set_ else "")
 
 
-def _require_known(door: str, keywords: Mapping[str, Any]) -> None:
+def _require_known(caller: str, keywords: Mapping[str, Any]) -> None:
     """Refuse a keyword that there is not, with the one that was probably meant."""
     for name, value in keywords.items():
         if name in RENAMED:
             new = RENAMED[name]
             raise SettingsError(f"setting {name!r} is called {new!r} now; accepted: {new}={shown(value)}")
         if name not in SETUP_KEYWORDS:
-            raise ArgumentError(unknown_argument(door, name, SETUP_KEYWORDS))
+            raise ArgumentError(unknown_argument(caller, name, SETUP_KEYWORDS))
 
 
 def _read(values: Mapping[str, Any]) -> Setup:

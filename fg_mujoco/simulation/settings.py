@@ -1,4 +1,4 @@
-"""What every door shares: which car drives, what its planner is told, where it starts, and what its LiDAR does.
+"""Settings that all functions share: the car, the knowledge of its planner, its start, and the effects of its LiDAR.
 
 A race, a rollout, an environment and the live view spell these settings alike and validate them here.
 """
