@@ -294,7 +294,7 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         ({"laps": 0}, "laps is 0"),
         ({"mu": -1.0}, "mu"),
         ({"time_limit": 0.0}, "time_limit"),
-        ({"lidar_noise": -1.0}, r"lidar_noise is -1\.0"),
+        ({"lidar_noise": -1.0}, "lidar_noise is -1.0"),
         ({"workers": 0}, "workers is 0"),
     ],
 )

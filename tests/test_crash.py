@@ -78,7 +78,8 @@ def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     assert crash.speed_m_s == pytest.approx(3.0, abs=0.1)
     car = result.world.parameters
     front = crash.x_m - (car.length - car.rear_overhang)
-    assert crash.time_s == pytest.approx(np.interp(front, result.car.column("x_m"), result.car.column("time_s")), abs=0.026)
+    reached = np.interp(front, result.car.column("x_m"), result.car.column("time_s"))
+    assert crash.time_s == pytest.approx(reached, abs=0.026)
     assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
 
 

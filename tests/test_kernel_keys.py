@@ -292,7 +292,7 @@ print(json.dumps(found))
 """
 ODOMETRY_CLASS = "@explain_class\n@dataclass(frozen=True, kw_only=True, eq=False, repr=False)\nclass Odometry"
 OF_MESSAGES = {  # an edit, some kernels that depend on it by themselves, and how many at most do
-    "a docstring": ("What a planner is told of its car.", "What a planner is told.\n\n    Of its car.", set(), 0),
+    "a docstring": ("Parameters of a car for planners.", "What a planner is told.\n\n    Of its car.", set(), 0),
     "a function": (ODOMETRY_CLASS, f"def more():\n    return 1\n\n\n{ODOMETRY_CLASS}", set(), 0),
     "a method": ("    def yaw_rate(self)", "    def more(self):\n        return 1\n\n    def yaw_rate(self)", set(), 0),
     "a constant": ("STOP = DriveCommand(", "GO = 1.0\nSTOP = DriveCommand(", set(), 0),

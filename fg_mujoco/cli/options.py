@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
@@ -16,7 +16,7 @@ from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
 from ..racing.setup import Setup
-from ..simulation.settings import FASTEST
+from ..simulation.settings import FASTEST, DriveSettings
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
@@ -169,10 +169,19 @@ _SETUP: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 """Keyword of a Setup -> the option of the same name. Options have no defaults: those are the setup's."""
 
+_TYPES: dict[type, dict[str, Any]] = {
+    bool: {"action": "store_const", "const": True}, int: {"type": whole, "metavar": "N"},
+    float: {"type": number, "metavar": "X"}, str: {"metavar": "TEXT"},
+}  # fmt: skip
+_FURTHER = tuple(f.name for f in fields(DriveSettings) if "help" in f.metadata)
+for _field in fields(DriveSettings):
+    if _field.name in _FURTHER:
+        _SETUP[_field.name] = _TYPES[type(_field.default)] | {"help": _field.metadata["help"]}
+
 CAR = (
     "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
     "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_noise", "lidar_dropout",
-    "lidar_latency", "odometry_drift", "sensors",
+    "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""
 

@@ -112,7 +112,7 @@ class EnvironmentSettings(CarSettings):
             return cls(**known_settings(own, cls, "an environment"))
         of_setup |= {name: own.pop(name) for name in ("changes", "effects", "start") if _is_part(own.get(name))}
         base = setup if isinstance(setup, Setup) or setup is None else Setup.read(setup)
-        given = _settings_of(Setup.of(base, door="an environment", **of_setup))
+        given = _settings_of(Setup.of(base, caller="an environment", **of_setup))
         return cls(**given | known_settings(own, cls, "an environment"))
 
     @property

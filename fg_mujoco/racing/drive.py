@@ -67,7 +67,7 @@ def drive(
       SettingsError: commands that cannot be read or driven, or settings of a planner or a course.
       ModelError: a file that is not that of a vehicle.
     """
-    given = Setup.of(setup, door="drive", **keywords)
+    given = Setup.of(setup, caller="drive", **keywords)
     given.require_usable("drive", *_UNUSABLE, alone=True)
     table = find_commands(commands, given.first, speed)
     fastest = min(max(float(np.abs(table.speed).max()), _LEAST_LIMIT), GREATEST_SPEED)

@@ -88,7 +88,7 @@ def race(
     given: dict[str, Any] = dict(keywords)
     if controller is not None:
         given["controller"] = controller
-    result = race_setup(Setup.of(track, door="race", **given), watch=watch)
+    result = race_setup(Setup.of(track, caller="race", **given), watch=watch)
     for car in result.cars:
         if car.planner_failure is not None:
             who = car.controller if len(result.cars) == 1 else f"{car.name}, {car.controller},"

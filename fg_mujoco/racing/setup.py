@@ -5,8 +5,8 @@
     again = race(setup.replace(mu=0.5))
     setup.write("race.toml")
 
-All doors take a Setup, or its keywords, and build one: a race, a rollout, a comparison, an environment. The keywords
-are the fields of Setup, and those of Entry for its first car. A file has the same names as keys.
+All functions take a Setup, or its keywords, and build one: a race, a rollout, a comparison, an environment. The
+keywords are the fields of Setup, and those of Entry for its first car. A file has the same names as keys.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, laps_to_drive
@@ -33,13 +33,18 @@ from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require, require_whole, shown
 from ..simulation.course_loading import load_track
-from ..simulation.settings import CarSettings, DriveSettings, Start, as_parts, require_laps, require_time_limit
+from ..simulation.settings import (
+    CarKeywords,
+    CarSettings,
+    DriveSettings,
+    Start,
+    as_parts,
+    require_laps,
+    require_time_limit,
+)
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
-from ..vehicle.sensors import Sensor
-from ..vehicle.tires import Tires
-from ..vehicle.vehicle import Vehicle
 from .entries import Entry, require_entries, require_grid
 from .race_control import find_rules
 from .toml_files import read_toml, toml_text
@@ -52,7 +57,7 @@ RENAMED = {
     "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
     "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
 }  # fmt: skip
-"""Keyword that a door had before -> what it is called now."""
+"""Keyword that a function had before -> its name now."""
 
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
@@ -68,8 +73,8 @@ _KINDS = {"effects": LidarEffects, "start": Start, "changes": CarChanges}
 _SOLIDS = {"box": Box, "cylinder": Cylinder, "prism": Prism}
 
 
-class StudyKeywords(TypedDict, total=False):
-    """The keywords of a Setup that are no axes of a study: of Setup, of Entry for car 0, and of PARTS."""
+class StudyKeywords(CarKeywords, total=False):
+    """The keywords of a Setup that are no axes of a study: its fields, and those of car 0."""
 
     entries: Sequence[Entry]
     opponents: Sequence[Entry | str]
@@ -83,33 +88,10 @@ class StudyKeywords(TypedDict, total=False):
     rules: str
     decision_limit: float | None
     name: str | None
-    vehicle: Vehicle | str | Path
-    tires: Tires | str | Path | None
-    mu: float | None
-    changes: CarChanges | Mapping[str, Any]
-    planner_mu: float | None
-    planner_settings: Mapping[str, Any]
-    start: Start | Mapping[str, Any] | None
-    effects: LidarEffects | Mapping[str, Any]
-    odometry_drift: float
-    sensors: Sequence[Sensor | str | Mapping[str, Any]]
-    lidar_noise: float
-    lidar_dropout: float
-    lidar_latency: float
-    motion_distortion: bool
-    start_s: float
-    start_offset: float
-    start_heading: float
-    start_speed: float
-    mass: float | None
-    cog_height: float | None
-    steering_gain: float | None
-    speed_gain: float | None
-    command_delay: float | None
 
 
 class SetupKeywords(StudyKeywords, total=False):
-    """The keywords of a Setup, as all doors take them, besides `track` and `controller`, which are arguments."""
+    """The keywords of a Setup, as all functions take them, besides `track` and `controller`, which are arguments."""
 
     max_speed: float
     seed: int
@@ -161,12 +143,12 @@ class Setup:
         object.__setattr__(self, name, value)
 
     @classmethod
-    def of(cls, track: Setup | Course | str | None = None, /, *, door: str = "Setup", **keywords: Any) -> Setup:
+    def of(cls, track: Setup | Course | str | None = None, /, *, caller: str = "Setup", **keywords: Any) -> Setup:
         """Return the setup of a track and keywords; of a Setup and keywords that one with these in it.
 
         Args:
           track: or the setup that the keywords change.
-          door: what messages call the function that was called with the keywords.
+          caller: name of the function that got the keywords, for messages.
           keywords: of SetupKeywords.
 
         Raises:
@@ -176,7 +158,7 @@ class Setup:
         base = track if isinstance(track, Setup) else cls()
         if track is not None and not isinstance(track, Setup):
             keywords = {"track": track, **keywords}
-        _require_known(door, keywords)
+        _require_known(caller, keywords)
         return base.replace(**keywords)
 
     def replace(self, **keywords: Any) -> Setup:
@@ -247,11 +229,11 @@ class Setup:
             tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
         )  # fmt: skip
 
-    def require_usable(self, door: str, *unusable: str, alone: bool = False) -> None:
-        """Refuse settings that a door cannot use and that are not the default.
+    def require_usable(self, caller: str, *unusable: str, alone: bool = False) -> None:
+        """Refuse settings that the caller cannot use and that are not the default.
 
         Args:
-          door: its name, for messages.
+          caller: its name, for messages.
           unusable: names of SetupKeywords.
           alone: whether it has one car only.
 
@@ -259,12 +241,12 @@ class Setup:
           SettingsError: one is set.
         """
         if alone and len(self.entries) > 1:
-            raise SettingsError(f"{len(self.entries)} entries in {door}; accepted: one car")
+            raise SettingsError(f"{len(self.entries)} entries in {caller}; accepted: one car")
         for name in unusable:
             of_race = name in _OF_RACE
             value, usual = (getattr(each if of_race else each.first, name) for each in (self, _usual()))
             if value != usual and (name != "start" or value != Start()):
-                said = f"{name} is {shown(value)} in {door}, which cannot use it"
+                said = f"{name} is {shown(value)} in {caller}, which cannot use it"
                 raise SettingsError(f"{said}; accepted: {shown(usual)}")
 
     def described(self) -> dict[str, Any]:
@@ -381,14 +363,14 @@ def brief_entry(entry: Entry) -> str:
     return name + (f"({', '.join(set_)})" if set_ else "")
 
 
-def _require_known(door: str, keywords: Mapping[str, Any]) -> None:
+def _require_known(caller: str, keywords: Mapping[str, Any]) -> None:
     """Refuse a keyword that there is not, with the one that was probably meant."""
     for name, value in keywords.items():
         if name in RENAMED:
             new = RENAMED[name]
             raise SettingsError(f"setting {name!r} is called {new!r} now; accepted: {new}={shown(value)}")
         if name not in SETUP_KEYWORDS:
-            raise ArgumentError(unknown_argument(door, name, SETUP_KEYWORDS))
+            raise ArgumentError(unknown_argument(caller, name, SETUP_KEYWORDS))
 
 
 def _read(values: Mapping[str, Any]) -> Setup:

@@ -131,7 +131,7 @@ class MessagePlanners:
         """
         reasons = np.zeros(len(cars.running), np.int64)
         for row in map(int, np.flatnonzero(cars.running)):
-            scan, sensed = _told(cars, row)
+            scan, sensed = _scan_and_odometry(cars, row)
             if self._asking[row]:
                 self._planners[row].look_round(cars.surroundings(row))  # type: ignore[attr-defined]
             decide = partial(plan, self._planners[row], scan, sensed)
@@ -142,7 +142,8 @@ class MessagePlanners:
                     raise
                 reasons[row] = _FAILED
                 if isinstance(error, PlannerError):
-                    self.failures[row] = error
+                    error.__cause__ = error.__context__ = None  # their frames, and its own, hold the whole world
+                    self.failures[row] = error.with_traceback(None)
             except DecisionLimitReached:
                 if self._timed is None:  # it is the caller's
                     raise
@@ -200,7 +201,7 @@ class BatchPlanners:
           PlannerError: as a call does.
         """
         row = int(cars.running.argmax())
-        failed_one = _failed(error, self._kind, *_told(cars, row))
+        failed_one = _failed(error, self._kind, *_scan_and_odometry(cars, row))
         if self._raises or cars.running.sum() > 1:
             raise failed_one from error
         self.failures[row] = failed_one
@@ -216,7 +217,7 @@ class BatchPlanners:
         for row in map(int, np.flatnonzero(failed)):
             steering_angle, speed = cars.commands[row].tolist()
             said = f"commanded {steering_angle} rad, {speed} m/s"
-            unusable = _answered(said, "numbers", self._kind, *_told(cars, row))
+            unusable = _answered(said, "numbers", self._kind, *_scan_and_odometry(cars, row))
             if self._raises:
                 raise unusable
             self.failures[row] = unusable
@@ -313,7 +314,8 @@ def adapt(
     except BaseException as error:
         if not is_of_planner(error):
             raise
-        raise ControllerError(f"controller {kind.__name__} failed in batch(): {error_text(error, file_of(kind))}") from error
+        said = error_text(error, file_of(kind))
+        raise ControllerError(f"controller {kind.__name__} failed in batch(): {said}") from error
     return BatchPlanners(together, kind, raises=raises)
 
 
@@ -382,7 +384,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
         raise _answered(said, "finite numbers", type(controller), scan, odometry) from error
 
 
-def _told(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
+def _scan_and_odometry(cars: Cars, row: int) -> tuple[LaserScan, Odometry]:
     """Return the scan and the odometry of a car, as messages."""
     sensed = odometry_message(cars.odometry[row], cars.readings(row))
     return cars.scans.get(row) or cars.beams.to_scan(cars.ranges[row], sensed.stamp), sensed

@@ -1,4 +1,4 @@
-"""What every door shares: which car drives, what its planner is told, where it starts, and what its LiDAR does.
+"""Settings that all functions share: the car, the knowledge of its planner, its start, and the effects of its LiDAR.
 
 A race, a rollout, an environment and the live view spell these settings alike and validate them here.
 """
@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 
 import mujoco
 
@@ -266,6 +266,37 @@ class CarSettings:
         if sha256 is not None and settings.car.sha256 != sha256:
             raise SettingsError(f"vehicle {values['vehicle']!r} is another one now; accepted: the file as it was")
         return settings
+
+
+class CarKeywords(TypedDict, total=False):
+    """The settings of a car as keywords: those of DriveSettings, but for axes of studies, and of its parts by name.
+
+    A new setting stands here, and below as a field; `metadata={"help": ...}` makes it an option of the command line.
+    """
+
+    vehicle: Vehicle | str | Path
+    tires: Tires | str | Path | None
+    mu: float | None
+    changes: CarChanges | Mapping[str, Any]
+    planner_mu: float | None
+    planner_settings: Mapping[str, Any]
+    start: Start | Mapping[str, Any] | None
+    effects: LidarEffects | Mapping[str, Any]
+    odometry_drift: float
+    sensors: Sequence[Sensor | str | Mapping[str, Any]]
+    lidar_noise: float
+    lidar_dropout: float
+    lidar_latency: float
+    motion_distortion: bool
+    start_s: float
+    start_offset: float
+    start_heading: float
+    start_speed: float
+    mass: float | None
+    cog_height: float | None
+    steering_gain: float | None
+    speed_gain: float | None
+    command_delay: float | None
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

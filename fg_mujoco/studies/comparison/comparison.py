@@ -161,7 +161,7 @@ def compare(
     require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
-    base = Setup.of(setup, door="compare", **keywords)
+    base = Setup.of(setup, caller="compare", **keywords)
     base.require_usable("a comparison", "obstacle_seed", "name")
     alone = replace(base, entries=base.entries[:1], grid="staggered", rules="none")
     settings = ComparisonSettings(base=alone, opponents=Opponents.of(base), rules=base.rules)

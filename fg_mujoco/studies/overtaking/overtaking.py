@@ -144,7 +144,7 @@ def overtake(
     require_whole("workers", workers, 1, optional=True)
     if pictures:
         require_matplotlib()
-    base = Setup.of(setup, door="overtake", **keywords)
+    base = Setup.of(setup, caller="overtake", **keywords)
     base.require_usable("overtake", *_UNUSABLE, alone=True)
     first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(

@@ -144,10 +144,10 @@ def rollout(
         if name in given:
             raise SettingsError(f"{name} is of an Executor now; accepted: executor=Executor({name}={given[name]!r})")
     if isinstance(track, Setup):
-        tracks, setup = None, Setup.of(track, door="rollout", **given)
+        tracks, setup = None, Setup.of(track, caller="rollout", **given)
     else:
         tracks = list(track) if isinstance(track, Sequence) and not isinstance(track, str) else [track]
-        setup = Setup.of(*tracks[:1], door="rollout", **given)
+        setup = Setup.of(*tracks[:1], caller="rollout", **given)
     return rollout_setup(
         setup, tracks, n=n, seeds=seeds, randomize=randomize, record=record, out=out, workers=workers,
         executor=executor, watch=watch,

@@ -136,7 +136,7 @@ def _times(model: mujoco.MjModel, states: FloatArray) -> FloatArray:
 
 
 def _start_of(telemetry: FloatArray) -> tuple[float, float] | None:
-    """Return the place where the start line is passed [m], by the progress nearest to 0; None where it is never near."""
+    """Return the place where the start line is passed [m], by the progress nearest to 0; None if it is never near."""
     if not len(telemetry):
         return None
     column = {name: telemetry[:, TELEMETRY.index(name)] for name in ("progress_m", "x_m", "y_m", "heading_rad")}
