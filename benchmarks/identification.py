@@ -1,6 +1,6 @@
 """How exactly `identify` finds the tires of our own cars, in three dimensions and with the noise of real sensors.
 
-    python benchmarks/identification.py [--sets nuc2 nuc6 random_1 ...] [--seed 20] [--json FILE]
+    python benchmarks/identification.py [--sets nuc2 nuc6 random_1 ...] [--seeds 20] [--json FILE]
 
 Each car drives `growing_slalom` at the speeds and frequencies of DRIVES. The angle at the end is 0.4 rad. A car that
 spins before drives again, to 0.9 of the angle at which it did, as a driver would. The tires are then identified from
@@ -249,7 +249,7 @@ def tables(rows: list[dict[str, Any]]) -> str:
 def main() -> None:
     arguments = parser(__doc__)
     arguments.add_argument("--sets", nargs="+", metavar="NAME", help="of all; default: all")
-    arguments.add_argument("--seed", type=int, default=20, help="sets drawn at random; default: 20")
+    arguments.add_argument("--seeds", type=int, default=20, help="sets drawn at random; default: 20")
     options = arguments.parse_args()
     stay_on_cores()
     rows = []

@@ -173,7 +173,7 @@ def make_jobs(options: argparse.Namespace) -> list[Job]:
     names = ("controller", "noise", "dropout", "odometry_drift", "reference")
     shared = {name: getattr(options, name) for name in names}
     courses = [(path.stem, f"{path}{SETTINGS.get(path.stem, '')}") for path in find_maps(options.data, options.maps)]
-    courses += [(name, name) for name in options.tracks]
+    courses += [(name, name) for name in options.track]
     jobs = [
         Job(name=name, course=course, speed=speed, laps=options.laps, **shared)
         for name, course in courses

@@ -85,12 +85,12 @@ def main() -> None:
     arguments.add_argument("--most", type=int, default=4096, help="worlds")
     options = arguments.parse_args()
     stay_on_cores(2)
-    figures = measure(options.track, options.duration, options.most)
+    figures = measure(options.track, options.time_limit, options.most)
     one, two = figures["world_seconds_per_second"].values()
     alone = figures["raced_alone"]
     rows = [(n, f"{one[n]:.0f}", f"{two[n]:.0f}", f"{two[n] / one[n]:.2f}", f"{one[n] / alone:.1f}") for n in one]
     text = (
-        f"{options.track}, {options.duration:g} s each, gap_finder, 1081 beams; world-seconds per second\n\n"
+        f"{options.track}, {options.time_limit:g} s each, gap_finder, 1081 beams; world-seconds per second\n\n"
         + table(("worlds", "1 thread", "2 threads", "2 to 1", "1 thread to raced alone"), rows)
         + f"\n\nRaced one by one: {alone:.0f}. A world adds {figures['memory_per_world_mb']:.2f} MB to a batch."
     )

@@ -101,7 +101,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows here, one a line, and go on with it")
     options = parser.parse_args()
     sets = options.tires.split(",")
-    tracks = options.tracks.split(",") if options.tracks else [*fg.track_names(), *real_circuits(options.data)]
+    tracks = options.track.split(",") if options.track else [*fg.track_names(), *real_circuits(options.data)]
     found: dict[tuple[str, str], Row] = {}
     if options.json is not None and options.json.exists():
         for line in options.json.read_text("utf-8").splitlines():

@@ -137,12 +137,12 @@ except IndexError as error:
 
 RAISES_WITHIN_C = """
 import fg_mujoco as fg
-from fg_mujoco.simulation import world_step
+from fg_mujoco.simulation import compiled_tick
 
 def fail(*_):
     raise RuntimeError("in a kernel that C calls")
 
-world_step._place_obstacles = fail
+compiled_tick.place_obstacles = fail
 try:
     fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1)
 except RuntimeError as error:

@@ -302,7 +302,7 @@ OF_MESSAGES = {  # an edit, some kernels that depend on it by themselves, and ho
     ),
     "a field of a record": (
         '("stamp", np.float64),', '("stamp", np.float64),\n        ("slip", np.float64),',
-        {"simulation.record_rows.odometry_rows", "simulation.compiled_tick.sense"}, 19,
+        {"simulation.compiled_tick.read", "simulation.compiled_tick.sense"}, 19,
     ),
 }  # fmt: skip
 

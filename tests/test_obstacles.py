@@ -156,6 +156,22 @@ def test_a_footprint_is_copied():
     assert hash(prism) == hash(Prism(footprint=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])))
 
 
+def test_a_solid_that_mujoco_cannot_make_is_refused():
+    box = fg.Box(x=8.0, y=1e6, length=0.01, width=0.01)
+    with pytest.raises(fg.SettingsError, match=r"^obstacle 0 is Box\(.*, of which MuJoCo makes no solid; accepted: "):
+        fg.World("oval", obstacles=(box,))
+
+
+@pytest.mark.parametrize("value", [2e6, -1e300])
+def test_a_solid_beyond_what_numbers_can_tell_is_refused(value):
+    with pytest.raises(fg.SettingsError, match=r"Cylinder\.x is .*; accepted: a finite number up to 1e\+06"):
+        fg.Cylinder(x=value, y=0.0, radius=0.1)
+    with pytest.raises(fg.SettingsError, match=r"Prism\.footprint is "):
+        fg.Prism(footprint=((value, 0.0), (value + 1.0, 0.0), (value, 1.0)))
+    with pytest.raises(fg.SettingsError, match=r"Box\.width is .*; accepted: a positive length in metres up to 1000"):
+        fg.Box(x=0.0, y=0.0, length=1.0, width=abs(value))
+
+
 @pytest.mark.parametrize(
     "footprint",
     (

@@ -138,7 +138,7 @@ def test_forces_of_a_car_at_rest_can_carry_mu_times_its_weight(lap, scenery):
     TireForces(copy(scenery), CAR_PREFIX).forward(data)
     forces = TireForceMeter(scenery).read(data)
     weight = lap.world.parameters.mass * lap.world.parameters.gravity
-    assert forces.limit.sum() == pytest.approx(lap.mu * weight, rel=0.03)
+    assert forces.limit.sum() == pytest.approx(lap.car.mu * weight, rel=0.03)
 
 
 def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
@@ -160,7 +160,7 @@ def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
         acceleration = (data.subtree_linvel[base] - before) / scenery.opt.timestep
         total = np.nansum(forces.friction, axis=0)[:2]
         np.testing.assert_allclose(total, lap.world.parameters.mass * acceleration[:2], atol=1.5)
-        recorded = [lap.column(f"friction_use_{wheel}")[tick] for wheel in WHEELS]
+        recorded = [lap.car.column(f"friction_use_{wheel}")[tick] for wheel in WHEELS]
         assert (forces.use <= np.array(recorded) + 1e-6).all()  # greatest of the tick, of which this is the first step
 
 
@@ -300,9 +300,9 @@ def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
         # an accelerometer feels gravity, too
         gained.append(((after - before) / model.opt.timestep + (0.0, 0.0, 9.81)) @ frame)
     assert np.abs(felt - np.array(gained)[:, :2]).max() < 0.04  # measured .018, of up to 9.4 m/s^2
-    speed, yaw_rate = lap.column("speed_m_s"), lap.column("yaw_rate_rad_s")
+    speed, yaw_rate = lap.car.column("speed_m_s"), lap.car.column("yaw_rate_rad_s")
     assert np.median(np.abs(felt[:, 1] - speed * yaw_rate)) < 0.3
-    assert np.hypot(*felt.T).max() < 1.02 * lap.mu * lap.world.parameters.gravity
+    assert np.hypot(*felt.T).max() < 1.02 * lap.car.mu * lap.world.parameters.gravity
     gg_picture(lap, tmp_path / "gg.png")
     assert (tmp_path / "gg.png").read_bytes().startswith(b"\x89PNG")
 

@@ -14,13 +14,14 @@ from vehicle_worlds import made_file
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.centreline_csv import write_centreline
+from fg_mujoco.racing.result import EVENTS
 from fg_mujoco.racing.run_folder import read_summary
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
 TELLTALE = (
     "max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "collisions",
     "sim_time_s", "mu", "trajectory_sha256", "track", "obstacles", "laps_completed", "lap_times_s", "finished",
-    "end_reason", "wrong_way", "crash", "cars",
+    "end_reason", "wrong_way", "crash", "cars", *EVENTS,
 )  # fmt: skip
 """The figures that a replay is to prove."""
 
@@ -145,6 +146,13 @@ def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
 
 PLACE = {"time_s": 1.0, "x_m": 0.0, "y_m": 0.0, "lap": 1, "s_m": 0.5}
 RECORDS = {"wrong_way": PLACE, "crash": PLACE | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0}}
+CONTACT = {"impulse_Ns": 1.0, "closing_speed_m_s": 1.0, "displacement_m": 0.0, "x_m": 0.0, "y_m": 0.0}
+RECORDS |= {
+    "overtakes": [{"time_s": 1.0, "by": "car_0", "of": "car_1", "s_m": 1.0}],
+    "contacts": [{"time_s": 1.0, "cars": ["car_0", "car_1"], "at_fault": "car_0", **CONTACT}],
+    "warnings": [{"time_s": 1.0, "car": "car_0", "reason": "contact"}],
+    "restarts": [{"time_s": 1.0, "tick": 40, "car": 0, "s_m": 1.0, "offset_m": 0.0}],
+}
 
 
 def other(value):
@@ -311,6 +319,8 @@ def test_a_race_of_python_is_proved_but_for_a_limit_that_nobody_wrote_down(short
     report = fg.replay(fg.write_run(short_race, tmp_path / "run", picture=False))
     assert report.holds
     assert set(report.proved["summary.json"]) == set(TELLTALE) - {"end_reason"}
+    named = fg.write_run(fg.race("oval", laps=1, time_limit=0.2), tmp_path / "named", picture=False)
+    assert set(fg.replay(named).proved["summary.json"]) == set(TELLTALE)
 
 
 @pytest.mark.parametrize("ended", ["History.append", "judge", "tick"])

@@ -53,13 +53,13 @@ def test_sectors_add_up_to_the_lap_to_the_last_digits(lap):
     length = lap_length(columns["time_s"], columns["progress_m"], run.lap_times)
     (driven,) = lap_table(columns, run.lap_times, length, end=None)
     assert sum(driven.sectors) == pytest.approx(driven.time, abs=1e-9)
-    assert driven.time == lap.lap_times_s[0]
-    assert driven.top_speed == pytest.approx(np.abs(lap.column("speed_m_s")).max())
-    assert driven.friction_utilisation == pytest.approx(np.nanmax(lap.telemetry[:, 16:20]))
+    assert driven.time == lap.car.lap_times_s[0]
+    assert driven.top_speed == pytest.approx(np.abs(lap.car.column("speed_m_s")).max())
+    assert driven.friction_utilisation == pytest.approx(np.nanmax(lap.car.telemetry[:, 16:20]))
 
 
 def test_length_of_a_lap_is_that_of_the_track(lap):
-    length = lap_length(lap.column("time_s"), lap.column("progress_m"), lap.lap_times_s)
+    length = lap_length(lap.car.column("time_s"), lap.car.column("progress_m"), lap.car.lap_times_s)
     assert length == pytest.approx(lap.world.track.length, abs=2e-3)  # the last tick's end is not in the telemetry
 
 

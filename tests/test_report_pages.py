@@ -81,10 +81,10 @@ def test_page_loads_nothing_from_anywhere(report):
 def test_page_says_how_the_race_went(report, lap):
     text = report.read_text()
     assert "oval, gap_finder" in text
-    assert f"1 of 1 laps, best {lap.lap_times_s[0]:.3f} s; no tire slid." in text
+    assert f"1 of 1 laps, best {lap.car.lap_times_s[0]:.3f} s; no tire slid." in text
     assert lap.trajectory_sha256 in text
     for name, value in (
-        ("mu", lap.mu),
+        ("mu", lap.car.mu),
         ("seed", 0),
         ("mujoco_version", json.loads(summary_json(lap))["mujoco_version"]),
     ):
@@ -92,13 +92,13 @@ def test_page_says_how_the_race_went(report, lap):
 
 
 def test_page_has_decision_times_clamped_commands_and_sliding_sideways(report, lap):
-    text, times = report.read_text(), lap.decision_times
+    text, times = report.read_text(), lap.car.decision_times
     shown = " / ".join(f"{1e3 * t:.2f}" for t in (times.median_s, times.percentile_99_s, times.worst_s))
     for value, name in (
         (f"{shown} ms", "decisions: median / 99 % / worst"),
-        (f"{times.over_period} of {len(lap.telemetry)}", "decisions over 25 ms"),
-        (str(lap.clamped_commands), "commands clamped"),
-        (f"{lap.max_lateral_slide_m_s:.3f} m/s", "greatest sideways"),
+        (f"{times.over_period} of {len(lap.car.telemetry)}", "decisions over 25 ms"),
+        (str(lap.car.clamped_commands), "commands clamped"),
+        (f"{lap.car.max_lateral_slide_m_s:.3f} m/s", "greatest sideways"),
     ):
         assert f"<div><b>{value}</b><span>{name}</span></div>" in text
 
@@ -294,7 +294,7 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
         page.wait_for_selector("#readout[data-tick]")
         tick = int(page.get_attribute("#readout", "data-tick"))
         said = page.inner_text("#readout").replace("\n", " ")
-        row = dict(zip(fg.TELEMETRY, lap.telemetry[tick], strict=True))
+        row = dict(zip(fg.TELEMETRY, lap.car.telemetry[tick], strict=True))
         assert f"t {row['time_s']:.3f} s" in said
         assert f"speed {row['speed_m_s']:.2f} m/s" in said
         marked = page.evaluate(
@@ -425,7 +425,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
             assert f"summary.json: {path[0]} is " in complaint(capsys)
             assert not (copy / "report.html").exists()
             refused += 1
-    refusals = 37 + len(summary["files"])
+    refusals = 39 + len(summary["files"])
     assert (taken["controller"], taken["track"], taken["vehicle"], refused) == (MARKUP, MARKUP, MARKUP, refusals)
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0

@@ -644,7 +644,7 @@ def test_nodes_race_each_other_and_in_rollouts(node):
     source = node("self.drive(1)")
     entries = [fg.Entry(controller=f"ros:{NODES / 'wall_follow.py'}"), fg.Entry(controller=source)]
     result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
-    assert [round(car["max_speed_m_s"]) for car in result.cars] == [2, 1]
+    assert [round(car.max_speed_m_s) for car in result.cars] == [2, 1]
     worlds = fg.rollout("oval", source, n=2, laps=1, time_limit=1.0)
     assert len(worlds) == 2
 

@@ -21,7 +21,7 @@ from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, SLOW
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 CAR = flat_world()[2]
-GYM = SingleTrack.of(CAR.parameters, mu=CAR.mu)
+GYM = SingleTrack(car=CAR.parameters, mu=CAR.mu)
 MU_G = CAR.mu * CAR.parameters.gravity
 
 
@@ -30,9 +30,10 @@ def law(steering):
 
 
 def test_it_is_our_car_with_two_stiffnesses():
-    assert (GYM.mu, GYM.mass, GYM.gravity) == (CAR.mu, CAR.parameters.mass, 9.81)
+    assert (GYM.mu, GYM.car.mass, GYM.car.gravity) == (CAR.mu, CAR.parameters.mass, 9.81)
     assert (GYM.front_stiffness, GYM.rear_stiffness) == (FRONT_STIFFNESS, REAR_STIFFNESS) == (4.718, 5.4562)
-    constants = (GYM.front_axle_distance, GYM.rear_axle_distance, GYM.center_of_gravity_height, GYM.yaw_inertia)
+    own = GYM.car
+    constants = (own.front_axle_distance, own.rear_axle_distance, own.center_of_gravity_height, own.yaw_inertia)
     assert constants == pytest.approx((0.15875, 0.17145, 0.074, 0.04712), rel=1e-4)
 
 
@@ -42,9 +43,10 @@ def test_it_is_our_car_with_two_stiffnesses():
 )  # fmt: skip
 def test_rates_are_the_published_equations(x6, x7, x3, x4, u2, mu):
     """Althoff et al., vehicle models, single-track: multiplied out there, by axles here."""
-    model = SingleTrack.of(CAR.parameters, mu=mu)
-    m, i, h, g = model.mass, model.yaw_inertia, model.center_of_gravity_height, model.gravity
-    lf, lr, csf, csr = model.front_axle_distance, model.rear_axle_distance, FRONT_STIFFNESS, REAR_STIFFNESS
+    model = SingleTrack(car=CAR.parameters, mu=mu)
+    own = model.car
+    m, i, h, g = own.mass, own.yaw_inertia, own.center_of_gravity_height, own.gravity
+    lf, lr, csf, csr = own.front_axle_distance, own.rear_axle_distance, FRONT_STIFFNESS, REAR_STIFFNESS
     front, rear = csf * (g * lr - u2 * h), csr * (g * lf + u2 * h)
     yaw = (
         mu
@@ -71,7 +73,7 @@ def test_a_held_circle_is_the_closed_form_of_understeer(steering, k):
 
 def test_equal_stiffnesses_steer_neutrally_whatever_they_are():
     for stiffness in (3.0, 60.0):
-        model = SingleTrack.of(CAR.parameters, mu=CAR.mu, front_stiffness=stiffness, rear_stiffness=stiffness)
+        model = SingleTrack(car=CAR.parameters, mu=CAR.mu, front_stiffness=stiffness, rear_stiffness=stiffness)
         neutral = 4.0 * 0.1 / CAR.parameters.wheelbase
         assert settled_yaw_rate(model, 0.1, 4.0) == pytest.approx(neutral, rel=1e-6)
 
@@ -118,7 +120,7 @@ def test_a_speed_at_which_the_published_model_is_another_is_refused(speed):
 def test_a_stiffness_or_friction_that_no_tire_has_is_refused(value):
     for name in ("mu", "front_stiffness", "rear_stiffness"):
         with pytest.raises(fg.SettingsError, match=f"SingleTrack.{name} is .*; accepted: a positive number"):
-            SingleTrack.of(CAR.parameters, **{"mu": 1.0, name: value})
+            SingleTrack(car=CAR.parameters, **{"mu": 1.0, name: value})
 
 
 def test_a_holding_tire_creeps_as_the_stiffness_says():

@@ -39,17 +39,18 @@ def same_bits(first, second):
 
 
 def test_a_planner_that_is_told_the_least_peak_laps_and_no_tire_is_past_its_peak(lap):
-    assert lap.finished and lap.collisions == 0 and lap.slide_time_fraction == 0.0 and lap.max_slide_m_s == 0.0
-    assert (lap.tires, lap.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
-    assert lap.planner_mu == Tires.load(NUC2).least_peak
-    use = np.array([lap.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
+    car = lap.car
+    assert car.finished and car.collisions_wall == 0 and car.slide_time_fraction == 0.0 and car.max_slide_m_s == 0.0
+    assert (car.tires, car.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
+    assert car.planner_mu == Tires.load(NUC2).least_peak
+    use = np.array([car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
     assert 0.7 < np.nanmax(use) <= 1.0 + 1e-9
 
 
 def test_a_planner_that_is_told_more_than_the_tires_have_slides():
     result = fg.race("oval", laps=1, tires=NUC2, mu=0.7, planner_mu=1.2307)
-    assert result.mu == 0.7 and result.slide_time_fraction > 0.0 and result.max_slide_m_s > 0.05
-    assert (result.column("sliding_steps") > 0).any()
+    assert result.car.mu == 0.7 and result.car.slide_time_fraction > 0.0 and result.car.max_slide_m_s > 0.05
+    assert (result.car.column("sliding_steps") > 0).any()
 
 
 def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
@@ -173,17 +174,17 @@ def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(
     lap = lap if tires == NUC2 else fg.race("oval", laps=1, tires=tires)
     wheels = fg.vehicle.car.WHEELS
     load, fx, fy, angle, ratio = (
-        np.array([lap.column(name.format(wheel)) for wheel in wheels])
+        np.array([lap.car.column(name.format(wheel)) for wheel in wheels])
         for name in ("load_{}_N", "fx_{}_N", "fy_{}_N", "slip_angle_{}_rad", "slip_ratio_{}")
     )
     car = lap.world.parameters
     assert np.median(load.sum(axis=0)) == pytest.approx(car.mass * 9.81, rel=0.01)
-    rolling = np.abs(lap.column("speed_m_s")) > 1.0
+    rolling = np.abs(lap.car.column("speed_m_s")) > 1.0
     assert np.isfinite(angle[:, rolling]).all() and np.isfinite(ratio[:, rolling]).all()
     # Newton: the car's mass times its lateral acceleration v r, by the tires' forces turned by the steering
-    steering = lap.column("steering_angle_rad")
+    steering = lap.car.column("steering_angle_rad")
     side = fy[2:].sum(axis=0) + fy[:2].sum(axis=0) * np.cos(steering) + fx[:2].sum(axis=0) * np.sin(steering)
-    needed = car.mass * lap.column("speed_m_s") * lap.column("yaw_rate_rad_s")
+    needed = car.mass * lap.car.column("speed_m_s") * lap.car.column("yaw_rate_rad_s")
     assert np.corrcoef(side[rolling], needed[rolling])[0, 1] > 0.98
     assert (np.sign(angle) == np.sign(fy))[:, np.abs(fy).min(axis=0) > 2.0].mean() > 0.99
     engine = Engine(lap.world)
@@ -234,10 +235,10 @@ def test_settings_with_patches_are_described_and_read_back():
 
 def test_pictures_read_the_forces_of_such_tires(lap):
     model, data = lap.world.model, mujoco.MjData(lap.world.model)
-    tick = 1 + int(np.abs(lap.column("fy_front_left_N")[:-1]).argmax())
+    tick = 1 + int(np.abs(lap.car.column("fy_front_left_N")[:-1]).argmax())
     mujoco.mj_setState(model, data, lap.states[tick], STATE)
     TireForces(copy(model), CAR_PREFIX).forward(data)
     forces = TireForceMeter(model).read(data)
-    recorded = np.array([lap.column(f"friction_use_{wheel}")[tick] for wheel in fg.vehicle.car.WHEELS])
+    recorded = np.array([lap.car.column(f"friction_use_{wheel}")[tick] for wheel in fg.vehicle.car.WHEELS])
     np.testing.assert_allclose(forces.use, recorded, atol=0.05)
     assert forces.use.max() > 0.3

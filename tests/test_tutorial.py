@@ -110,9 +110,9 @@ def test_friction_does_what_the_text_says(ran):
     names, printed, _ = ran
     assert [", hit the " in line for line in printed["slippery"]] == [True, True]
     honest = names["honest"]
-    assert honest.finished and honest.mu == honest.planner_mu == 0.5
+    assert honest.car.finished and honest.car.mu == honest.car.planner_mu == 0.5
     dry = fg.race(names["track"], "gap_finder", laps=2)
-    assert f"{dry.car.mu:.2f}" == "1.05" and dry.car.mean_speed_m_s > honest.mean_speed_m_s
+    assert f"{dry.car.mu:.2f}" == "1.05" and dry.car.mean_speed_m_s > honest.car.mean_speed_m_s
 
 
 def test_its_commands_are_accepted():

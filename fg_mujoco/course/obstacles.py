@@ -16,6 +16,10 @@ from ..messages import FloatArray, require, shown
 from .track_mesh import WALL_HEIGHT
 
 _CYLINDER_SIDES = 24
+_FURTHEST = 1e6  # [m] from the world's origin, as of a track
+_LARGEST = 1e3  # [m] of any side
+_NEAR = f"a finite number up to {_FURTHEST:g} on either side of 0"
+_LENGTH = f"a positive length in metres up to {_LARGEST:g}"
 
 
 @explain_class
@@ -35,8 +39,9 @@ class Box:
     heading: float = 0.0  # [rad]
 
     def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("x", "y", "heading"), SettingsError)
-        require(self, _positive, "a positive length in metres", ("length", "width", "height"), SettingsError)
+        require(self, _is_near, _NEAR, ("x", "y"), SettingsError)
+        require(self, math.isfinite, "a finite number", ("heading",), SettingsError)
+        require(self, _is_length, _LENGTH, ("length", "width", "height"), SettingsError)
 
     def corners(self) -> FloatArray:
         """Footprint, counterclockwise. Shape (4, 2) [m]."""
@@ -61,8 +66,8 @@ class Cylinder:
     height: float = WALL_HEIGHT  # [m]
 
     def __post_init__(self) -> None:
-        require(self, math.isfinite, "a finite number", ("x", "y"), SettingsError)
-        require(self, _positive, "a positive length in metres", ("radius", "height"), SettingsError)
+        require(self, _is_near, _NEAR, ("x", "y"), SettingsError)
+        require(self, _is_length, _LENGTH, ("radius", "height"), SettingsError)
 
     def corners(self) -> FloatArray:
         """Footprint, counterclockwise. Shape (24, 2) [m]."""
@@ -84,7 +89,7 @@ class Prism:
     height: float = WALL_HEIGHT  # [m]
 
     def __post_init__(self) -> None:
-        require(self, _positive, "a positive length in metres", ("height",), SettingsError)
+        require(self, _is_length, _LENGTH, ("height",), SettingsError)
         if not _is_convex(self.footprint):
             raise SettingsError(
                 f"Prism.footprint is {self.footprint!r}; accepted: three or more (x, y) [m], counterclockwise, convex"
@@ -159,8 +164,12 @@ def solids_of(numbers: FloatArray) -> tuple[Obstacle, ...]:
     return tuple(solids)
 
 
-def _positive(value: float) -> bool:
-    return 0.0 < value < math.inf
+def _is_near(value: float) -> bool:
+    return abs(value) <= _FURTHEST
+
+
+def _is_length(value: float) -> bool:
+    return 0.0 < value <= _LARGEST
 
 
 def _is_convex(corners: Any) -> bool:
@@ -169,7 +178,7 @@ def _is_convex(corners: Any) -> bool:
         points = [(float(x), float(y)) for x, y in corners]
     except (TypeError, ValueError):
         return False
-    if len(points) < 3 or not all(math.isfinite(x + y) for x, y in points):
+    if len(points) < 3 or not all(_is_near(x) and _is_near(y) for x, y in points):
         return False
     around = zip(points[-2:] + points[:-2], points[-1:] + points[:-1], points, strict=True)
     turned = 0.0  # once round is 2 pi

@@ -145,7 +145,7 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         """Register the environments with the stubs, and with the libraries that are installed."""
         new = f"{__package__}.new_api:F110Env"
         for library, registry in self._registries.items():
-            old = new if library == "gymnasium" else f"{__package__}.making:environment_of_gym"
+            old = new if library == "gymnasium" else f"{__package__}:environment_of_gym"
             for id, entry in (("f110-v0", old), ("f1tenth-v0", new)):
                 registry.register(id, entry)
                 if really_installed(library):

@@ -1,9 +1,9 @@
 """The simulation: a course, a vehicle and a LiDAR become one MjModel, and the engine steps n worlds of it.
 
 `world` compiles the model. `engine` has Engine, with the five verbs place, sense, decide, drive and judge. It uses
-`physics` (MuJoCo's batch functions), `world_step` (the physics steps of one world), `clear_ground` (where a car touches
-nothing), `tick` (the kernels of a tick), `planner_adapter` (scans to planners, commands back), `termination` (the race
-monitor: laps, and when a race ends) and `telemetry` (a row a tick, running statistics).
+`physics` (MuJoCo's batch functions), `world_step` (obstacles and floor in a step), `clear_ground` (where a car touches
+nothing), `compiled_tick` (the kernels of a tick), `planner_adapter` (scans to planners, commands back), `termination`
+(the race monitor: laps, and when a race ends) and `telemetry` (a row a tick, running statistics).
 `simulation` has Simulation, one world that is stepped by hand. `settings` has the settings that races, rollouts,
 environments and the live view share. `course_loading` loads courses for the default vehicle, and `mujoco_import`
 imports MuJoCo where MUJOCO_GL names a library that is missing.

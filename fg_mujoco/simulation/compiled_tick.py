@@ -1,4 +1,8 @@
-"""A tick and its parts as kernels of a table of all arrays of some worlds (array_table)."""
+"""A tick and its parts as kernels of a table of all arrays of some worlds (array_table).
+
+What the cars sense, how they are driven, and what becomes of it. Arrays have one row a car: the cars of world 0, then
+those of world 1, and so on (r,). A state has one row a world (n,).
+"""
 
 from __future__ import annotations
 
@@ -25,20 +29,42 @@ from ..array_table import (
 )
 from ..course.course import Course
 from ..course.lap_timer import LAP_TIMER
+from ..course.moving_obstacles import obstacle_position
 from ..kernels import c_function, call_at, kernel
-from ..lidar.links import LINK
+from ..lidar.body_poses import mounted_pose
+from ..lidar.links import LINK, place_links
+from ..lidar.scanline import scan
 from ..lidar.visible_surfaces import SceneArrays, Scratch
-from ..messages import ODOMETRY
-from ..vehicle.motion import CAR
+from ..messages import ODOMETRY, FloatArray
+from ..vehicle import stages
+from ..vehicle.motion import CAR, read_odometry
+from ..vehicle.motion import drive as drive_car
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import GEAR, TIRE, Inertia
-from .clear_ground import ClearGround
+from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_tires
+from ..vehicle.tire_slip import measure_slip
+from .clear_ground import ClearGround, touches_nothing
 from .clock import seconds
 from .physics import Batch, StateLayout, apply_to_states
-from .telemetry import STATISTICS
+from .telemetry import COMMAND, GREATEST_COMMAND, STATISTICS, add_row, begin_row, end_motion, end_row
 from .termination import END_REASONS, judge_cars
-from .tick import Mounts, book_cars, hold_commands, read_cars, scan_cars, worlds_to_drive
-from .world_step import Floor, Sizes, step_world
+from .world_step import (
+    AXLES,
+    CHASSIS_CONTACT,
+    FIRST_TIRE,
+    MOUNT,
+    TIRES,
+    TREE,
+    Floor,
+    Sizes,
+    friction_under,
+    place_obstacles,
+)
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.void]
+Places = NDArray[np.int64]
+
+_APART = 0.5  # [s] without touching each other after which two cars touch anew
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_positions",
@@ -49,7 +75,17 @@ NAMES = (
     "fields", "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
     "distances", "corner", "bodies",
 )  # fmt: skip
-"""Of the arrays in a table, in the order of its rows."""
+"""Of the arrays in a table, in the order of its rows.
+
+Of the cars: `cars` (r,) of CAR, `timers` (r,) of LAP_TIMER, `odometry` (r,) of ODOMETRY, `telemetry`
+(r, len(TELEMETRY)), `statistics` (r,) of STATISTICS, `ranges` (r, beams) [m], `mu` (r, 4) of the tires, `touched_at`
+(r, m) when a car last touched each other of its world [s], and (r,) `running`, `failed` and `crashed`. Of a world of m
+cars: `car_places` (m, 6) see TREE, `touch_places` (m, m) where in the sensors two cars' touching is, `tires` (k,) of
+TIRE, `links` of LINK, `motions` (obstacles, 8) of `motion_table`, and how the LiDARs are fixed to the cars,
+`offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n, steps,
+nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in which that
+of the last car is left.
+"""
 
 (
     _PLACES, _RUNNING, _STATES, _SENSORS, _CARS, _TIMERS, _ODOMETRY, _TELEMETRY, _OFFSET_POSITIONS, _OFFSET_ROTATIONS,
@@ -108,37 +144,62 @@ def _layout(places: Any) -> StateLayout:
 
 
 @kernel
-def read(table: Table, which: NDArray[np.bool_]) -> None:
-    """Read the odometry of the cars `which` (r,), see `read_cars`."""
-    places = whole_numbers(table[_PLACES])
-    read_cars(
-        which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_SENSORS]),
-        rows(table[_CARS], CAR), rows(table[_TIMERS], LAP_TIMER), rows(table[_ODOMETRY], ODOMETRY),
-        matrix(table[_TELEMETRY]),
-    )  # fmt: skip
+def read(table: Table, which: Mask) -> None:
+    """Write the odometry of the cars `which` (r,), and the first columns of their rows of telemetry."""
+    places, states, telemetry = whole_numbers(table[_PLACES]), matrix(table[_STATES]), matrix(table[_TELEMETRY])
+    cars, timers, odometry = rows(table[_CARS], CAR), rows(table[_TIMERS], LAP_TIMER), rows(table[_ODOMETRY], ODOMETRY)
+    layout, sensors = _layout(places), matrix(table[_SENSORS])
+    for row in range(len(which)):
+        if which[row]:
+            world = row // places[_CARS_PER_WORLD]
+            state = states[world]
+            time, car = state[layout.time], cars[row : row + 1]
+            qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
+            read_odometry(time, qpos, qvel, sensors[world], car, odometry[row : row + 1])
+            begin_row(time, qpos, qvel, car, timers, row, telemetry[row])
 
 
 @kernel
-def sense(table: Table, which: NDArray[np.bool_]) -> None:
-    """Read the odometry of the cars `which` (r,), and draw their scans, see `scan_cars`."""
+def sense(table: Table, which: Mask) -> None:
+    """Read the odometry of the cars `which` (r,), and write what their LiDARs measure."""
     read(table, which)
-    places = whole_numbers(table[_PLACES])
-    scan_cars(
-        which, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        whole_matrix(table[_CAR_PLACES]),
-        Mounts(matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])),
-        matrix(table[_MOTIONS]), rows(table[_LINKS], LINK),
-        SceneArrays(
-            matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
-            matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
-            matrix(table[_SHAPES]), matrix(table[_SPHERES]),
-        ),
-        Scratch(
-            matrix(table[_CUTS]), short_numbers(table[_COLUMNS]), numbers(table[_NEAREST]), short_matrix(table[_VIEWS]),
-            short_numbers(table[_BINS]), matrix(table[_POSES]),
-        ),
-        matrix(table[_RANGES]),
+    places, states, ranges = whole_numbers(table[_PLACES]), matrix(table[_STATES]), matrix(table[_RANGES])
+    cars_per_world, layout, car_places = places[_CARS_PER_WORLD], _layout(places), whole_matrix(table[_CAR_PLACES])
+    offset_positions, offset_rotations = matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])
+    motions, links = matrix(table[_MOTIONS]), rows(table[_LINKS], LINK)
+    scene = SceneArrays(
+        matrix(table[_BEAMS]), numbers(table[_LIMITS]), matrix(table[_EDGES]), corner_numbers(table[_TRIANGLES]),
+        matrix(table[_BOXES]), short_matrix(table[_SPANS]), matrix(table[_PLANES]), short_matrix(table[_FRAMES]),
+        matrix(table[_SHAPES]), matrix(table[_SPHERES]),
     )  # fmt: skip
+    scratch = Scratch(
+        matrix(table[_CUTS]), short_numbers(table[_COLUMNS]), numbers(table[_NEAREST]), short_matrix(table[_VIEWS]),
+        short_numbers(table[_BINS]), matrix(table[_POSES]),
+    )  # fmt: skip
+    position, rotation = np.empty(3), np.empty((3, 3))
+    bodies = len(scene.frames) - 1
+    moving, turned, poses = np.empty((bodies, 3)), np.empty((bodies, 3, 3)), np.empty((len(links), 7))
+    for k in range(len(motions)):
+        moving[k, 2] = 0.0
+        for i in range(3):
+            for j in range(3):
+                turned[k, i, j] = 1.0 if i == j else 0.0
+    placed = -1
+    for row in range(len(which)):
+        if which[row]:
+            world = row // cars_per_world
+            car, state = row - world * cars_per_world, states[world]
+            if world != placed:
+                for k in range(len(motions)):
+                    moving[k, 0], moving[k, 1] = obstacle_position(motions[k], state[layout.time])
+                if len(links) > 0:
+                    qpos = state[layout.qpos[0] : layout.qpos[1]]
+                    place_links(qpos, links, poses, moving[len(motions) :], turned[len(motions) :])
+                placed = world
+            first = layout.qpos[0] + car_places[car, MOUNT]
+            offset_position, offset_rotation = offset_positions[car], offset_rotations[car]
+            mounted_pose(state[first : first + 7], offset_position, offset_rotation, position, rotation)
+            scan(scene, position, rotation, moving, turned, scratch, ranges[row], car_places[car, TREE])
 
 
 @kernel
@@ -158,23 +219,41 @@ def _floor(table: Table) -> Floor:
 
 @kernel
 def _step_world(model: int, data: int, world: int, address: int) -> None:
-    """Do the steps of `span` in a world, see `step_world`; MuJoCo's batch calls it with the address of a table."""
+    """Do the physics steps of `span` in a world, and note what sensors and tires did.
+
+    MuJoCo's batch calls it with the addresses of a model, its data and a table. Steps that do not advance only work out
+    forces and sensors.
+    """
     table = table_at(address, _ARRAYS)
-    sizes, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
-    step_world(
-        model, data, world, span[_FIRST], span[_END], span[_ADVANCE] != 0,
-        Sizes(sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]),
-        _fields_of(whole_numbers(table[_FIELDS])),
-        Inertia(
-            short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]),
-            short_numbers(table[_COLUMNS_OF_INERTIA]),
-        ),
-        rows(table[_GEARS], GEAR), whole_matrix(table[_CAR_PLACES]), rows(table[_CARS], CAR),
-        rows(table[_TIRE_ROWS], TIRE), matrix(table[_MU]), _floor(table), matrix(table[_MOTIONS]),
-        numbers(table[_TIMES])[_TIMESTEP], matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES]),
-        numbers(table[_SCRATCH]),
-        ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES])),
+    n, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
+    sizes, found = Sizes(n[0], n[1], n[2], n[3], n[4], n[5]), _fields_of(whole_numbers(table[_FIELDS]))
+    inertia = Inertia(
+        short_numbers(table[_ROW_COUNTS]), short_numbers(table[_ROW_STARTS]), short_numbers(table[_COLUMNS_OF_INERTIA])
     )  # fmt: skip
+    gears, car_places, cars = rows(table[_GEARS], GEAR), whole_matrix(table[_CAR_PLACES]), rows(table[_CARS], CAR)
+    tires, mu, floor = rows(table[_TIRE_ROWS], TIRE), matrix(table[_MU]), _floor(table)
+    motions, timestep, scratch = matrix(table[_MOTIONS]), numbers(table[_TIMES])[_TIMESTEP], numbers(table[_SCRATCH])
+    ground = ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES]))
+    sensors, records, tire_states = matrix(table[_SENSORS]), cube(table[_RECORDS]), cube(table[_TIRE_STATES])
+    userdata = stages.vector(data, found.userdata, sizes.userdata)
+    readings = stages.vector(data, found.sensordata, sizes.readings)
+    for step in range(span[_FIRST], span[_END]):
+        place_obstacles(data, found, motions)
+        under = friction_under(model, data, found, world, step, sizes, car_places, cars, mu, floor)
+        if not sizes.own_tires:
+            stages.step(model, data)
+        else:
+            own = cars[world * len(car_places) : (world + 1) * len(car_places)]
+            clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
+            step_on_tires(
+                model, data, found, inertia, gears, tires, under, userdata, scratch, sizes.dofs, timestep,
+                span[_ADVANCE] != 0, clear, step == span[_END] - 1,
+            )  # fmt: skip
+        for k in range(sizes.readings):
+            sensors[world, k] = records[world, step, k] = readings[k]
+        for k in range(sizes.userdata):
+            tire_states[world, step, k] = userdata[k]
+    place_obstacles(data, found, motions)
 
 
 _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
@@ -190,16 +269,122 @@ def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
 
 @kernel
 def book(table: Table, count: int) -> None:
-    """Read what a tick's steps recorded in the first `count` worlds of `ids`, see `book_cars`."""
-    places = whole_numbers(table[_PLACES])
-    book_cars(
-        short_numbers(table[_IDS]), count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places),
-        rows(table[_CARS], CAR), whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES]),
-        rows(table[_TIRE_ROWS], TIRE), cube(table[_TIRE_STATES]), _floor(table), flags(table[_RUNNING]),
-        cube(table[_RECORDS]), short_numbers(table[_STATUS]), flags(table[_FAILED]), matrix(table[_MU]),
-        cube(table[_SLIP]), flags(table[_CRASHED]), matrix(table[_TOUCHED_AT]), matrix(table[_TELEMETRY]),
-        rows(table[_STATISTICS], STATISTICS),
-    )  # fmt: skip
+    """Read what a tick's steps recorded in the first `count` worlds of `ids`.
+
+    Written are whether the engine failed, what touched what, the last columns of the telemetry, and the statistics.
+    """
+    places, ids, states = whole_numbers(table[_PLACES]), short_numbers(table[_IDS]), matrix(table[_STATES])
+    cars_per_world, layout, cars = places[_CARS_PER_WORLD], _layout(places), rows(table[_CARS], CAR)
+    car_places, touch_places = whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES])
+    tires, tire_states = rows(table[_TIRE_ROWS], TIRE), cube(table[_TIRE_STATES])
+    floor, mu, slip = _floor(table), matrix(table[_MU]), cube(table[_SLIP])
+    records, status, running = cube(table[_RECORDS]), short_numbers(table[_STATUS]), flags(table[_RUNNING])
+    failed, crashed, touched_at = flags(table[_FAILED]), flags(table[_CRASHED]), matrix(table[_TOUCHED_AT])
+    telemetry, statistics = matrix(table[_TELEMETRY]), rows(table[_STATISTICS], STATISTICS)
+    for place in range(count):
+        world = ids[place]
+        state = states[world]
+        time = state[layout.time]
+        qpos, qvel = state[layout.qpos[0] : layout.qpos[1]], state[layout.qvel[0] : layout.qvel[1]]
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            end_motion(time, qpos, qvel, cars[row : row + 1], telemetry[row])
+            failed[row] = failed[row] or status[world] != 0
+            car = row - world * cars_per_world
+            own, first = car_places[car], car_places[car, FIRST_TIRE]
+            races = running[row] or cars_per_world == 1
+            if cars_per_world == 1:
+                crashed[row] = crashed[row] or any_touch(records[world], own[CHASSIS_CONTACT])
+            else:
+                touched_wall = book_touches(
+                    records[world], car, own[CHASSIS_CONTACT], touch_places[car], time, touched_at[row], statistics, row
+                )
+                crashed[row] = crashed[row] or (touched_wall and races)
+            own_tires = tires[max(first, 0) : first + 4] if first >= 0 else tires[:0]
+            mus = np.ascontiguousarray(floor.mu[:, row]) if len(floor.patches) > 0 else mu[row : row + 1]
+            measure_slip(
+                records[world], own[TIRES], own[AXLES], mus, own_tires, tire_states[world], max(USERDATA * first, 0),
+                slip,
+            )  # fmt: skip
+            end_row(telemetry[row], slip)
+            if races:
+                add_row(statistics, row, telemetry[row], slip)
+
+
+@kernel
+def book_touches(
+    records: FloatArray,
+    car: int,
+    chassis_contact: int,
+    touch_places: Places,
+    time: float,
+    touched_at: FloatArray,
+    statistics: Rows,
+    row: int,
+) -> bool:
+    """Note which other cars a car touched in a tick; return whether its chassis touched anything else.
+
+    Args:
+      records: (steps, nsensordata) of the tick.
+      car: its number in its world.
+      chassis_contact: where its chassis' contacts are counted.
+      touch_places: (cars,) where those with each other car are.
+      time: at the end of the tick [s].
+      touched_at: (cars,) when it last touched each of them [s], -inf: not yet; written to.
+      statistics: (r,) of STATISTICS, written to.
+      row: of the car among them.
+    """
+    for other in range(len(touch_places)):
+        if other != car and any_touch(records, touch_places[other]):
+            if time - touched_at[other] > _APART:
+                statistics[row].touches += 1
+            touched_at[other] = time
+    for step in range(len(records)):
+        count = records[step, chassis_contact]
+        for other in range(len(touch_places)):
+            if other != car:
+                count -= records[step, touch_places[other]]
+        if count > 0.0:
+            return True
+    return False
+
+
+@kernel
+def any_touch(records: FloatArray, sensor: int) -> bool:
+    """Return whether a contact sensor found anything in any of the rows of `records` (steps, nsensordata)."""
+    touched = False
+    for step in range(len(records)):
+        touched = touched or records[step, sensor] > 0.0
+    return touched
+
+
+@kernel
+def hold(table: Table, count: int) -> None:
+    """Write the commands of all cars of the first `count` worlds of `ids` to their actuators, and to the telemetry."""
+    places, ids, states = whole_numbers(table[_PLACES]), short_numbers(table[_IDS]), matrix(table[_STATES])
+    cars_per_world, layout, cars = places[_CARS_PER_WORLD], _layout(places), rows(table[_CARS], CAR)
+    commands, telemetry = matrix(table[_COMMANDS]), matrix(table[_TELEMETRY])
+    for place in range(count):
+        world = ids[place]
+        qvel = states[world, layout.qvel[0] : layout.qvel[1]]
+        ctrl = states[world, layout.ctrl[0] : layout.ctrl[1]]
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            drive_car(qvel, commands[row, 0], commands[row, 1], cars[row : row + 1], ctrl)
+            for part in range(2):
+                telemetry[row, COMMAND + part] = min(max(commands[row, part], -GREATEST_COMMAND), GREATEST_COMMAND)
+
+
+@kernel
+def worlds_to_drive(running: Mask, cars_per_world: int, ids: NDArray[np.int32]) -> int:
+    """Write the numbers of the worlds in which any car runs into `ids` (n,), and return how many there are."""
+    count = 0
+    for world in range(len(running) // cars_per_world):
+        runs = False
+        for row in range(world * cars_per_world, (world + 1) * cars_per_world):
+            runs = runs or running[row]
+        if runs:
+            ids[count] = world
+            count += 1
+    return count
 
 
 @kernel
@@ -208,12 +393,9 @@ def drive(table: Table) -> None:
 
     A world is stepped as long as any of its cars runs.
     """
-    places, ids = whole_numbers(table[_PLACES]), short_numbers(table[_IDS])
-    count = worlds_to_drive(flags(table[_RUNNING]), places[_CARS_PER_WORLD], ids)
-    hold_commands(
-        ids, count, places[_CARS_PER_WORLD], matrix(table[_STATES]), _layout(places), matrix(table[_COMMANDS]),
-        rows(table[_CARS], CAR), matrix(table[_TELEMETRY]),
-    )  # fmt: skip
+    running, ids = flags(table[_RUNNING]), short_numbers(table[_IDS])
+    count = worlds_to_drive(running, whole_numbers(table[_PLACES])[_CARS_PER_WORLD], ids)
+    hold(table, count)
     if count > 0:
         step(table, count, 0, cube(table[_RECORDS]).shape[1], True)
         book(table, count)
@@ -232,13 +414,12 @@ def judge(table: Table) -> None:
 
 
 @kernel
-def _commands_are_numbers(table: Table) -> bool:
-    """Return whether the commands of all cars that run are numbers."""
-    running, commands = flags(table[_RUNNING]), matrix(table[_COMMANDS])
+def not_finite(running: Mask, commands: FloatArray) -> Mask:
+    """Return whether each running car got a command that is no number. Shape (r,)."""
+    bad = np.zeros(len(running), np.bool_)
     for row in range(len(running)):
-        if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):
-            return False
-    return True
+        bad[row] = running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1]))
+    return bad
 
 
 @kernel
@@ -282,7 +463,7 @@ def tick(table: Table, calls: NDArray[np.int64], limit: float, kept: Table) -> t
     took = seconds() - began
     if took > limit:
         return LATE, took
-    if not _commands_are_numbers(table):
+    if not_finite(flags(table[_RUNNING]), matrix(table[_COMMANDS])).any():
         return NO_NUMBERS, took
     drive(table)
     _end_failed(table)

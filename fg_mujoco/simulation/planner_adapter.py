@@ -29,6 +29,7 @@ from ..messages import (
     Odometry,
     Reading,
 )
+from .compiled_tick import not_finite
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
@@ -41,7 +42,6 @@ from .planner_failure import (
     wrong_answer,
 )
 from .termination import END_REASONS
-from .tick import not_finite
 from .world import World
 
 _ODOMETRY = ODOMETRY.names or ()

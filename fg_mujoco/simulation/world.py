@@ -6,6 +6,7 @@ starts from the same bits.
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from copy import copy
@@ -26,7 +27,7 @@ from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..lidar.lidar import LIDAR_BACKENDS, Lidar, make_lidar
 from ..lidar.visible_surfaces import ScanlineScene
-from ..messages import CarParameters, FloatArray
+from ..messages import CarParameters, FloatArray, shown
 from ..vehicle.bodywork import PUSH_OF_MOVING, add_hull, harden, stand_on_ground
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
@@ -204,7 +205,14 @@ def _text_of(
     """Return the MJCF text of a world. Writing it takes as long as compiling it, so the last few are kept."""
     spec = _compose(track, builds, lidar, obstacles)
     add_patches(spec, patches)
-    return str(spec.to_xml())
+    try:
+        return str(spec.to_xml())
+    except ValueError as error:
+        which = re.search(rf"mesh '{OBSTACLE_PREFIX}(\d+)'", str(error))
+        if which is None:
+            raise
+        said = f"obstacle {which[1]} is {shown(obstacles[int(which[1])])}, of which MuJoCo makes no solid"
+        raise SettingsError(f"{said}; accepted: a larger one, or one nearer to the world's origin") from error
 
 
 def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:

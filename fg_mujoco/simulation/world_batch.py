@@ -41,7 +41,6 @@ from .planner_adapter import Calls
 from .settings import Start
 from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
-from .tick import hold_commands
 from .world import World
 from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor, Sizes
 
@@ -155,7 +154,7 @@ class WorldBatch:
         self._table = self._make_table(period, time_limit)
 
     def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
-        """Return the places of each car's parts in its model, see tick.TREE."""
+        """Return the places of each car's parts in its model, see world_step.TREE."""
         places = np.full((len(meters), 6), -1, np.int64)
         first = 0
         for place, meter, car in zip(places, meters, self.world.cars, strict=True):
@@ -429,11 +428,7 @@ class WorldBatch:
         if controls is not None:
             self.physics.states[:, slice(*self.layout.ctrl)] = controls
             return
-        arrays = self._arrays
-        hold_commands(
-            self._ids, len(ids), self._cars_per_world, self.physics.states, self.layout, arrays.commands,
-            arrays.constants, arrays.telemetry,
-        )  # fmt: skip
+        compiled_tick.hold(self._table.rows, len(ids))
 
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""

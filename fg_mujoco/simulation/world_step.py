@@ -1,4 +1,4 @@
-"""The physics steps of one world, as MuJoCo's batch calls them: with the world's own model and data.
+"""What a physics step of one world needs besides the tires: obstacles that move, and the floor under each tire.
 
 A world whose cars all stand on MuJoCo's contacts is stepped by mj_step. Where any car has tires of ours, MuJoCo's
 stages are called one after the other, and the tires' forces are put in between (vehicle/tire_forces.py).
@@ -18,8 +18,6 @@ from ..vehicle import stages
 from ..vehicle.friction_patches import look_at_floor
 from ..vehicle.motion import planar_pose
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import Inertia, step_on_tires
-from .clear_ground import ClearGround, touches_nothing
 
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
@@ -51,79 +49,7 @@ class Sizes(NamedTuple):
 
 
 @kernel
-def step_world(
-    model: int,
-    data: int,
-    world: int,
-    first: int,
-    end: int,
-    advance: bool,
-    sizes: Sizes,
-    found: Fields,
-    inertia: Inertia,
-    gears: Rows,
-    car_places: Places,
-    cars: Rows,
-    tire_rows: Rows,
-    mu: FloatArray,
-    floor: Floor,
-    motions: FloatArray,
-    timestep: float,
-    sensors: FloatArray,
-    records: FloatArray,
-    tire_states: FloatArray,
-    scratch: FloatArray,
-    ground: ClearGround,
-) -> None:
-    """Do the physics steps `first` up to `end` of a tick in a world, and note what sensors and tires did.
-
-    Args:
-      model: address of its mujoco.MjModel.
-      data: address of its mujoco.MjData.
-      world: its number.
-      first: step.
-      end: one behind the last step.
-      advance: else forces and sensors are worked out only, once.
-      sizes: of the model.
-      found: where the arrays of model and data are.
-      inertia: of the model.
-      gears: (m,) of GEAR, of its cars.
-      car_places: (m, 6) see TREE.
-      cars: (r,) of CAR, of all worlds.
-      tire_rows: (k,) of TIRE, of the cars whose tires have a law of ours.
-      mu: (r, 4) of the tires of all worlds.
-      floor: of all worlds.
-      motions: (obstacles, 8) of `motion_table`.
-      timestep: [s].
-      sensors: (n, nsensordata) of the last step, written to.
-      records: (n, steps, nsensordata) written to.
-      tire_states: (n, steps, k USERDATA) written to.
-      scratch: of this thread.
-      ground: where its cars are clear.
-    """
-    userdata = stages.vector(data, found.userdata, sizes.userdata)
-    readings = stages.vector(data, found.sensordata, sizes.readings)
-    for step in range(first, end):
-        _place_obstacles(data, found, motions)
-        under = _friction(model, data, found, world, step, sizes, car_places, cars, mu, floor)
-        if not sizes.own_tires:
-            stages.step(model, data)
-        else:
-            own = cars[world * len(car_places) : (world + 1) * len(car_places)]
-            clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
-            step_on_tires(
-                model, data, found, inertia, gears, tire_rows, under, userdata, scratch, sizes.dofs, timestep, advance,
-                clear, step == end - 1,
-            )  # fmt: skip
-        for k in range(sizes.readings):
-            sensors[world, k] = records[world, step, k] = readings[k]
-        for k in range(sizes.userdata):
-            tire_states[world, step, k] = userdata[k]
-    _place_obstacles(data, found, motions)
-
-
-@kernel
-def _friction(
+def friction_under(
     model: int, data: int, found: Fields, world: int, step: int, sizes: Sizes, car_places: Places, cars: Rows,
     mu: FloatArray, floor: Floor,
 ) -> FloatArray:  # fmt: skip
@@ -145,7 +71,7 @@ def _friction(
 
 
 @kernel
-def _place_obstacles(data: int, found: Fields, motions: FloatArray) -> None:
+def place_obstacles(data: int, found: Fields, motions: FloatArray) -> None:
     """Put the moving obstacles where they are at the time of the data."""
     if len(motions) == 0:
         return

@@ -5,7 +5,7 @@ Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / 
 - Linear axles, as the 2D gyms drive them: F_y = mu C_S F_z alpha. Angles are small: steering and slip angles stand
   where their tangents would, and nothing turns a force. `linear_rates` has the equations; `SingleTrack` drives them:
 
-      model = SingleTrack.of(car.parameters, mu=car.mu)
+      model = SingleTrack(car=car.parameters, mu=car.mu)
       motion = model.follow(steering, speed, timestep=0.001)
       motion.yaw_rate, motion.slip_angle
 
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ..errors import SettingsError
 from ..kernels import inlined, kernel
-from ..messages import CarParameters, FloatArray
+from ..messages import CarParameters, FloatArray, require
 
 FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562
 """[1/rad] C_Sf and C_Sr: side force over (mu times load times slip angle), of each axle; f1tenth_gym's."""
@@ -99,42 +99,19 @@ class SingleTrack:
       SettingsError: a cornering stiffness or friction that is not positive.
     """
 
+    car: CarParameters
     mu: float  # [-]
-    front_stiffness: float  # [1/rad]
-    rear_stiffness: float  # [1/rad]
-    front_axle_distance: float  # [m] centre of gravity to front axle
-    rear_axle_distance: float  # [m]
-    center_of_gravity_height: float  # [m]
-    mass: float  # [kg]
-    yaw_inertia: float  # [kg m^2]
-    gravity: float  # [m/s^2]
+    front_stiffness: float = FRONT_STIFFNESS  # [1/rad]
+    rear_stiffness: float = REAR_STIFFNESS  # [1/rad]
 
     def __post_init__(self) -> None:
-        for name in ("mu", "front_stiffness", "rear_stiffness"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise SettingsError(f"SingleTrack.{name} is {getattr(self, name)!r}; accepted: a positive number")
-
-    @classmethod
-    def of(
-        cls,
-        car: CarParameters,
-        *,
-        mu: float,
-        front_stiffness: float = FRONT_STIFFNESS,
-        rear_stiffness: float = REAR_STIFFNESS,
-    ) -> SingleTrack:
-        """Return the model of a car; nothing but the two stiffnesses is not the car's own."""
-        return cls(
-            mu=mu, front_stiffness=front_stiffness, rear_stiffness=rear_stiffness,
-            front_axle_distance=car.front_axle_distance, rear_axle_distance=car.rear_axle_distance,
-            center_of_gravity_height=car.center_of_gravity_height, mass=car.mass, yaw_inertia=car.yaw_inertia,
-            gravity=car.gravity,
-        )  # fmt: skip
+        names = ("mu", "front_stiffness", "rear_stiffness")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", names, SettingsError)
 
     @property
     def wheelbase(self) -> float:
         """[m]."""
-        return self.front_axle_distance + self.rear_axle_distance
+        return self.car.front_axle_distance + self.car.rear_axle_distance
 
     def rates(
         self, yaw_rate: float, slip_angle: float, steering: float, speed: float, acceleration: float
@@ -148,10 +125,11 @@ class SingleTrack:
           speed: of the centre of gravity [m/s].
           acceleration: along the velocity [m/s^2]; it moves load between the axles.
         """
+        car = self.car
         return linear_rates(
             yaw_rate, slip_angle, steering, speed, acceleration, self.mu, self.front_stiffness, self.rear_stiffness,
-            self.front_axle_distance, self.rear_axle_distance, self.center_of_gravity_height, self.mass,
-            self.yaw_inertia, self.gravity,
+            car.front_axle_distance, car.rear_axle_distance, car.center_of_gravity_height, car.mass, car.yaw_inertia,
+            car.gravity,
         )  # fmt: skip
 
     def steady_yaw_rate(self, steering: float, speed: float) -> float:
@@ -159,7 +137,7 @@ class SingleTrack:
 
         K is the understeer gradient of the two stiffnesses, (1 / C_Sf - 1 / C_Sr) / (mu g).
         """
-        gradient = (1.0 / self.front_stiffness - 1.0 / self.rear_stiffness) / (self.mu * self.gravity)
+        gradient = (1.0 / self.front_stiffness - 1.0 / self.rear_stiffness) / (self.mu * self.car.gravity)
         return speed * steering / (self.wheelbase + gradient * speed**2)
 
     def follow(self, steering: FloatArray, speed: FloatArray, *, timestep: float) -> Motion:
@@ -180,30 +158,23 @@ class SingleTrack:
         inputs = np.column_stack((steering, speed, acceleration))
         middles = 0.5 * (inputs[:-1] + inputs[1:])
         states = np.zeros((len(inputs), 5))
-        state = [0.0] * 5
         rows, between = inputs.tolist(), middles.tolist()
         for step in range(1, len(rows)):
-            state = self._step(state, rows[step - 1], between[step - 1], rows[step], timestep)
-            states[step] = state
+            state = states[step - 1]
+            first = self._derivative(state, rows[step - 1])
+            second = self._derivative(state + 0.5 * timestep * first, between[step - 1])
+            third = self._derivative(state + 0.5 * timestep * second, between[step - 1])
+            fourth = self._derivative(state + timestep * third, rows[step])
+            states[step] = state + timestep / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
         x, y, heading, yaw_rate, slip_angle = np.ascontiguousarray(states.T)
         return Motion(x=x, y=y, heading=heading, yaw_rate=yaw_rate, slip_angle=slip_angle)
 
-    def _step(
-        self, state: list[float], start: list[float], middle: list[float], end: list[float], timestep: float
-    ) -> list[float]:
-        first = self._derivative(state, start)
-        second = self._derivative([a + 0.5 * timestep * b for a, b in zip(state, first, strict=True)], middle)
-        third = self._derivative([a + 0.5 * timestep * b for a, b in zip(state, second, strict=True)], middle)
-        fourth = self._derivative([a + timestep * b for a, b in zip(state, third, strict=True)], end)
-        slopes = zip(state, first, second, third, fourth, strict=True)
-        return [a + timestep / 6.0 * (b + 2.0 * c + 2.0 * d + e) for a, b, c, d, e in slopes]
-
-    def _derivative(self, state: list[float], inputs: list[float]) -> list[float]:
-        _, _, heading, yaw_rate, slip_angle = state
+    def _derivative(self, state: FloatArray, inputs: list[float]) -> FloatArray:
+        _, _, heading, yaw_rate, slip_angle = state.tolist()
         steering, speed, acceleration = inputs
         course = heading + slip_angle
         rates = self.rates(yaw_rate, slip_angle, steering, speed, acceleration)
-        return [speed * math.cos(course), speed * math.sin(course), yaw_rate, *rates]
+        return np.array((speed * math.cos(course), speed * math.sin(course), yaw_rate, *rates))
 
 
 def car_array(car: CarParameters, front_drive: float, *, single_track: bool = False) -> FloatArray:

@@ -29,8 +29,7 @@ COMPARED = ("--controller", "gap_finder", "--track", "oval", "--seed", "0:1", "-
 
 def run(samples: Path) -> None:
     result = fg.race("oval", laps=1, time_limit=0.2)
-    settings = {"track": "oval", "controller": "gap_finder", "laps": 1, "time_limit": 0.2}
-    without_checksums(write_run(result, samples / "run", settings=settings))  # what is read is checked for itself
+    without_checksums(write_run(result, samples / "run"))  # what is read is checked for itself
 
 
 def read(here: Path, rng: Generator) -> Attempt:

@@ -131,10 +131,28 @@ motion-distortion = true
 obstacles = 2
 seed = 3
 """
+SETTINGS_OF_SEVERAL = """track = "oval"
+laps = 2
+obstacles = [{kind = "box", x = 8.0, y = 0.3, length = 0.3, width = 0.3}]
+patches = [{x = 1.0, y = 0.0, length = 3.0, width = 1.0, mu = 0.4}]
+grid = "side_by_side"
+
+[[entries]]
+controller = "gap_finder"
+planner_settings = {lookahead = 6}
+effects = {range_noise_std = 0.01, motion_distortion = true}
+
+[[entries]]
+controller = "wall_follow"
+mu = 0.8
+planner_mu = "off"
+start = {s = 3.0, offset = 0.1}
+changes = {mass = 4.0}
+"""
 
 
 def _settings_file(samples: Path, here: Path, rng: Generator) -> Attempt:
-    (here / "race.toml").write_bytes(mutated(SETTINGS.encode(), rng))
+    (here / "race.toml").write_bytes(mutated(one_of(rng, (SETTINGS, SETTINGS_OF_SEVERAL)).encode(), rng))
     return command("race", "--config", "race.toml", *SHORT)
 
 

@@ -10,64 +10,59 @@ from .rospy_times import NANOSECONDS
 
 
 @total_ordering
-class Duration:
-    """rclpy.duration.Duration."""
+class _Rclpy:
+    """What times and durations of ROS 2 share: whole nanoseconds, which messages have in two parts."""
 
     def __init__(self, *, seconds: float = 0, nanoseconds: float = 0) -> None:
         self._nanoseconds = int(seconds * NANOSECONDS) + int(nanoseconds)
 
     @property
     def nanoseconds(self) -> int:
-        """All of it [ns]."""
+        """All of it, of a time since the clock's zero [ns]."""
         return self._nanoseconds
 
     def to_msg(self) -> Any:
-        """Return builtin_interfaces/Duration."""
-        return _message("Duration", self._nanoseconds)
+        """Return the message of builtin_interfaces that has this name."""
+        sec, nanosec = divmod(self._nanoseconds, NANOSECONDS)
+        return made(message_class(f"builtin_interfaces/msg/{type(self).__name__}", ROS2), sec=sec, nanosec=nanosec)
 
     @classmethod
-    def from_msg(cls, msg: Any) -> Duration:
-        """Return the duration of a message."""
-        return cls(nanoseconds=msg.sec * NANOSECONDS + msg.nanosec)
+    def from_msg(cls, msg: Any, *_: Any, **named: Any) -> Any:
+        """Return the time or duration of a message."""
+        return cls(nanoseconds=msg.sec * NANOSECONDS + msg.nanosec, **named)
 
     def __repr__(self) -> str:
-        return f"Duration(nanoseconds={self._nanoseconds})"
+        return f"{type(self).__name__}(nanoseconds={self._nanoseconds})"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Duration) and self._nanoseconds == other._nanoseconds
+        return isinstance(other, type(self)) and self._nanoseconds == other._nanoseconds
 
-    def __lt__(self, other: Duration) -> bool:
+    def __lt__(self, other: _Rclpy) -> bool:
         return self._nanoseconds < other._nanoseconds
 
     def __hash__(self) -> int:
         return hash(self._nanoseconds)
 
 
-@total_ordering
-class Time:
+class Duration(_Rclpy):
+    """rclpy.duration.Duration."""
+
+
+class Time(_Rclpy):
     """rclpy.time.Time."""
 
     def __init__(self, *, seconds: float = 0, nanoseconds: float = 0, clock_type: Any = None) -> None:
-        self._nanoseconds = int(seconds * NANOSECONDS) + int(nanoseconds)
+        super().__init__(seconds=seconds, nanoseconds=nanoseconds)
         self.clock_type = clock_type
-
-    @property
-    def nanoseconds(self) -> int:
-        """Since the clock's zero [ns]."""
-        return self._nanoseconds
 
     def seconds_nanoseconds(self) -> tuple[int, int]:
         """Return whole seconds, and nanoseconds."""
         return divmod(self._nanoseconds, NANOSECONDS)
 
-    def to_msg(self) -> Any:
-        """Return builtin_interfaces/Time."""
-        return _message("Time", self._nanoseconds)
-
     @classmethod
-    def from_msg(cls, msg: Any, clock_type: Any = None) -> Time:
+    def from_msg(cls, msg: Any, clock_type: Any = None) -> Any:
         """Return the time of a message."""
-        return cls(nanoseconds=msg.sec * NANOSECONDS + msg.nanosec, clock_type=clock_type)
+        return super().from_msg(msg, clock_type=clock_type)
 
     def __add__(self, other: Duration) -> Time:
         if not isinstance(other, Duration):
@@ -82,20 +77,3 @@ class Time:
         if isinstance(other, Duration):
             return Time(nanoseconds=self._nanoseconds - other.nanoseconds, clock_type=self.clock_type)
         return NotImplemented
-
-    def __repr__(self) -> str:
-        return f"Time(nanoseconds={self._nanoseconds})"
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Time) and self._nanoseconds == other._nanoseconds
-
-    def __lt__(self, other: Time) -> bool:
-        return self._nanoseconds < other._nanoseconds
-
-    def __hash__(self) -> int:
-        return hash(self._nanoseconds)
-
-
-def _message(name: str, nanoseconds: int) -> Any:
-    sec, nanosec = divmod(nanoseconds, NANOSECONDS)
-    return made(message_class(f"builtin_interfaces/msg/{name}", ROS2), sec=sec, nanosec=nanosec)

@@ -78,7 +78,7 @@ class Models:
     def section(self, tables: Tables) -> Section:
         """Say where the two models agree, and where they differ."""
         car = LabGround().car
-        return models_section(tables, SingleTrack.of(car.parameters, mu=car.mu))
+        return models_section(tables, SingleTrack(car=car.parameters, mu=car.mu))
 
 
 EXPERIMENT = Models()
@@ -167,8 +167,8 @@ def settled_yaw_rate(model: SingleTrack, steering: float, speed: float) -> float
 def _models(car: CarParameters, mu: float, speed: float) -> tuple[SingleTrack, SingleTrack]:
     """Return the model with the gyms' stiffnesses, and with that of our tires' creep at this speed [m/s]."""
     stiffness = creep_stiffness(mu, car.gravity, speed)
-    stiff = SingleTrack.of(car, mu=mu, front_stiffness=stiffness, rear_stiffness=stiffness)
-    return SingleTrack.of(car, mu=mu), stiff
+    stiff = SingleTrack(car=car, mu=mu, front_stiffness=stiffness, rear_stiffness=stiffness)
+    return SingleTrack(car=car, mu=mu), stiff
 
 
 def _gravity_centre(trace: Trace, car: CarParameters) -> tuple[FloatArray, FloatArray]:

@@ -145,7 +145,7 @@ def _draw_small_slip(figure: matplotlib.figure.Figure, rows: list[Row], gym: Sin
     for steering, colour in _colours(rows):
         own = [row for row in rows if row["steering_rad"] == steering and _number(row, "k") <= 1.0]
         # the centre of gravity's circle is wider than the rear axle's, by which k is told
-        wider = math.hypot(1.0, gym.rear_axle_distance * math.tan(steering) / gym.wheelbase)
+        wider = math.hypot(1.0, gym.car.rear_axle_distance * math.tan(steering) / gym.wheelbase)
         theory(axes, ks, [gym_curvature(gym, steering, k * wider) * wider for k in ks], colour=colour)
         ratios = [_ratio(row, "gym_yaw_rate_rad_s") for row in own]
         measured(axes, column(own, "k"), ratios, f"2D gyms, {steering:g} rad", colour=colour)

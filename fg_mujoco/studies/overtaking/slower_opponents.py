@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...course.polyline import step_lengths
 from ...course.track import Track, follow
 from ...errors import SettingsError
 from ...messages import (
@@ -213,8 +212,3 @@ def _second_difference(points: FloatArray) -> FloatArray:
     """Return the curvature vectors of a closed line at its points, (n, 2)."""
     bend: FloatArray = np.roll(points, 1, axis=0) - 2.0 * points + np.roll(points, -1, axis=0)
     return bend
-
-
-def length_of(points: FloatArray) -> float:
-    """Return the length of a closed line [m]."""
-    return float(step_lengths(points).sum())
