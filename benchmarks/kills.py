@@ -81,7 +81,9 @@ def contents(folder: Path) -> dict[str, Any]:
 def content(path: Path) -> Any:
     """Return what a file holds, without wall times."""
     if path.name == "summary.json":
-        return {name: value for name, value in json.loads(path.read_bytes()).items() if name not in WALL}
+        summary = json.loads(path.read_bytes())
+        rows = [summary, *summary.get("cars", [])]
+        return [{name: value for name, value in row.items() if name not in WALL | {"cars"}} for row in rows]
     if path.name == "report.html" and (path.parent / "telemetry.csv").exists():
         return path.read_text()[-20:]  # a page of a race has its wall times
     return path.read_bytes()

@@ -41,8 +41,7 @@ def raced(tmp_path_factory):
     (place / "slow.py").write_text(PLANNER.format(marker=str(place / "marker")), "utf-8")
     controller = f"{place / 'slow.py'}:Slow"
     result = fg.race("oval", controller, laps=1, time_limit=0.25)
-    settings = {"track": "oval", "controller": controller, "laps": 1, "time_limit": 0.25}
-    return fg.write_run(result, place / "run", picture=False, settings=settings)
+    return fg.write_run(result, place / "run", picture=False)
 
 
 @pytest.fixture
@@ -163,7 +162,7 @@ def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, 
     here = foreign.parent
     monkeypatch.chdir(foreign)
     controller = "controller.py:Slow"
-    settings = {"scenes": ["narrow_gap_150"], "seeds": [0], "workers": 1, "time_limit": 0.25, "pictures": False}
+    settings = {"track": "scene:narrow_gap_150", "seed": 0, "workers": 1, "time_limit": 0.25, "pictures": False}
     fg.compare([controller], out=here / "out", **settings)
     (here / "marker").unlink()
     capsys.readouterr()

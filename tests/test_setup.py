@@ -199,6 +199,22 @@ def test_a_setup_that_cannot_be_is_refused(keywords, said):
         Setup.of(**keywords)
 
 
+@pytest.mark.parametrize("value", [np.zeros(3), np.zeros((3, 1)), [], {}, b"x", float("nan")], ids=repr)
+@pytest.mark.parametrize(
+    "name", ["track", "grid", "rules", "lidar", "opponents", "name", "planner_settings", "obstacles"]
+)
+def test_a_value_of_any_kind_is_shown_or_refused_in_a_line(name, value):
+    try:
+        assert "\n" not in repr(Setup.of(**{name: value}))
+    except fg.FgMujocoError as error:
+        assert name in str(error) and "\n" not in str(error)
+
+
+def test_a_track_may_be_a_path(here):
+    setup = Setup.of(here / "mine.csv")
+    assert setup == Setup.of(str(here / "mine.csv")) and setup.described()["track"] == str(here / "mine.csv")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

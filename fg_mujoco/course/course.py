@@ -167,7 +167,7 @@ def require_course(found: object, where: str) -> None:
     missing = [name for name in MEMBERS if not hasattr(type(found), name) and not hasattr(found, name)]
     if isinstance(found, (list, tuple, set)):
         raise TrackError(
-            f"{where} is {shown(found)}; accepted: one course; for several at once: `tracks` of fg_mujoco.rollout and "
+            f"{where} is {shown(found)}; accepted: one course; for several at once: `track` of fg_mujoco.rollout and "
             "fg_mujoco.compare, or an environment for each"
         )
     if len(missing) > len(MEMBERS) // 2:

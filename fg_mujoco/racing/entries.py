@@ -54,8 +54,11 @@ class Entry(DriveSettings):
         super().__post_init__()
         if start is None:
             object.__setattr__(self, "start", None)
-        if self.name is not None and not (0 < len(self.name) <= _LONGEST_NAME and self.name.isprintable()):
-            raise SettingsError(f"Entry.name is {self.name!r}; accepted: a text of 1 to {_LONGEST_NAME} characters")
+        settings, name = self.planner_settings, self.name
+        if settings is not None and not isinstance(settings, Mapping):
+            raise SettingsError(f"Entry.planner_settings is {shown(settings)}; accepted: settings by name")
+        if name is not None and not (isinstance(name, str) and 0 < len(name) <= _LONGEST_NAME and name.isprintable()):
+            raise SettingsError(f"Entry.name is {shown(name)}; accepted: a text of 1 to {_LONGEST_NAME} characters")
         if self.patches:
             raise SettingsError("Entry.patches is set; accepted: `patches` of the race, whose floor it is")
 
@@ -128,8 +131,8 @@ def require_grid(kind: str) -> None:
     Raises:
       SettingsError: it is none.
     """
-    if kind not in GRIDS:
-        raise SettingsError(f"grid is {kind!r}; {accepted_names(kind, GRIDS)}")
+    if not isinstance(kind, str) or kind not in GRIDS:
+        raise SettingsError(f"grid is {shown(kind)}; {accepted_names(kind, GRIDS)}")
 
 
 def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "staggered") -> tuple[Start, ...]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray
+from ..messages import FloatArray, shown
 from ..simulation.cars import TOUCH_READINGS, touch_places
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
@@ -328,8 +328,8 @@ def find_rules(name: str) -> Rules:
     Raises:
       SettingsError: there are none.
     """
-    if name not in RULES:
-        raise SettingsError(f"rules is {name!r}; {accepted_names(name, RULES)}")
+    if not isinstance(name, str) or name not in RULES:
+        raise SettingsError(f"rules is {shown(name)}; {accepted_names(name, RULES)}")
     return RULES[name]
 
 

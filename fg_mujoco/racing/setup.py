@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import explain_class, unknown_argument
-from ..course.course import Course, laps_to_drive
+from ..course.course import Course, laps_to_drive, require_course
 from ..course.definitions import course_sha256
 from ..course.obstacles import Box, Cylinder, Obstacle, Prism
 from ..course.random_obstacles import random_boxes
@@ -120,6 +120,10 @@ class Setup:
     decision_limit: float | None = None  # [s] of wall time that a planner may take for a decision; None: any
 
     def __post_init__(self) -> None:
+        if isinstance(self.track, Path):
+            self._set("track", str(self.track))
+        elif not isinstance(self.track, str):
+            require_course(self.track, "the track")
         named = tuple(self.entries) if isinstance(self.entries, Iterable) else self.entries
         require_entries(named)
         self._set("entries", named)
@@ -129,8 +133,8 @@ class Setup:
         self._set("patches", as_parts(self.patches, Patch, "patches"))
         self._set("obstacles", require_obstacles(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
-        if self.lidar not in LIDAR_BACKENDS:
-            raise SettingsError(f"lidar is {self.lidar!r}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
+        if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
+            raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
         find_rules(self.rules)
         for name, usual in (("grid", "staggered"), ("rules", "none")):
@@ -173,7 +177,7 @@ class Setup:
             of_race["entries"] = (_changed_entry(self.first, keywords),)
         if opponents is not None:
             first, *others = of_race.get("entries", self.entries)
-            if ("entries" in of_race and others) or isinstance(opponents, (str, Entry, Mapping)):
+            if ("entries" in of_race and others) or not _is_sequence(opponents):
                 said = f"opponents is {shown(opponents)}"
                 raise SettingsError(f"{said}; accepted: a list, and no other entries beside it")
             of_race["entries"] = (first, *(as_opponent(each, first) for each in opponents))
@@ -340,6 +344,10 @@ def require_decision_limit(settings: Any) -> None:
         require(settings, lambda value: 0.0 < value < math.inf, "a positive number", ("decision_limit",), SettingsError)
 
 
+def _is_sequence(value: Any) -> bool:
+    return isinstance(value, Iterable) and not isinstance(value, (str, Entry, Mapping))
+
+
 def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry) -> Entry:
     """Return the entry of an opponent: itself, or of the name of a planner in a car that is set as that of `first`.
 
@@ -359,7 +367,7 @@ def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry) -> Entr
 def brief_entry(entry: Entry) -> str:
     """Return an entry in a few words: its planner, and what of it differs from the defaults."""
     name = entry.controller if isinstance(entry.controller, str) else type(entry.controller).__name__
-    set_ = [each for each in changed(entry, Entry()) if not each.startswith("controller=")]
+    set_ = changed(replace(entry, controller=Entry.controller), Entry())
     return name + (f"({', '.join(set_)})" if set_ else "")
 
 

@@ -142,7 +142,8 @@ class MessagePlanners:
                     raise
                 reasons[row] = _FAILED
                 if isinstance(error, PlannerError):
-                    self.failures[row] = error
+                    error.__cause__ = error.__context__ = None  # their frames, and its own, hold the whole world
+                    self.failures[row] = error.with_traceback(None)
             except DecisionLimitReached:
                 if self._timed is None:  # it is the caller's
                     raise
