@@ -156,8 +156,8 @@ def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
         course, n=2, time_limit=0.2, record="states", randomize={"start_offset": (-0.05, 0.05)}, workers=1
     )
     for world in range(2):
-        scenario = result.setup(world)
-        alone = fg.race(course, start=scenario.start, seed=scenario.seed, time_limit=0.2)
+        setup = result.setup(world)
+        alone = fg.race(setup)
         np.testing.assert_array_equal(result.states(world), alone.states)
 
 
