@@ -2,8 +2,8 @@
 
 python release.py 0.2.0 [--dry-run] [--no-tests] [--offline]
 
-The working tree is changed only at the end: the version in pyproject.toml and CITATION.cff, the date in CHANGELOG.md, one
-commit and one tag. Nothing is pushed. Whatever fails before leaves everything as it was.
+The working tree is changed only at the end: the version in pyproject.toml and CITATION.cff, the date in CHANGELOG.md,
+one commit and one tag. Nothing is pushed. A failure before that leaves everything as it was.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ VERSION = re.compile(r"\d+\.\d+\.\d+")
 PLACES = {"pyproject.toml": r'^version = "(.*)"$', "CITATION.cff": r'^version: "(.*)"$'}
 STEPS = {
     "test": "make test",
-    "build": 'rm -rf dist && {python} -c "from setuptools import build_meta as build; '
+    "build": 'rm -rf dist && {python} -W ignore -c "from setuptools import build_meta as build; '
     "build.build_sdist('dist'); build.build_wheel('dist')\" > /dev/null",
     "try": "{python} {script} --try-wheel {version} {offline}",
     "docs": "NO_MKDOCS_2_WARNING=1 {python} -m mkdocs build --strict --quiet",
@@ -68,7 +68,7 @@ def check(version: str) -> None:
     changed = run("git", "status", "--porcelain").splitlines()
     if changed:
         first = changed[0].split(maxsplit=1)[1]
-        raise RefusalError(f"the working tree has {len(changed)} uncommitted changes, such as {first}; commit them first")
+        raise RefusalError(f"the working tree has {len(changed)} uncommitted changes, such as {first}")
     tagged = [tag[1:] for tag in run("git", "tag", "--list", "v*").split() if VERSION.fullmatch(tag[1:])]
     if version in tagged:
         raise RefusalError(f"version {version} is there already, as the tag v{version}")
@@ -80,7 +80,8 @@ def check(version: str) -> None:
         raise RefusalError(f"version {version} is not greater than {here[1]}, that of pyproject.toml")
     heading, text = section((ROOT / "CHANGELOG.md").read_text("utf-8"))
     if heading.split(" ")[0] != version or not text:
-        raise RefusalError(f"the first section of CHANGELOG.md is '{heading}'; needed: '{version} {UNRELEASED}' and its changes")
+        needed = f"'{version} {UNRELEASED}' and its changes"
+        raise RefusalError(f"the first section of CHANGELOG.md is '{heading}'; needed: {needed}")
 
 
 def set_version(folder: Path, version: str) -> None:
