@@ -82,9 +82,8 @@ def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_
 def test_the_summary_has_a_row_for_each_car(short_race):
     (row,) = short_race.summary()["cars"]
     assert row["position"] == 1 and row["collisions_wall"] == short_race.car.collisions_wall
-    assert all(
-        row[name] == getattr(short_race, name) for name in ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
-    )
+    names = ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
+    assert all(row[name] == getattr(short_race.car, name) for name in names)
 
 
 def test_what_is_no_number_is_null_in_json():
