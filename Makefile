@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint bench figures friction docs picture dist clean
+.PHONY: help race test quick unit fuzz lint bench figures friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
@@ -89,6 +89,10 @@ dist: $(READY)
 	    > /dev/null
 	@rm -rf build/lib build/bdist.*
 	@ls dist/*
+
+## make release VERSION=0.2.0   tests, builds, tries and tags a release; with ARGS=--dry-run all but the tag
+release: $(READY)
+	$(BIN)/python release.py $(VERSION) $(ARGS)
 
 ## make clean   removes everything that was made, except runs/
 clean:

@@ -21,6 +21,7 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
+from fg_mujoco.racing.race import RaceProgress
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.world import World
@@ -45,7 +46,7 @@ class Clocks:
         self._running, self._since = part, now
         return before
 
-    def end_tick(self, _: fg.RaceProgress) -> None:
+    def end_tick(self, _: RaceProgress) -> None:
         self.switch(self._running)
         self.rows.append(self._spent)
         self._spent = dict.fromkeys(self._spent, 0.0)

@@ -24,6 +24,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.errors import ControllerError, FgMujocoError
 from fg_mujoco.studies.workers import work_off
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 SETTINGS = {"levine_slam": "[close=1.5]"}  # what a map needs that cannot be driven as it is
 TIGHT_LAPS, TIGHT_SPEED = 2, 8.0  # [m/s]
@@ -144,7 +145,7 @@ def summary(rows: Sequence[Row]) -> str:
     counts = [
         f"{sum(row.end_reason == 'finished' for row in rows)} of {len(rows)} finished",
         f"{sum(row.collisions > 0 for row in rows)} crashed",
-        f"{sum((row.max_slide_m_s or 0.0) > fg.SLIDING_SPEED for row in rows)} slid above {fg.SLIDING_SPEED} m/s",
+        f"{sum((row.max_slide_m_s or 0.0) > SLIDING_SPEED for row in rows)} slid above {SLIDING_SPEED} m/s",
         f"{sum(row.end_reason == 'wrong_way' for row in rows)} went the wrong way",
         f"{sum(row.message.startswith('refused') for row in rows)} refused",
     ]

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
     from .course.course import Course
     from .course.formats import track_names
-    from .course.generator import GeneratorSettings, generate_track
-    from .course.lap_timer import LapTimer
+    from .course.generator import generate_track
     from .course.maps.export import export_track
     from .course.maps.map_track import MapTrack, read_map
     from .course.moving_obstacles import MovingObstacle
@@ -39,7 +38,6 @@ if TYPE_CHECKING:
     from .course.open_ground import OpenGround
     from .course.scene import Scene
     from .course.scenes.catalogue import scene_names
-    from .course.tight import TightSettings, generate_tight_track
     from .course.track import Track
     from .envs.parallel import parallel_env
     from .errors import (
@@ -47,7 +45,6 @@ if TYPE_CHECKING:
         ControllerError,
         EngineError,
         FgMujocoError,
-        MessageError,
         MissingExtraError,
         ModelError,
         PlannerError,
@@ -56,82 +53,64 @@ if TYPE_CHECKING:
         TrackError,
     )
     from .intermediate_values import show
-    from .lidar.beams import Beams
     from .lidar.effects import LidarEffects
-    from .lidar.lidar import Lidar, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
     from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
     from .racing.commands import Commands
     from .racing.drive import drive
     from .racing.entries import Entry
     from .racing.handling import handling
-    from .racing.manoeuvres import find_manoeuvre
     from .racing.planner_loading import make_controller
     from .racing.planner_sources import controller_names
-    from .racing.race import RaceProgress, race
+    from .racing.race import race
     from .racing.race_control import Contact, Overtake
-    from .racing.replay import ReplayReport, replay
+    from .racing.replay import replay
     from .racing.resimulation import scan_at
     from .racing.result import CarResult, RaceResult
-    from .racing.run_folder import Run, check_run_folder, read_failed_scan, read_run
+    from .racing.run_folder import Run, read_run
     from .racing.setup import Setup
     from .ros.bag_drive import identify
-    from .simulation.cars import WorldCar
     from .simulation.course_loading import load_track
     from .simulation.settings import Start
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
-    from .studies.comparison.comparison import Comparison, ComparisonProgress, compare
-    from .studies.rollout.randomization import Choice, Randomization, Uniform
+    from .studies.comparison.comparison import Comparison, compare
     from .studies.rollout.rollout_result import RolloutResult, read_rollout
-    from .studies.rollout.rollouts import Executor, RolloutProgress, rollout
-    from .vehicle.car import Car, car_parameters
+    from .studies.rollout.rollouts import Executor, rollout
     from .vehicle.changes import CarChanges
     from .vehicle.friction_patches import Patch
-    from .vehicle.tire_slip import SLIDING_SPEED, TireSlip, TireSlipMeter
     from .vehicle.tires import Tires, tire_names
-    from .vehicle.vehicle import Vehicle, car_spec, vehicle_names
-    from .viz.debug import DebuggedRun, Decision, debug
+    from .vehicle.vehicle import Vehicle, vehicle_names
+    from .viz.debug import debug
     from .viz.plots import trace_picture, track_picture, write_run
     from .viz.rendering import Film, Renderer, render, write_video
 
     __version__: str
 
 __all__ = [
-    "SLIDING_SPEED",
     "STOP",
     "TELEMETRY",
     "BagError",
-    "Beams",
     "Box",
-    "Car",
     "CarChanges",
     "CarParameters",
     "CarResult",
-    "Choice",
     "Commands",
     "Comparison",
-    "ComparisonProgress",
     "Contact",
     "Controller",
     "ControllerError",
     "Course",
     "Cylinder",
-    "DebuggedRun",
-    "Decision",
     "DriveCommand",
     "EngineError",
     "Entry",
     "Executor",
     "FgMujocoError",
     "Film",
-    "GeneratorSettings",
-    "LapTimer",
     "LaserScan",
-    "Lidar",
     "LidarEffects",
     "MapTrack",
-    "MessageError",
     "MissingExtraError",
     "ModelError",
     "MovingObstacle",
@@ -141,14 +120,8 @@ __all__ = [
     "Patch",
     "PlannerError",
     "Prism",
-    "RaceProgress",
     "RaceResult",
-    "Randomization",
-    "RangefinderLidar",
-    "RaycastLidar",
     "Renderer",
-    "ReplayReport",
-    "RolloutProgress",
     "RolloutResult",
     "Run",
     "RunFolderError",
@@ -157,38 +130,25 @@ __all__ = [
     "Setup",
     "Simulation",
     "Start",
-    "TightSettings",
-    "TireSlip",
-    "TireSlipMeter",
     "Tires",
     "Track",
     "TrackError",
-    "Uniform",
     "Vehicle",
     "World",
-    "WorldCar",
     "__version__",
-    "car_parameters",
-    "car_spec",
-    "check_run_folder",
     "compare",
     "controller_names",
     "debug",
     "drive",
     "export_track",
-    "find_manoeuvre",
-    "generate_tight_track",
     "generate_track",
     "handling",
     "identify",
-    "lidar_spec",
     "load_track",
     "make_controller",
-    "make_lidar",
     "parallel_env",
     "race",
     "read_centreline",
-    "read_failed_scan",
     "read_map",
     "read_rollout",
     "read_run",
@@ -212,8 +172,7 @@ _PLACES = {
     "course.centreline_csv": "read_centreline write_centreline",
     "course.course": "Course",
     "course.formats": "track_names",
-    "course.generator": "GeneratorSettings generate_track",
-    "course.lap_timer": "LapTimer",
+    "course.generator": "generate_track",
     "course.maps.export": "export_track",
     "course.maps.map_track": "MapTrack read_map",
     "course.moving_obstacles": "MovingObstacle",
@@ -221,54 +180,69 @@ _PLACES = {
     "course.open_ground": "OpenGround",
     "course.scene": "Scene",
     "course.scenes.catalogue": "scene_names",
-    "course.tight": "TightSettings generate_tight_track",
     "course.track": "Track",
     "envs.parallel": "parallel_env",
-    "errors": "BagError ControllerError EngineError FgMujocoError MessageError MissingExtraError "
+    "errors": "BagError ControllerError EngineError FgMujocoError MissingExtraError "
     "ModelError PlannerError RunFolderError SettingsError TrackError",
-    "lidar.beams": "Beams",
     "lidar.effects": "LidarEffects",
-    "lidar.lidar": "Lidar RangefinderLidar RaycastLidar lidar_spec make_lidar",
     "messages": "STOP CarParameters Controller DriveCommand LaserScan Odometry",
     "racing.commands": "Commands",
     "racing.drive": "drive",
     "racing.entries": "Entry",
     "racing.handling": "handling",
-    "racing.manoeuvres": "find_manoeuvre",
     "racing.planner_loading": "make_controller",
     "racing.planner_sources": "controller_names",
-    "racing.race": "RaceProgress race",
+    "racing.race": "race",
     "racing.race_control": "Contact Overtake",
-    "racing.replay": "ReplayReport replay",
+    "racing.replay": "replay",
     "racing.resimulation": "scan_at",
     "racing.result": "CarResult RaceResult",
     "racing.setup": "Setup",
-    "racing.run_folder": "Run check_run_folder read_failed_scan read_run",
+    "racing.run_folder": "Run read_run",
     "ros.bag_drive": "identify",
     "intermediate_values": "show",
-    "simulation.cars": "WorldCar",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Start",
     "simulation.simulation": "Simulation",
     "simulation.telemetry": "TELEMETRY",
     "simulation.world": "World",
-    "studies.comparison.comparison": "Comparison ComparisonProgress compare",
-    "studies.rollout.randomization": "Choice Randomization Uniform",
+    "studies.comparison.comparison": "Comparison compare",
     "studies.rollout.rollout_result": "RolloutResult read_rollout",
-    "studies.rollout.rollouts": "Executor RolloutProgress rollout",
-    "vehicle.car": "Car car_parameters",
+    "studies.rollout.rollouts": "Executor rollout",
     "vehicle.changes": "CarChanges",
     "vehicle.friction_patches": "Patch",
-    "vehicle.tire_slip": "SLIDING_SPEED TireSlip TireSlipMeter",
     "vehicle.tires": "Tires tire_names",
-    "vehicle.vehicle": "Vehicle car_spec vehicle_names",
-    "viz.debug": "DebuggedRun Decision debug",
+    "vehicle.vehicle": "Vehicle vehicle_names",
+    "viz.debug": "debug",
     "viz.plots": "trace_picture track_picture write_run",
     "viz.rendering": "Film Renderer render write_video",
 }
 """Module -> what of it is public."""
 
+_INNER = {
+    "course.generator": "GeneratorSettings",
+    "course.lap_timer": "LapTimer",
+    "course.tight": "TightSettings generate_tight_track",
+    "errors": "MessageError",
+    "lidar.beams": "Beams",
+    "lidar.lidar": "Lidar RangefinderLidar RaycastLidar lidar_spec make_lidar",
+    "racing.manoeuvres": "find_manoeuvre",
+    "racing.race": "RaceProgress",
+    "racing.replay": "ReplayReport",
+    "racing.run_folder": "check_run_folder read_failed_scan",
+    "simulation.cars": "WorldCar",
+    "studies.comparison.comparison": "ComparisonProgress",
+    "studies.rollout.randomization": "Choice Randomization Uniform",
+    "studies.rollout.rollouts": "RolloutProgress",
+    "vehicle.car": "Car car_parameters",
+    "vehicle.tire_slip": "SLIDING_SPEED TireSlip TireSlipMeter",
+    "vehicle.vehicle": "car_spec",
+    "viz.debug": "DebuggedRun Decision",
+}
+"""Module -> names of it that were in fg_mujoco itself until 0.1.0."""
+
 _HOMES = {name: module for module, names in _PLACES.items() for name in names.split()}
+_MOVED = {name: module for module, names in _INNER.items() for name in names.split()}
 _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"controllers", "f110", "kernels", "models"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
@@ -307,6 +281,8 @@ def __getattr__(name: str) -> _Any:
         found = version("fg-mujoco")
     elif name in _MODULES:
         return _import_module(f".{name}", __name__)
+    elif name in _MOVED:
+        raise AttributeError(f"fg_mujoco has no {name!r}; it is fg_mujoco.{_MOVED[name]}.{name}")
     else:
         meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
         raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))

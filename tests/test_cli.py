@@ -14,6 +14,7 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.course.tight import generate_tight_track
 from fg_mujoco.errors import SettingsError, install_command
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
@@ -456,7 +457,7 @@ def test_track_new_writes_what_track_show_and_race_read(here, capsys):
 
 def test_track_new_writes_a_tight_circuit(here, capsys):
     assert main(["track", "new", "--seed", "7", "--tight", "out.csv"]) == 0
-    drawn, made = fg.load_track("out.csv"), fg.generate_tight_track(7)
+    drawn, made = fg.load_track("out.csv"), generate_tight_track(7)
     assert drawn.centreline == pytest.approx(made.centreline) and drawn.width_left == pytest.approx(made.width_left)
     assert "fg-mujoco track new --seed 7 --tight" in (here / "out.csv").read_text().splitlines()[0]
 

@@ -12,10 +12,20 @@ import pytest
 from conftest import Straight
 
 import fg_mujoco as fg
+from fg_mujoco.course.generator import GeneratorSettings
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.tight import TightSettings
 from fg_mujoco.display import LONGEST, Drawing, brief, changed, quoted, table
 from fg_mujoco.envs import dm_environment
 from fg_mujoco.f110 import F110Env
+from fg_mujoco.lidar.lidar import RangefinderLidar
+from fg_mujoco.racing.manoeuvres import find_manoeuvre
+from fg_mujoco.racing.race import RaceProgress
 from fg_mujoco.simulation.planner_failure import PlannerFailure
+from fg_mujoco.studies.comparison.comparison import ComparisonProgress
+from fg_mujoco.studies.rollout.randomization import Choice, Uniform
+from fg_mujoco.studies.rollout.rollouts import RolloutProgress
+from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 
 SVG = "{http://www.w3.org/2000/svg}"
 HOSTILE = "<script>alert(1)</script>&amp;\"'\n" + "long" * 200
@@ -72,20 +82,20 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         worlds, simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
         fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,
         lap.world.parameters, track.map_line,
-        simulation.engine.beams, simulation.engine.beams.geometry, fg.LapTimer(track), fg.TireSlipMeter(model, "car/"),
-        fg.RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.car.decision_times, failure,
+        simulation.engine.beams, simulation.engine.beams.geometry, LapTimer(track), TireSlipMeter(model, "car/"),
+        RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.car.decision_times, failure,
         fg.Box(x=1.0, y=2.0, length=0.3, width=0.2), fg.Cylinder(x=1.0, y=2.0, radius=0.2), fg.Prism(footprint=ring),
         fg.MovingObstacle(length=1 / 3, width=1 / 3, start=(1 / 3, 2 / 3), end=(4 / 3, 5 / 3), speed=1 / 3),
-        fg.CarChanges(mu=1 / 3, mass=10 / 3), fg.GeneratorSettings(), fg.TightSettings(), fg.LidarEffects(),
+        fg.CarChanges(mu=1 / 3, mass=10 / 3), GeneratorSettings(), TightSettings(), fg.LidarEffects(),
         fg.Tires.load("forzaeth_nuc2"), fg.Patch(x=1 / 3, y=0.0, length=1.0, width=1.0, mu=0.3),
-        fg.Start(s=1.0), fg.Uniform(0.1, 0.2), fg.Choice(tuple(range(900))), worlds.randomization, worlds.setup(3),
+        fg.Start(s=1.0), Uniform(0.1, 0.2), Choice(tuple(range(900))), worlds.randomization, worlds.setup(3),
         fg.Setup.of(track, obstacles=track.walls), worlds.base,
         replace(lap, track=HOSTILE, cars=(replace(lap.car, controller=HOSTILE),)),
-        fg.RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0, racing=1),
-        fg.ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
-        fg.RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
+        RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0, racing=1),
+        ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
+        RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
         fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3), fg.Executor(),
-        fg.find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
+        find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
         replace(track, name=HOSTILE), dm_environment.load("oval"), dm_environment.load("oval").physics, F110Env(),
     ]  # fmt: skip
 

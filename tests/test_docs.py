@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from browsers import page_of  # noqa: F401 - a fixture
+from rendered import needs_gl
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import _parser, main
@@ -28,7 +29,11 @@ RUN_ELSEWHERE = {"docs/training.md": "tests/test_training_example.py"}
 ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
-NEEDS = {"docs/maps.md": ("PIL", "yaml", "scipy")}
+NEEDS = {
+    "docs/maps.md": ("PIL", "yaml", "scipy"), "docs/api/tracks.md": ("PIL", "yaml", "scipy"),
+    "docs/api/environments.md": ("pettingzoo",), "docs/api/rendering.md": ("matplotlib", "PIL"),
+    "docs/api/races.md": ("matplotlib",),
+}  # fmt: skip
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
 ENTRY_POINT_GROUPS = {  # names for other packages, not modules
@@ -85,7 +90,14 @@ def imported(dotted):
     return True
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python") and p not in RUN_ELSEWHERE | ONLY_IMPORTED])
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, marks=needs_gl if page == "docs/api/rendering.md" else ())
+        for page in PAGES
+        if blocks(page, "python") and page not in RUN_ELSEWHERE | ONLY_IMPORTED
+    ],
+)
 def test_python_of_a_page_runs_in_an_empty_folder(page, tmp_path, monkeypatch, capsys):
     """One block goes on where the last one ended; one with a title is written to that file."""
     for module in NEEDS.get(page, ()):
@@ -224,10 +236,20 @@ def test_diagrams_are_small():
     assert [path.name for path in pictures if path.stat().st_size > GREATEST_DIAGRAM] == []
 
 
-def test_every_public_name_is_in_the_api():
-    shown = set(re.findall(r"^::: \S*\.(\w+)$", "".join(p.read_text() for p in DOCS.glob("api/*.md")), re.MULTILINE))
-    errors = {name for name in fg.__all__ if name.endswith("Error")}  # all of fg_mujoco.errors is shown
-    assert set(fg.__all__) - shown - errors - {"__version__"} == set()
+def test_every_public_name_is_on_one_page_of_the_api_with_an_example():
+    """The examples are run with those of the other pages."""
+    assert len(fg.__all__) <= 80
+    shown, used = [], set()
+    for page in (path.relative_to(ROOT).as_posix() for path in DOCS.glob("api/*.md")):
+        here = re.findall(r"^::: \S*\.(\w+)$", (ROOT / page).read_text("utf-8"), re.MULTILINE)
+        if page == "docs/api/errors.md":  # all of fg_mujoco.errors is shown
+            here += [name for name in fg.__all__ if name.endswith("Error")]
+        shown += here
+        code = "".join(code for _, code in blocks(page, "python"))
+        used |= set(re.findall(r"\bfg\.(\w+)", code)) & set(here)
+    public = set(fg.__all__) - {"__version__"}
+    assert {name: shown.count(name) for name in public} == dict.fromkeys(public, 1)
+    assert public - used == set()
 
 
 def test_links_out_of_the_docs_become_names(hooks):

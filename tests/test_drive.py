@@ -11,7 +11,7 @@ from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.racing.manoeuvres import MANOEUVRES
+from fg_mujoco.racing.manoeuvres import MANOEUVRES, find_manoeuvre
 from fg_mujoco.studies.friction_lab.straight_line_limits import stopping_distance
 
 TICK = 0.025
@@ -111,7 +111,7 @@ def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
 
 
 def test_a_growing_slalom_grows_from_zero_to_its_angle():
-    commands = fg.find_manoeuvre("growing_slalom[angle=0.2,frequency=2,seconds=4,begin=1]").commands(CAR, 1.0)
+    commands = find_manoeuvre("growing_slalom[angle=0.2,frequency=2,seconds=4,begin=1]").commands(CAR, 1.0)
     angles, time = commands.steering_angle, commands.time - 1.0
     tops = (angles[1:-1] > angles[:-2]) & (angles[1:-1] > angles[2:])
     assert tops.sum() == 8  # periods
@@ -121,7 +121,7 @@ def test_a_growing_slalom_grows_from_zero_to_its_angle():
 
 
 def test_a_sine_sweep_has_its_frequencies():
-    commands = fg.find_manoeuvre("sine_sweep[low=0.5,high=2,seconds=10,begin=1]").commands(CAR, 1.0)
+    commands = find_manoeuvre("sine_sweep[low=0.5,high=2,seconds=10,begin=1]").commands(CAR, 1.0)
     crossings = commands.time[1:][np.diff(np.signbit(commands.steering_angle)) != 0] - 1.0
     half_periods = np.diff(crossings)
     growth = math.log(4.0) / 10.0
@@ -195,12 +195,12 @@ def test_reversing_is_no_wrong_way():
 
 def test_every_manoeuvre_is_driven_and_says_what_it_measured():
     for name, kind in MANOEUVRES.items():
-        assert str(fg.find_manoeuvre(name)) == name == kind.name
-        commands = fg.find_manoeuvre(name).commands(CAR, 1.0)
+        assert str(find_manoeuvre(name)) == name == kind.name
+        commands = find_manoeuvre(name).commands(CAR, 1.0)
         assert commands.time[0] == 0.0 and commands.steering_angle[0] == 0.0
         assert np.abs(commands.steering_angle).max() <= CAR.max_steering_angle
-    told = str(fg.find_manoeuvre("circle[radius=3]", speed=2.5))
-    assert fg.find_manoeuvre(told) == fg.find_manoeuvre("circle[radius=3,speed=2.5]")
+    told = str(find_manoeuvre("circle[radius=3]", speed=2.5))
+    assert find_manoeuvre(told) == find_manoeuvre("circle[radius=3,speed=2.5]")
 
 
 def test_the_settings_of_the_car_are_those_of_a_race():
@@ -253,7 +253,7 @@ def test_the_list_has_every_manoeuvre_with_what_can_be_given(capsys):
     assert main(["drive", "--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     for line in lines[1::2]:
-        assert str(fg.find_manoeuvre(line.strip())) in MANOEUVRES
+        assert str(find_manoeuvre(line.strip())) in MANOEUVRES
 
 
 # Bad input

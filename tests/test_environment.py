@@ -15,6 +15,7 @@ from dm_env import test_utils
 import fg_mujoco as fg
 from fg_mujoco.envs.dm_environment import TASKS, load
 from fg_mujoco.envs.rendering import ChaseView
+from fg_mujoco.errors import MessageError
 from fg_mujoco.viz.rendering import gl
 
 CRASHING = np.array([0.3, 4.0], np.float32)
@@ -114,7 +115,7 @@ def test_crash_ends_with_discount_0_and_the_time_limit_with_1():
 def test_nan_is_refused_and_what_is_out_of_bounds_is_counted():
     env = load("oval", beam_step=540)
     env.reset()
-    with pytest.raises(fg.MessageError, match="speed is nan"):
+    with pytest.raises(MessageError, match="speed is nan"):
         env.step([0.0, math.nan])
     env.step([9.0, 1.0])
     assert env.task.episodes.facts()["clipped_actions"] == 1

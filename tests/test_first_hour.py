@@ -121,7 +121,7 @@ def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
         (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'?"),
         (lambda: fg.race("oval", friction=0.5), "did you mean 'mu'?"),
         (lambda: fg.race("oval", num_laps=2), "did you mean 'laps'?"),
-        (lambda: fg.race("oval", opponent=["gap_finder"]), "did you mean 'opponents'?"),
+        (lambda: fg.race("oval", opponent=["gap_finder"]), "setting 'opponent' is called 'opponents' now"),
         (lambda: fg.race("oval", opponents="gap_finder"), "opponents is 'gap_finder'; accepted: a list"),
         (lambda: fg.race("oval", gui=True), "`fg-mujoco view` shows a race as it goes"),
         (lambda: fg.race("oval", out="x"), "fg_mujoco.write_run(result, DIR) writes a run folder"),

@@ -13,6 +13,7 @@ from fg_mujoco.controllers.follow_the_gap import FollowTheGap
 from fg_mujoco.controllers.threshold_gap import ThresholdGap
 from fg_mujoco.controllers.weighted_gap import WeightedGap
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 PLANNERS = {
     "disparity_selection": DisparitySelection,
@@ -101,4 +102,4 @@ def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(made):
 def test_it_drives_five_laps_without_a_crash_and_without_sliding(name, circuit):
     result = fg.race(circuit, name, laps=5)
     assert (result.car.end_reason, result.car.laps_completed, result.car.collisions_wall) == ("finished", 5, 0)
-    assert result.car.max_slide_m_s <= fg.SLIDING_SPEED
+    assert result.car.max_slide_m_s <= SLIDING_SPEED

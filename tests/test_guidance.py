@@ -16,6 +16,7 @@ from fg_mujoco.controllers.safety.guidance import GuidanceSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 OFF = {"guidance": False}
 
@@ -37,7 +38,7 @@ def test_tight_circuits_with_room_to_turn_are_driven_as_before(circuit):
 )
 def test_a_lap_that_the_planner_does_not_finish_on_its_own_is_finished(circuit, without):
     guided, alone = (fg.race(circuit, "gap_finder", laps=1, max_speed=4.0, planner_settings=s) for s in ({}, OFF))
-    assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= fg.SLIDING_SPEED
+    assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= SLIDING_SPEED
     assert alone.car.end_reason == without
 
 
@@ -46,7 +47,7 @@ def test_out_of_the_trap_it_goes_on_and_without_guidance_back(seed):
     guided, alone = (
         fg.race(f"scene:u_turn_trap:{seed}", "gap_finder", max_speed=8.0, planner_settings=s) for s in ({}, OFF)
     )
-    assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= fg.SLIDING_SPEED
+    assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= SLIDING_SPEED
     assert alone.car.end_reason == "wrong_way"
 
 

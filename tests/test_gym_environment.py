@@ -15,9 +15,10 @@ from fg_mujoco.envs.observations import ObservationLayout
 from fg_mujoco.envs.reward_kernels import reward_ticks
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
-from fg_mujoco.errors import install_command
+from fg_mujoco.errors import MessageError, install_command
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.vehicle.car import car_parameters
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -26,7 +27,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
-CAR = fg.car_parameters(fg.World("oval").model, "car/")
+CAR = car_parameters(fg.World("oval").model, "car/")
 
 
 def commands(race):
@@ -218,7 +219,7 @@ def test_actions_out_of_bounds_are_held_within_them_and_counted(env):
 )
 def test_what_is_no_action_is_refused_and_nothing_is_driven(env, action, match):
     env.reset(seed=0)
-    with pytest.raises(fg.MessageError, match=match):
+    with pytest.raises(MessageError, match=match):
         env.step(action)
     *_, info = env.step(np.zeros(2))
     assert info["time_s"] == pytest.approx(0.025)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.errors import MessageError
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -209,7 +210,7 @@ def test_nan_is_refused_with_its_world_and_nothing_is_driven():
     envs.reset(seed=0)
     actions = np.zeros((3, 2))
     actions[1, 1] = np.nan
-    with pytest.raises(fg.MessageError, match=r"speed is nan in world 1 of 3"):
+    with pytest.raises(MessageError, match=r"speed is nan in world 1 of 3"):
         envs.step(actions)
     assert envs.step(np.zeros((3, 2)))[4]["time_s"].tolist() == [0.025] * 3
 

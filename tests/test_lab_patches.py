@@ -18,7 +18,7 @@ from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab_laps import drive_laps
 from fg_mujoco.studies.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.studies.friction_lab.patches import EXPERIMENT
-from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
 from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
 from fg_mujoco.vehicle.tires import Tires
@@ -33,7 +33,7 @@ def floor_under(x, y, heading, *patches):
     add_patches(spec, patches)
     model = spec.compile()
     data, floor = mujoco.MjData(model), PatchedFloor(model)
-    fg.Car(model).set_pose(data, x, y, heading)
+    Car(model).set_pose(data, x, y, heading)
     floor.apply(data.qpos)
     pairs = [model.pair(f"{wheel}_tire").id for wheel in WHEELS]
     assert (model.pair_friction[pairs, 0] == model.pair_friction[pairs, 1]).all()
@@ -70,7 +70,7 @@ def test_friction_of_the_ground_comes_back_behind_a_patch():
     spec = Vehicle.load().spec(0.8, tires=Tires())
     add_patches(spec, (Patch(x=0.0, y=0.0, length=1.0, width=1.0, mu=0.3),))
     model = spec.compile()
-    data, car, floor = mujoco.MjData(model), fg.Car(model), PatchedFloor(model)
+    data, car, floor = mujoco.MjData(model), Car(model), PatchedFloor(model)
     seen = []
     for x in (-2.0, 0.0, 2.0):
         car.set_pose(data, x, 0.0, 0.0)

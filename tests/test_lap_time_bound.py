@@ -24,6 +24,7 @@ from fg_mujoco.studies.friction_lab.lap_time_bound import (
     step_times,
 )
 from fg_mujoco.studies.friction_lab.laps import EXPERIMENT, GREATEST_RATIO
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -261,7 +262,7 @@ def test_lap_that_was_driven_is_slower_than_its_bound_and_within_the_goal(oval):
     line = smooth_line(driven_lap(oval.car, best_flying_lap(oval.car), CAR).points, 0.005)
     bound = lap_time(line, fastest_speeds(line, point_mass(max_speed=8.0)))
     assert bound < oval.car.lap_times_s[1] <= GREATEST_RATIO * bound
-    assert oval.car.max_slide_m_s < fg.SLIDING_SPEED
+    assert oval.car.max_slide_m_s < SLIDING_SPEED
 
 
 def test_bound_of_a_driven_lap_hardly_depends_on_the_smoothing(oval):

@@ -17,6 +17,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, SettingsError, install_command
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.viz.live.browser_scene import LEGEND
 from fg_mujoco.viz.live.browser_shapes import world_shapes
 from fg_mujoco.viz.live.hand_driver import HandDriver
@@ -97,7 +98,7 @@ def test_planner_that_does_not_know_of_wet_ground_slides_and_one_that_does_holds
     session.change("planner_mu", 1.0489)
     session.reset()
     drive(session, 1.0)
-    assert session.sliding_speed > fg.SLIDING_SPEED
+    assert session.sliding_speed > SLIDING_SPEED
 
 
 def test_settings_of_the_planner_can_be_changed_and_bad_ones_are_refused(session):

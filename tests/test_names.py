@@ -212,6 +212,14 @@ def test_an_older_name_of_a_module_gives_the_module_and_a_warning_with_its_name_
     del sys.modules[f"fg_mujoco.{before}"]
 
 
+@pytest.mark.parametrize(("name", "module"), fg._MOVED.items())
+def test_a_name_that_only_its_module_has_is_answered_with_where_it_is(name, module):
+    with pytest.raises(AttributeError) as refusal:
+        getattr(fg, name)
+    assert str(refusal.value) == f"fg_mujoco has no {name!r}; it is fg_mujoco.{module}.{name}"
+    assert hasattr(import_module(f"fg_mujoco.{module}"), name) and name not in fg.__all__
+
+
 def test_no_two_modules_have_the_same_name():
     """Modules of commands are named after the command, which another room may have the verb of."""
     names = [path.stem for path in PACKAGE.rglob("*.py") if "__" not in path.name and path.parent.name != "cli"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.errors import MessageError
 from fg_mujoco.racing.entries import Entry, grid_starts
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -291,7 +292,7 @@ def test_grids_that_do_not_fit_are_refused(start, opponents, message):
 def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
     env = F1TenthEnv(beam_step=540, opponents=[lambda observation: answer])
     env.reset(seed=0)
-    with pytest.raises(fg.MessageError, match=message):
+    with pytest.raises(MessageError, match=message):
         env.step(PARKED)
 
 

@@ -86,7 +86,7 @@ def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(b
         f"fg_mujoco-{version}-py3-none-any.whl", f"fg_mujoco-{version}.tar.gz",
     }  # fmt: skip
     newest = re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
-    assert newest.split(" ")[0] == version
+    assert newest.split(" ")[0] == version or newest.endswith(" (not released yet)")
     assert fg.__version__ == version
 
 

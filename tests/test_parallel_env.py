@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.errors import install_command
+from fg_mujoco.errors import MessageError, install_command
 
 pytest.importorskip("pettingzoo", reason="the extra pettingzoo is not installed; make test installs it")
 
@@ -178,7 +178,7 @@ def test_bad_settings_are_refused(settings, error, message):
 def test_actions_that_are_none_are_refused_and_nothing_is_driven(actions, message):
     env = fg.parallel_env(beam_step=540)
     env.reset(seed=0)
-    with pytest.raises(fg.MessageError, match=message):
+    with pytest.raises(MessageError, match=message):
         env.step(actions)
     *_, infos = env.step({"car_0": STAND, "car_1": STAND})
     assert infos["car_0"]["time_s"] == pytest.approx(0.025)

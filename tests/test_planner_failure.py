@@ -9,6 +9,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.studies.rollout.drive_worlds import drive_worlds
@@ -101,7 +102,7 @@ def test_the_scan_that_did_it_is_the_one_that_the_car_sensed_there(here):
     result = failing("Late")
     failure = result.car.planner_failure
     fg.write_run(result, "run", picture=False)
-    scan, odometry = fg.read_failed_scan("run")
+    scan, odometry = read_failed_scan("run")
     assert (scan.ranges == failure.scan.ranges).all() and scan.stamp == odometry.stamp == failure.time_s
     simulation = fg.Simulation(fg.World("oval"))
     sensed, told = simulation.reset()
@@ -121,7 +122,7 @@ def test_a_run_whose_planner_did_not_fail_has_no_such_scan(lap, here):
     assert lap.car.planner_failure is None
     assert json.loads((here / "run/summary.json").read_text())["planner_failure"] is None
     with pytest.raises(fg.RunFolderError, match="accepted: the folder of a race whose planner failed"):
-        fg.read_failed_scan("run")
+        read_failed_scan("run")
 
 
 def test_in_python_the_race_has_its_result_up_to_there():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.racing.run_folder import summary_json
+from fg_mujoco.racing.run_folder import check_run_folder, summary_json
 
 FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py"}
 
@@ -82,9 +82,8 @@ def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_
 def test_the_summary_has_a_row_for_each_car(short_race):
     (row,) = short_race.summary()["cars"]
     assert row["position"] == 1 and row["collisions_wall"] == short_race.car.collisions_wall
-    assert all(
-        row[name] == getattr(short_race, name) for name in ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
-    )
+    names = ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
+    assert all(row[name] == getattr(short_race.car, name) for name in names)
 
 
 def test_what_is_no_number_is_null_in_json():
@@ -319,15 +318,15 @@ def test_a_folder_that_cannot_be_used_is_refused_before_and_left_alone(tmp_path)
         (tmp_path / ("x" * 300), "cannot be written"),
     ]:
         with pytest.raises(fg.RunFolderError, match=reason):
-            fg.check_run_folder(path)
+            check_run_folder(path)
     assert (tmp_path / "full" / "summary.json").read_text() == "mine"
     assert {path.name for path in tmp_path.rglob("*")} == {"file", "full", "summary.json"}
 
 
 def test_checking_a_good_folder_leaves_no_trace(tmp_path):
-    fg.check_run_folder(tmp_path / "new" / "and" / "deep")
+    check_run_folder(tmp_path / "new" / "and" / "deep")
     (tmp_path / "empty").mkdir()
-    fg.check_run_folder(tmp_path / "empty")
+    check_run_folder(tmp_path / "empty")
     assert [path.name for path in tmp_path.rglob("*")] == ["empty"]
 
 

@@ -20,6 +20,7 @@ from fg_mujoco.controllers.safety.recovery import (
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 PERIOD = 0.025
 WHEELBASE = 0.33
@@ -141,7 +142,7 @@ def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(see
         alone = {"recovery": kept, "guidance": False}
         race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, planner_settings=alone)
         assert race.car.end_reason == expected and race.car.collisions_wall == 0
-        assert race.car.max_slide_m_s <= fg.SLIDING_SPEED
+        assert race.car.max_slide_m_s <= SLIDING_SPEED
         assert (race.car.column("speed_m_s").min() < -0.5) == kept
 
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.racing.result import tires_model
-from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.car import WHEELS, car_parameters
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.viz.report.clip import clip_start
 from fg_mujoco.viz.report.laps_and_slides import SlideEvent, lap_length, lap_table, slide_events
 from fg_mujoco.viz.report.map_shapes import map_shapes
@@ -84,7 +85,7 @@ def test_time_sliding_of_a_lap_counts_physics_steps():
 
 
 def test_limit_speed_is_that_at_which_the_circle_takes_all_friction():
-    car, mu = fg.car_parameters(fg.World("oval").model, "car/"), 0.8
+    car, mu = car_parameters(fg.World("oval").model, "car/"), 0.8
     steering = np.array([0.05, -0.2, 0.4])
     radius = car.wheelbase / np.tan(np.abs(steering))
     assert limit_speed(steering, car, mu) ** 2 / radius == pytest.approx(mu * car.gravity)
@@ -118,7 +119,7 @@ def test_events_cover_every_tick_that_slides_and_no_other(slides):
         told[ticks, WHEELS.index(event.tire)] = True
         assert event.greatest == 0.3
         assert event.progress == pytest.approx(2.0 * event.start)
-    assert (told == (slides > fg.SLIDING_SPEED)).all()
+    assert (told == (slides > SLIDING_SPEED)).all()
     assert [event.start for event in events] == sorted(event.start for event in events)
 
 

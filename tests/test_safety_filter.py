@@ -12,6 +12,7 @@ from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, Fricti
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, bearing_of_arc, reading, safe_steering
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -112,7 +113,7 @@ def test_sparse_obstacles_are_passed(planner, circuit):
     for seed in range(8):
         boxes = random_boxes(fg.load_track(circuit), 4, seed, car=CAR)
         result = fg.race(circuit, planner, laps=1, obstacles=boxes)
-        assert result.car.finished and result.car.max_slide_m_s <= fg.SLIDING_SPEED, seed
+        assert result.car.finished and result.car.max_slide_m_s <= SLIDING_SPEED, seed
 
 
 @pytest.mark.parametrize("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])

@@ -10,6 +10,8 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.scenes.catalogue import SCENES, load_scene
+from fg_mujoco.vehicle.car import car_parameters
+from fg_mujoco.vehicle.vehicle import car_spec
 
 MODULE = '''
     import numpy as np
@@ -79,7 +81,7 @@ def test_it_is_raced_and_rolled_out_by_its_name(register):
 
 def test_it_is_made_for_the_car_and_from_the_seed(register):
     register("doorway = yard_scenes:doorway")
-    car = fg.car_parameters(fg.car_spec().compile())
+    car = car_parameters(car_spec().compile())
     same, again, other = (course_sha256(load_scene(f"scene:doorway:{seed}", car)) for seed in (1, 1, 2))
     assert same == again != other
     low, high = fg.load_track("scene:doorway").obstacles
@@ -154,7 +156,7 @@ def test_an_unknown_scene_names_the_registered_ones_too(register):
 def test_bundled_scenes_have_room_for_cars_up_to_a_width():
     from dataclasses import replace
 
-    car = fg.car_parameters(fg.car_spec().compile())
+    car = car_parameters(car_spec().compile())
     for name in SCENES:
         for seed in range(5):
             load_scene(f"scene:{name}:{seed}", replace(car, width=0.6, length=1.1))

@@ -14,7 +14,9 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError
 from fg_mujoco.messages import MessageError, Reading
 from fg_mujoco.racing.resimulation import load_world, resimulate
+from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import DriveSettings, Start
 from fg_mujoco.studies.overtaking.overtaking import overtake
@@ -229,7 +231,7 @@ def readings_of(count, threads, own, *, alone=None):
 
 @pytest.mark.parametrize("cars", (1, 2))
 def test_readings_are_the_same_in_any_batch_and_number_of_threads(cars):
-    own = fg.World("oval", others=[fg.WorldCar()] * (cars - 1))
+    own = fg.World("oval", others=[WorldCar()] * (cars - 1))
     together = readings_of(17, 1, own)
     threaded = readings_of(17, 2, own)
     for first, second in zip(together, threaded, strict=True):
@@ -395,7 +397,7 @@ def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):
 
     with pytest.warns(UserWarning, match="ZeroDivisionError"):
         result = fg.race("oval", Fails(), laps=1, sensors=MIXED)
-    _, odometry = fg.read_failed_scan(fg.write_run(result, tmp_path / "run", picture=False))
+    _, odometry = read_failed_scan(fg.write_run(result, tmp_path / "run", picture=False))
     assert all_same(odometry.readings, result.car.planner_failure.odometry.readings)
     assert odometry.readings["pose"].columns == ("x_m", "y_m", "heading_rad")
 

@@ -10,11 +10,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, ModelError, SettingsError, World, WorldCar, race
+from fg_mujoco import Entry, ModelError, SettingsError, World, race
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import check_starts, grid_starts
-from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, GREATEST_CARS, car_prefix
+from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, GREATEST_CARS, WorldCar, car_prefix
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE

@@ -8,6 +8,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import CAR, record_values
 from fg_mujoco.controllers.control.speedometer import SPEEDOMETER, command_speed, read_speedometer
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 PARAMETERS = Vehicle.load().parameters
@@ -68,4 +69,4 @@ def test_what_cannot_be_is_not_measured():
 @pytest.mark.parametrize("drift", (0.05, -0.05))
 def test_a_race_with_odometry_that_errs_does_not_slide(drift):
     race = fg.race("oval", "gap_finder", laps=1, max_speed=8.0, odometry_drift=drift)
-    assert race.car.finished and race.car.max_slide_m_s <= fg.SLIDING_SPEED
+    assert race.car.finished and race.car.max_slide_m_s <= SLIDING_SPEED

@@ -8,7 +8,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import make_mover
 from fg_mujoco.lidar.effects import PoseHistory
 from fg_mujoco.lidar.lidar import RaycastLidar
-from fg_mujoco.simulation.cars import lidar_prefix
+from fg_mujoco.simulation.cars import WorldCar, lidar_prefix
 from fg_mujoco.simulation.engine import Engine
 
 DISTORTED = fg.LidarEffects(motion_distortion=True)
@@ -64,7 +64,7 @@ def compare(world, ranges, states):
 
 
 def test_another_car_is_where_it_was():
-    world = fg.World("oval", others=[fg.WorldCar()])
+    world = fg.World("oval", others=[WorldCar()])
     starts = [fg.Start(s=4.0, heading=1.4), fg.Start(s=4.75, speed=5.0)]  # to the right, where beams are older
     ranges, states = driven(world, starts, [0.0, 5.0], 2)
     differs, moved = compare(world, ranges, states)

@@ -18,12 +18,13 @@ from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.lanes import corner_radii, lane, patch
 from fg_mujoco.course.lanes import outline as outline_of
 from fg_mujoco.course.polyline import enclosed_area, segments, self_crossings, step_lengths
+from fg_mujoco.course.tight import TightSettings, generate_tight_track
 from fg_mujoco.simulation.course_loading import default_car
 
 CAR = default_car()
 BUNDLED = ("u_turns", "serpentine", "spiral", "elbow", "boxes", "maze")
 SEEDS = tuple(f"random:{seed}:tight" for seed in range(6))
-DEFAULTS = fg.TightSettings()
+DEFAULTS = TightSettings()
 
 
 def bar(width, barrier=0.1, length=4.0, square=0.0):
@@ -75,7 +76,7 @@ def check_lap(track, poses, margin=MARGIN):
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 2**63 - 1))
 def test_every_seed_keeps_the_default_settings(seed):
-    track = fg.generate_tight_track(seed)
+    track = generate_tight_track(seed)
     assert DEFAULTS.min_length <= track.length <= DEFAULTS.max_length
     assert np.abs(track.curvature).max() <= 1.0 / DEFAULTS.min_radius
     width = track.width_left + track.width_right
@@ -92,7 +93,7 @@ def test_every_seed_keeps_the_default_settings(seed):
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 2**63 - 1))
 def test_every_seed_has_a_lap_that_the_car_can_drive(seed):
-    track = fg.generate_tight_track(seed)
+    track = generate_tight_track(seed)
     check_lap(track, drivable_lap(track))
 
 
@@ -211,18 +212,18 @@ def test_a_patch_with_a_hole_is_refused():
 
 
 def test_same_seed_same_bytes_and_other_seed_other_circuit():
-    first, second, other = (fg.generate_tight_track(seed) for seed in (7, 7, 8))
+    first, second, other = (generate_tight_track(seed) for seed in (7, 7, 8))
     assert first.centreline.tobytes() == second.centreline.tobytes()
     assert first.width_left.tobytes() == second.width_left.tobytes()
     assert first.centreline.shape != other.centreline.shape or not np.array_equal(first.centreline, other.centreline)
-    drawn = fg.generate_tight_track(np.random.default_rng(7))
+    drawn = generate_tight_track(np.random.default_rng(7))
     assert drawn.centreline.tobytes() == first.centreline.tobytes()
     assert (first.name, drawn.name) == ("random:7:tight", "random:tight")
     assert fg.load_track("random:7:tight").centreline.tobytes() == first.centreline.tobytes()
 
 
 def test_circuits_differ():
-    tracks = [fg.generate_tight_track(seed) for seed in range(40)]
+    tracks = [generate_tight_track(seed) for seed in range(40)]
     lengths = [track.length for track in tracks]
     assert min(lengths) < 22.0 and max(lengths) > 50.0 and len({round(length, 3) for length in lengths}) == 40
     with_boxes_on_it = [(track.width_left + track.width_right).min() < 0.95 for track in tracks]
@@ -242,12 +243,12 @@ def test_circuits_differ():
 )
 def test_settings_that_make_no_sense_are_refused(change, message):
     with pytest.raises(fg.SettingsError, match=message):
-        fg.TightSettings(**change)
+        TightSettings(**change)
 
 
 def test_settings_that_no_circuit_keeps_are_refused():
     with pytest.raises(fg.SettingsError, match=r"no circuit found in \d+ draws"):
-        fg.generate_tight_track(0, fg.TightSettings(min_width=0.4, max_width=0.5, min_radius=0.2))
+        generate_tight_track(0, TightSettings(min_width=0.4, max_width=0.5, min_radius=0.2))
 
 
 @pytest.mark.parametrize(

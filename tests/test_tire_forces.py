@@ -11,6 +11,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
@@ -30,7 +31,7 @@ from fg_mujoco.vehicle.tire_forces import (
     end_step,
     grip_of,
 )
-from fg_mujoco.vehicle.tire_slip import add_axle_sensors
+from fg_mujoco.vehicle.tire_slip import TireSlipMeter, add_axle_sensors
 from fg_mujoco.vehicle.tires import AxleTires, Brush, Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -56,7 +57,7 @@ class Ground:
         self.model = Vehicle.load().spec(mu, tires=self.tire_set).compile()
         self.model.opt.timestep = timestep
         self.data = mujoco.MjData(self.model)
-        self.car, self.forces, self.meter = Car(self.model), TireForces(self.model), fg.TireSlipMeter(self.model)
+        self.car, self.forces, self.meter = Car(self.model), TireForces(self.model), TireSlipMeter(self.model)
 
     def place(self, speed=0.0, heading=0.0):
         mujoco.mj_resetData(self.model, self.data)
@@ -243,7 +244,7 @@ def test_the_slip_meter_reads_force_and_slip_of_contacts_in_the_wheels_frame():
     add_axle_sensors(spec)
     ground.model = spec.compile()
     ground.data, ground.car = mujoco.MjData(ground.model), Car(ground.model)
-    ground.forces, ground.meter = TireForces(ground.model), fg.TireSlipMeter(ground.model)
+    ground.forces, ground.meter = TireForces(ground.model), TireSlipMeter(ground.model)
     ground.place(3.0, heading=0.9)
     ground.hold(2.0, 0.2, 3.0)
     ground.hold(0.005, 0.2, 3.0, record=True)
@@ -511,7 +512,7 @@ def test_rolling_resistance_slows_a_car_that_coasts_as_asked():
     assert ends[0] == pytest.approx(0.0, abs=0.005)
 
 
-MIXED = fg.World("oval", tires="contact", others=(fg.WorldCar(tires="coulomb"), fg.WorldCar(tires="slipx_reference")))
+MIXED = fg.World("oval", tires="contact", others=(WorldCar(tires="coulomb"), WorldCar(tires="slipx_reference")))
 
 
 def drive_mixed(engine, ticks, commands=((0.1, 2.0), (0.3, 4.0), (-0.2, 3.0))):
@@ -534,7 +535,7 @@ def test_worlds_of_cars_on_different_tires_have_the_bits_of_steps_by_hand():
     model = copy(MIXED.model)
     data, forces = mujoco.MjData(model), TireForces(model, [car.prefix for car in MIXED.cars])
     mujoco.mj_setState(model, data, engine.state(0), STATE)
-    meters = [fg.TireSlipMeter(model, car.prefix) for car in MIXED.cars]
+    meters = [TireSlipMeter(model, car.prefix) for car in MIXED.cars]
     for _ in range(20):
         for car, (steering, speed) in zip(MIXED.cars, ((0.1, 2.0), (0.3, 4.0), (-0.2, 3.0)), strict=True):
             car.apply(data, DriveCommand(steering_angle=steering, speed=speed))
@@ -595,7 +596,7 @@ def in_turn(model, data, found, dofs, count):
 
 def test_mujocos_stages_called_in_turn_are_its_step():
     """Bit for bit, sensors too: two cars on contacts, one of which drives into a wall and one into the other."""
-    world = fg.World("oval", tires="contact", others=(fg.WorldCar(tires="contact"),))
+    world = fg.World("oval", tires="contact", others=(WorldCar(tires="contact"),))
     world.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER  # that of the stages
     engine = Engine(world)
     engine.place([Start(s=1.0, speed=2.0), Start(s=0.2, speed=5.0)])

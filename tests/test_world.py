@@ -9,7 +9,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.cars import CAR_PREFIX, WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.car import WHEELS
@@ -259,8 +259,8 @@ def test_worlds_that_differ_in_anything_are_not_taken_for_each_other():
         fg.World("oval", **what)
         for what in (
             {}, {"mu": 0.5}, {"lidar": "rangefinder"}, {"obstacles": (BOX,)}, {"changes": fg.CarChanges(mass=4.0)},
-            {"tires": fg.Tires.load("forzaeth_nuc2")}, {"patches": (patch,)}, {"others": (fg.WorldCar(),)},
-            {"others": (fg.WorldCar(mu=0.5),)},
+            {"tires": fg.Tires.load("forzaeth_nuc2")}, {"patches": (patch,)}, {"others": (WorldCar(),)},
+            {"others": (WorldCar(mu=0.5),)},
         )
     ]  # fmt: skip
     worlds.append(fg.World(dataclasses.replace(fg.load_track("oval"), name="another")))
