@@ -9,7 +9,7 @@
 
     thing.show()
 
-Pictures are SVG and need no extra. All text that goes into HTML is escaped here.
+Pictures are SVG and need no extra. `html` and `element` escape all text that goes into HTML, on pages, too.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _SIZE = (560.0, 420.0)  # [px] greatest width and height of a drawing, without i
 _STRIP = 26.0  # [px] below a drawing, for its scale and its legend
 _MOST_POINTS = 4000  # of one line; more are not seen at this size
 _FONT = 'font-family="sans-serif" font-size="11"'
-_CELL = 'style="text-align:left;padding:2px 10px"'
+_CELL = "text-align:left;padding:2px 10px"
 
 
 def brief(thing: object, *parts: str) -> str:
@@ -59,16 +59,54 @@ def changed(settings: Any, plain: Any) -> list[str]:
     return [f"{name}={value!r}" for name, value, default in pairs if value is not default and value != default]
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a table as HTML; an empty header is none."""
-    head = "".join(f"<th {_CELL}>{escape(name)}</th>" for name in header)
-    body = "".join("<tr>" + "".join(f"<td {_CELL}>{escape(str(c))}</td>" for c in row) + "</tr>" for row in rows)
-    return f"<table>{f'<thead><tr>{head}</tr></thead>' if head else ''}<tbody>{body}</tbody></table>"
+class Html(str):
+    """HTML, which `html` and `element` do not escape."""
+
+    __slots__ = ()
 
 
-def paragraph(text: str) -> str:
+def html(template: str, /, **parts: object) -> Html:
+    """Return HTML with parts in its braces: `html("<p>{text}</p>", text="a < b")`.
+
+    A part that is no Html is escaped. All parts of a list or tuple follow each other, and None is nothing.
+    """
+    return Html(template.format_map({name: escaped(part) for name, part in parts.items()}))
+
+
+def escaped(part: object) -> Html:
+    """Return a part of a page as HTML, as in `html`."""
+    if isinstance(part, (list, tuple)):
+        return Html("".join(map(escaped, part)))
+    return part if isinstance(part, Html) else Html("" if part is None else escape(str(part)))
+
+
+def element(name: str, *parts: object, **attributes: object) -> Html:
+    """Return an HTML element with these parts in it: `element("td", "a < b", class_="left")`.
+
+    Parts are as in `html`. An attribute that is True stands without a value, and one that is None or False is left out.
+    """
+    given = {key.rstrip("_").replace("_", "-"): value for key, value in attributes.items()}
+    inside = "".join(
+        f" {key}" if value is True else f' {key}="{escape(str(value))}"'
+        for key, value in given.items()
+        if value is not None and value is not False
+    )
+    return Html(f"<{name}{inside}>" if name in _EMPTY else f"<{name}{inside}>{escaped(parts)}</{name}>")
+
+
+_EMPTY = ("img", "input", "meta")  # elements that have no end
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> Html:
+    """Return a table for a notebook; an empty header is none."""
+    head = element("thead", element("tr", [element("th", name, style=_CELL) for name in header])) if header else None
+    body = [element("tr", [element("td", cell, style=_CELL) for cell in row]) for row in rows]
+    return element("table", head, element("tbody", body))
+
+
+def paragraph(text: str) -> Html:
     """Return a paragraph as HTML."""
-    return f"<p>{escape(text)}</p>"
+    return element("p", text)
 
 
 class Drawing:

@@ -14,7 +14,6 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.studies.comparison.differences import differences_markdown, paired_differences, shown_differences
 from fg_mujoco.studies.comparison.ground import Ground, course_ground
 from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.pictures import table_picture
@@ -25,7 +24,7 @@ from fg_mujoco.studies.comparison.run import (
     driven_poses,
     wrong_way_time,
 )
-from fg_mujoco.studies.comparison.tables import make_cells, markdown
+from fg_mujoco.studies.comparison.tables import DIFFERENCES, cells_table, make_cells, paired_differences
 from fg_mujoco.studies.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters
@@ -380,13 +379,13 @@ def test_differences_are_within_pairs_of_runs(capsys):
     rows += [row("b", seed=seed, best_lap_s=lap + 0.5) for seed, lap in enumerate(laps)]
     rows += [row("b", seed=6, best_lap_s=99.0), row(seed=7), row(seed=8), row("b", seed=8, **CRASH)]
     (found,) = paired_differences(rows)
-    assert (found.controller, found.reference, found.course) == ("b", "a", "all")
-    assert (found.pairs, found.successes, found.reference_successes) == (7, 6, 7)  # seeds 6 and 7 have one run
-    assert found.success_difference == pytest.approx(-1 / 7)
-    assert (found.lap_pairs, found.best_lap_difference_s) == (6, 0.5)
-    assert (found.best_lap_difference_low_s, found.best_lap_difference_high_s) == (0.5, 0.5)
-    _, _, line = differences_markdown([found]).splitlines()[:3]
-    low, high = round(100 * found.success_difference_low), round(100 * found.success_difference_high)
+    assert (found["controller"], found["reference"], found["course"]) == ("b", "a", "all")
+    assert (found["pairs"], found["successes"], found["reference_successes"]) == (7, 6, 7)  # seeds 6, 7 have one run
+    assert found["success_difference"] == pytest.approx(-1 / 7)
+    assert (found["lap_pairs"], found["best_lap_difference_s"]) == (6, 0.5)
+    assert (found["best_lap_difference_low_s"], found["best_lap_difference_high_s"]) == (0.5, 0.5)
+    _, _, line = DIFFERENCES.table([found]).markdown().splitlines()[:3]
+    low, high = (round(100 * found[f"success_difference_{end}"]) for end in ("low", "high"))
     said = f"| b | a | 7 | -14 | {low:+d} to {high:+d} | 6 | +0.50 | +0.50 to +0.50 |"
     assert " ".join(line.split()) == said
 
@@ -394,13 +393,13 @@ def test_differences_are_within_pairs_of_runs(capsys):
 def test_differences_are_of_each_two_planners_and_of_each_course():
     rows = [row(name, course=course) for name in "abc" for course in ("oval", "tight")]
     found = paired_differences(rows)
-    assert [(each.reference, each.controller, each.course) for each in found] == [
+    assert [(each["reference"], each["controller"], each["course"]) for each in found] == [
         (reference, controller, course)
         for reference, controller in ("ab", "ac", "bc")
         for course in ("all", "oval", "tight")
     ]
-    assert [each.controller for each in shown_differences(found)] == ["b", "c"]
-    assert paired_differences(rows[:2]) == () and differences_markdown(()) == ""
+    assert [controller for controller, *_ in DIFFERENCES.table(found).rows] == ["b", "c"]
+    assert paired_differences(rows[:2]) == () and DIFFERENCES.table(()) is None
 
 
 def test_runs_on_another_course_of_the_same_name_are_no_pair():
@@ -435,13 +434,13 @@ def test_a_page_tells_runs_of_an_edited_planner_apart(here):
         compare(GRID[:1], seed=[0])
     with pytest.warns(UserWarning, match="sha256"):
         page = write_comparison_report("out", trust=True).read_text("utf-8")
-    names = set(re.findall(r"<td>(planners.py:Gentle \(code [0-9a-f]{8}\))</td>", page))
+    names = set(re.findall(r"<td class=\"left\">(planners.py:Gentle \(code [0-9a-f]{8}\))</td>", page))
     assert len(names) == 2 and "0/2" not in page
 
 
 def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_several():
     cells = make_cells([row("a[x=1|2]"), row("b", course="scene:u_turn", speed=4.0, **CRASH)])
-    header, rule, first, second = markdown(cells).splitlines()
+    header, rule, first, second = cells_table(cells).markdown().splitlines()[:4]
     assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
     assert " ".join(first.split()).startswith(
         "| a[x=1\\|2] | oval, 8 m/s | 1/1 | 21 to 100 % | 1/1 | 9.00 | 9.00 to 9.00 | 9.50 | 1 | - | 0 | 0.0 % |"
@@ -449,23 +448,13 @@ def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_
     assert " ".join(second.split()).startswith(
         "| b | u_turn, 4 m/s | 0/1 | 0 to 79 % | 0/1 | - | - | - | 0 | 1 crash | 1 |"
     )
-    assert "| oval   |" in markdown(cells[:1])
-
-
-def test_the_markdown_table_is_aligned_where_it_is_read_as_text():
-    lines = markdown(make_cells([row(mean_lap_s=10.25), row("longer_name", best_lap_s=109.0)])).splitlines()
-    assert len({len(line) for line in lines}) == 1
-    bars = [[place for place, letter in enumerate(line) if letter == "|"] for line in lines]
-    assert bars[0] == bars[1] == bars[2] == bars[3]
-    end = lines[0].index("best lap [s]") + len("best lap [s]")
-    assert lines[2][:end].endswith(" 9.00") and lines[3][:end].endswith(" 109.00")
-    assert lines[1][end - 1] == ":"  # Markdown aligns it to the right, too
+    assert "| oval   |" in cells_table(cells[:1]).markdown()
 
 
 @pytest.mark.parametrize("crashed", [False, True])
 def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypatch, crashed):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.studies.comparison.pictures.save_figure", lambda figure, *to: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, *to: drawn.append(figure))
     last = CRASH if crashed else {"best_lap_s": 9.9, "mean_lap_s": 12.25}
     table_picture(make_cells([row(), row("b", **last)]), tmp_path / "table.png")
     axes, scale = drawn[0].axes

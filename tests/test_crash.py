@@ -117,7 +117,7 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "planner.py").write_text(PLANNER)
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
     assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
     table = capsys.readouterr().out
     crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]
@@ -148,7 +148,7 @@ def test_the_headings_of_table_and_report_have_the_planners_settings(tmp_path, m
 
 def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    from fg_mujoco.viz.report.recorded_run import read_recorded
+    from fg_mujoco.viz.report.recorded import read_recorded
 
     folder = fg.write_run(lap, tmp_path / "run", picture=False)
     summary = json.loads((folder / "summary.json").read_text())

@@ -19,7 +19,7 @@ from fg_mujoco.simulation.cars import car_colour, car_colour_hex
 from fg_mujoco.viz.rendering import Film, Overlays
 from fg_mujoco.viz.report.clip import clip_of_several
 from fg_mujoco.viz.report.field import PICTURE_SIZE, Field
-from fg_mujoco.viz.report.recorded_run import read_recorded
+from fg_mujoco.viz.report.recorded import read_recorded
 
 TICK = 0.025
 SVG = "{http://www.w3.org/2000/svg}"

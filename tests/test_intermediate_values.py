@@ -281,12 +281,12 @@ def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(path.as_uri())
         page.wait_for_selector("html[data-ready=yes]")
-        rows = page.locator("#numbers tr")
+        rows = page.locator(".numbers tbody tr")
         names = [row.locator("td").first.inner_text() for row in rows.all()]
         assert names == ["ahead", "count", "odd", "nothing known"]
 
         def values():
-            return [cell.inner_text() for cell in page.locator("#numbers .number").all()]
+            return [cell.inner_text() for cell in page.locator(".numbers td:nth-child(2)").all()]
 
         ahead = seen.chosen.numbers["ahead"]
         assert values() == [f"{ahead:.4g}", "40", "\N{EN DASH}", "nan"]
@@ -301,7 +301,7 @@ def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows
         def pixels():
             return page.evaluate("document.getElementById('top').toDataURL()")
 
-        page.click("[data-zoom='12']")
+        page.click("[data-switch='zoom'][value='12']")
         before = pixels()
         for name in ("halved", "box", "hit"):
             page.get_by_label(name, exact=True).uncheck()
@@ -319,7 +319,7 @@ def test_a_page_without_values_has_no_table_of_them(tmp_path):
 def test_the_picture_has_the_values_too(shows, tmp_path, monkeypatch):
     figures = []
     seen = fg.debug(fg.race("oval", shows, time_limit=0.2))
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *path, **settings: figures.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: figures.append(figure))
     seen.write_picture(tmp_path / "one.png")
     above, _, said = figures[0].axes
     assert {"halved", "hit", "box", "start"} <= {text.get_text() for text in above.get_legend().get_texts()}

@@ -8,7 +8,6 @@ import pytest
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.studies.friction_lab.braking import EXPERIMENT, GRIPPY
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_ground import LabGround
 from fg_mujoco.studies.friction_lab.straight_line_limits import even_torque_limit, held_share
 from fg_mujoco.vehicle.tire_slip import slides_above
@@ -116,4 +115,4 @@ def test_cells_are_all_parts_and_the_section_draws():
     for table, names in section.columns.items():
         assert all(name in tables[table][0] for name in names)
     for figure in section.figures:
-        assert render(figure).startswith(b"<?xml")
+        assert figure.render().startswith(b"<?xml")

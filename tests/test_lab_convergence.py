@@ -7,7 +7,6 @@ import pytest
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.convergence import EXPERIMENT, GROUPS, soften
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
 from fg_mujoco.studies.friction_lab.rigid_car import creep
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
@@ -111,4 +110,4 @@ def test_own_and_fine_timestep_give_one_lap_and_the_section_draws():
     section = EXPERIMENT.section({"settings": rows})
     assert all(name in own for name in section.columns["settings"])
     for figure in section.figures:
-        assert render(figure).startswith(b"<?xml")
+        assert figure.render().startswith(b"<?xml")

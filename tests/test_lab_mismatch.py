@@ -8,7 +8,6 @@ import pytest
 
 from fg_mujoco.studies.friction_lab import mismatch
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.mismatch import EXPERIMENT
 from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -45,11 +44,11 @@ def test_section_names_the_ratios_and_draws(tables):
         and "no more than 1.05" in section.sentences[0]
     )
     assert "no crash up to a ratio of 1.3" in section.sentences[1]
-    assert len(render(section.figures[0])) > 1000
+    assert len(section.figures[0].render()) > 1000
     crash = {**tables["laps"][2], "crashed": True, "best_lap_s": math.nan, "end_reason": "crash", "ratio": 1.4}
     section = EXPERIMENT.section({"laps": [*tables["laps"], crash]})
     assert "first crash at a ratio of 1.4" in section.sentences[0]
-    assert len(render(section.figures[0])) > 1000
+    assert len(section.figures[0].render()) > 1000
 
 
 @pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])

@@ -15,7 +15,6 @@ from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.simulation import Simulation, complete_state
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_laps import drive_laps
 from fg_mujoco.studies.friction_lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.studies.friction_lab.patches import EXPERIMENT
@@ -228,4 +227,4 @@ def test_planner_that_knows_the_patches_holds_and_one_that_does_not_slides():
     section = EXPERIMENT.section(tables)
     assert any("0 of 1 races crash" in sentence for sentence in section.sentences)
     for figure in section.figures:
-        assert len(render(figure)) > 1000
+        assert len(figure.render()) > 1000

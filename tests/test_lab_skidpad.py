@@ -7,7 +7,6 @@ import pytest
 
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.rigid_car import axle_use, onset, sliding_onset, tire_loads
 from fg_mujoco.studies.friction_lab.skidpad import EXPERIMENT
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
@@ -182,4 +181,4 @@ def test_section_tells_the_worst_cell_and_draws():
     assert any("No number for mu 1.0489 and +0.005 rad" in sentence for sentence in section.sentences)
     assert all(name in tables["onset"][0] for name in section.columns["onset"])
     for figure in section.figures:
-        assert render(figure).startswith(b"<?xml")
+        assert figure.render().startswith(b"<?xml")

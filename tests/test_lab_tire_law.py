@@ -12,7 +12,6 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
 from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
@@ -156,7 +155,7 @@ def test_the_section_tells_the_worst_and_draws():
     assert "at coulomb and 0.3 rad" in section.sentences[0] and "on 1 of 2 circles none does" in section.sentences[0]
     assert all(name in tables["circles"][0] for name in section.columns["circles"])
     for figure in section.figures:
-        assert render(figure).startswith(b"<?xml")
+        assert figure.render().startswith(b"<?xml")
 
 
 @pytest.mark.parametrize(

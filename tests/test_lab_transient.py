@@ -8,7 +8,6 @@ import pytest
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.studies.friction_lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
 from fg_mujoco.studies.friction_lab.reference_steering import CURVATURE, MANOEUVRES
 from fg_mujoco.studies.friction_lab.speed_laws import LAWS
@@ -120,4 +119,4 @@ def test_cells_measure_every_law_and_the_section_draws():
         assert sum(sentence.startswith(start) for sentence in section.sentences) == 1
     assert all(name in tables["runs"][0] for name in section.columns["runs"])
     for figure in section.figures:
-        assert render(figure).startswith(b"<?xml")
+        assert figure.render().startswith(b"<?xml")

@@ -13,7 +13,6 @@ import fg_mujoco as fg
 from fg_mujoco.course.polyline import distance_to_segment
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
-from fg_mujoco.studies.friction_lab.lab_figures import render
 from fg_mujoco.studies.friction_lab.lap_line import best_flying_lap, driven_lap
 from fg_mujoco.studies.friction_lab.lap_time_bound import (
     HoldingCar,
@@ -295,4 +294,4 @@ def test_laps_are_measured_from_json_alone_and_reported():
     section = EXPERIMENT.section({**tables, "laps": [row, {**crashed, "track": "other"}]})
     assert "1.1" in section.sentences[0] and section.expected[0][1] == "<= 1.15"
     for figure in section.figures:
-        assert len(render(figure)) > 1000
+        assert len(figure.render()) > 1000

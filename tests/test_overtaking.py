@@ -17,7 +17,6 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.studies.intervals import wilson
-from fg_mujoco.studies.overtaking.differences import differences_markdown, paired_differences
 from fg_mujoco.studies.overtaking.duel import (
     AHEAD_FOR,
     Duel,
@@ -30,7 +29,7 @@ from fg_mujoco.studies.overtaking.duel import (
 )
 from fg_mujoco.studies.overtaking.overtaking import overtake
 from fg_mujoco.studies.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
-from fg_mujoco.studies.overtaking.tables import make_cells
+from fg_mujoco.studies.overtaking.tables import DIFFERENCES, make_cells, paired_differences
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 
@@ -216,16 +215,16 @@ def test_differences_are_within_pairs_of_duels():
     ]
     rows.append(replace(rows[0], key=replace(rows[0].key, seed=9)))  # which b has not driven
     found = paired_differences(rows)
-    assert [(each.planner, each.reference, each.track, each.pairs) for each in found] == [
+    assert [(each["planner"], each["reference"], each["track"], each["pairs"]) for each in found] == [
         ("b", "a", "all", 6), ("b", "a", "oval", 3), ("b", "a", "tight", 3)
     ]  # fmt: skip
-    assert (found[0].share_difference, found[0].time_pairs, found[0].time_lost_difference_s) == (0.0, 6, 0.25)
-    assert (found[0].time_lost_difference_low_s, found[0].time_lost_difference_high_s) == (0.25, 0.25)
-    assert found[1].time_lost_difference_low_s is None  # of three pairs there is no such interval
-    low, high = (f"{100.0 * end:+.0f}" for end in (found[0].share_difference_low, found[0].share_difference_high))
-    line = " ".join(differences_markdown(found).splitlines()[2].split())
+    assert (found[0]["share_difference"], found[0]["time_pairs"], found[0]["time_lost_difference_s"]) == (0.0, 6, 0.25)
+    assert (found[0]["time_lost_difference_low_s"], found[0]["time_lost_difference_high_s"]) == (0.25, 0.25)
+    assert found[1]["time_lost_difference_low_s"] is None  # of three pairs there is no such interval
+    low, high = (f"{100.0 * found[0][f'share_difference_{end}']:+.0f}" for end in ("low", "high"))
+    line = " ".join(DIFFERENCES.table(found).markdown().splitlines()[2].split())
     assert line == f"| b | a | 6 | +0 | {low} to {high} | 6 | +0.25 | +0.25 to +0.25 |"
-    assert differences_markdown(()) == ""
+    assert DIFFERENCES.table(()) is None
 
 
 def test_errors_are_of_the_one_tree():

@@ -11,11 +11,9 @@ import fg_mujoco as fg
 from fg_mujoco.racing.result import tires_model
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.report.clip import clip_start
-from fg_mujoco.viz.report.lap_table import lap_length, lap_table
+from fg_mujoco.viz.report.laps_and_slides import SlideEvent, lap_length, lap_table, slide_events
 from fg_mujoco.viz.report.map_shapes import map_shapes
-from fg_mujoco.viz.report.recorded_run import read_recorded
-from fg_mujoco.viz.report.slide_events import SlideEvent, slide_events
-from fg_mujoco.viz.report.tick_columns import SPEED_FAR_ABOVE, accelerations, limit_speed, tick_columns
+from fg_mujoco.viz.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed, read_recorded, tick_columns
 
 TICK = 0.025  # [s]
 

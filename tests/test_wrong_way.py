@@ -208,7 +208,7 @@ def here(tmp_path, monkeypatch):
 def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, monkeypatch):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.plots.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
     monkeypatch.setattr("fg_mujoco.viz.report.page.make_clip", lambda *_: None)
     assert main(["race", "--controller", "turner.py:Reverser", "--out", "runs/back"]) == 1
     table = capsys.readouterr().out
@@ -259,7 +259,7 @@ def test_an_environment_is_truncated(here):
 
 def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    from fg_mujoco.viz.report.recorded_run import read_recorded
+    from fg_mujoco.viz.report.recorded import read_recorded
 
     folder = fg.write_run(lap, tmp_path / "run", picture=False)
     path = folder / "summary.json"

@@ -49,7 +49,7 @@ def _identify(options: argparse.Namespace) -> int:
     from ..studies.identification.fit import require_scipy
     from ..studies.identification.page import write_identification_report
     from ..studies.identification.tire_file import check_tire_file, write_tires
-    from ..viz.report.plot_style import require_bokeh
+    from ..viz.pages.bokeh_plots import require_bokeh
 
     require_scipy()
     check_tire_file(options.out, force=options.force)

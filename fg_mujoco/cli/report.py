@@ -33,8 +33,8 @@ def add_report(add_command: Callable[..., argparse.ArgumentParser], commands: An
 
 def report_race(folder: str | Path) -> None:
     """Write the report of a race into its run folder, without video, where there is what it takes; else say how."""
+    from ..viz.pages.bokeh_plots import require_bokeh
     from ..viz.report import write_report
-    from ..viz.report.plot_style import require_bokeh
 
     try:
         require_bokeh()

@@ -210,18 +210,18 @@ def first_overlap(poses: ArrayLike, cars: Sequence[CarParameters]) -> tuple[int,
     placed = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
     for first in range(len(placed)):
         for second in range(first + 1, len(placed)):
-            pair = [_footprint(placed[car], cars[car]) for car in (first, second)]
+            pair = [footprint(placed[car], cars[car]) for car in (first, second)]
             if all(_overlap_along(pair, axis) for axis in _axes(placed[[first, second], 2])):
                 return first, second
     return None
 
 
-def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
-    """Return the corners of a chassis from above. Shape (4, 2) [m]."""
+def footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
+    """Return the corners of a car from above, one after the other; the pose is of its rear axle. Shape (4, 2) [m]."""
     ahead, left = _axes(pose[2:])
-    ends = (-car.rear_overhang, car.length - car.rear_overhang)
-    corners = [pose[:2] + end * ahead + side * left for end in ends for side in (-0.5 * car.width, 0.5 * car.width)]
-    return np.array(corners)
+    back, front, side = -car.rear_overhang, car.length - car.rear_overhang, 0.5 * car.width
+    corners = ((back, -side), (front, -side), (front, side), (back, side))
+    return np.array([pose[:2] + along * ahead + aside * left for along, aside in corners])
 
 
 def _axes(headings: FloatArray) -> FloatArray:

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+import numpy as np
+
 _Z = 1.959963984540054  # of 95 %
 _TAIL = 40  # one part in so many, on either side: 2.5 %
 
@@ -140,3 +142,13 @@ def paired_by_planner(
 def per_cent(low: float, high: float) -> str:
     """Return the ends of the interval of a share for tables, in percent."""
     return f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+
+
+def quantile(values: Sequence[float], share: float) -> float | None:
+    """Return a quantile of some values, linear between two of them; None of no values."""
+    return float(np.quantile(values, share)) if len(values) else None
+
+
+def quartiles(low: float | None, high: float | None) -> str | None:
+    """Return two quartiles as a text for tables."""
+    return None if low is None or high is None else f"{low:.2f} to {high:.2f}"

@@ -37,6 +37,8 @@ def draw_course(axes: Axes, course: Course, *lines: FloatArray) -> None:
     """
     (left, bottom), (right, top) = extent(course, *lines)
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    axes.grid(False)
+    axes.spines[:].set_visible(True)
     if course.edges:
         _draw_floor(axes, course.edges)
     else:

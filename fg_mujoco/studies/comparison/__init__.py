@@ -3,5 +3,5 @@
 comparison   plans the runs, drives those that are missing, and writes the report
 run, ground  one run, and the course and obstacles that it is driven on
 store        the folder of a comparison, from which a later call goes on
-tables, differences, pictures, pages     the report: CSV and Markdown, PNG, HTML
+tables, pictures, pages     the report: CSV and Markdown, PNG, HTML
 """

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ...arguments import explain_class
 from ...course.scenes.catalogue import PREFIX, scene_names
 from ...course.writing import write_file
-from ...display import Shown, brief, paragraph, quoted, table
+from ...display import Shown, brief, escaped, paragraph, quoted
 from ...errors import SettingsError
 from ...messages import FloatArray, require_whole, shown
 from ...racing.opponents import Opponents
@@ -28,26 +28,17 @@ from ...racing.planner_files import files_sha256
 from ...racing.planner_sources import controller_names
 from ...racing.setup import Setup, StudyKeywords
 from ...simulation.settings import FASTEST, renamed
-from ...viz.plots import require_matplotlib
+from ...viz.pages.figures import require_matplotlib
+from ...viz.pages.table import Table
 from ..rollout.job import versions
 from ..run_grid import as_axis, require_axes, time_left
 from ..store import WRITABLE, blame, claimed
 from ..workers import work_through
-from .differences import HEADER as DIFFERENCES
-from .differences import LEGEND as DIFFERENCES_LEGEND
-from .differences import (
-    PairedDifference,
-    difference_rows,
-    differences_csv,
-    differences_markdown,
-    paired_differences,
-    shown_differences,
-)
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import LEGEND, Cell, cells_csv, header_of, make_cells, markdown, runs_csv, table_rows
+from .tables import DIFFERENCES, Cell, cells_csv, cells_table, make_cells, paired_differences, runs_csv
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -91,20 +82,20 @@ class Comparison(Shown):
         return brief(self, grid, f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        cells = table(header_of(self.cells), table_rows(self.cells)) + paragraph(LEGEND)
-        shown = shown_differences(self.differences) if self.differences else []
-        pairs = table(DIFFERENCES, difference_rows(shown)) + paragraph(DIFFERENCES_LEGEND) if shown else ""
-        return cells + pairs + paragraph(f"{len(self.rows)} runs in {self.folder}")
+        below = paragraph(f"{len(self.rows)} runs in {self.folder}")
+        return escaped([*(each.notebook() for each in self._tables()), below])
+
+    def _tables(self) -> list[Table]:
+        return [each for each in (cells_table(self.cells), DIFFERENCES.table(self.differences)) if each]
 
     @property
-    def differences(self) -> tuple[PairedDifference, ...]:
-        """How each two controllers differ in the runs that both drove."""
+    def differences(self) -> tuple[dict[str, Any], ...]:
+        """How each two controllers differ in the runs that both drove, by the names in differences.csv."""
         return paired_differences(self.rows)
 
     def markdown(self) -> str:
         """Return the table, and that of the differences from the first controller, each with its legend."""
-        pairs = differences_markdown(self.differences)
-        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
+        return "\n".join(each.markdown() for each in self._tables())
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -113,7 +104,7 @@ class Comparison(Shown):
             "runs_driven": self.runs_driven,
             "wall_time_s": self.wall_time_s,
             "table": [cell.as_dict() for cell in self.cells],
-            "differences": [difference.as_dict() for difference in self.differences],
+            "differences": list(self.differences),
         }
 
 
@@ -285,7 +276,7 @@ def _write_report(comparison: Comparison, runs: Sequence[Run], folder: Compariso
             picture.unlink(missing_ok=True)
         write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
         write_file(out / "table.csv", cells_csv(comparison.cells).encode())
-        write_file(out / "differences.csv", differences_csv(comparison.differences).encode())
+        write_file(out / "differences.csv", DIFFERENCES.csv(comparison.differences).encode())
         write_file(out / "table.md", comparison.markdown().encode())
         if pictures:
             table_picture(comparison.cells, out / "table.png")

@@ -18,27 +18,25 @@ import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from pathlib import Path
 
 from ...course.files import is_file
 from ...course.scenes.catalogue import PREFIX
 from ...course.writing import write_file
+from ...display import Html, element, escaped, html
 from ...errors import ControllerError, FgMujocoError, RunFolderError
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.planner_trust import require_trusted
-from ...viz.report.page import LIBRARY, library, page_frame, write_page, write_report
-from ...viz.report.plot_style import require_bokeh
-from ...viz.report.sections import table
+from ...viz.pages.bokeh_plots import library, require_bokeh
+from ...viz.pages.page import LIBRARY, note, scroll, write_page
+from ...viz.pages.table import Table
+from ...viz.report.page import write_report
 from ..store import WRITABLE, blame
-from .differences import HEADER as DIFFERENCES
-from .differences import LEGEND as DIFFERENCES_LEGEND
-from .differences import difference_rows, paired_differences, shown_differences
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import LEGEND, Cell, header_of, make_cells, table_rows
+from .tables import DIFFERENCES, cells_table, make_cells, paired_differences
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
@@ -87,7 +85,7 @@ def write_comparison_report(
                 watch(done, len(rows), "page")
             pages[row.key] = _run_page(row, settings, out, trust=trust)
     finally:
-        write_page(out / "index.html", _index(Path(folder), settings, rows, pages))
+        _write_index(Path(folder), out / "index.html", settings, rows, pages)
     return out / "index.html"
 
 
@@ -176,63 +174,57 @@ def _require_same_files(run: Run) -> None:
         )
 
 
-def _index(folder: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
-    told = _told_apart(rows)
-    by_key = {named.key: pages.get(row.key, _Page()) for named, row in zip(told, rows, strict=True)}
+def _write_index(
+    folder: Path, path: Path, settings: ComparisonSettings, rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]
+) -> None:
+    told, name = _told_apart(rows), folder.resolve().name
+    links: dict[tuple[str, str, float], list[object]] = {}
+    for row, named in zip(rows, told, strict=True):
+        links.setdefault(_cell_of(named.key), []).extend((_link(row, pages.get(row.key, _Page())), " "))
     cells = make_cells(told)
-    kept = [place for place, name in enumerate(header_of(cells)) if name != "not finished"]  # which the marks say
-    header = [header_of(cells)[place] for place in kept]
-    header.insert(_LINKS, "runs, by seed")
-    lines = [
-        _row(cell, [texts[place] for place in kept], told, by_key)
-        for cell, texts in zip(cells, table_rows(cells), strict=True)
-    ]
+    table = cells_table(cells)
+    left_out = table.header.index("not finished")  # which the marks say
+
+    def with_links(row: Sequence[object], links: object) -> list[object]:
+        return [*row[:_LINKS], links, *row[_LINKS:left_out], *row[left_out + 1 :]]
+
+    table = replace(
+        table,
+        header=[str(each) for each in with_links(table.header, "runs, by seed")],
+        rows=[
+            with_links(row, element("div", links[cell.controller, cell.course, cell.max_speed_m_s], class_="runs"))
+            for cell, row in zip(cells, table.rows, strict=True)
+        ],
+        left=(*table.left, "runs, by seed"),
+    )
     remarks = [
-        f"<li>{escape(row.key.controller)} on {escape(row.key.course)}{escape(_seed(row))}: {escape(page.remark)}</li>"
+        element("li", f"{row.key.controller} on {row.key.course}{_seed(row)}: {page.remark}")
         for row in rows
         if (page := pages.get(row.key, _Page())).remark
     ]
     common = settings.manifest()
     if settings.opponents.entries:
         common["opponents"] = " and ".join(settings.opponents.labels)
-    shared = ", ".join(f"{name} {value}" for name, value in common.items() if value is not None)
+    shared = ", ".join(f"{key} {value}" for key, value in common.items() if value is not None)
     wins = sum(row.figures.success for row in rows)
-    body = (
-        f"<h1>{escape(folder.resolve().name)}: {len(rows)} runs</h1>"
-        f'<p class="result">{wins} of {len(rows)} finished without touching anything.</p>'
-        f'<p class="note">{escape(shared)}. A click on a seed opens the report of that run.</p>'
-        f'<div class="scroll" style="max-height:none">{table(header, lines)}</div>'
-        f'<p class="note">{escape(LEGEND)}</p>{_differences(told)}'
-        + (f'<h2>Remarks</h2><ul class="note">{"".join(remarks)}</ul>' if remarks else "")
-    )
-    return page_frame(f"{folder.resolve().name}: comparison", body)
+    differences = DIFFERENCES.table(paired_differences(told))
+    body = html(
+        '<h1>{name}: {count} runs</h1><p class="result">{wins} of {count} finished without touching anything.</p>'
+        '<p class="note">{shared}. A click on a seed opens the report of that run.</p>{table}{differences}{remarks}',
+        name=name, count=len(rows), wins=wins, shared=shared, table=_whole(table),
+        differences=[element("h2", "Paired differences"), _whole(differences)] if differences else None,
+        remarks=html('<h2>Remarks</h2><ul class="note">{all}</ul>', all=remarks) if remarks else None,
+    )  # fmt: skip
+    write_page(path, f"{name}: comparison", body)
 
 
-def _row(cell: Cell, texts: Sequence[str], rows: Sequence[RunRow], pages: Mapping[RunKey, _Page]) -> str:
-    own = [
-        row for row in rows
-        if (row.key.controller, row.key.course, row.key.max_speed_m_s)
-        == (cell.controller, cell.course, cell.max_speed_m_s)
-    ]  # fmt: skip
-    links = " ".join(_link(row, pages[row.key]) for row in own)
-    parts = [f"<td>{escape(text)}</td>" for text in texts]
-    parts.insert(_LINKS, f'<td class="left" style="white-space:normal;min-width:10em">{links}</td>')
-    return f"<tr>{''.join(parts)}</tr>"
+def _whole(table: Table) -> Html:
+    """Return a table in all its height, and its legend."""
+    return escaped([scroll(table.html(), "whole"), note(table.legend)])
 
 
-def _differences(rows: Sequence[RunRow]) -> str:
-    """Return the table of paired differences; nothing where there is one controller."""
-    found = paired_differences(rows)
-    lines = [
-        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in texts)}</tr>"
-        for texts in difference_rows(shown_differences(found) if found else [])
-    ]
-    if not lines:
-        return ""
-    return (
-        f'<h2>Paired differences</h2><div class="scroll" style="max-height:none">{table(DIFFERENCES, lines)}</div>'
-        f'<p class="note">{escape(DIFFERENCES_LEGEND)}</p>'
-    )
+def _cell_of(key: RunKey) -> tuple[str, str, float]:
+    return key.controller, key.course, key.max_speed_m_s
 
 
 def _told_apart(rows: Sequence[RunRow]) -> list[RunRow]:
@@ -254,14 +246,13 @@ def _told_apart(rows: Sequence[RunRow]) -> list[RunRow]:
     return [replace(row, key=replace(row.key, controller=name(row.key))) for row in rows]
 
 
-def _link(row: RunRow, page: _Page) -> str:
-    name = "run" if row.key.seed is None else escape(str(row.key.seed))
-    reason = row.figures.end_reason.replace("_", " ")
-    colour = "good" if row.figures.success else "bad"
-    mark = "✓" if row.figures.success else "✗"
+def _link(row: RunRow, page: _Page) -> Html:
+    name = "run" if row.key.seed is None else row.key.seed
+    reason, colour = row.figures.end_reason.replace("_", " "), "good" if row.figures.success else "bad"
+    text = f"{name}{'✓' if row.figures.success else '✗'}"
     if not page.name:
-        return f'<span class="{colour}" title="{escape(reason)}; no page">{name}{mark}</span>'
-    return f'<a class="{colour}" href="{escape(page.name)}" title="{escape(reason)}">{name}{mark}</a>'
+        return element("span", text, class_=colour, title=f"{reason}; no page")
+    return element("a", text, class_=colour, href=page.name, title=reason)
 
 
 def _seed(row: RunRow) -> str:

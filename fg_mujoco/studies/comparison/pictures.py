@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...messages import CarParameters, FloatArray
+from ...messages import FloatArray
+from ...simulation.cars import footprint
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
-from ...viz.plots import require_matplotlib, save_figure
+from ...viz.pages.figures import ALERT, COLOURS, picture
 from ..intervals import per_cent
 from .ground import Ground
 from .run import Run, RunKey, RunRow
@@ -21,12 +22,9 @@ from .tables import Cell, course_title
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_DPI = 150
-_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 0.9}
 _CELL = (0.82, 0.5)  # [in] width and height
 _PANELS_WIDTH = 10.0  # [in]
 _COLUMNS = ((5.0, 1), (2.5, 2), (0.0, 3))  # from this width over height on, so many panels side by side
-_DRIVEN, _CAR, _CRASHED = "#0072b2", "black", "#d00000"
 
 
 def table_picture(cells: Sequence[Cell], path: Path) -> None:
@@ -40,15 +38,9 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
       MissingExtraError: matplotlib is not installed.
       OSError: the file cannot be written.
     """
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     rows = list(dict.fromkeys(cell.controller for cell in cells))
     columns = list(dict.fromkeys(course_title(cell, cells) for cell in cells))
-    with mpl.rc_context(_STYLE):
-        size = (1.8 + len(columns) * _CELL[0] + 0.9, 1.5 + len(rows) * _CELL[1])
-        figure = Figure(figsize=size, layout="constrained")
+    with picture(path, 2.7 + len(columns) * _CELL[0], 1.5 + len(rows) * _CELL[1]) as figure:
         axes = figure.add_subplot()
         shares, laps = np.full((2, len(rows), len(columns)), math.nan)
         by_lap = all(cell.successes == cell.runs and cell.best_lap_s is not None for cell in cells)
@@ -74,6 +66,7 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         axes.tick_params(top=True, labeltop=True, bottom=False, labelbottom=False, length=0.0)
         axes.set_xticks(np.arange(len(columns) - 1) + 0.5, minor=True)
         axes.set_yticks(np.arange(len(rows) - 1) + 0.5, minor=True)
+        axes.grid(False)
         axes.grid(which="minor", color="white", linewidth=1.5)
         axes.tick_params(which="minor", length=0.0, top=False)
         axes.spines[:].set_visible(False)
@@ -84,7 +77,6 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         if by_lap:
             scale.ax.set_ylim(1.0, slowest)
         scale.outline.set_visible(False)
-        save_figure(figure, path, _DPI)
 
 
 def trace_pictures(runs: Sequence[Run], folder: ComparisonFolder, out: Path) -> None:
@@ -117,10 +109,6 @@ def _trace_picture(
     folder: ComparisonFolder,
     path: Path,
 ) -> None:
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     shown = [_most_telling(runs, rows) for runs in by_controller.values()]
     grounds = {run.key.seed: run.ground() for run in shown}
     extents = np.array([extent(ground.course) for ground in grounds.values()])
@@ -128,9 +116,7 @@ def _trace_picture(
     shape = (right - left) / (top - bottom)
     across = min(next(count for least, count in _COLUMNS if shape >= least), len(shown))
     down = math.ceil(len(shown) / across)
-    panel = (_PANELS_WIDTH / across, _PANELS_WIDTH / across / shape + 0.42)
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(_PANELS_WIDTH, panel[1] * down + 0.35), layout="constrained")
+    with picture(path, _PANELS_WIDTH, (_PANELS_WIDTH / across / shape + 0.42) * down + 0.35) as figure:
         figure.suptitle(title)
         for place, (run, runs) in enumerate(zip(shown, by_controller.values(), strict=True)):
             axes = figure.add_subplot(down, across, place + 1)
@@ -138,7 +124,6 @@ def _trace_picture(
             axes.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[], xlabel="", ylabel="")
             successes = sum(rows[other.key].figures.success for other in runs)
             axes.set_title(f"{run.key.controller}\n{successes}/{len(runs)}; {_ending(rows[run.key])}", fontsize=7.0)
-        save_figure(figure, path, _DPI)
 
 
 def _most_telling(runs: Sequence[Run], rows: Mapping[RunKey, RunRow]) -> Run:
@@ -158,19 +143,10 @@ def _draw_run(axes: Axes, run: Run, ground: Ground, row: RunRow, trace: FloatArr
     draw_course(axes, ground.course)
     draw_obstacles(axes, ground.obstacles, ground.course.moving, row.figures.sim_time_s or 0.0)
     if len(trace):
-        axes.plot(*trace[:, :2].T, color=_DRIVEN, linewidth=0.8)
-        axes.plot(*trace[0, :2], ".", color=_DRIVEN, markersize=4.0)
+        axes.plot(*trace[:, :2].T, color=COLOURS[0], linewidth=0.8)
+        axes.plot(*trace[0, :2], ".", color=COLOURS[0], markersize=4.0)
         axes.fill(
-            *_footprint(trace[-1], run.settings.car.parameters).T,
+            *footprint(trace[-1], run.settings.car.parameters).T,
             facecolor="none",
-            edgecolor=_CRASHED if row.figures.collisions else _CAR,
+            edgecolor=ALERT if row.figures.collisions else "black",
         )
-
-
-def _footprint(pose: FloatArray, car: CarParameters) -> FloatArray:
-    """Return the corners of a car whose rear axle is at x [m], y [m], heading [rad]. Shape (4, 2) [m]."""
-    x, y, heading = pose.tolist()
-    ahead, aside = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
-    ends = np.array([-car.rear_overhang, -car.rear_overhang, car.length - car.rear_overhang])
-    along, across = ends[[0, 1, 2, 2]], 0.5 * car.width * np.array([-1.0, 1.0, 1.0, -1.0])
-    return np.array([x, y]) + np.outer(along, ahead) + np.outer(across, aside)

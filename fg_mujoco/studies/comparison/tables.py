@@ -4,7 +4,7 @@ Each call writes all of them again, with the runs that it asked for:
 
     runs.csv          a row a run
     table.csv         a row for each controller on each course at each speed, over all seeds
-    differences.csv   a row for each two controllers on each course, over the runs that both drove: see `differences`
+    differences.csv   a row for each two controllers on each course, over the runs that both drove
     table.md          both, as Markdown; of the differences those from the first controller, over all courses
     table.png         the table, as a picture; traces/COURSE.png: the driven lines (pictures)
 
@@ -20,9 +20,37 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from ...racing.opponents import FIRST, AmongCars
-from ..intervals import per_cent, wilson
-from ..tables import csv_text, markdown_table, quantile, quartiles
+from ...viz.pages.table import Table
+from ..differences import ALL, Differences
+from ..intervals import per_cent, quantile, quartiles, wilson
 from .run import RunFigures, RunKey, RunRow
+
+DIFFERENCES = Differences(
+    names=(
+        "controller", "reference", "course", "max_speed_m_s", "pairs", "successes", "reference_successes",
+        "success_difference", "success_difference_low", "success_difference_high", "lap_pairs",
+        "best_lap_difference_s", "best_lap_difference_low_s", "best_lap_difference_high_s",
+    ),
+    everything=(ALL, None),
+    header=("controller", "minus", "pairs", "success", "95 % interval", "pairs with laps", "best lap [s]",
+            "95 % interval [s]"),
+    legend=(
+        "Differences are within pairs of runs on the same course, at the same speed, with the same seed: of the share "
+        "of successes in percentage points, with Newcombe's interval, and the median of those of the best laps where "
+        "both succeeded, with its interval by order statistics, which needs six pairs. All intervals are at 95 %."
+    ),
+)  # fmt: skip
+
+
+def paired_differences(rows: Sequence[RunRow]) -> tuple[dict[str, Any], ...]:
+    """Return the differences of each two controllers, over all courses and on each of several, in the order of rows."""
+    return DIFFERENCES.of(
+        (
+            row.key.controller, (row.key.course, row.key.course_sha256, row.key.max_speed_m_s, row.key.seed),
+            (row.key.course, row.key.max_speed_m_s), (row.figures.success, row.figures.best_lap_s),
+        )
+        for row in rows
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,14 +165,13 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
 def runs_csv(rows: Sequence[RunRow]) -> str:
     """Return a CSV of a row a run; what there is not is empty."""
     kinds = (RunKey, RunFigures, *([AmongCars] if any(row.among is not None for row in rows) else []))
-    names = [field.name for kind in kinds for field in fields(kind)]
-    return csv_text(names, ([row.as_dict().get(name) for name in names] for row in rows))
+    return Table.of((row.as_dict() for row in rows), [field.name for kind in kinds for field in fields(kind)]).csv()
 
 
 def cells_csv(cells: Sequence[Cell]) -> str:
     """Return a CSV of a row a cell; what there is not is empty."""
     names = [*cells[0].as_dict()] if cells else [field.name for field in fields(Cell) if field.name != "among"]
-    return csv_text(names, (cell.as_dict().values() for cell in cells))
+    return Table.of((cell.as_dict() for cell in cells), names).csv()
 
 
 HEADER = (
@@ -153,58 +180,42 @@ HEADER = (
 )  # fmt: skip
 """Of the table for people."""
 
-LEGEND = (
-    "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. Lap "
-    'times are of the successes alone, "of runs" says of how many: the median of their best laps with its quartiles, '
-    "and the mean of their mean laps."
-)
-"""What stands below the table."""
-
 AMONG_HEADER = ("won", "mean position", "overtakes", "overtaken", "contacts", "at fault")
 """Of its last columns, where there are opponents."""
 
 
-def header_of(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """Return the header of the table for people."""
-    return HEADER + (AMONG_HEADER if any(cell.among is not None for cell in cells) else ())
+def cells_table(cells: Sequence[Cell]) -> Table:
+    """Return the table for people: a row a cell."""
+    raced = any(cell.among is not None for cell in cells)
+    return Table(
+        header=HEADER + (AMONG_HEADER if raced else ()),
+        rows=[
+            (
+                cell.controller, course_title(cell, cells), f"{cell.successes}/{cell.runs}",
+                per_cent(cell.success_low, cell.success_high), f"{cell.laps_completed}/{cell.laps_requested}",
+                _text(cell.best_lap_s, ".2f"), quartiles(cell.best_lap_q25_s, cell.best_lap_q75_s),
+                _text(cell.mean_lap_s, ".2f"), cell.runs_with_laps, _not_finished(cell.end_reasons), cell.collisions,
+                None if cell.slide_time_fraction is None else f"{100.0 * cell.slide_time_fraction:.1f} %",
+                _text(cell.least_clearance_m, ".3f"), _text(cell.wrong_way_time_s, ".1f"), *among_columns(cell),
+            )
+            for cell in cells
+        ],
+        left=("controller", "course", "not finished"),
+        legend=(
+            "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. "
+            'Lap times are of the successes alone, "of runs" says of how many: the median of their best laps with its '
+            "quartiles, and the mean of their mean laps."
+        ),
+    )  # fmt: skip
 
 
-def among_columns(cell: Cell) -> tuple[str, ...]:
+def among_columns(cell: Cell) -> tuple[object, ...]:
     """Return the last columns of a cell in the table for people, none where there are no opponents."""
     among = cell.among
     if among is None:
         return ()
     counts = (among.overtakes, among.overtaken, among.contacts, among.contacts_at_fault)
-    return (f"{among.wins}/{cell.runs}", _text(among.mean_position, "{:.2f}"), *map(str, counts))
-
-
-def table_rows(cells: Sequence[Cell]) -> list[tuple[str, ...]]:
-    """Return a row a cell, as the table for people has it."""
-    return [
-        (
-            cell.controller,
-            course_title(cell, cells),
-            f"{cell.successes}/{cell.runs}",
-            per_cent(cell.success_low, cell.success_high),
-            f"{cell.laps_completed}/{cell.laps_requested}",
-            _text(cell.best_lap_s, "{:.2f}"),
-            quartiles(cell.best_lap_q25_s, cell.best_lap_q75_s),
-            _text(cell.mean_lap_s, "{:.2f}"),
-            str(cell.runs_with_laps),
-            _not_finished(cell.end_reasons),
-            str(cell.collisions),
-            _text(cell.slide_time_fraction, "{:.1%}").replace("%", " %"),
-            _text(cell.least_clearance_m, "{:.3f}"),
-            _text(cell.wrong_way_time_s, "{:.1f}"),
-            *among_columns(cell),
-        )
-        for cell in cells
-    ]
-
-
-def markdown(cells: Sequence[Cell]) -> str:
-    """Return a Markdown table of a row a cell, its columns as wide as they must be for a terminal, too."""
-    return markdown_table(header_of(cells), table_rows(cells), ("controller", "course", "not finished"))
+    return (f"{among.wins}/{cell.runs}", _text(among.mean_position, ".2f"), *counts)
 
 
 def course_title(cell: Cell, cells: Iterable[Cell]) -> str:
@@ -219,10 +230,10 @@ def _of(figure: Callable[[list[float]], float], values: Iterable[float | None]) 
     return figure(given) if given else None
 
 
-def _text(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
+def _text(value: float | None, form: str) -> str | None:
+    return None if value is None else f"{value:{form}}"
 
 
-def _not_finished(end_reasons: str) -> str:
+def _not_finished(end_reasons: str) -> str | None:
     others = [part.replace("_", " ") for part in end_reasons.split(", ") if not part.endswith(" finished")]
-    return ", ".join(others) or "-"
+    return ", ".join(others) or None

@@ -25,9 +25,9 @@ from ...messages import DriveCommand, FloatArray, Odometry
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES, Tires
+from ...viz.pages.figures import column
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
-from .figure_style import column
 from .lab_ground import LabGround
 from .speed_laws import LAWS
 from .steady_circle import SteadyCircle

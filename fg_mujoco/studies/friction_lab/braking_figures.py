@@ -12,9 +12,9 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longi
 
 from ...vehicle.car import WHEELS
 from ...vehicle.vehicle import Vehicle
-from . import figure_style as style
+from ...viz.pages import figures as style
+from ...viz.pages.figures import column
 from .experiment import Row, Tables
-from .figure_style import column
 
 if TYPE_CHECKING:
     import matplotlib.axes

@@ -34,9 +34,9 @@ from ...vehicle.tire_forces import steps_within, tire_rows
 from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
 from ...vehicle.tires import CONTACT, CONTACT_TIMESTEP, DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
-from . import figure_style as style
+from ...viz.pages import figures as style
+from ...viz.pages.figures import column
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
-from .figure_style import column
 from .lab_ground import Engine
 from .lab_laps import drive_laps
 from .rigid_car import creep

@@ -16,6 +16,7 @@ from ...errors import SettingsError
 from ...messages import require_whole
 from ...vehicle.changes import GREATEST_MU
 from ...vehicle.tires import CONTACT, DEFAULT_TIRES, Tires
+from ...viz.pages.figures import render
 
 if TYPE_CHECKING:
     import matplotlib.figure
@@ -90,6 +91,10 @@ class Figure:
     caption: str
     draw: Callable[[matplotlib.figure.Figure], None]
     height: float = 3.4  # [in]; all are as wide as the page
+
+    def render(self, kind: str = "svg") -> bytes:
+        """Draw the figure as a file of that kind."""
+        return render(self.draw, self.height, kind)
 
 
 @dataclass(frozen=True, kw_only=True)

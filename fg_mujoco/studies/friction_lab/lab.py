@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
-from ...viz.plots import require_matplotlib
+from ...viz.pages.figures import require_matplotlib
 from ..rollout.job import versions
 from ..run_grid import time_left
 from ..store import Rows, StudyFolder, claimed
@@ -100,7 +100,7 @@ class LabResult:
         """Return the sentences of each experiment and the table of what was expected."""
         parts = ["\n".join([f"{chapter.title}", *chapter.section.sentences]) for chapter in self.chapters]
         table = expected_table(self.chapters)
-        return "\n\n".join([*parts, table] if table else parts)
+        return "\n\n".join([*parts, table.markdown().rstrip()] if table.rows else parts)
 
 
 def load_experiment(name: str) -> Experiment:

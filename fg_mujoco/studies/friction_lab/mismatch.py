@@ -18,8 +18,8 @@ from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
+from ...viz.pages.figures import COLOURS, column, finish, limit, measured
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
-from .figure_style import COLOURS, column, finish, limit, measured
 from .lab_laps import LabLaps, drive_laps
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...vehicle.single_track import SingleTrack
+from ...viz.pages.figures import COLOURS, column, finish, measured, theory
 from .experiment import Figure, Row, Section, Tables
-from .figure_style import COLOURS, column, finish, measured, theory
 
 if TYPE_CHECKING:
     import matplotlib.axes

@@ -23,9 +23,9 @@ from ...vehicle.car import WHEELS, car_parameters
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
-from . import figure_style as style
+from ...viz.pages import figures as style
+from ...viz.pages.figures import column
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
-from .figure_style import column
 from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError
 

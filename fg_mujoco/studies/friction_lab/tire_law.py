@@ -28,10 +28,10 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSetting
 from ...messages import CarParameters, Odometry
 from ...vehicle.tires import CONTACT, Tires, tire_names
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from . import figure_style as style
+from ...viz.pages import figures as style
+from ...viz.pages.figures import column
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
-from .figure_style import column
 from .lab_ground import Engine, LabGround
 from .reference_steering import MANOEUVRES, Manoeuvre
 from .skidpad import STEERINGS

@@ -5,15 +5,16 @@ Its plots are bokeh's, and it loads nothing.
 
 from __future__ import annotations
 
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...display import Html, element, html
 from ...messages import FloatArray
-from ...viz.report.page import library, page_frame, write_page
-from ...viz.report.plot_style import ALERT, CAR, COMMAND, LAW, new_figure, put_legend_above, require_bokeh
+from ...viz.pages.bokeh_plots import ALERT, CAR, LAW, embed, mark, new_plot, put_legend_above, require_bokeh
+from ...viz.pages.page import boxes, names_and_values, note, write_page
+from ...viz.pages.table import Table
 from .fit import force_points
 from .identification import Estimate, Identification, held_back
 
@@ -23,29 +24,18 @@ if TYPE_CHECKING:
 _MOST_POINTS = 4000  # of a drive that are drawn, of each axle
 _WIDEST = 0.6  # [rad] of slip angles that are drawn
 _SMOOTHED = 9  # nodes of 5 ms over which the points are averaged
-_PAINT = """"use strict";
-(function () {
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  function paint() {
-    const ready = window.Bokeh && Bokeh.documents.length && Bokeh.documents[0]._all_models;
-    if (!ready) return window.setTimeout(paint, 30);
-    const style = getComputedStyle(document.documentElement);
-    const [ink, soft, line] = ["--ink", "--soft", "--line"].map((name) => style.getPropertyValue(name).trim());
-    for (const model of Bokeh.documents[0]._all_models.values()) {
-      const colours = {};
-      for (const [part, colour] of [["axis_label_text_color", ink], ["major_label_text_color", soft],
-        ["axis_line_color", soft], ["major_tick_line_color", soft], ["grid_line_color", line],
-        ["label_text_color", ink], ["text_color", ink]]) {
-        if (part in model.attributes) colours[part] = colour;
-      }
-      if (Object.keys(colours).length) model.setv(colours);
-    }
-    document.documentElement.dataset.ready = "yes";
-  }
-  paint();
-  dark.addEventListener("change", paint);
-})();
-"""
+_BODY = """<h1>{title}</h1><p class="note">Identified from {names}.</p>
+{figures}
+<h2>Lateral force over load</h2>
+<p class="note">Points: by inverse dynamics from the smoothed motion, averaged over 45 ms.
+Line: the fit by output error, with its 95 % band. Dashed: slip angles that the drive exceeds for 1 % of its time.</p>
+<div class="halves"><div><h3>Front axle</h3>{front}</div><div><h3>Rear axle</h3>{rear}</div></div>
+<h2>Yaw rate of what was held back</h2>
+<p class="note">Every third stretch of 1 s was kept from the fit. There the model is simulated from the commands and the
+measured speed, from the state at the start of the stretch that fits best.</p>
+{yaw_rates}
+<h2>Parameters</h2>{parameters}
+<h2>Sources</h2>{sources}"""
 
 
 def write_identification_report(found: Identification, path: str | Path) -> Path:
@@ -56,46 +46,27 @@ def write_identification_report(found: Identification, path: str | Path) -> Path
       RunFolderError: the page cannot be written.
     """
     require_bokeh()
-    from bokeh.embed import components
-
     plots = {f"axle_{axle}": _axle_plot(found, axle) for axle in (0, 1)}
     plots |= {f"yaw_{index}": _yaw_plot(found, index) for index in range(len(found.problems))}
-    script, places = components(plots, wrap_script=False)
+    script, places = embed(plots)
     names = [drive.name for drive in found.drives]
     title = f"Tires of {found.drives[0].vehicle}"
+    figures = [(_figure(axle.stiffness), f"{name} stiffness [1/rad]") for name, axle in found.axles]
+    figures += [(_figure(axle.peak), f"{name} peak [-]") for name, axle in found.axles if not found.linear]
+    figures.append((_figure(_lateness(found)), "steering lag and delay [ms]"))
     relative = 100.0 * found.validation.yaw_rate_relative
-    yaw_plots = "".join(
-        f'<p class="note">{escape(name)}</p><div class="plots">{places[f"yaw_{index}"]}</div>'
-        for index, name in enumerate(names)
+    body = html(
+        _BODY,
+        title=title,
+        names=", ".join(names),
+        figures=boxes([*figures, (f"{relative:.2g} %", "rms of the yaw rate, held back")]),
+        front=places["axle_0"],
+        rear=places["axle_1"],
+        yaw_rates=[[note(name), element("div", places[f"yaw_{i}"], class_="plots")] for i, name in enumerate(names)],
+        parameters=_parameters(found),
+        sources=_sources(found),
     )
-    body = "\n".join(
-        (
-            f"<h1>{escape(title)}</h1>",
-            f'<p class="note">Identified from {escape(", ".join(names))}.</p>',
-            '<div class="figures">',
-            *(_figure(f"{name} stiffness [1/rad]", axle.stiffness) for name, axle in found.axles),
-            *(_figure(f"{name} peak [-]", axle.peak) for name, axle in found.axles if not found.linear),
-            _figure("steering lag and delay [ms]", _lateness(found)),
-            f"<div><b>{relative:.2g} %</b><span>rms of the yaw rate, held back</span></div>",
-            "</div>",
-            "<h2>Lateral force over load</h2>",
-            '<p class="note">Points: by inverse dynamics from the smoothed motion, averaged over 45 ms. Line: the fit '
-            "by output error, with its 95 % band. Dashed: slip angles that the drive exceeds for 1 % of its time.</p>",
-            f'<div class="halves"><div><h3>Front axle</h3>{places["axle_0"]}</div>'
-            f"<div><h3>Rear axle</h3>{places['axle_1']}</div></div>",
-            "<h2>Yaw rate of what was held back</h2>",
-            '<p class="note">Every third stretch of 1 s was kept from the fit. There the model is simulated from the '
-            "commands and the measured speed, from the state at the start of the stretch that fits best.</p>",
-            yaw_plots,
-            "<h2>Parameters</h2>",
-            _table(found),
-            "<h2>Sources</h2>",
-            _sources(found),
-        )
-    )
-    path = Path(path)
-    write_page(path, page_frame(title, body, (library(), script, _PAINT)))
-    return path
+    return write_page(path, title, body, plots=script)
 
 
 def _axle_plot(found: Identification, axle: int) -> Figure:
@@ -108,19 +79,16 @@ def _axle_plot(found: Identification, axle: int) -> Figure:
     grid = np.linspace(-reach, reach, 241)
     fitted, half = found.curve(axle, grid)
     high = 1.2 * float(max(np.abs(fitted).max(), np.percentile(np.abs(used), 99.5)))
-    plot = new_figure(
-        width=560, height=380, x_range=(-reach, reach), y_range=(-high, high), tools="pan,wheel_zoom,box_zoom,reset",
-        x_axis_label="slip angle [rad]", y_axis_label="lateral force / load [-]",
+    plot = new_plot(
+        width=560, height=380, x_range=(-reach, reach), y_range=(-high, high), x_axis_label="slip angle [rad]",
+        y_axis_label="lateral force / load [-]",
     )  # fmt: skip
     plot.scatter(slips[::thin].astype(np.float32), used[::thin].astype(np.float32), size=4, color=LAW, alpha=0.45,
                  line_color=None, legend_label="measured")  # fmt: skip
     plot.varea(grid, fitted - half, fitted + half, color=CAR, alpha=0.25, legend_label="95 % band")
     plot.line(grid, fitted, color=CAR, line_width=2.5, legend_label="fit")
-    from bokeh.models import Span
-
     reached = (found.front, found.rear)[axle].reached
-    for side in (-reached, reached):
-        plot.add_layout(Span(location=side, dimension="height", line_color=COMMAND, line_dash="dashed", line_width=1))
+    mark(plot, (-reached, reached), line_dash="dashed")
     put_legend_above(plot)
     return plot
 
@@ -130,10 +98,7 @@ def _yaw_plot(found: Identification, index: int) -> Figure:
     # a gap between two stretches is no line
     gaps = np.flatnonzero(np.diff(time) > 0.5) + 1
     time, simulated, measured = (np.insert(values, gaps, np.nan) for values in (time, simulated, measured))
-    plot = new_figure(
-        width=1160, height=300, tools="xpan,xwheel_zoom,xbox_zoom,reset", active_drag="xbox_zoom",
-        x_axis_label="time [s]", y_axis_label="yaw rate [rad/s]",
-    )  # fmt: skip
+    plot = new_plot(along=True, width=1160, height=300, x_axis_label="time [s]", y_axis_label="yaw rate [rad/s]")
     plot.line(time, measured, color=LAW, line_width=4, alpha=0.55, legend_label="measured")
     plot.line(time, simulated, color=CAR, line_width=1.5, legend_label="simulated")
     plot.line(time, simulated - measured, color=ALERT, line_width=1, legend_label="difference")
@@ -153,12 +118,11 @@ def _lateness(found: Identification) -> Estimate:
     return Estimate(value=1e3 * (lag.value + delay.value), half=1.96e3 * float(np.sqrt(max(covariance.sum(), 0.0))))
 
 
-def _figure(name: str, estimate: Estimate) -> str:
-    half = f" &plusmn; {estimate.half:.2g}" if np.isfinite(estimate.half) else ""
-    return f"<div><b>{estimate.value:.4g}{half}</b><span>{escape(name)}</span></div>"
+def _figure(estimate: Estimate) -> str:
+    return f"{estimate.value:.4g}" + (f" ± {estimate.half:.2g}" if np.isfinite(estimate.half) else "")
 
 
-def _table(found: Identification) -> str:
+def _parameters(found: Identification) -> Html:
     rows: list[tuple[str, Estimate, str]] = []
     for name, axle in found.axles:
         rows.append((f"{name} stiffness B C D", axle.stiffness, "1/rad"))
@@ -174,16 +138,16 @@ def _table(found: Identification) -> str:
     ]  # fmt: skip
     if np.isfinite(found.relaxation_length.value):
         rows.append(("relaxation length of the tires", found.relaxation_length, "m"))
-    cells = "".join(
-        f"<tr><td>{escape(name)}</td><td>{estimate.value:.5g}</td><td>"
-        f"{'at the bound' if not np.isfinite(estimate.half) else f'{estimate.half:.2g}'}</td><td>{unit}</td></tr>"
-        for name, estimate, unit in rows
-    )
-    head = "<tr><th>parameter</th><th>value</th><th>half of the 95 % interval</th><th>unit</th></tr>"
-    return f"<table><thead>{head}</thead><tbody>{cells}</tbody></table>"
+    return Table(
+        header=("parameter", "value", "half of the 95 % interval", "unit"),
+        rows=[
+            (name, f"{each.value:.5g}", f"{each.half:.2g}" if np.isfinite(each.half) else "at the bound", unit)
+            for name, each, unit in rows
+        ],
+    ).html()
 
 
-def _sources(found: Identification) -> str:
+def _sources(found: Identification) -> Html:
     car = found.drives[0].car
     rows = [(drive.name, f"{drive.end - drive.start:.4g} s, sha256 {drive.sha256}") for drive in found.drives]
     rows += [
@@ -194,5 +158,4 @@ def _sources(found: Identification) -> str:
         ("inverse dynamics alone", f"yaw rate of what was held back: within "
          f"{100.0 * found.inverse_validation.yaw_rate_relative:.3g} % rms"),
     ]  # fmt: skip
-    cells = "".join(f"<tr><td>{escape(name)}</td><td>{escape(text)}</td></tr>" for name, text in rows)
-    return f'<table class="settings"><tbody>{cells}</tbody></table>'
+    return names_and_values(rows)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ...course.writing import write_file
-from ...display import Shown, brief, paragraph, quoted, table
+from ...display import Shown, brief, escaped, paragraph, quoted
 from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
@@ -23,17 +23,24 @@ from ...racing.planner_files import files_sha256
 from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
-from ...viz.plots import require_matplotlib
+from ...viz.pages.figures import require_matplotlib
 from ..rollout.job import versions
 from ..run_grid import as_axis, require_axes, time_left
 from ..store import WRITABLE, StudyFolder, blame, claimed
 from ..workers import work_through
-from .differences import HEADER as DIFFERENCES
-from .differences import LEGEND as DIFFERENCES_LEGEND
-from .differences import DuelDifference, difference_rows, differences_csv, differences_markdown, paired_differences
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .slower_opponents import OPPONENTS
-from .tables import HEADER, LEGEND, DuelCell, cells_csv, duels_csv, make_cells, markdown, ratio_picture, table_rows
+from .tables import (
+    DIFFERENCES,
+    DuelCell,
+    cells_csv,
+    cells_table,
+    chosen_cells,
+    duels_csv,
+    make_cells,
+    paired_differences,
+    ratio_picture,
+)
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
@@ -76,20 +83,19 @@ class Overtaking(Shown):
         return brief(self, f"{len(self.rows)} duels, {overtaken} overtakes", f"in {quoted(self.folder)}")
 
     def _repr_html_(self) -> str:
-        pairs = difference_rows(self.differences)
-        differences = table(DIFFERENCES, pairs) + paragraph(DIFFERENCES_LEGEND) if pairs else ""
-        cells = table(HEADER, table_rows(self.cells))
-        return cells + differences + paragraph(f"{len(self.rows)} duels in {self.folder}")
+        tables = (cells_table(self.cells), DIFFERENCES.table(self.differences))
+        below = paragraph(f"{len(self.rows)} duels in {self.folder}")
+        return escaped([*(each.notebook() for each in tables if each), below])
 
     @property
-    def differences(self) -> tuple[DuelDifference, ...]:
-        """Differences of each two planners in the duels that both drove."""
+    def differences(self) -> tuple[dict[str, Any], ...]:
+        """Differences of each two planners in the duels that both drove, by the names in differences.csv."""
         return paired_differences(self.rows)
 
     def markdown(self) -> str:
         """Return the table, and that of the differences from the first planner, each with its legend."""
-        pairs = differences_markdown(self.differences)
-        return f"{markdown(self.cells)}\n{LEGEND}\n" + (f"\n{pairs}" if pairs else "")
+        tables = (cells_table(chosen_cells(self.cells)), DIFFERENCES.table(self.differences))
+        return "\n".join(each.markdown() for each in tables if each)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as JSON has them."""
@@ -98,7 +104,7 @@ class Overtaking(Shown):
             "duels_driven": self.duels_driven,
             "wall_time_s": self.wall_time_s,
             "table": [asdict(cell) for cell in self.cells],
-            "differences": [difference.as_dict() for difference in self.differences],
+            "differences": list(self.differences),
         }
 
 
@@ -176,7 +182,7 @@ def overtake(
         with blame(folder.folder, WRITABLE):
             write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
             write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
-            write_file(folder.folder / "differences.csv", differences_csv(study.differences).encode())
+            write_file(folder.folder / "differences.csv", DIFFERENCES.csv(study.differences).encode())
             write_file(folder.folder / "table.md", study.markdown().encode())
             if pictures:
                 ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")

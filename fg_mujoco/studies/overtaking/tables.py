@@ -3,7 +3,7 @@
     duels.csv         a row a duel
     table.csv         a row for each planner and opponent on each track, and over all tracks
     table.md          the same over all tracks, and by track, as Markdown; and the differences over all tracks
-    differences.csv   a row for each two planners on each track, over the duels that both drove: see `differences`
+    differences.csv   a row for each two planners on each track, over the duels that both drove
     table.png         the share of overtakes by the ratio of the speeds, for each opponent, with its interval
 
 Intervals are those of `studies.intervals`, at 95 %. Times lost are of the overtakes alone: their median, its quartiles,
@@ -15,21 +15,33 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ...viz.plots import require_matplotlib, save_figure
-from ..intervals import wilson
-from ..tables import csv_text, markdown_table, quantile, quartiles
+from ...viz.pages.figures import COLOURS, picture
+from ...viz.pages.table import Table
+from ..differences import ALL, Differences
+from ..intervals import Outcome, quantile, quartiles, wilson
 from .duel import DuelFigures, DuelKey, DuelRow
 
-ALL = "all"
-"""What stands for all tracks, or all opponents."""
+DIFFERENCES = Differences(
+    names=(
+        "planner", "reference", "track", "pairs", "overtaken", "reference_overtaken", "share_difference",
+        "share_difference_low", "share_difference_high", "time_pairs", "time_lost_difference_s",
+        "time_lost_difference_low_s", "time_lost_difference_high_s",
+    ),
+    everything=(ALL,),
+    header=("planner", "minus", "pairs", "overtaken", "95 % interval", "pairs with times", "time lost [s]",
+            "95 % interval [s]"),
+    legend=(
+        "Differences are within pairs of duels on the same track, behind the same opponent, with the same seed: of the "
+        "share of overtakes in percentage points, with Newcombe's interval, and the median of those of the times lost "
+        "where both overtook, with its interval by order statistics, which needs six pairs. All intervals are at 95 %."
+    ),
+)  # fmt: skip
 
 _BANDS = 5  # of ratios in the picture
-_DPI = 150
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "black")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,52 +120,61 @@ def _median(values: Iterable[float | None]) -> float | None:
     return statistics.median(given) if given else None
 
 
+def paired_differences(rows: Sequence[DuelRow]) -> tuple[dict[str, Any], ...]:
+    """Return the differences of each two planners, over all tracks and on each of several, in the order of rows."""
+    return DIFFERENCES.of(
+        (row.key.planner, (row.key.track, row.key.opponent, row.key.seed), (row.key.track,), _outcome(row.figures))
+        for row in rows
+    )
+
+
+def _outcome(duel: DuelFigures) -> Outcome:
+    lost = duel.time_lost_s
+    return duel.outcome == "overtaken", lost if lost is not None and math.isfinite(lost) else None
+
+
 def duels_csv(rows: Sequence[DuelRow]) -> str:
     """Return a CSV of a row a duel; what there is not is empty."""
     names = [field.name for kind in (DuelKey, DuelFigures) for field in fields(kind)]
-    return csv_text(names, (row.as_dict().values() for row in rows))
+    return Table.of((row.as_dict() for row in rows), names).csv()
 
 
 def cells_csv(cells: Sequence[DuelCell]) -> str:
     """Return a CSV of a row a cell; what there is not is empty."""
-    return csv_text([field.name for field in fields(DuelCell)], (astuple(cell) for cell in cells))
+    return Table.of(map(asdict, cells), [field.name for field in fields(DuelCell)]).csv()
 
 
-HEADER = (
-    "planner", "track", "opponent", "duels", "overtaken", "95 % interval", "behind", "touches", "to blame for",
-    "otherwise ended", "median time lost [s]", "quartiles [s]", "of overtakes", "median decision [us]",
-)  # fmt: skip
-"""Of the table for people."""
-
-LEGEND = (
-    "The interval is Wilson's at 95 %, of the share of duels that end with an overtake without a touch. Times lost are "
-    'of these overtakes alone, "of overtakes" says of how many: their median with its quartiles. Decisions are the '
-    "median of each duel's median."
-)
-"""What stands below the table."""
-
-
-def table_rows(cells: Sequence[DuelCell]) -> list[tuple[str, ...]]:
-    """Return a row a cell, as the table for people has it."""
-    return [
-        (
-            cell.planner, cell.track, cell.opponent, str(cell.duels), f"{100.0 * cell.share:.1f} %",
-            f"{100.0 * cell.low:.1f} to {100.0 * cell.high:.1f}", str(cell.behind), str(cell.touches),
-            f"{cell.touches_planner} ({100.0 * cell.touches_planner / cell.duels:.1f} %)", str(cell.others),
-            "-" if cell.time_lost_s is None else f"{cell.time_lost_s:.2f}",
-            quartiles(cell.time_lost_q25_s, cell.time_lost_q75_s), str(cell.time_lost_count),
-            "-" if cell.decision_median_s is None else f"{1e6 * cell.decision_median_s:.0f}",
-        )
-        for cell in cells
-    ]  # fmt: skip
+def cells_table(cells: Sequence[DuelCell]) -> Table:
+    """Return the table for people: a row a cell."""
+    return Table(
+        header=(
+            "planner", "track", "opponent", "duels", "overtaken", "95 % interval", "behind", "touches", "to blame for",
+            "otherwise ended", "median time lost [s]", "quartiles [s]", "of overtakes", "median decision [us]",
+        ),
+        rows=[
+            (
+                cell.planner, cell.track, cell.opponent, cell.duels, f"{100.0 * cell.share:.1f} %",
+                f"{100.0 * cell.low:.1f} to {100.0 * cell.high:.1f}", cell.behind, cell.touches,
+                f"{cell.touches_planner} ({100.0 * cell.touches_planner / cell.duels:.1f} %)", cell.others,
+                None if cell.time_lost_s is None else f"{cell.time_lost_s:.2f}",
+                quartiles(cell.time_lost_q25_s, cell.time_lost_q75_s), cell.time_lost_count,
+                None if cell.decision_median_s is None else f"{1e6 * cell.decision_median_s:.0f}",
+            )
+            for cell in cells
+        ],
+        left=("planner", "track", "opponent"),
+        legend=(
+            "The interval is Wilson's at 95 %, of the share of duels that end with an overtake without a touch. Times "
+            'lost are of these overtakes alone, "of overtakes" says of how many: their median with its quartiles. '
+            "Decisions are the median of each duel's median."
+        ),
+    )  # fmt: skip
 
 
-def markdown(cells: Sequence[DuelCell]) -> str:
-    """Return a Markdown table: of each planner against each opponent on all tracks, and against all on each track."""
-    chosen = [cell for cell in cells if cell.track == ALL] + [
-        cell for cell in cells if cell.track != ALL and cell.opponent == ALL
-    ]
-    return markdown_table(HEADER, table_rows(chosen), ("planner", "track", "opponent"))
+def chosen_cells(cells: Sequence[DuelCell]) -> list[DuelCell]:
+    """Return the cells of each planner against each opponent on all tracks, and then against all on each track."""
+    over_all = [cell for cell in cells if cell.track == ALL]
+    return over_all + [cell for cell in cells if cell.track != ALL and cell.opponent == ALL]
 
 
 def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path: Path) -> None:
@@ -163,15 +184,9 @@ def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path:
       MissingExtraError: matplotlib is not installed.
       OSError: the file cannot be written.
     """
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     planners = list(dict.fromkeys(row.key.planner for row in rows))
     opponents = list(dict.fromkeys(row.key.opponent for row in rows))
-    style: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "legend.frameon": False}
-    with mpl.rc_context(style):
-        figure = Figure(figsize=(3.6 * len(planners), 2.8), layout="constrained")
+    with picture(path, 3.6 * len(planners), 2.8) as figure:
         panels = figure.subplots(1, len(planners), squeeze=False, sharey=True)[0]
         width = max(fastest - slowest, 1e-6) / _BANDS
         for axes, planner in zip(panels, planners, strict=True):
@@ -194,10 +209,9 @@ def ratio_picture(rows: Sequence[DuelRow], slowest: float, fastest: float, path:
                 if points:
                     x, shares, below, above = zip(*points, strict=True)
                     axes.errorbar(
-                        x, shares, yerr=(below, above), label=opponent, color=_COLOURS[place % len(_COLOURS)],
+                        x, shares, yerr=(below, above), label=opponent, color=COLOURS[place % len(COLOURS)],
                         marker="o", markersize=3.0, capsize=1.5, elinewidth=0.6,
                     )  # fmt: skip
             axes.set(title=planner, xlabel="speed of the opponent over the planner's own", ylim=(0.0, 1.03))
         panels[0].set_ylabel("overtaken within two laps, no touch")
         panels[0].legend(loc="lower left")
-        save_figure(figure, path, _DPI)

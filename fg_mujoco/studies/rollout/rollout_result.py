@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections import Counter
 from dataclasses import dataclass, field
@@ -23,6 +21,7 @@ from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ...racing.setup import Setup, as_obstacles
 from ...simulation.settings import GREATEST_LAPS, DriveSettings
+from ...viz.pages.table import Table
 from ..intervals import wilson
 from ..store import blame
 from .chunk_store import ChunkStore, FolderStore
@@ -202,13 +201,11 @@ class RolloutResult(Shown):
     def as_csv(self) -> str:
         """Return the table that `to_csv` writes."""
         tracks = [track.name for track in self.tracks]
-        file = io.StringIO()
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(self.names)
         at = self.names.index("track")
-        for row in self.worlds.tolist():
-            writer.writerow((*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])))
-        return file.getvalue()
+        rows = [
+            (*map(_cell, row[:at]), tracks[row[at]], *map(_cell, row[at + 1 :])) for row in self.worlds.tolist()
+        ]
+        return Table(header=self.names, rows=rows).csv()
 
     def _row(self, world: int) -> Any:
         if not isinstance(world, (int, np.integer)) or not 0 <= world < len(self):

@@ -324,7 +324,7 @@
   function drawNumbers(decision) {
     plots.forEach((canvas, row) => {
       const name = data.numbers[row], now = decision.numbers[name];
-      canvas.closest("tr").querySelector(".number").textContent = now === undefined ? "–" : typeof now === "number" ? short(now) : now;
+      canvas.closest("tr").children[1].textContent = now === undefined ? "–" : typeof now === "number" ? short(now) : now;
       const [pen, width, height] = canvasOf(canvas);
       const values = decisions.map((each) => typeof each.numbers[name] === "number" ? each.numbers[name] : NaN);
       const known = values.filter((value) => value === value);
@@ -370,7 +370,7 @@
     }
     element("failure").hidden = !decision.failure;
     element("failure").textContent = decision.failure;
-    const rows = element("steps");
+    const rows = document.querySelector("#steps tbody");
     rows.replaceChildren();
     let last = [null, null], onTheWay = false;
     decision.steps.forEach(([name, angle, speed, text, way], place) => {
@@ -440,14 +440,7 @@
     canvas.addEventListener("pointerdown", seek);
     canvas.addEventListener("pointermove", (event) => { if (event.buttons) seek(event); });
   }
-  const zooms = Array.from(document.querySelectorAll("[data-zoom]"));
-  for (const button of zooms) {
-    button.addEventListener("click", () => {
-      for (const other of zooms) other.setAttribute("aria-pressed", String(other === button));
-      reach = Number(button.dataset.zoom);
-      drawTop(decisions[shown]);
-    });
-  }
+  page.wire("zoom", (value) => { reach = Number(value); drawTop(decisions[shown]); });
   const swatch = (colour) => {
     const mark = document.createElement("span");
     mark.className = "swatch";
@@ -481,13 +474,7 @@
     element("layers").append(entry);
   }
 
-  function paint() {
-    const style = getComputedStyle(document.documentElement);
-    [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
-    show(shown);
-  }
-  window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
   window.addEventListener("resize", () => show(shown));
-  paint();
+  page.painted(() => { [ink, soft, line, paper] = page.colours("ink", "soft", "line", "paper"); show(shown); });
   document.documentElement.dataset.ready = "yes";
 })();

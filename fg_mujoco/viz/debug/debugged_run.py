@@ -17,7 +17,7 @@ from ...racing.run_folder import FAILED_SCAN, RECORDED, Run, read_failed_scan, r
 from ...simulation.world import World
 from ..rendering.recorded_drive import Drive, read_drive
 from ..report.map_shapes import map_shapes
-from ..report.recorded_run import RecordedRun, read_recorded
+from ..report.recorded import RecordedRun, read_recorded
 from .decisions import Witness
 from .page import debug_page
 from .picture import debug_picture

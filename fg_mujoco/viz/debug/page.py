@@ -6,20 +6,18 @@ escaped here, or are set as text there.
 
 from __future__ import annotations
 
-import json
 import math
 from base64 import b64encode
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...display import Html, element, html
 from ...messages import FloatArray
-from ...racing.planner_choice import with_settings
 from ...simulation.telemetry import recorded_command
-from ..report.page import page_frame, write_page
+from ..pages.page import resource, result, scroll, switch, write_page
+from ..pages.table import Table
 from .colours import hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
 from .window import Window
@@ -31,6 +29,24 @@ _BUTTONS = (
     ("play", "▶ play", "play or stop (space)"), ("forward", "▶", "one decision forward (→)"),
     ("last", "▶|", "last decision (End)"),
 )  # fmt: skip
+_CARD = '<div class="card"><span>{name}</span><b id="{id}"></b><i id="{id}_by"></i><p id="{id}_why"></p></div>'
+_BODY = """<h1>{title}</h1>
+{result}{notes}
+<div class="readout player"><div class="buttons">{buttons}</div>
+<input type="range" id="slider" min="0" max="{last}" value="{at}" aria-label="decision">
+<div id="moment"></div></div>
+<canvas id="strip" aria-label="speed over time, and which step holds it"></canvas>
+<div id="laws" class="legend"></div>
+<pre id="failure" class="failure" hidden></pre>
+<div class="columns">
+<div class="top"><div class="row"><h2>From above</h2>{zooms}</div>
+<canvas id="top" aria-label="the scan from above, in the frame of the car"></canvas>
+<div id="layers" class="legend"></div>
+<h2>Range over bearing</h2><canvas id="ranges" aria-label="range over bearing"></canvas></div>
+<div class="grow"><h2>The command, and why</h2><div class="cards">{cards}</div><div id="steps">{steps}</div>
+<p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
+step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p></div></div>
+{numbers}<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
 
 
 def debug_page(seen: Window, path: Path) -> Path:
@@ -39,71 +55,46 @@ def debug_page(seen: Window, path: Path) -> Path:
     Raises:
       RunFolderError: it cannot be written.
     """
-    code = (files(__package__) / "debug.js").read_text(encoding="utf-8")
-    style = (files(__package__) / "debug.css").read_text(encoding="utf-8")
-    summary = seen.run.summary
-    controller = with_settings(str(summary["controller"]), summary.get("planner_settings") or {})
-    title = f"{summary['track']}, {controller}"
-    data = json.dumps(_data(seen), allow_nan=False, separators=(",", ":"))
-    write_page(path, page_frame(f"{title}: decisions", _body(seen, title), [code], data=data, style=style))
-    return path
-
-
-def _body(seen: Window, title: str) -> str:
     summary, first, last = seen.run.summary, seen.decisions[0], seen.decisions[-1]
     good = bool(summary["finished"]) and not summary["collisions"]
-    word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
-    told = [str(seen.run.crash)] if seen.run.crash is not None else []
-    told += [str(seen.run.wrong_way)] if seen.run.wrong_way is not None else []
-    told += [f"rolled over {seen.run.rollover}"] if seen.run.rollover is not None else []
-    result = f"{'; '.join(told)}. " if told else ""
-    notes = "".join(f'<div class="note warn">{escape(note)}</div>' for note in seen.notes)
-    buttons = "".join(
-        f'<button type="button" id="{name}" title="{escape(text)}" aria-label="{escape(text)}">{sign}</button>'
-        for name, sign, text in _BUTTONS
-    )
-    zooms = "".join(
-        f'<button type="button" data-zoom="{reach}" aria-pressed="{str(reach == 6).lower()}">{reach} m</button>'
-        for reach in (3, 6, 12)
-    )
+    told = [f"{prefix}{each}" for prefix, each in
+            (("", seen.run.crash), ("", seen.run.wrong_way), ("rolled over ", seen.run.rollover))
+            if each is not None]  # fmt: skip
     ends = f"decisions from {first.time:.3f} to {last.time:.3f} s of {seen.run.end:.2f} s"
-    cards = "".join(
-        f'<div class="card"><span>{name}</span><b id="{id}"></b><i id="{id}_by"></i><p id="{id}_why"></p></div>'
-        for id, name in (("speed", "speed"), ("steering", "steering angle"))
-    )
-    return f"""<h1>{escape(title)}</h1>
-<p class="result"><span class="badge {"good" if good else "bad"}">{escape(word)}</span>{escape(result)}
-{len(seen.decisions)} {ends}.</p>{notes}
-<div class="readout player"><div class="buttons">{buttons}</div>
-<input type="range" id="slider" min="0" max="{len(seen.decisions) - 1}" value="{seen.at}" aria-label="decision">
-<div id="moment"></div></div>
-<canvas id="strip" aria-label="speed over time, and which step holds it"></canvas>
-<div id="laws" class="legend"></div>
-<pre id="failure" class="failure" hidden></pre>
-<div class="columns">
-<div class="top"><div class="row"><h2>From above</h2><div class="switch" role="group">{zooms}</div></div>
-<canvas id="top" aria-label="the scan from above, in the frame of the car"></canvas>
-<div id="layers" class="legend"></div>
-<h2>Range over bearing</h2><canvas id="ranges" aria-label="range over bearing"></canvas></div>
-<div class="grow"><h2>The command, and why</h2><div class="cards">{cards}</div>
-<div class="scroll"><table><thead><tr><th>step</th><th>steering [°]</th><th>speed [m/s]</th></tr></thead>
-<tbody id="steps"></tbody></table></div>
-<p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
-step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p></div></div>
-{_numbers(seen)}<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
+    text = f"{'; '.join(told)}. " if told else ""
+    body = html(
+        _BODY,
+        title=seen.run.title,
+        result=result(
+            "finished" if good else str(summary["end_reason"]).replace("_", " "), good,
+            f"{text}{len(seen.decisions)} {ends}.",
+        ),
+        notes=[element("div", each, class_="note warn") for each in seen.notes],
+        buttons=[
+            element("button", sign, type="button", id=name, title=text, aria_label=text)
+            for name, sign, text in _BUTTONS
+        ],
+        last=len(seen.decisions) - 1,
+        at=seen.at,
+        zooms=switch("zoom", [(reach, f"{reach} m") for reach in (3, 6, 12)], pressed=1),
+        cards=[
+            html(_CARD, id=id, name=name) for id, name in (("speed", "speed"), ("steering", "steering angle"))
+        ],
+        steps=scroll(Table(header=("step", "steering [°]", "speed [m/s]"), rows=()).html()),
+        numbers=_numbers(seen),
+    )  # fmt: skip
+    return write_page(
+        path, f"{seen.run.title}: decisions", body, script=resource(__package__, "debug.js"), data=_data(seen),
+        style=resource(__package__, "debug.css"),
+    )  # fmt: skip
 
 
-def _numbers(seen: Window) -> str:
-    """Return the table of the numbers that the planner has shown; nothing where there are none."""
+def _numbers(seen: Window) -> Html | None:
+    """Return the table of the numbers that the planner has shown; None where there are none."""
     names = dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)
-    rows = "".join(
-        f'<tr><td>{escape(name)}</td><td class="number"></td><td><canvas class="over_time" '
-        f'aria-label="{escape(name)} over time"></canvas></td></tr>'
-        for name in names
-    )
-    head = "<thead><tr><th>name</th><th>value</th><th>over time</th></tr></thead>"
-    table = f'<table class="numbers">{head}<tbody id="numbers">{rows}</tbody></table>'
-    return f"<h2>Values that the planner shows</h2>{table}" if names else ""
+    rows = [(name, "", element("canvas", class_="over_time", aria_label=f"{name} over time")) for name in names]
+    table = Table(header=("name", "value", "over time"), rows=rows).html("numbers")
+    return html("<h2>Values that the planner shows</h2>{table}", table=table) if names else None
 
 
 def _data(seen: Window) -> dict[str, Any]:

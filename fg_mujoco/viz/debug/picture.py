@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import RunFolderError
 from ...messages import FloatArray
-from ...racing.planner_choice import with_settings
-from ..plots import require_matplotlib
+from ..pages.figures import picture
+from ..pages.page import writing
 from .colours import COMMAND, GOAL, MOTION, hex_colour, law_colours, scan_colours
 from .decisions import Decision
 from .window import Window
@@ -20,8 +19,6 @@ from .window import Window
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "legend.frameon": False,
-               "text.parse_math": False}  # fmt: skip
 _AHEAD, _BEHIND, _ASIDE = 6.0, 2.0, 4.0  # [m] that are in the picture
 _SHOWN_TIME = 0.5  # [s] of a command that is drawn
 _MOST_LINES = 14  # of a traceback
@@ -34,28 +31,14 @@ def debug_picture(seen: Window, path: Path) -> Path:
       MissingExtraError: matplotlib is not installed.
       RunFolderError: it cannot be written.
     """
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    decision, summary = seen.chosen, seen.run.summary
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.6, 6.6), layout="constrained")
+    decision = seen.chosen
+    with writing(path), picture(path, 9.6, 6.6) as figure:
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.05), height_ratios=(1.0, 0.42))
-        controller = with_settings(str(summary["controller"]), summary.get("planner_settings") or {})
-        figure.suptitle(
-            f"{summary['track']}, {controller}: t = {decision.time:.3f} s, decision {decision.tick + 1}", fontsize=10
-        )
+        title = f"{seen.run.title}: t = {decision.time:.3f} s, decision {decision.tick + 1}"
+        figure.suptitle(title, fontsize=10)
         _draw_top(figure.add_subplot(grid[0, 0]), seen, decision)
         _draw_ranges(figure.add_subplot(grid[1, 0]), seen, decision)
         _write_steps(figure.add_subplot(grid[:, 1]), seen, decision)
-        try:
-            figure.savefig(path, format="png", dpi=150)
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise RunFolderError(
-                f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
-            ) from error
     return path
 
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from ...display import brief, quoted
 from ...messages import FloatArray
-from ..report.recorded_run import RecordedRun
+from ..report.recorded import RecordedRun
 from .decisions import Decision
 
 

@@ -7,7 +7,6 @@ tires must hold. Source of the diagram: Rice, "Measuring car-driver interaction 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import mujoco
 import numpy as np
@@ -20,10 +19,8 @@ from ...simulation.physics import STATE
 from ...vehicle.car import Car
 from ...vehicle.tire_forces import TireForces
 from ...vehicle.tire_slip import slides_above
-from ..plots import require_matplotlib, save_figure
+from ..pages.figures import ALERT, Target, picture
 from .recorded_drive import Drive, read_drive
-
-_STYLE: Any = {"font.size": 8.0, "axes.linewidth": 0.6, "legend.frameon": False}
 
 
 def accelerations(source: Drive | Run | RaceResult | str | Path) -> FloatArray:
@@ -44,7 +41,7 @@ def accelerations(source: Drive | Run | RaceResult | str | Path) -> FloatArray:
     return result
 
 
-def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path | BinaryIO) -> None:
+def gg_picture(source: Drive | Run | RaceResult | str | Path, path: Target) -> None:
     """Draw the g-g diagram of a drive as PNG: each tick in the colour of its speed, ticks that slide with a red rim.
 
     Raises:
@@ -52,9 +49,6 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
       MissingExtraError: matplotlib is not installed; the message has the command that installs it.
       OSError: the file cannot be written.
     """
-    require_matplotlib()
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle
 
     drive = read_drive(source)
@@ -63,9 +57,9 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
     speed, slides = drive.column("speed_m_s"), drive.sliding_speed > least
     gravity = -float(mujoco.MjModel.from_xml_string(drive.xml).opt.gravity[2])
     limit = float(drive.summary["mu"]) * gravity
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(4.6, 4.0), layout="constrained")
+    with picture(path, 6.2, 5.4) as figure:
         axes = figure.add_subplot()
+        axes.grid(False)
         axes.axhline(0.0, color="0.85", linewidth=0.6, zorder=0)
         axes.axvline(0.0, color="0.85", linewidth=0.6, zorder=0)
         for share in (0.5, 1.0):
@@ -79,20 +73,17 @@ def gg_picture(source: Drive | Run | RaceResult | str | Path, path: str | Path |
         )
         if slides.any():
             axes.scatter(
-                left[slides], ahead[slides], s=16.0, facecolors="none", edgecolors="#d62728", linewidths=0.7, zorder=3
+                left[slides], ahead[slides], s=16.0, facecolors="none", edgecolors=ALERT, linewidths=0.7, zorder=3
             )
         reach = 1.12 * max(limit, float(np.abs(np.concatenate((ahead, left))).max(initial=0.0)))
         axes.set(xlim=(reach, -reach), ylim=(-reach, reach), aspect="equal")  # left is left
-        axes.set_xlabel("acceleration to the left [m/s$^2$]")
-        axes.set_ylabel("acceleration ahead [m/s$^2$]")
+        axes.set(xlabel="acceleration to the left [m/s²]", ylabel="acceleration ahead [m/s²]")
         axes.annotate(
-            f"$\\mu g$ = {limit:.1f} m/s$^2$", (-0.71 * limit, 0.71 * limit), xytext=(3, 3), textcoords="offset points"
+            f"μ g = {limit:.1f} m/s²", (-0.71 * limit, 0.71 * limit), xytext=(3, 3), textcoords="offset points"
         )
-        axes.spines[["top", "right"]].set_visible(False)
         figure.colorbar(points, label="speed [m/s]", shrink=0.85, pad=0.02)
         share = 100.0 * float(slides.mean()) if len(slides) else 0.0
         summary = drive.summary
         axes.set_title(
             f"{summary.get('track', '')}, {summary.get('controller', '')}: sliding in {share:.1f} % of the ticks"
         )
-        save_figure(figure, path, 200)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,8 @@ from ...course.writing import temporary_folder
 from ...errors import MissingExtraError
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run
-from .slide_events import SlideEvent
+from ..pages.page import data_url
+from .laps_and_slides import SlideEvent
 
 SIZE = (640, 360)  # [px]
 FRAME_RATE = 20.0  # [1/s]
@@ -23,7 +23,7 @@ _BEFORE = 2.0  # [s] that are shown before the crash or slide
 class Clip:
     """A video, or why there is none."""
 
-    video: str = ""  # MP4, base64
+    video: str = ""  # MP4, as a page has it in itself
     start: float = 0.0  # [s] in the race
     end: float = 0.0  # [s]
     missing: str = ""  # why there is none
@@ -99,7 +99,7 @@ def make_clip(
                         watch(done, count, "frame")
 
             write_video(path, frames(), size=film.size, fps=FRAME_RATE, quality="draft")
-            video = base64.b64encode(path.read_bytes()).decode()
+            video = data_url("video/mp4", path.read_bytes())
     except MissingExtraError as error:
         return Clip(missing=str(error))
     return Clip(video=video, start=start, end=end)

@@ -13,9 +13,9 @@ from ...racing.rollover import Rollover
 from ...simulation.cars import car_colour_hex
 from ...simulation.termination import WrongWay
 from ...vehicle.tire_slip import SLIDING_SPEED
+from ..pages.bokeh_plots import ALERT, OBSTACLE, WALL, new_plot, put_legend_above, speed_palette
+from .laps_and_slides import SlideEvent
 from .map_shapes import MapShapes
-from .plot_style import ALERT, OBSTACLE, WALL, new_figure, put_legend_above, speed_palette
-from .slide_events import SlideEvent
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -48,17 +48,14 @@ def map_plot(
       others: number and line (k, 2) [m] of the other cars, each in its colour.
       contacts: of cars, marked with crosses.
     """
-    from bokeh.models import BoxZoomTool, ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
+    from bokeh.models import ColorBar, ColumnDataSource, HoverTool, LinearColorMapper
 
     (left, bottom), (right, top) = _extent(shapes, columns)
     height = int(np.clip(_WIDTH * (top - bottom) / (right - left), *_HEIGHT)) + 30
-    plot = new_figure(
-        height=height, sizing_mode="stretch_width", match_aspect=True, x_axis_label="x [m]", y_axis_label="y [m]",
-        tools="pan,wheel_zoom,reset,save", active_scroll=None, toolbar_location="above", name="map",
+    plot = new_plot(
+        to_scale=True, height=height, sizing_mode="stretch_width", match_aspect=True, x_axis_label="x [m]",
+        y_axis_label="y [m]", toolbar_location="above", name="map",
     )  # fmt: skip
-    zoom = BoxZoomTool(match_aspect=True)
-    plot.add_tools(zoom)
-    plot.toolbar.active_drag = zoom
     drawn = []
     for outlines, colour in ((shapes.walls, WALL), (shapes.obstacles, OBSTACLE), (shapes.moving, ALERT)):
         if outlines:

@@ -7,38 +7,24 @@ Its plots are bokeh's, whose JavaScript is in the page too, or beside it where m
 
 from __future__ import annotations
 
-import json
-from base64 import b64encode
 from collections.abc import Callable, Sequence
-from hashlib import sha256
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 
-from ...course.writing import write_file
-from ...errors import RunFolderError
-from ...racing.planner_choice import with_settings
+from ...display import Html, html
 from ...racing.result import RaceResult
 from ...racing.run_folder import RECORDED, Run
+from ..pages.bokeh_plots import embed, require_bokeh
+from ..pages.page import resource, switch, write_page
 from . import sections
 from .clip import clip_of_several, clip_start, make_clip
-from .field import STYLE, Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said
-from .gg_plot import gg_plot
-from .lap_table import lap_length, lap_table
+from .field import Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said
+from .laps_and_slides import lap_length, lap_table, slide_events
 from .map_plot import colour_scales, map_plot
 from .map_shapes import map_shapes
-from .plot_style import cursor_source, require_bokeh, tick_source
-from .recorded_run import RecordedRun, read_recorded
-from .slide_events import slide_events
-from .tick_columns import SPEED_FAR_ABOVE, tick_columns
-from .time_plots import time_plots
-
-LIBRARY = "bokeh.min.js"
-"""Name of the file with bokeh's JavaScript, where pages share one."""
+from .recorded import SPEED_FAR_ABOVE, read_recorded, tick_columns
+from .time_plots import cursor_source, gg_plot, tick_source, time_plots
 
 CLIP_SECONDS = 8.0
-
-_NONE = "'none'"  # of a policy that allows no script
 
 _COLOURS = (("speed_m_s", "speed"), ("friction_use", "friction utilisation"), ("slide_m_s", "sliding"))
 _AXES = (("distance_m", "over distance"), ("time_s", "over time"))
@@ -50,6 +36,24 @@ _READOUT = (
     ("sliding", "slide_m_s", 3, "m/s"), ("ahead", "acceleration_ahead_m_s2", 1, "m/s²"),
     ("left", "acceleration_left_m_s2", 1, "m/s²"),
 )  # fmt: skip
+
+_OF_SEVERAL = """{cars}
+<h2>Gaps and positions</h2><div class="plots">{plots}</div>
+<div class="columns"><div>{overtakes}</div><div class="grow">{contacts}</div></div>
+{pictures}
+<h2>{name}</h2><p class="note">The rest of the page is of car 0. The map has the lines of the others, too.</p>
+"""
+_BODY = """{head}
+{of_several}{colour}
+<div id="map" class="plots">{map}</div>
+<div id="readout" class="readout"><span>move over a plot: the values of that moment, here and in all plots</span></div>
+<div class="columns"><div class="grow"><h2>Laps</h2>{laps}</div>{clip}</div>
+<h2>Along the drive</h2>
+{across}
+<div class="plots">{time}</div>
+<div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip} m/s².</p>{gg}</div>
+<div class="grow"><h2>Sliding</h2>{slides}</div></div>
+<h2>Settings, versions, hashes</h2>{settings}"""
 
 
 def write_report(
@@ -78,87 +82,6 @@ def write_report(
     """
     require_bokeh()
     run = read_recorded(source)
-    path = Path(path)
-    page = _page(run, source, clip_seconds, share_library, notes, watch)
-    write_page(path, page)
-    return path
-
-
-def write_page(path: Path, page: str) -> None:
-    """Write a page in one piece.
-
-    Raises:
-      RunFolderError: it cannot be written.
-    """
-    try:
-        write_file(path, page.encode())
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise RunFolderError(
-            f"{path}: cannot be written: {reason}; accepted: a file in a folder that can be"
-        ) from error
-
-
-def library() -> str:
-    """Return bokeh's JavaScript."""
-    from bokeh.resources import Resources
-
-    return "\n".join(Resources(mode="inline", components=["bokeh"], log_level="error").js_raw)
-
-
-def page_frame(
-    title: str, body: str, scripts: Sequence[str] = (), *, data: str = "", beside: str = "", style: str = ""
-) -> str:
-    """Return a page that loads nothing and runs these scripts alone: its policy has their hashes.
-
-    Args:
-      title: of the page, a text.
-      body: of the page, HTML.
-      scripts: JavaScript, in the order in which it runs.
-      data: JSON that the scripts find in the element `report-data`.
-      beside: name of a file beside the page with JavaScript that runs before the scripts.
-      style: CSS, after that of all pages.
-    """
-    style = (files(__package__) / "report.css").read_text(encoding="utf-8") + style
-    scripts = [_as_parsed(script) for script in scripts]
-    allowed = [f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts]
-    allowed += ["'self'", "file:"] if beside else []
-    policy = (
-        f"default-src 'none'; script-src {' '.join(allowed) or _NONE}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; media-src data:; font-src data:; base-uri 'none'; form-action 'none'"
-    )
-    tags = [f'<script src="{escape(beside)}"></script>'] if beside else []
-    tags += [f'<script type="application/json" id="report-data">{_in_script(data)}</script>'] if data else []
-    tags += [f"<script>{script}</script>" for script in scripts]
-    script = "".join(f"{tag}\n" for tag in tags)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\n{script}</body>\n</html>\n"
-    )
-
-
-def _as_parsed(script: str) -> str:
-    """Return JavaScript as a browser reads it from a page, which is what it hashes: lines end in LF alone."""
-    return script.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _in_script(data: str) -> str:
-    """Return JSON that no text in it can end, or take for markup."""
-    return data.replace("<", "\\u003c")
-
-
-def _page(
-    run: RecordedRun,
-    source: RaceResult | Run | str | Path,
-    clip_seconds: float | None,
-    share_library: bool,
-    notes: Sequence[str],
-    watch: Callable[[int, int, str], None] | None,
-) -> str:
-    from bokeh.embed import components
-
     columns = tick_columns(run)
     summary, lap_times = run.summary, run.lap_times
     length = lap_length(columns["time_s"], columns["progress_m"], lap_times)
@@ -166,7 +89,6 @@ def _page(
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
     events = slide_events(columns, length, model=run.tires_model)
     recorded = summary["end_reason"] == RECORDED
-    slides = sections.NOT_KNOWN if recorded else sections.events(events, run.tires_model)
     field = Field.of(run)
     film, whose = None, ""
     if clip_seconds is not None:
@@ -179,24 +101,34 @@ def _page(
 
     ticks, cursor = tick_source(columns), cursor_source()
     grip = run.mu * run.car.gravity
-    script, places = components(
-        {
-            "map": map_plot(
-                map_shapes(run.model, run.end),
-                columns,
-                events,
-                cursor,
-                run.wrong_way,
-                run.crash or run.rollover,
-                others=[] if field is None else list(enumerate(field.lines))[1:],
-                contacts=[] if field is None else field.contacts,
-            ),
-            "time": time_plots(ticks, columns, lap_times, run.tires_model),
-            "gg": gg_plot(ticks, columns, grip, cursor),
-            **({} if field is None else {"field": field_plots(field)}),
-        },
-        wrap_script=False,
-    )
+    plots = {
+        "map": map_plot(
+            map_shapes(run.model, run.end), columns, events, cursor, run.wrong_way, run.crash or run.rollover,
+            others=[] if field is None else list(enumerate(field.lines))[1:],
+            contacts=[] if field is None else field.contacts,
+        ),
+        "time": time_plots(ticks, columns, lap_times, run.tires_model),
+        "gg": gg_plot(ticks, columns, grip, cursor),
+    }  # fmt: skip
+    if field is not None:
+        plots["field"] = field_plots(field)
+    plots_script, places = embed(plots)
+    told: list[object] = [Html(each) for each in notes]
+    of_several = None
+    if field is not None:
+        told.insert(0, said(field, summary.get("winner")))
+        of_several = html(
+            _OF_SEVERAL, cars=cars_table(field), plots=places["field"], overtakes=overtakes_table(field),
+            contacts=contacts_table(field), name=field.rows[0]["name"],
+            pictures=contact_pictures(field, source) if clip_seconds is not None else None,
+        )  # fmt: skip
+    body = html(
+        _BODY, head=sections.head(run, told), of_several=of_several, colour=switch("colour", _COLOURS),
+        map=places["map"], laps=sections.laps(laps, summary), clip=sections.clip(film, whose),
+        across=switch("across", _AXES), time=places["time"], grip=f"{grip:.2f}", gg=places["gg"],
+        slides=sections.NOT_KNOWN if recorded else sections.events(events, run.tires_model),
+        settings=sections.settings(run),
+    )  # fmt: skip
     data = {
         "readout": _READOUT,
         "free": SPEED_FAR_ABOVE,
@@ -204,42 +136,5 @@ def _page(
         "axes": {"distance_m": "distance driven [m]", "time_s": "time [s]"},
         "clip_start": film.start if film else 0.0,
     }
-    controller = with_settings(str(summary["controller"]), summary.get("planner_settings") or {})
-    title = f"{summary['track']}, {controller}"
-    body = "\n".join(
-        (
-            sections.head(run, title, notes if field is None else (said(field, summary.get("winner")), *notes)),
-            *([] if field is None else _of_several(field, places["field"], source, pictures=clip_seconds is not None)),
-            sections.switch("colour", _COLOURS),
-            f'<div id="map" class="plots">{places["map"]}</div>',
-            '<div id="readout" class="readout"><span>move over a plot: the values of that moment, here and in all '
-            "plots</span></div>",
-            f'<div class="columns"><div class="grow"><h2>Laps</h2>{sections.laps(laps, summary)}</div>'
-            f"{sections.clip(film, whose)}</div>",
-            "<h2>Along the drive</h2>",
-            sections.switch("across", _AXES),
-            f'<div class="plots">{places["time"]}</div>',
-            f'<div class="columns"><div><h2>g-g diagram</h2><p class="note">In the circle of μ g = {grip:.2f} m/s².'
-            f'</p>{places["gg"]}</div><div class="grow"><h2>Sliding</h2>{slides}</div></div>',
-            f"<h2>Settings, versions, hashes</h2>{sections.settings(run)}",
-        )
-    )
-    code = (files(__package__) / "report.js").read_text(encoding="utf-8")
-    scripts = (script, code) if share_library else (library(), script, code)
-    return page_frame(
-        title, body, scripts, data=json.dumps(data), beside=LIBRARY if share_library else "",
-        style=STYLE if field is not None else "",
-    )  # fmt: skip
-
-
-def _of_several(field: Field, plots: str, source: RaceResult | Run | str | Path, *, pictures: bool) -> list[str]:
-    """Return what the page has of all cars, before what it has of car 0."""
-    return [
-        cars_table(field),
-        f'<h2>Gaps and positions</h2><div class="plots">{plots}</div>',
-        '<div class="columns">'
-        f'<div>{overtakes_table(field)}</div><div class="grow">{contacts_table(field)}</div></div>',
-        contact_pictures(field, source) if pictures else "",
-        f"<h2>{escape(str(field.rows[0]['name']))}</h2>"
-        '<p class="note">The rest of the page is of car 0. The map has the lines of the others, too.</p>',
-    ]
+    script = resource(__package__, "report.js")
+    return write_page(path, run.title, body, plots=plots_script, share_library=share_library, script=script, data=data)

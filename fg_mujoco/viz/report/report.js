@@ -1,21 +1,16 @@
-// What ties the plots of a report together: one cursor for all, the switches, and the colours of the page.
+// What ties the plots of a report together: one cursor for all, and the switches.
 "use strict";
 (function () {
   const data = JSON.parse(document.getElementById("report-data").textContent);
-  const dark = window.matchMedia("(prefers-color-scheme: dark)");
   let doc, ticks, cursor, axis = "distance_m", shown = -1;
 
   const all = (name) => Array.from(doc._all_models.values()).filter((model) => model.name === name);
   const one = (name) => all(name)[0];
 
   function start() {
-    const ready = window.Bokeh && Bokeh.documents.length && Bokeh.documents[0]._all_models;
-    if (!ready) return window.setTimeout(start, 30);
     doc = Bokeh.documents[0];
     ticks = one("ticks").data;
     cursor = one("cursor_source");
-    paint();
-    dark.addEventListener("change", paint);
     fit();
     window.addEventListener("resize", fit);
     for (const plot of all("over_time")) {
@@ -24,8 +19,8 @@
     }
     one("map").on_event("mousemove", (event) => show(nearest("x_m", "y_m", event.x, event.y)));
     one("gg").on_event("mousemove", (event) => show(nearest("acceleration_left_m_s2", "acceleration_ahead_m_s2", event.x, event.y)));
-    wire("colour", colourBy);
-    wire("across", (name) => setAxis(name));
+    page.wire("colour", colourBy);
+    page.wire("across", setAxis);
     const video = document.querySelector("video");
     if (video) video.addEventListener("timeupdate", () => { if (!video.paused) show(atTime(data.clip_start + video.currentTime)); });
     for (const row of document.querySelectorAll("tr.here")) {
@@ -35,7 +30,6 @@
         document.getElementById("map").scrollIntoView({ behavior: "smooth", block: "nearest" });
       });
     }
-    document.documentElement.dataset.ready = "yes";
   }
 
   // on a narrow page legends have two columns of short names, and the g-g diagram is as wide as the page
@@ -102,16 +96,6 @@
     if (time >= 0 && time <= video.duration) video.currentTime = time;
   }
 
-  function wire(name, act) {
-    const buttons = Array.from(document.querySelectorAll(`[data-switch="${name}"]`));
-    for (const button of buttons) {
-      button.addEventListener("click", () => {
-        for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
-        act(button.value);
-      });
-    }
-  }
-
   function colourBy(name) {
     const [title, high] = data.colours[name];
     const mapper = one("mapper"), line = one("line"), marks = one("slides");
@@ -135,18 +119,5 @@
     const tick = shown; shown = -1; show(tick);
   }
 
-  function paint() {
-    const style = getComputedStyle(document.documentElement);
-    const [ink, soft, line] = ["--ink", "--soft", "--line"].map((name) => style.getPropertyValue(name).trim());
-    for (const model of doc._all_models.values()) {
-      const colours = {};
-      for (const [part, colour] of [["axis_label_text_color", ink], ["major_label_text_color", soft], ["axis_line_color", soft],
-        ["major_tick_line_color", soft], ["grid_line_color", line], ["label_text_color", ink], ["title_text_color", ink]]) {
-        if (part in model.attributes) colours[part] = colour;
-      }
-      if (Object.keys(colours).length) model.setv(colours);
-    }
-  }
-
-  start();
+  document.addEventListener("plots", start);
 })();

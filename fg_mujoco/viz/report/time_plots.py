@@ -1,4 +1,7 @@
-"""Speed and its limit, steering, friction utilisation and sliding, over the distance driven or over time."""
+"""The plots of a report over the drive, and the g-g diagram: acceleration ahead and to the left, in the circle of mu g.
+
+The g-g diagram is after Rice, "Measuring car-driver interaction with the g-g diagram", SAE 730018, 1973.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,42 @@ import numpy as np
 from ...messages import FloatArray
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
-from .plot_style import ALERT, CAR, COMMAND, LAW, TIRE_COLOURS, new_figure, put_legend_above
+from ..pages.bokeh_plots import (
+    ALERT,
+    CAR,
+    COMMAND,
+    LAW,
+    TIRE_COLOURS,
+    mark,
+    new_panel,
+    new_plot,
+    put_legend_above,
+    speed_palette,
+    stacked,
+)
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource, UIElement
     from bokeh.plotting import figure as Figure  # noqa: N812 - a class, whatever its name
 
 _HEIGHT = 185  # [px]
+
+
+def tick_source(columns: dict[str, FloatArray]) -> ColumnDataSource:
+    """Return the source that all plots draw the ticks from, as 32-bit numbers: enough to look at."""
+    from bokeh.models import ColumnDataSource
+
+    return ColumnDataSource(
+        data={name: np.asarray(values, dtype=np.float32) for name, values in columns.items()}, name="ticks"
+    )
+
+
+def cursor_source() -> ColumnDataSource:
+    """Return the source of the dots that mark the cursor's tick; empty until there is one."""
+    from bokeh.models import ColumnDataSource
+
+    names = ("x_m", "y_m", "acceleration_left_m_s2", "acceleration_ahead_m_s2")
+    return ColumnDataSource(data={name: [] for name in names}, name="cursor_source")
 
 
 def time_plots(
@@ -29,7 +61,6 @@ def time_plots(
       lap_times: of the laps that were completed [s]; their ends are marked.
       model: of the tires.
     """
-    from bokeh.layouts import gridplot
     from bokeh.models import Range1d
 
     end = float(columns["distance_m"][-1]) if len(columns["distance_m"]) else 1.0
@@ -52,37 +83,25 @@ def time_plots(
     for wheel, colour in zip(WHEELS, TIRE_COLOURS, strict=True):
         _line(friction, ticks, f"friction_use_{wheel}", colour, wheel.replace("_", " "))
         _line(sliding, ticks, f"slide_{wheel}_m_s", colour, wheel.replace("_", " "))
-    _mark_height(friction, 1.0)
-    _mark_height(sliding, slides_above(model))
+    mark(friction, [1.0], "width", ALERT)
+    mark(sliding, [slides_above(model)], "width", ALERT)
 
     panels = [speed, steering, friction, sliding]
     ends = np.cumsum(lap_times)
+    distances = np.interp(ends, columns["time_s"], columns["distance_m"]) if len(ends) else ends
     for panel in panels:
-        _mark_laps(panel, ends, np.interp(ends, columns["time_s"], columns["distance_m"]) if len(ends) else ends)
+        for distance, time in zip(distances.tolist(), ends.tolist(), strict=True):  # `report.js` chooses
+            mark(panel, [distance], line_dash=[2, 3], name="lap_end", tags=[distance, time])
         put_legend_above(panel)
-    for panel in panels[:-1]:
-        panel.xaxis.visible = False
-    panels[-1].xaxis.axis_label = "distance driven [m]"
     panels[-1].xaxis.name = "axis_across"
-    panels[-1].height += 45
-    return gridplot([[panel] for panel in panels], toolbar_location="right", sizing_mode="stretch_width",
-                    merge_tools=True, toolbar_options={"logo": None})  # fmt: skip
+    return stacked(panels, "distance driven [m]")
 
 
 def _panel(title: str, across: object, height: tuple[float, float]) -> Figure:
-    from bokeh.models import BoxZoomTool, HoverTool, Span
+    from bokeh.models import HoverTool
 
-    plot = new_figure(
-        height=_HEIGHT, sizing_mode="stretch_width", x_range=across, y_range=height, y_axis_label=title,
-        tools="xpan,xwheel_zoom,reset,save", active_scroll=None, min_border_left=64, min_border_right=8,
-        name="over_time",
-    )  # fmt: skip
-    zoom = BoxZoomTool(dimensions="width")
-    plot.add_tools(zoom)
-    plot.toolbar.active_drag = zoom
-    plot.add_layout(
-        Span(location=0.0, dimension="height", line_color=COMMAND, line_width=1, visible=False, name="cursor")
-    )
+    plot = new_panel(title, across, height, _HEIGHT, name="over_time")
+    mark(plot, [0.0], line_dash=[], visible=False, name="cursor")
     plot.add_tools(HoverTool(mode="vline", line_policy="nearest", renderers=[], tooltips=[]))
     return plot
 
@@ -109,20 +128,42 @@ def _line(
     hover.tooltips = [*hover.tooltips, (label.partition(",")[0], f"@{column}{{0.000}}")]
 
 
-def _mark_height(plot: Figure, height: float) -> None:
-    from bokeh.models import Span
+def gg_plot(ticks: ColumnDataSource, columns: dict[str, FloatArray], grip: float, cursor: ColumnDataSource) -> Figure:
+    """Return the diagram.
 
-    plot.add_layout(Span(location=height, dimension="width", line_color=ALERT, line_dash=[5, 4], line_width=1))
+    Args:
+      ticks: source of all columns.
+      columns: of `tick_columns`.
+      grip: mu g [m/s^2].
+      cursor: source of the dot at the cursor.
+    """
+    from bokeh.models import HoverTool
+    from bokeh.transform import linear_cmap
 
-
-def _mark_laps(plot: Figure, times: FloatArray, distances: FloatArray) -> None:
-    """Mark where laps end, over time and over distance: `report.js` chooses."""
-    from bokeh.models import Span
-
-    for time, distance in zip(times.tolist(), distances.tolist(), strict=True):
-        plot.add_layout(
-            Span(
-                location=distance, dimension="height", line_color=COMMAND, line_dash=[2, 3], line_width=1,
-                name="lap_end", tags=[distance, time],
-            )
-        )  # fmt: skip
+    ahead, left = columns["acceleration_ahead_m_s2"], columns["acceleration_left_m_s2"]
+    # a car that crashes stops within a tick: what is far outside of the circle is left out of the picture
+    reach = 1.12 * min(max(grip, float(np.hypot(ahead, left).max(initial=0.0))), 1.6 * grip)
+    plot = new_plot(
+        to_scale=True, frame_width=330, frame_height=330, toolbar_location="above",
+        x_range=(reach, -reach), y_range=(-reach, reach),  # left is left
+        x_axis_label="acceleration to the left [m/s²]", y_axis_label="acceleration ahead [m/s²]", name="gg",
+    )  # fmt: skip
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    for share, dash in ((0.5, [4, 4]), (1.0, [])):
+        plot.line(share * grip * np.cos(angle), share * grip * np.sin(angle), line_dash=dash, line_width=1.5,
+                  line_color=ALERT if share == 1.0 else COMMAND)  # fmt: skip
+    top = max(1.0, float(np.abs(columns["speed_m_s"]).max(initial=0.0)))
+    dots = plot.scatter(
+        "acceleration_left_m_s2", "acceleration_ahead_m_s2", source=ticks, size=4, line_color=None, fill_alpha=0.75,
+        fill_color=linear_cmap("speed_m_s", speed_palette(), 0.0, top),
+    )  # fmt: skip
+    plot.scatter("acceleration_left_m_s2", "acceleration_ahead_m_s2", source=cursor, size=13, fill_color="white",
+                 line_color="black", line_width=2.5)  # fmt: skip
+    plot.add_tools(
+        HoverTool(
+            renderers=[dots],
+            tooltips=[("time", "@time_s{0.00} s"), ("ahead", "@acceleration_ahead_m_s2{0.0} m/s²"),
+                      ("left", "@acceleration_left_m_s2{0.0} m/s²"), ("speed", "@speed_m_s{0.00} m/s")],
+        )
+    )  # fmt: skip
+    return plot
