@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import setup_of
 from fg_mujoco.racing.entries import Entry
@@ -245,3 +246,16 @@ def test_a_door_refuses_what_it_cannot_use(here):
     with pytest.raises(fg.SettingsError, match="obstacle_seed is 3 in a comparison"):
         fg.compare("gap_finder", track="oval", obstacle_seed=3, out="out")
     assert not list(here.iterdir())
+
+
+def test_opponents_by_name_draw_noise_of_their_own():
+    setup = Setup.of(opponents=["gap_finder", "wall_follow"], lidar_noise=0.01, seed=4)
+    assert [entry.seed for entry in setup.entries] == [4, 5, 6]
+    assert all(entry.effects == setup.first.effects for entry in setup.entries)
+
+
+def test_options_beside_a_file_of_several_cars_are_for_all_of_them(here):
+    Setup.of(opponents=["wall_follow"]).write("race.toml")
+    options = parse(_parser(), ["race", "--config", "race.toml", "--mu", "0.5", "--controller", "pure_pursuit"])
+    setup = setup_of(options)
+    assert [(entry.controller, entry.mu) for entry in setup.entries] == [("pure_pursuit", 0.5), ("wall_follow", 0.5)]

@@ -15,7 +15,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
-from ..racing.setup import Setup
+from ..racing.setup import CAR_KEYWORDS, Setup
 from ..simulation.settings import FASTEST, DriveSettings
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
@@ -222,7 +222,10 @@ def setup_of(options: argparse.Namespace, *, lists: Sequence[str] = ()) -> Setup
     given = given_settings(options, lists)
     names, speeds = given.pop("opponents", []), getattr(options, "opponent_max_speed", None) or []
     among = {name: given.pop(name) for name in ("grid", "rules") if name in given}
-    setup = (getattr(options, "setup", None) or Setup()).replace(**given)
+    setup = getattr(options, "setup", None) or Setup()
+    if len(setup.entries) > 1:  # of a file: an option is for all of its cars
+        setup = setup.with_cars(**{name: given.pop(name) for name in list(given) if name in CAR_KEYWORDS})
+    setup = setup.replace(**given)
     return with_opponents(setup, names, speeds, **among) if names or speeds else setup.replace(**among)
 
 

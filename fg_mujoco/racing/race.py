@@ -92,7 +92,7 @@ def race(
     for car in result.cars:
         if car.planner_failure is not None:
             who = car.controller if len(result.cars) == 1 else f"{car.name}, {car.controller},"
-            warnings.warn(f"controller {who} failed: {car.planner_failure}", UserWarning, stacklevel=3)
+            warnings.warn(f"controller {who} failed: {car.planner_failure}", UserWarning, stacklevel=4)
     return result
 
 

@@ -180,11 +180,21 @@ class Setup:
             if ("entries" in of_race and others) or not _is_sequence(opponents):
                 said = f"opponents is {shown(opponents)}"
                 raise SettingsError(f"{said}; accepted: a list, and no other entries beside it")
-            of_race["entries"] = (first, *(as_opponent(each, first) for each in opponents))
+            of_race["entries"] = (first, *(as_opponent(each, first, index) for index, each in enumerate(opponents, 1)))
         for name in ("obstacles", "patches"):
             if name in of_race and of_race[name] is None:
                 of_race[name] = ()
         return replace(self, **of_race)
+
+    def with_cars(self, **keywords: Any) -> Setup:
+        """Return this setup with other settings of all its cars; the planner is that of the first car.
+
+        Raises:
+          SettingsError: a value outside of what is accepted.
+        """
+        others = {name: value for name, value in keywords.items() if name not in ("controller", "planner_settings")}
+        cars = (_changed_entry(self.first, keywords), *(_changed_entry(each, others) for each in self.entries[1:]))
+        return replace(self, entries=cars)
 
     @property
     def first(self) -> Entry:
@@ -324,7 +334,10 @@ class Setup:
 
 _OF_RACE = tuple(f.name for f in fields(Setup))
 _OF_CAR = tuple(f.name for f in fields(Entry) if f.name not in _OF_RACE)
-SETUP_KEYWORDS = (*_OF_RACE, *_OF_CAR, "opponents", *PARTS)
+CAR_KEYWORDS = (*_OF_CAR, *PARTS)
+"""Names of the keywords that are a car's."""
+
+SETUP_KEYWORDS = (*_OF_RACE, *CAR_KEYWORDS, "opponents")
 """Names of all keywords, which are the keys of a file, too."""
 
 
@@ -348,14 +361,16 @@ def _is_sequence(value: Any) -> bool:
     return isinstance(value, Iterable) and not isinstance(value, (str, Entry, Mapping))
 
 
-def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry) -> Entry:
+def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry, index: int) -> Entry:
     """Return the entry of an opponent: itself, or of the name of a planner in a car that is set as that of `first`.
+
+    By `index`, from 1, such a car draws other noise than the first.
 
     Raises:
       SettingsError: it is neither.
     """
     if isinstance(opponent, str):
-        return first.like(opponent)
+        return replace(first.like(opponent), seed=first.seed + index)
     if isinstance(opponent, Mapping):
         return _entry(opponent, "opponents")
     if not isinstance(opponent, Entry):
@@ -447,8 +462,8 @@ def _entry(values: Any, name: str) -> Entry:
     own = {key.replace("-", "_"): _value(value) for key, value in values.items()}
     sha256 = own.pop("vehicle_sha256", None)
     for key in own:
-        if key not in (*_OF_CAR, *PARTS):
-            raise ArgumentError(unknown_argument(name, key, (*_OF_CAR, *PARTS)))
+        if key not in CAR_KEYWORDS:
+            raise ArgumentError(unknown_argument(name, key, CAR_KEYWORDS))
     entry = _changed_entry(Entry(), own)
     _require_vehicle(entry, sha256)
     return entry
