@@ -20,7 +20,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
+from fg_mujoco.kernels import cache_folder, kernel, package_files
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
 REASON = (
