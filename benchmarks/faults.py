@@ -154,7 +154,7 @@ FAULTS = {
         file="controllers/control/steering.py",
         old="return arc_through(lidar_offset + distance * math.cos(bearing),",
         new="return arc_through(distance * math.cos(bearing),",
-        tests="test_driving.py test_pure_pursuit.py test_gap_finder.py",
+        tests="test_speed_laws.py test_driving.py test_pure_pursuit.py test_gap_finder.py",
     ),
     "the longest gap a beam short": Fault(
         file="controllers/perception/gaps.py",
