@@ -176,8 +176,8 @@ FAULTS = {
     ),
     "the raceline's heading error not wrapped": Fault(
         file="controllers/control/tracking.py",
-        old="return ahead, beside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))",
-        new="return ahead, beside, angle",
+        old="return ahead, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))",
+        new="return ahead, aside, angle",
         tests="test_tracking.py test_pure_pursuit.py",
     ),
     "a bubble a beam narrower on its left": Fault(
@@ -268,9 +268,9 @@ FAULTS = {
         tests="test_intervals.py",
     ),
     "the reference's successes and the controller's mixed up": Fault(
-        file="fg_mujoco/studies/comparison/differences.py",
-        old="max_speed_m_s=group[1] if group else None, pairs=found.pairs, successes=found.successes,",
-        new="max_speed_m_s=group[1] if group else None, pairs=found.pairs, successes=found.reference_successes,",
+        file="fg_mujoco/studies/intervals.py",
+        old="pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),",
+        new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
         tests="test_comparison.py",
     ),
     # envs
@@ -343,7 +343,7 @@ FAULTS = {
         tests="test_report.py test_field_report.py",
     ),
     "sectors a line early": Fault(
-        file="fg_mujoco/viz/report/lap_table.py",
+        file="fg_mujoco/viz/report/laps_and_slides.py",
         old="reached = _first_time(time, progress, (number - 1 + sector / SECTORS) * length)",
         new="reached = _first_time(time, progress, (number - 1 + (sector - 1) / SECTORS) * length)",
         tests="test_report.py",
