@@ -71,7 +71,7 @@ FAULTS = {
         file="fg_mujoco/vehicle/motion.py",
         old="left = vy + yaw_rate * car[0].rear_axle_distance",
         new="left = vy - yaw_rate * car[0].rear_axle_distance",
-        tests="test_car_motion.py test_car.py test_car_dynamics.py",
+        tests="test_race.py test_car_motion.py test_car.py test_car_dynamics.py",
     ),
     "no limit of the steering command": Fault(
         file="fg_mujoco/vehicle/motion.py",
