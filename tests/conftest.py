@@ -29,7 +29,8 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 # The first compiles the kernels of every race. The second compiles others, and the third waits for most of its time, so
 # that three workers do not compile the same ones.
 SLOWEST = (
-    "test_fuzz.py", "test_kernels.py", "test_rollout_ray.py", "test_identification.py", "test_mission.py",
+    "test_fuzz.py", "test_kernels.py", "test_rollout_ray.py", "test_interpreted.py", "test_identification.py",
+    "test_identification_benchmark.py", "test_mission.py", "test_f110_scripts.py",
     "test_controller_contract.py", "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
     "test_report_pages.py", "test_live_view.py", "test_readme.py", "test_replay_proof.py", "test_cli.py",
     "test_docs.py", "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py",
@@ -43,7 +44,8 @@ SLOW_FILES = frozenset({
     "test_debug.py", "test_docs.py", "test_drive.py", "test_every_course.py", "test_every_track.py",
     "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py", "test_field_report.py",
     "test_friction_cli.py", "test_friction_lab.py", "test_fuzz.py", "test_hostile_planners.py",
-    "test_hostile_runs.py", "test_identification.py", "test_identification_benchmark.py", "test_kernels.py",
+    "test_hostile_runs.py", "test_identification.py", "test_identification_benchmark.py",
+    "test_interpreted.py", "test_kernels.py",
     "test_kills.py", "test_lab_braking.py", "test_lab_convergence.py", "test_lab_mismatch.py",
     "test_lab_patches.py", "test_lab_skidpad.py", "test_lab_tire_law.py", "test_lab_transient.py", "test_leaks.py",
     "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_overtaking.py", "test_packaging.py",

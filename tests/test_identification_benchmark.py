@@ -22,22 +22,8 @@ def benchmark():
         sys.path.remove(str(SCRIPT.parent))
 
 
-@pytest.mark.parametrize(
-    "drives",
-    [
-        pytest.param(
-            ((3.5, 2.0, 0.4), (5.0, 0.8, 0.4), (6.5, 1.4, 0.4), (9.0, 2.4, 0.4)),
-            marks=pytest.mark.xfail(
-                reason="four slaloms reach .95 of the slip at which the rear lets go: its peak is 4.8 +- 3.7 % off"
-            ),
-            id="four",
-        ),
-        pytest.param(None, marks=pytest.mark.slow, id="all"),
-    ],
-)
-def test_the_tires_of_a_car_are_found_in_three_dimensions(benchmark, monkeypatch, drives):
-    if drives is not None:  # fewer, for a short test
-        monkeypatch.setattr(benchmark, "DRIVES", drives)
+def test_the_tires_of_a_car_are_found_in_three_dimensions(benchmark, monkeypatch):
+    """Of all slaloms: four reach .95 of the slip at which the rear lets go, and its peak is 4.8 +- 3.7 % off."""
     monkeypatch.setattr(benchmark, "MODELS", ("two_track",))
     case = next(case for case in benchmark.cases(0) if case.name == "nuc6")
     row = benchmark.row_of(case)

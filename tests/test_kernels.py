@@ -20,7 +20,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.kernels import cache_folder, kernel, package_files, source_digest
+from fg_mujoco.kernels import cache_folder, kernel, package_files
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
 REASON = (
@@ -182,10 +182,8 @@ def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkey
     if failing == "read_bytes":
         assert halve_anew()
         monkeypatch.setattr(Path, failing, fail)
-        source_digest(quotients.py_func)
         assert halve_anew()
     else:
-        source_digest(quotients.py_func)
         monkeypatch.setattr(Path, failing, fail)
         assert halve_anew() and halve_anew()
         assert kept_in(cache) == []

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import _parser
+from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.viz.rendering.gl import open_context
 
 README = Path(__file__).parent.parent / "README.md"
@@ -62,23 +62,23 @@ def commands():
     return [words for words in lines if words]
 
 
-def run_until_done(words, folder):
-    """Run a command in a folder and return its code and output; one that serves gets Ctrl-C once it says so."""
+def run_and_stop(words, folder):
+    """Run a command that serves until it says how it is stopped, stop it so, and return its code and output."""
     process = subprocess.Popen(
         [sys.executable, "-m", "fg_mujoco", *words], cwd=folder, text=True, env=os.environ | {"PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
     first = ""
-    if words[0] == "view":
-        while "Ctrl-C" not in first and process.poll() is None:
-            first += process.stdout.readline()
-        process.send_signal(signal.SIGINT)
+    while "Ctrl-C" not in first and process.poll() is None:
+        first += process.stdout.readline()
+    process.send_signal(signal.SIGINT)
     out = first + process.communicate(timeout=300)[0]
     return process.returncode, out
 
 
 @pytest.mark.slow
-def test_commands_run_from_top_to_bottom_in_an_empty_folder(tmp_path):
+def test_commands_run_from_top_to_bottom_in_an_empty_folder(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
     makefile = (README.parent / "Makefile").read_text()
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -91,7 +91,11 @@ def test_commands_run_from_top_to_bottom_in_an_empty_folder(tmp_path):
         missing = [module for module in NEEDS.get(words[0], ()) if importlib.util.find_spec(module) is None]
         if missing or (words[0] == "render" and not has_gl()):
             continue
-        code, out = run_until_done([*words, *SHORTER.get(words[0], "").format(port=port).split()], tmp_path)
+        words += SHORTER.get(words[0], "").format(port=port).split()
+        if words[0] == "view":
+            code, out = run_and_stop(words, tmp_path)
+        else:
+            code, out = main(words), "".join(capfd.readouterr())
         expected = next((code for part, code in CODES.items() if part in " ".join(words)), 0)
         assert code == expected, f"{words}\n{out}"
         run.append(words[0])

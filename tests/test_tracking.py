@@ -73,6 +73,12 @@ def test_on_an_arc_the_errors_are_those_to_the_arc():
         )
 
 
+@pytest.mark.parametrize("turns", (-2, -1, 1))
+def test_whole_turns_between_the_headings_are_no_error(turns):
+    point, heading = motion((1, 1.0))[0], 0.3 + 2.0 * math.pi * turns
+    assert errors(point, 0.1, 0.02, heading) == pytest.approx(errors(point, 0.1, 0.02, 0.3), abs=1e-12)
+
+
 def test_left_and_right_are_mirror_images():
     left, right = motion((3, 0.0), (4, 0.8)), motion((3, 0.0), (4, -0.8))
     assert steer_along(left, 1, 0.4, 0.05, 0.1, 2.0, CAR.wheelbase) == -steer_along(
