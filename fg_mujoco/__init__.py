@@ -231,7 +231,6 @@ _INNER = {
     "racing.replay": "ReplayReport",
     "racing.run_folder": "check_run_folder read_failed_scan",
     "simulation.cars": "WorldCar",
-    "studies.comparison.comparison": "ComparisonProgress",
     "studies.rollout.randomization": "Choice Randomization Uniform",
     "studies.rollout.rollouts": "RolloutProgress",
     "vehicle.car": "Car car_parameters",
@@ -246,7 +245,8 @@ _MOVED = {name: module for module, names in _INNER.items() for name in names.spl
 _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"controllers", "f110", "kernels", "models"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
-    "AckermannDrive": "DriveCommand", "Command": "DriveCommand", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
+    "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
+    "ComparisonProgress": "fg_mujoco.studies.grid_study.StudyProgress", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
     "maps": "track_names", "planners": "controller_names", "run": "race", "sim": "Simulation", "simulate": "Simulation",

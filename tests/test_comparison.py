@@ -265,7 +265,7 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         compare(GRID[:1], laps=2)
     with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
         compare(GRID[:1], planner_mu=float("inf"))
-    monkeypatch.setattr("fg_mujoco.studies.comparison.comparison.versions", lambda: {"sources_sha256": "other"})
+    monkeypatch.setattr("fg_mujoco.studies.grid_study.versions", lambda: {"sources_sha256": "other"})
     with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
         compare(GRID[:1])
     (here / "full").mkdir()

@@ -22,7 +22,7 @@ from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.manoeuvres import find_manoeuvre
 from fg_mujoco.racing.race import RaceProgress
 from fg_mujoco.simulation.planner_failure import PlannerFailure
-from fg_mujoco.studies.comparison.comparison import ComparisonProgress
+from fg_mujoco.studies.grid_study import StudyProgress
 from fg_mujoco.studies.rollout.randomization import Choice, Uniform
 from fg_mujoco.studies.rollout.rollouts import RolloutProgress
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
@@ -92,7 +92,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         fg.Setup.of(track, obstacles=track.walls), worlds.base,
         replace(lap, track=HOSTILE, cars=(replace(lap.car, controller=HOSTILE),)),
         RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0, racing=1),
-        ComparisonProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
+        StudyProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
         RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
         fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3), fg.Executor(),
         find_manoeuvre("circle").commands(lap.world.parameters, 1.0),

@@ -119,9 +119,9 @@ def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
 
 def test_a_study_goes_on_where_it_stopped(tmp_path):
     first = overtake(["overtaker"], seed=[0], out=tmp_path / "a", **SHORT)
-    assert (first.duels_driven, len(first.rows)) == (1, 1)
+    assert (first.runs_driven, len(first.rows)) == (1, 1)
     longer = overtake(["overtaker"], seed=[0, 1], out=tmp_path / "a", **SHORT)
-    assert (longer.duels_driven, len(longer.rows)) == (1, 2)
+    assert (longer.runs_driven, len(longer.rows)) == (1, 2)
     assert longer.rows[0] == first.rows[0]
     (cell,) = [cell for cell in longer.cells if cell.track == "all" and cell.opponent == "all"]
     assert cell.duels == 2
@@ -136,7 +136,7 @@ def test_a_damaged_line_is_driven_again(tmp_path):
     path.write_text(path.read_text().replace('"planner": "gap_finder"', '"planner": "another"'))
     with pytest.warns(UserWarning, match="is damaged"):
         again = overtake(["gap_finder"], seed=[0], out=tmp_path, **SHORT)
-    assert again.duels_driven == 1
+    assert again.runs_driven == 1
     same = [
         {name: value for name, value in row.as_dict().items() if not name.startswith("decision")}
         for row in (first.rows[0], again.rows[0])

@@ -1,35 +1,16 @@
-"""The command `fg-mujoco overtake`.
-
-Exit codes: 0 all duels were driven, however they ended; 1 a duel could not be driven; 2 input that cannot be used; 130
-Ctrl-C. Duels that are finished then stay in the folder of `--out`, and the same command goes on with the others.
-"""
+"""The command `fg-mujoco overtake`; its exit codes are those of `drive_study`."""
 
 from __future__ import annotations
 
 import argparse
-import contextlib
-import sys
 from collections.abc import Callable
 from typing import Any
 
-from ..errors import EngineError
-from ..studies.overtaking.overtaking import (
-    DEFAULT_RATIO,
-    DEFAULT_SEEDS,
-    DEFAULT_TRACKS,
-    Overtaking,
-    OvertakingProgress,
-    overtake,
-)
+from ..studies.overtaking.overtaking import DEFAULT_RATIO, DEFAULT_SEEDS, DEFAULT_TRACKS, Overtaking, overtake
 from ..studies.overtaking.slower_opponents import OPPONENTS
-from ..studies.store import as_json
-from .compare import names_in, seeds_in
-from .config import add_config
-from .options import add_setup_options, add_trust_option, can_draw, number, setup_of, whole
-from .out import STUDY, add_out_options
-from .progress import shown_as, to_go
+from .drive_study import add_study_options, drive_study, names_in, seeds_in
+from .options import add_setup_options, number, setup_of
 
-_DONE, _NOT_DONE = 0, 1
 _DRIVE = (
     "vehicle", "tires", "mu", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
     "command_delay",
@@ -62,46 +43,22 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
         help="numbers, or FIRST:END without END; of start, distance and speed ratio; default: 0:50",
     )  # fmt: skip
     add_setup_options(add, "laps", *_DRIVE, laps="within which the planner is to overtake; default: 2")
-    add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
-    add_out_options(
-        command,
-        STUDY,
-        "table, picture and finished duels; the same command goes on with a folder left unfinished, and a larger "
-        "one drives only what is new",
-        required=True,
-    )  # fmt: skip
-    add("--json", action="store_true", help="print one JSON object and nothing else")
-    add_config(command)
-    add_trust_option(add)
+    add_study_options(command, "table, picture and finished duels")
 
 
 def _overtake(options: argparse.Namespace) -> int:
     setup = setup_of(options, lists=("controller", "track", "opponents", "seed"))
-    with (
-        contextlib.redirect_stdout(sys.stderr),
-        shown_as(_progress, "preparing duels", show=not options.json) as watch,
-    ):
-        try:
-            result = overtake(
-                options.controller,
-                track=options.track,
-                opponents=options.opponents,
-                speed_ratio=options.speed_ratio,
-                seed=options.seed,
-                setup=setup,
-                workers=options.workers,
-                out=options.out,
-                pictures=can_draw("pictures"),
-                watch=watch,
-            )
-        except EngineError as error:
-            print("fg-mujoco:", *f"{error}; finished duels are kept".split(), file=sys.stderr)
-            return _NOT_DONE
-        except KeyboardInterrupt:
-            print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
-            raise
-    print(as_json(result.summary()) if options.json else _report(result, options.out, setup.first.friction))
-    return _NOT_DONE if any(row.figures.outcome == "failed" for row in result.rows) else _DONE
+    return drive_study(
+        overtake,
+        Overtaking,
+        options,
+        options.controller,
+        track=options.track,
+        opponents=options.opponents,
+        speed_ratio=options.speed_ratio,
+        setup=setup,
+        failed=lambda figures: figures.outcome == "failed",
+    )
 
 
 def _ratio(text: str) -> tuple[float, float]:
@@ -110,14 +67,3 @@ def _ratio(text: str) -> tuple[float, float]:
     if not colon:
         raise argparse.ArgumentTypeError(f"{text!r}; accepted: LOW:HIGH")
     return number(low), number(high)
-
-
-def _progress(progress: OvertakingProgress) -> str:
-    done = progress.duels_found + progress.duels_driven
-    return f"{done}/{progress.duels} duels{to_go(progress.remaining_s)}"
-
-
-def _report(result: Overtaking, out: str, friction: str) -> str:
-    found = len(result.rows) - result.duels_driven
-    earlier = f", {found} of them by an earlier call" if found else ""
-    return f"{result.markdown()}\n{len(result.rows)} duels{earlier}; written to {out}\n{friction}"

@@ -9,19 +9,16 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...arguments import explain_class
 from ...course.scenes.catalogue import PREFIX, scene_names
-from ...course.writing import write_file
-from ...display import Shown, brief, escaped, paragraph, quoted
 from ...errors import SettingsError
-from ...messages import FloatArray, require_whole, shown
+from ...messages import require_whole, shown
 from ...racing.opponents import Opponents
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
@@ -30,15 +27,13 @@ from ...racing.setup import Setup, StudyKeywords
 from ...simulation.settings import FASTEST, renamed
 from ...viz.pages.figures import require_matplotlib
 from ...viz.pages.table import Table
-from ..rollout.job import versions
-from ..run_grid import as_axis, require_axes, time_left
-from ..store import WRITABLE, blame, claimed
-from ..workers import work_through
+from ..grid_study import Study, StudyProgress, drive_grid
+from ..run_grid import as_axis, require_axes
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import DIFFERENCES, Cell, cells_csv, cells_table, make_cells, paired_differences, runs_csv
+from .tables import DIFFERENCES, Cell, cells_table, make_cells, paired_differences
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -48,64 +43,25 @@ DEFAULT_SEEDS = range(10)
 
 
 @explain_class
-@dataclass(frozen=True, kw_only=True)
-class ComparisonProgress:
-    """What a comparison tells whoever watches it."""
-
-    runs: int
-    runs_found: int  # in the folder, driven by an earlier call
-    runs_driven: int  # by this call
-    wall_time_s: float
-
-    @property
-    def remaining_s(self) -> float | None:
-        """What it will still take, if it goes on like this [s]; None before the first run is finished."""
-        return time_left(self.runs, self.runs_found, self.runs_driven, self.wall_time_s)
-
-
-@explain_class
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Comparison(Shown):
+class Comparison(Study[RunRow, Cell]):
     """How all runs went."""
 
-    rows: tuple[RunRow, ...]  # of each controller, on each course, at each speed, with each seed
-    cells: tuple[Cell, ...]  # of each controller on each course at each speed
-    folder: Path
-    runs_driven: int  # by this call
-    wall_time_s: float
-
-    def __repr__(self) -> str:
-        controllers, courses = ({getattr(cell, name) for cell in self.cells} for name in ("controller", "course"))
-        ends = Counter(row.figures.end_reason for row in self.rows)
-        found = ", ".join(f"{count} {reason}" for reason, count in sorted(ends.items()))
-        grid = f"{len(self.rows)} runs, {len(controllers)} controllers on {len(courses)} courses: {found}"
-        return brief(self, grid, f"in {quoted(self.folder)}")
-
-    def _repr_html_(self) -> str:
-        below = paragraph(f"{len(self.rows)} runs in {self.folder}")
-        return escaped([*(each.notebook() for each in self._tables()), below])
-
-    def _tables(self) -> list[Table]:
-        return [each for each in (cells_table(self.cells), DIFFERENCES.table(self.differences)) if each]
+    paired = DIFFERENCES
+    make_cells = staticmethod(make_cells)
 
     @property
     def differences(self) -> tuple[dict[str, Any], ...]:
         """How each two controllers differ in the runs that both drove, by the names in differences.csv."""
         return paired_differences(self.rows)
 
-    def markdown(self) -> str:
-        """Return the table, and that of the differences from the first controller, each with its legend."""
-        return "\n".join(each.markdown() for each in self._tables())
+    def _summed_up(self) -> str:
+        controllers, courses = ({getattr(cell, name) for cell in self.cells} for name in ("controller", "course"))
+        ends = Counter(row.figures.end_reason for row in self.rows)
+        found = ", ".join(f"{count} {reason}" for reason, count in sorted(ends.items()))
+        return f"{len(controllers)} controllers on {len(courses)} courses: {found}"
 
-    def summary(self) -> dict[str, Any]:
-        """Return the figures, as JSON has them."""
-        return {
-            "runs": len(self.rows),
-            "runs_driven": self.runs_driven,
-            "wall_time_s": self.wall_time_s,
-            "table": [cell.as_dict() for cell in self.cells],
-            "differences": list(self.differences),
-        }
+    def _table(self, *, chosen: bool) -> Table:
+        return cells_table(self.cells)
 
 
 @renamed(controllers="controller", tracks="track", seeds="seed", max_speeds="max_speed")
@@ -119,7 +75,7 @@ def compare(
     workers: int | None = None,
     pictures: bool = True,
     setup: Setup | None = None,
-    watch: Callable[[ComparisonProgress], None] | None = None,
+    watch: Callable[[StudyProgress], None] | None = None,
     **keywords: Unpack[StudyKeywords],
 ) -> Comparison:
     """Drive every controller on every course at every speed with every seed, and write what became of them to a folder.
@@ -167,30 +123,19 @@ def compare(
     chosen = [ControllerChoice.of(_by_name("controller", each)) for each in controllers]
     runs = plan_runs(chosen, [_by_name("track", each) for each in courses], speeds, as_axis(seed), settings)
     folder = ComparisonFolder(out)
-    with claimed(folder):
-        folder.open(runs[0].settings.manifest(), versions())
-        folder.read(repair=True)
-        missing = [run for run in runs if run.key not in folder.runs]
 
-        def keep(run: Run, driven: tuple[RunRow, FloatArray]) -> None:
-            row, trace = driven
-            folder.add(row, trace)
-            if row.figures.end_reason == "worker_died":
-                warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
+    def draw(comparison: Comparison) -> None:
+        out = comparison.folder
+        for picture in (out / "table.png", *(out / "traces").glob("*.png")):
+            picture.unlink(missing_ok=True)
+        if pictures:
+            table_picture(comparison.cells, out / "table.png")
+            (out / "traces").mkdir(exist_ok=True)
+            trace_pictures(runs, folder, out / "traces")
 
-        def tell(driven: int, elapsed: float) -> None:
-            if watch is not None:
-                found = len(runs) - len(missing)
-                watch(ComparisonProgress(runs=len(runs), runs_found=found, runs_driven=driven, wall_time_s=elapsed))
-
-        taken = work_through(Run.drive, missing, keep, workers=workers, watch=tell, died=Run.died)
-        rows = tuple(folder.runs[run.key] for run in runs)
-        comparison = Comparison(
-            rows=rows, cells=make_cells(rows), folder=folder.folder, runs_driven=len(missing), wall_time_s=taken
-        )  # fmt: skip
-        folder.runs.sort([run.key for run in runs])
-        _write_report(comparison, runs, folder, pictures=pictures)
-        return comparison
+    return drive_grid(
+        Comparison, runs, folder, runs[0].settings.manifest(), workers=workers, watch=watch, draw=draw
+    )  # fmt: skip
 
 
 def _by_name(name: str, value: Any) -> str:
@@ -266,19 +211,3 @@ def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> S
     random = course.startswith(PREFIX) or (isinstance(placed, int) and placed > 0) or settings.opponents.noisy
     random = random or effects.range_noise_std > 0.0 or effects.dropout_probability > 0.0
     return seeds if random else (None,)
-
-
-def _write_report(comparison: Comparison, runs: Sequence[Run], folder: ComparisonFolder, *, pictures: bool) -> None:
-    """Write the tables and pictures, in place of those of an earlier call."""
-    out = folder.folder
-    with blame(out, WRITABLE):
-        for picture in (out / "table.png", *(out / "traces").glob("*.png")):
-            picture.unlink(missing_ok=True)
-        write_file(out / "runs.csv", runs_csv(comparison.rows).encode())
-        write_file(out / "table.csv", cells_csv(comparison.cells).encode())
-        write_file(out / "differences.csv", DIFFERENCES.csv(comparison.differences).encode())
-        write_file(out / "table.md", comparison.markdown().encode())
-        if pictures:
-            table_picture(comparison.cells, out / "table.png")
-            (out / "traces").mkdir(exist_ok=True)
-            trace_pictures(runs, folder, out / "traces")

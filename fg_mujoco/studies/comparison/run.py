@@ -6,18 +6,16 @@ process.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import statistics
 from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from ...course.course import USUAL_LAPS
-from ...errors import ControllerError
 from ...messages import FloatArray
 from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, AmongCars, Opponents
@@ -26,9 +24,9 @@ from ...racing.race import race_setup
 from ...racing.result import RaceResult
 from ...racing.setup import Setup
 from ...simulation.physics import STATE
-from ...simulation.planner_failure import one_line
 from ...simulation.settings import FASTEST, DriveSettings
 from ...vehicle.vehicle import Vehicle
+from ..grid_study import GridKey, GridRow, figures_of, why_failed
 from ..store import of_kind
 from .ground import Ground, course_ground, laps_of
 
@@ -83,7 +81,7 @@ class ComparisonSettings:
 
 
 @dataclass(frozen=True)
-class RunKey:
+class RunKey(GridKey):
     """What a run depends on, but for the settings that all runs have in common and the versions."""
 
     controller: str
@@ -93,12 +91,6 @@ class RunKey:
     max_speed_m_s: float
     seed: int | None  # None: nothing depends on one
     controller_files_sha256: str | None = None  # of the files that the planner reads; None: it reads none
-
-    @property
-    def sha256(self) -> str:
-        """Names the files of the run; of a planner that reads none as in versions that did not ask for them."""
-        values = astuple(self)
-        return hashlib.sha256(repr(values if values[-1] is not None else values[:-1]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +117,7 @@ class RunFigures:
 
 
 @dataclass(frozen=True)
-class RunRow:
+class RunRow(GridRow):
     """A run and its figures: one line of runs.jsonl, one row of runs.csv."""
 
     key: RunKey
@@ -134,18 +126,13 @@ class RunRow:
 
     def as_dict(self) -> dict[str, Any]:
         """Return key and figures in one, as JSON has them."""
-        return asdict(self.key) | asdict(self.figures) | (asdict(self.among) if self.among is not None else {})
+        return super().as_dict() | (asdict(self.among) if self.among is not None else {})
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> RunRow:
-        """Return the row that `as_dict` made the values of.
-
-        Raises:
-          KeyError: a value is missing.
-          TypeError: a value is of another kind than its field.
-        """
+        """Return the row that `as_dict` made the values of; errors as `of_kind`."""
         among = of_kind(AmongCars, values) if AMONG_CARS[0] in values else None
-        return cls(of_kind(RunKey, values), of_kind(RunFigures, values), among)
+        return replace(super().of(values), among=among)
 
 
 @dataclass(frozen=True)
@@ -172,8 +159,7 @@ class Run:
         try:
             result = self.race()
         except Exception as error:
-            text = " ".join(str(error).split()) if isinstance(error, ControllerError) else one_line(error)
-            return self._failed(text, "failed")
+            return self._failed(why_failed(error), "failed")
         if result.car.end_reason == "interrupted":
             raise KeyboardInterrupt
         poses = driven_poses(result)
@@ -186,7 +172,11 @@ class Run:
 
     def _failed(self, message: str, reason: str) -> tuple[RunRow, FloatArray]:
         laps = laps_of(self.ground().course, self.settings.laps)
-        return RunRow(self.key, _failed(message, reason, laps)), np.empty((0, 3))
+        figures = figures_of(
+            RunFigures, success=False, end_reason=reason, message=message, laps_completed=0, laps_requested=laps,
+            collisions=0,
+        )  # fmt: skip
+        return RunRow(self.key, figures), np.empty((0, 3))
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
@@ -276,9 +266,3 @@ def wrong_way_time(time: FloatArray, progress: FloatArray) -> float:
     """
     ticks = np.diff(time)
     return float(ticks[np.diff(progress) < -WRONG_WAY_SPEED * ticks].sum())
-
-
-def _failed(message: str, reason: str, laps: int) -> RunFigures:
-    none = {field.name: None for field in fields(RunFigures)}
-    given = {"success": False, "end_reason": reason, "message": message}
-    return RunFigures(**none | given | {"laps_completed": 0, "laps_requested": laps, "collisions": 0})  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,12 @@ import numpy as np
 
 from ...course.writing import write_file
 from ...messages import FloatArray
-from ..store import WRITABLE, Rows, StudyFolder, blame
-from .run import RunKey, RunRow
+from ..grid_study import GridFolder
+from ..store import WRITABLE, Rows, blame
+from .run import Run, RunKey, RunRow
 
 
-class ComparisonFolder(StudyFolder):
+class ComparisonFolder(GridFolder):
     """Keeps the rows and traces of runs.
 
     Args:
@@ -36,25 +38,15 @@ class ComparisonFolder(StudyFolder):
     runs: Rows[RunKey, RunRow]
 
     def __init__(self, folder: str | Path) -> None:
-        super().__init__(folder, title="comparison", command="compare")
+        super().__init__(folder, RunRow.of, title="comparison", command="compare", file="runs.jsonl")
 
-    def read(self, *, repair: bool) -> None:
-        """Read the rows of a folder that is open, and compare each with its checksum and each trace with its own.
-
-        Args:
-          repair: whether to warn of damaged runs, and drop them, or to raise an error.
-
-        Raises:
-          RunFolderError: it cannot be read or written, or a run in it is damaged.
-        """
-        self.runs = self.rows("runs.jsonl", self._read_run, repair=repair)
-
-    def add(self, row: RunRow, trace: FloatArray) -> None:
-        """Keep a run: its line, which says that it is finished, comes last.
+    def keep(self, run: Run, answer: tuple[RunRow, FloatArray]) -> None:
+        """Keep the row and the trace of a run: its line, which says that it is finished, comes last.
 
         Raises:
           RunFolderError: it cannot be written.
         """
+        row, trace = answer
         content = io.BytesIO()
         np.save(content, trace.astype(np.float32))
         path = self._poses(row.key)
@@ -62,6 +54,8 @@ class ComparisonFolder(StudyFolder):
             path.parent.mkdir(exist_ok=True)
             write_file(path, content.getvalue())
         self.runs.add(row.key, row, row.as_dict() | {"poses_sha256": _sha256(content.getvalue())})
+        if row.figures.end_reason == "worker_died":
+            warnings.warn(f"{run}: {row.figures.message}", UserWarning, stacklevel=2)
 
     def trace(self, key: RunKey) -> FloatArray:
         """Return where the rear axle was: x [m], y [m], heading [rad], (n, 3).
@@ -75,13 +69,14 @@ class ComparisonFolder(StudyFolder):
     def _poses(self, key: RunKey) -> Path:
         return self.folder / "poses" / f"{key.sha256[:24]}.npy"
 
-    def _read_run(self, values: dict[str, Any]) -> tuple[RunKey, RunRow]:
-        row, path = RunRow.of(values), self._poses(RunRow.of(values).key)
+    def _read_row(self, values: dict[str, Any]) -> tuple[RunKey, RunRow]:
+        key, row = super()._read_row(values)
+        path = self._poses(key)
         with self.blame(path):
             content = path.read_bytes()
             if values.get("poses_sha256", _sha256(content)) != _sha256(content):  # older versions have none
                 raise ValueError("its sha256 is another")
-        return row.key, row
+        return key, row
 
 
 def _sha256(content: bytes) -> str:

@@ -16,14 +16,14 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from ...racing.opponents import FIRST, AmongCars
+from ...racing.opponents import FIRST
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
 from ..intervals import per_cent, quantile, quartiles, wilson
-from .run import RunFigures, RunKey, RunRow
+from .run import RunFigures, RunRow
 
 DIFFERENCES = Differences(
     names=(
@@ -160,18 +160,6 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
         mean_lap_std_s=statistics.stdev(mean) if len(mean) > 1 else None,
         among=among,
     )
-
-
-def runs_csv(rows: Sequence[RunRow]) -> str:
-    """Return a CSV of a row a run; what there is not is empty."""
-    kinds = (RunKey, RunFigures, *([AmongCars] if any(row.among is not None for row in rows) else []))
-    return Table.of((row.as_dict() for row in rows), [field.name for kind in kinds for field in fields(kind)]).csv()
-
-
-def cells_csv(cells: Sequence[Cell]) -> str:
-    """Return a CSV of a row a cell; what there is not is empty."""
-    names = [*cells[0].as_dict()] if cells else [field.name for field in fields(Cell) if field.name != "among"]
-    return Table.of((cell.as_dict() for cell in cells), names).csv()
 
 
 HEADER = (

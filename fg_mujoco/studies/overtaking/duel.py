@@ -12,10 +12,8 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +29,10 @@ from ...simulation.cars import WorldCar
 from ...simulation.course_loading import load_track
 from ...simulation.engine import Engine
 from ...simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
-from ...simulation.planner_failure import one_line
 from ...simulation.settings import FASTEST, CarSettings, DriveSettings, Start, require_laps
 from ...simulation.termination import END_REASONS
 from ...simulation.world import World
-from ..store import of_kind
+from ..grid_study import GridKey, GridRow, figures_of, why_failed
 from .slower_opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]
@@ -85,7 +82,7 @@ class DuelSettings(CarSettings):
 
 
 @dataclass(frozen=True)
-class DuelKey:
+class DuelKey(GridKey):
     """The settings of one duel, without those that all have in common, and without the versions."""
 
     planner: str
@@ -94,12 +91,6 @@ class DuelKey:
     opponent: str
     seed: int
     planner_files_sha256: str | None = None  # of the files that the planner reads; None: it reads none
-
-    @property
-    def sha256(self) -> str:
-        """Names the duel, and seeds what is drawn for it but for the planner, so that planners meet the same."""
-        values = astuple(self)
-        return sha256(repr(values if values[-1] is not None else values[:-1]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,21 +114,11 @@ class DuelFigures:
 
 
 @dataclass(frozen=True)
-class DuelRow:
+class DuelRow(GridRow):
     """A duel and its figures: one line of duels.jsonl, one row of duels.csv."""
 
     key: DuelKey
     figures: DuelFigures
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return key and figures in one, as JSON has them."""
-        return asdict(self.key) | asdict(self.figures)
-
-    @classmethod
-    def read(cls, values: Mapping[str, Any]) -> tuple[DuelKey, DuelRow]:
-        """Return the row that `as_dict` made the values of, behind its key; errors as `of_kind`."""
-        row = cls(of_kind(DuelKey, values), of_kind(DuelFigures, values))
-        return row.key, row
 
 
 @dataclass(frozen=True)
@@ -157,16 +138,11 @@ class Duel:
         try:
             return DuelRow(self.key, drive_duel(self))
         except Exception as error:
-            text = " ".join(str(error).split()) if isinstance(error, ControllerError) else one_line(error)
-            return self._failed(text)
+            return self.died(why_failed(error))
 
     def died(self, how: str) -> DuelRow:
-        """Return the result of a duel whose worker process ended, with its end in words."""
-        return self._failed(how)
-
-    def _failed(self, message: str) -> DuelRow:
-        none = {field.name: None for field in fields(DuelFigures)}
-        return DuelRow(self.key, DuelFigures(**none | {"outcome": "failed", "message": message}))  # type: ignore[arg-type]
+        """Return the result of a duel that failed, or whose worker process ended, with its end in words."""
+        return DuelRow(self.key, figures_of(DuelFigures, outcome="failed", message=how))
 
     def draw(self, length: float) -> tuple[float, float, float]:
         """Return the start of the planner's car [m], the headway [m] and the ratio of speeds, as the seed draws them.

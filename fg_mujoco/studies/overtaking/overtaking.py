@@ -10,12 +10,9 @@ needs `if __name__ == "__main__":`, as every script that starts processes does.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...course.writing import write_file
-from ...display import Shown, brief, escaped, paragraph, quoted
 from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
@@ -24,23 +21,12 @@ from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
 from ...viz.pages.figures import require_matplotlib
-from ..rollout.job import versions
-from ..run_grid import as_axis, require_axes, time_left
-from ..store import WRITABLE, StudyFolder, blame, claimed
-from ..workers import work_through
+from ...viz.pages.table import Table
+from ..grid_study import GridFolder, Study, StudyProgress, drive_grid
+from ..run_grid import as_axis, require_axes
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .slower_opponents import OPPONENTS
-from .tables import (
-    DIFFERENCES,
-    DuelCell,
-    cells_csv,
-    cells_table,
-    chosen_cells,
-    duels_csv,
-    make_cells,
-    paired_differences,
-    ratio_picture,
-)
+from .tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, paired_differences, ratio_picture
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
@@ -53,59 +39,23 @@ _UNUSABLE = (
 """Keywords of a Setup that a duel cannot use."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OvertakingProgress:
-    """Progress of a study, for `watch`."""
-
-    duels: int
-    duels_found: int  # in the folder, driven by an earlier call
-    duels_driven: int  # by this call
-    wall_time_s: float
-
-    @property
-    def remaining_s(self) -> float | None:
-        """Expected time to the end [s]; None before the first duel is finished."""
-        return time_left(self.duels, self.duels_found, self.duels_driven, self.wall_time_s)
-
-
-@dataclass(frozen=True, kw_only=True, repr=False)
-class Overtaking(Shown):
+class Overtaking(Study[DuelRow, DuelCell]):
     """The results of all duels."""
 
-    rows: tuple[DuelRow, ...]
-    cells: tuple[DuelCell, ...]
-    folder: Path
-    duels_driven: int  # by this call
-    wall_time_s: float
-
-    def __repr__(self) -> str:
-        overtaken = sum(row.figures.outcome == "overtaken" for row in self.rows)
-        return brief(self, f"{len(self.rows)} duels, {overtaken} overtakes", f"in {quoted(self.folder)}")
-
-    def _repr_html_(self) -> str:
-        tables = (cells_table(self.cells), DIFFERENCES.table(self.differences))
-        below = paragraph(f"{len(self.rows)} duels in {self.folder}")
-        return escaped([*(each.notebook() for each in tables if each), below])
+    noun = "duels"
+    paired = DIFFERENCES
+    make_cells = staticmethod(make_cells)
 
     @property
     def differences(self) -> tuple[dict[str, Any], ...]:
         """Differences of each two planners in the duels that both drove, by the names in differences.csv."""
         return paired_differences(self.rows)
 
-    def markdown(self) -> str:
-        """Return the table, and that of the differences from the first planner, each with its legend."""
-        tables = (cells_table(chosen_cells(self.cells)), DIFFERENCES.table(self.differences))
-        return "\n".join(each.markdown() for each in tables if each)
+    def _summed_up(self) -> str:
+        return f"{sum(row.figures.outcome == 'overtaken' for row in self.rows)} overtakes"
 
-    def summary(self) -> dict[str, Any]:
-        """Return the figures, as JSON has them."""
-        return {
-            "duels": len(self.rows),
-            "duels_driven": self.duels_driven,
-            "wall_time_s": self.wall_time_s,
-            "table": [asdict(cell) for cell in self.cells],
-            "differences": list(self.differences),
-        }
+    def _table(self, *, chosen: bool) -> Table:
+        return cells_table(chosen_cells(self.cells) if chosen else self.cells)
 
 
 @renamed(planners="controller", tracks="track", seeds="seed")
@@ -120,7 +70,7 @@ def overtake(
     workers: int | None = None,
     pictures: bool = True,
     setup: Setup | None = None,
-    watch: Callable[[OvertakingProgress], None] | None = None,
+    watch: Callable[[StudyProgress], None] | None = None,
     **keywords: Any,
 ) -> Overtaking:
     """Drive each planner behind each opponent on each track with each seed, and write what became of them to a folder.
@@ -159,34 +109,13 @@ def overtake(
     )  # fmt: skip
     planners, tracks, opponents, seeds = map(as_axis, (controller, track, opponents, seed))
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
-    folder = StudyFolder(out, title="overtaking study", command="overtake")
-    with claimed(folder):
-        folder.open(settings.manifest(), versions())
-        driven = folder.rows("duels.jsonl", DuelRow.read)
-        missing = [duel for duel in duels if duel.key not in driven]
+    folder = GridFolder(out, DuelRow.of, title="overtaking study", command="overtake", file="duels.jsonl")
 
-        def keep(_: Duel, row: DuelRow) -> None:
-            driven.add(row.key, row, row.as_dict())
+    def draw(study: Overtaking) -> None:
+        if pictures:
+            ratio_picture(study.rows, settings.slowest, settings.fastest, study.folder / "table.png")
 
-        def tell(count: int, elapsed: float) -> None:
-            if watch is not None:
-                found = len(duels) - len(missing)
-                watch(OvertakingProgress(duels=len(duels), duels_found=found, duels_driven=count, wall_time_s=elapsed))
-
-        taken = work_through(Duel.drive, missing, keep, workers=workers, watch=tell, died=Duel.died)
-        rows = tuple(driven[duel.key] for duel in duels)
-        driven.sort([duel.key for duel in duels])
-        study = Overtaking(
-            rows=rows, cells=make_cells(rows), folder=folder.folder, duels_driven=len(missing), wall_time_s=taken
-        )  # fmt: skip
-        with blame(folder.folder, WRITABLE):
-            write_file(folder.folder / "duels.csv", duels_csv(rows).encode())
-            write_file(folder.folder / "table.csv", cells_csv(study.cells).encode())
-            write_file(folder.folder / "differences.csv", DIFFERENCES.csv(study.differences).encode())
-            write_file(folder.folder / "table.md", study.markdown().encode())
-            if pictures:
-                ratio_picture(rows, settings.slowest, settings.fastest, folder.folder / "table.png")
-        return study
+    return drive_grid(Overtaking, duels, folder, settings.manifest(), workers=workers, watch=watch, draw=draw)
 
 
 def plan_duels(

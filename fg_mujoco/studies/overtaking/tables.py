@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from ...viz.pages.figures import COLOURS, picture
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
 from ..intervals import Outcome, quantile, quartiles, wilson
-from .duel import DuelFigures, DuelKey, DuelRow
+from .duel import DuelFigures, DuelRow
 
 DIFFERENCES = Differences(
     names=(
@@ -68,6 +68,10 @@ class DuelCell:
     time_lost_count: int  # overtakes whose time lost is known
     time_lost_q25_s: float | None  # their quartiles
     time_lost_q75_s: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all figures, as JSON has them."""
+        return asdict(self)
 
     @property
     def share(self) -> float:
@@ -131,17 +135,6 @@ def paired_differences(rows: Sequence[DuelRow]) -> tuple[dict[str, Any], ...]:
 def _outcome(duel: DuelFigures) -> Outcome:
     lost = duel.time_lost_s
     return duel.outcome == "overtaken", lost if lost is not None and math.isfinite(lost) else None
-
-
-def duels_csv(rows: Sequence[DuelRow]) -> str:
-    """Return a CSV of a row a duel; what there is not is empty."""
-    names = [field.name for kind in (DuelKey, DuelFigures) for field in fields(kind)]
-    return Table.of((row.as_dict() for row in rows), names).csv()
-
-
-def cells_csv(cells: Sequence[DuelCell]) -> str:
-    """Return a CSV of a row a cell; what there is not is empty."""
-    return Table.of(map(asdict, cells), [field.name for field in fields(DuelCell)]).csv()
 
 
 def cells_table(cells: Sequence[DuelCell]) -> Table:
