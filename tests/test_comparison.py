@@ -24,7 +24,7 @@ from fg_mujoco.studies.comparison.run import (
     driven_poses,
     wrong_way_time,
 )
-from fg_mujoco.studies.comparison.tables import DIFFERENCES, cells_table, make_cells, paired_differences
+from fg_mujoco.studies.comparison.tables import DIFFERENCES, cells_table, make_cells
 from fg_mujoco.studies.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters
@@ -378,7 +378,7 @@ def test_differences_are_within_pairs_of_runs(capsys):
     rows = [row(seed=seed, best_lap_s=lap) for seed, lap in enumerate(laps)]
     rows += [row("b", seed=seed, best_lap_s=lap + 0.5) for seed, lap in enumerate(laps)]
     rows += [row("b", seed=6, best_lap_s=99.0), row(seed=7), row(seed=8), row("b", seed=8, **CRASH)]
-    (found,) = paired_differences(rows)
+    (found,) = DIFFERENCES.of(rows)
     assert (found["controller"], found["reference"], found["course"]) == ("b", "a", "all")
     assert (found["pairs"], found["successes"], found["reference_successes"]) == (7, 6, 7)  # seeds 6, 7 have one run
     assert found["success_difference"] == pytest.approx(-1 / 7)
@@ -392,20 +392,20 @@ def test_differences_are_within_pairs_of_runs(capsys):
 
 def test_differences_are_of_each_two_planners_and_of_each_course():
     rows = [row(name, course=course) for name in "abc" for course in ("oval", "tight")]
-    found = paired_differences(rows)
+    found = DIFFERENCES.of(rows)
     assert [(each["reference"], each["controller"], each["course"]) for each in found] == [
         (reference, controller, course)
         for reference, controller in ("ab", "ac", "bc")
         for course in ("all", "oval", "tight")
     ]
     assert [controller for controller, *_ in DIFFERENCES.table(found).rows] == ["b", "c"]
-    assert paired_differences(rows[:2]) == () and DIFFERENCES.table(()) is None
+    assert DIFFERENCES.of(rows[:2]) == () and DIFFERENCES.table(()) is None
 
 
 def test_runs_on_another_course_of_the_same_name_are_no_pair():
     other = row("b")
     other = replace(other, key=replace(other.key, course_sha256="1"))
-    assert paired_differences([row(), other]) == ()
+    assert DIFFERENCES.of([row(), other]) == ()
 
 
 def test_the_files_and_the_page_have_intervals_counts_and_differences(here):

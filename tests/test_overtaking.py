@@ -29,7 +29,7 @@ from fg_mujoco.studies.overtaking.duel import (
 )
 from fg_mujoco.studies.overtaking.overtaking import overtake
 from fg_mujoco.studies.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
-from fg_mujoco.studies.overtaking.tables import DIFFERENCES, make_cells, paired_differences
+from fg_mujoco.studies.overtaking.tables import DIFFERENCES, make_cells
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 
@@ -214,7 +214,7 @@ def test_differences_are_within_pairs_of_duels():
         for seed, (how, seconds) in enumerate([("overtaken", 1.0), ("overtaken", 4.0), ("overtaken", 9.0)])
     ]
     rows.append(replace(rows[0], key=replace(rows[0].key, seed=9)))  # which b has not driven
-    found = paired_differences(rows)
+    found = DIFFERENCES.of(rows)
     assert [(each["planner"], each["reference"], each["track"], each["pairs"]) for each in found] == [
         ("b", "a", "all", 6), ("b", "a", "oval", 3), ("b", "a", "tight", 3)
     ]  # fmt: skip

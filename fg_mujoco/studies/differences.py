@@ -6,7 +6,7 @@ of two averages does. Intervals are those of `intervals`, at 95 %, of each diffe
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
 
@@ -21,20 +21,19 @@ ALL = "all"
 class Differences:
     """What a study calls the differences of two planners, each the planner's figure minus the reference's."""
 
+    outcome: Callable[[Any], tuple[str, Hashable, Any, Outcome]]
+    """Returns of a row its planner, what tells it from the planner's others, its group, and its outcome."""
+
     names: tuple[str, ...]  # of the planner, the reference, what runs are grouped by, and the figures of `Paired`
     everything: tuple[str | None, ...]  # what the group of all runs is called
     header: tuple[str, ...]  # of the table for people
     legend: str
 
-    def of(self, outcomes: Iterable[tuple[str, Hashable, Any, Outcome]]) -> tuple[dict[str, Any], ...]:
-        """Return the differences of each two planners, over all runs and in each of several groups.
-
-        Args:
-          outcomes: of each run its planner, what tells it from the planner's others, its group, and its outcome.
-        """
+    def of(self, rows: Iterable[Any]) -> tuple[dict[str, Any], ...]:
+        """Return the differences of each two planners, over all runs and in each of several groups."""
         return tuple(
             dict(zip(self.names, (planner, reference, *(group or self.everything), *astuple(found)), strict=True))
-            for planner, reference, group, found in paired_by_planner(outcomes)
+            for planner, reference, group, found in paired_by_planner(map(self.outcome, rows))
         )
 
     def csv(self, found: Iterable[dict[str, Any]]) -> str:

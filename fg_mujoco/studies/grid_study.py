@@ -112,11 +112,13 @@ class GridRun(Protocol):
         """Return the same of a run whose worker process ended, with its end in words."""
 
 
-class GridCell(Protocol):
-    """How a group of runs went."""
+@dataclass(frozen=True)
+class GridCell:
+    """Base of cells: how a group of runs went."""
 
     def as_dict(self) -> dict[str, Any]:
         """Return its figures, as JSON has them."""
+        return asdict(self)
 
 
 class GridFolder(StudyFolder):
@@ -171,7 +173,7 @@ class Study(Shown, Generic[_Row, _Cell]):
 
     Attributes:
       noun: what its runs are called.
-      paired: its table of differences.
+      paired: its differences of planners.
     """
 
     noun: ClassVar[str] = "runs"
@@ -191,7 +193,7 @@ class Study(Shown, Generic[_Row, _Cell]):
     @property
     def differences(self) -> tuple[dict[str, Any], ...]:
         """Differences of each two planners in the runs that both drove, by the names in differences.csv."""
-        raise NotImplementedError
+        return self.paired.of(self.rows)
 
     def _summed_up(self) -> str:
         """Return the results in a few words, for the repr."""

@@ -33,7 +33,7 @@ from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import DIFFERENCES, Cell, cells_table, make_cells, paired_differences
+from .tables import DIFFERENCES, Cell, cells_table, make_cells
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -48,11 +48,6 @@ class Comparison(Study[RunRow, Cell]):
 
     paired = DIFFERENCES
     make_cells = staticmethod(make_cells)
-
-    @property
-    def differences(self) -> tuple[dict[str, Any], ...]:
-        """How each two controllers differ in the runs that both drove, by the names in differences.csv."""
-        return paired_differences(self.rows)
 
     def _summed_up(self) -> str:
         controllers, courses = ({getattr(cell, name) for cell in self.cells} for name in ("controller", "course"))

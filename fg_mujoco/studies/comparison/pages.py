@@ -36,7 +36,7 @@ from ..store import WRITABLE, blame
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import DIFFERENCES, cells_table, make_cells, paired_differences
+from .tables import DIFFERENCES, cells_table, make_cells
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"
@@ -207,7 +207,7 @@ def _write_index(
         common["opponents"] = " and ".join(settings.opponents.labels)
     shared = ", ".join(f"{key} {value}" for key, value in common.items() if value is not None)
     wins = sum(row.figures.success for row in rows)
-    differences = DIFFERENCES.table(paired_differences(told))
+    differences = DIFFERENCES.table(DIFFERENCES.of(told))
     body = html(
         '<h1>{name}: {count} runs</h1><p class="result">{wins} of {count} finished without touching anything.</p>'
         '<p class="note">{shared}. A click on a seed opens the report of that run.</p>{table}{differences}{remarks}',

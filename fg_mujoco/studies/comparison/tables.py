@@ -16,16 +16,21 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ...racing.opponents import FIRST
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
+from ..grid_study import GridCell
 from ..intervals import per_cent, quantile, quartiles, wilson
 from .run import RunFigures, RunRow
 
 DIFFERENCES = Differences(
+    outcome=lambda row: (
+        row.key.controller, (row.key.course, row.key.course_sha256, row.key.max_speed_m_s, row.key.seed),
+        (row.key.course, row.key.max_speed_m_s), (row.figures.success, row.figures.best_lap_s),
+    ),
     names=(
         "controller", "reference", "course", "max_speed_m_s", "pairs", "successes", "reference_successes",
         "success_difference", "success_difference_low", "success_difference_high", "lap_pairs",
@@ -42,17 +47,6 @@ DIFFERENCES = Differences(
 )  # fmt: skip
 
 
-def paired_differences(rows: Sequence[RunRow]) -> tuple[dict[str, Any], ...]:
-    """Return the differences of each two controllers, over all courses and on each of several, in the order of rows."""
-    return DIFFERENCES.of(
-        (
-            row.key.controller, (row.key.course, row.key.course_sha256, row.key.max_speed_m_s, row.key.seed),
-            (row.key.course, row.key.max_speed_m_s), (row.figures.success, row.figures.best_lap_s),
-        )
-        for row in rows
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class CellAmong:
     """How a controller fared among its opponents on a course, over all seeds of which there is such a figure."""
@@ -66,7 +60,7 @@ class CellAmong:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cell:
+class Cell(GridCell):
     """How a controller fared on a course, over all seeds. None: no run has such a figure."""
 
     controller: str
@@ -94,7 +88,7 @@ class Cell:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all figures in one, as JSON has them."""
-        own = asdict(self)
+        own = super().as_dict()
         among = own.pop("among")
         return own | (among or {})
 

@@ -26,7 +26,7 @@ from ..grid_study import GridFolder, Study, StudyProgress, drive_grid
 from ..run_grid import as_axis, require_axes
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .slower_opponents import OPPONENTS
-from .tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, paired_differences, ratio_picture
+from .tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, ratio_picture
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
@@ -45,11 +45,6 @@ class Overtaking(Study[DuelRow, DuelCell]):
     noun = "duels"
     paired = DIFFERENCES
     make_cells = staticmethod(make_cells)
-
-    @property
-    def differences(self) -> tuple[dict[str, Any], ...]:
-        """Differences of each two planners in the duels that both drove, by the names in differences.csv."""
-        return paired_differences(self.rows)
 
     def _summed_up(self) -> str:
         return f"{sum(row.figures.outcome == 'overtaken' for row in self.rows)} overtakes"

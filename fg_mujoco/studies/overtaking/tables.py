@@ -15,17 +15,20 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ...viz.pages.figures import COLOURS, picture
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
+from ..grid_study import GridCell
 from ..intervals import Outcome, quantile, quartiles, wilson
 from .duel import DuelFigures, DuelRow
 
 DIFFERENCES = Differences(
+    outcome=lambda row: (
+        row.key.planner, (row.key.track, row.key.opponent, row.key.seed), (row.key.track,), _outcome(row.figures)
+    ),
     names=(
         "planner", "reference", "track", "pairs", "overtaken", "reference_overtaken", "share_difference",
         "share_difference_low", "share_difference_high", "time_pairs", "time_lost_difference_s",
@@ -45,7 +48,7 @@ _BANDS = 5  # of ratios in the picture
 
 
 @dataclass(frozen=True, kw_only=True)
-class DuelCell:
+class DuelCell(GridCell):
     """How a planner fared against an opponent on a track, over all seeds. None: no duel has such a figure."""
 
     planner: str
@@ -68,10 +71,6 @@ class DuelCell:
     time_lost_count: int  # overtakes whose time lost is known
     time_lost_q25_s: float | None  # their quartiles
     time_lost_q75_s: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return all figures, as JSON has them."""
-        return asdict(self)
 
     @property
     def share(self) -> float:
@@ -122,14 +121,6 @@ def _cell(planner: str, track: str, opponent: str, duels: Sequence[DuelFigures])
 def _median(values: Iterable[float | None]) -> float | None:
     given = [value for value in values if value is not None and math.isfinite(value)]
     return statistics.median(given) if given else None
-
-
-def paired_differences(rows: Sequence[DuelRow]) -> tuple[dict[str, Any], ...]:
-    """Return the differences of each two planners, over all tracks and on each of several, in the order of rows."""
-    return DIFFERENCES.of(
-        (row.key.planner, (row.key.track, row.key.opponent, row.key.seed), (row.key.track,), _outcome(row.figures))
-        for row in rows
-    )
 
 
 def _outcome(duel: DuelFigures) -> Outcome:
