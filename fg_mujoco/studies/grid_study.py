@@ -5,6 +5,8 @@ A study has a key, figures and a row of its runs, the run itself with `drive` an
     folder = GridFolder(out, DuelRow.of, title="overtaking study", command="overtake", file="duels.jsonl")
     study = drive_grid(Overtaking, duels, folder, settings.manifest(), workers=None, watch=None, draw=picture)
 
+A new study is a module of `studies` and one of `cli`, for which see `cli.drive_study`; `cli.main` lists its name.
+
 The folder has, besides what `store` says of it:
 
     RUNS.csv          a row a run
