@@ -25,8 +25,9 @@ Squares of <numbers>
 6 squares, the greatest of 25 m².
 2 < 3 & so on.
 
-                        expected  measured
-squares: greatest area  25 m²     25 m²
+| what          | expected | measured | section |
+| ------------- | -------- | -------- | ------- |
+| greatest area | 25 m²    | 25 m²    | squares |
 """
 
 
