@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from fg_mujoco.studies.friction_lab.experiment import Figure, Section, no_number
-from fg_mujoco.viz.pages.figures import column, finish, measured, theory
+from fg_mujoco.viz.pages.figure_kit import column, finish, measured, theory
 
 FINE, FAILS, DIES, SLOW = range(4)
 COUNT = 6

@@ -14,6 +14,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.studies.comparison.comparison_tables import DIFFERENCES, cells_table, make_cells
 from fg_mujoco.studies.comparison.ground import Ground, course_ground
 from fg_mujoco.studies.comparison.pages import write_comparison_report
 from fg_mujoco.studies.comparison.pictures import table_picture
@@ -24,7 +25,6 @@ from fg_mujoco.studies.comparison.run import (
     driven_poses,
     wrong_way_time,
 )
-from fg_mujoco.studies.comparison.tables import DIFFERENCES, cells_table, make_cells
 from fg_mujoco.studies.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters
@@ -454,7 +454,7 @@ def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_
 @pytest.mark.parametrize("crashed", [False, True])
 def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypatch, crashed):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, *to: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, *to: drawn.append(figure))
     last = CRASH if crashed else {"best_lap_s": 9.9, "mean_lap_s": 12.25}
     table_picture(make_cells([row(), row("b", **last)]), tmp_path / "table.png")
     axes, scale = drawn[0].axes

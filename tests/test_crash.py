@@ -117,7 +117,7 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "planner.py").write_text(PLANNER)
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
     assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
     table = capsys.readouterr().out
     crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]

@@ -144,7 +144,7 @@ def test_page_says_how_to_have_the_pictures(tmp_path, monkeypatch):
         raise MissingExtraError("pip install what-draws")
 
     monkeypatch.setattr("fg_mujoco.viz.rendering.Film", missing)
-    monkeypatch.setattr("fg_mujoco.viz.report.page.make_clip", lambda *arguments, **settings: None)
+    monkeypatch.setattr("fg_mujoco.viz.report.report_page.make_clip", lambda *arguments, **settings: None)
     page = write_report(shunt()[0], tmp_path / "a.html").read_text(encoding="utf-8")
     assert "pip install what-draws" in page and "<h2>Contacts</h2>" in page
 

@@ -399,7 +399,7 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
 
 def test_a_page_escapes_what_a_name_says(found, tmp_path):
     pytest.importorskip("bokeh")
-    from fg_mujoco.studies.identification.page import write_identification_report
+    from fg_mujoco.studies.identification.identification_page import write_identification_report
 
     named = replace(found, drives=(replace(found.drives[0], name="<script>alert(1)</script>"),))
     page = write_identification_report(named, tmp_path / "page.html").read_text()

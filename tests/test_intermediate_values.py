@@ -319,7 +319,7 @@ def test_a_page_without_values_has_no_table_of_them(tmp_path):
 def test_the_picture_has_the_values_too(shows, tmp_path, monkeypatch):
     figures = []
     seen = fg.debug(fg.race("oval", shows, time_limit=0.2))
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: figures.append(figure))
     seen.write_picture(tmp_path / "one.png")
     above, _, said = figures[0].axes
     assert {"halved", "hit", "box", "start"} <= {text.get_text() for text in above.get_legend().get_texts()}

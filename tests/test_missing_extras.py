@@ -18,7 +18,7 @@ from fg_mujoco.studies.identification.fit import require_scipy
 from fg_mujoco.studies.rollout.ray_cluster import require_ray
 from fg_mujoco.viz.live.browser import require_viser
 from fg_mujoco.viz.pages.bokeh_plots import require_bokeh
-from fg_mujoco.viz.pages.figures import require_matplotlib
+from fg_mujoco.viz.pages.figure_kit import require_matplotlib
 from fg_mujoco.viz.rendering.telemetry_strip import require_pillow
 from fg_mujoco.viz.rendering.video import require_encoder
 

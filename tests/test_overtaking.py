@@ -28,8 +28,8 @@ from fg_mujoco.studies.overtaking.duel import (
     pace,
 )
 from fg_mujoco.studies.overtaking.overtaking import overtake
+from fg_mujoco.studies.overtaking.overtaking_tables import DIFFERENCES, make_cells
 from fg_mujoco.studies.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
-from fg_mujoco.studies.overtaking.tables import DIFFERENCES, make_cells
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 

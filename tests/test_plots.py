@@ -10,7 +10,7 @@ from conftest import Straight
 import fg_mujoco as fg
 from fg_mujoco.course.course import describe_course
 from fg_mujoco.errors import install_command
-from fg_mujoco.viz.pages.figures import require_matplotlib
+from fg_mujoco.viz.pages.figure_kit import require_matplotlib
 
 
 def pixels(draw):
@@ -53,7 +53,7 @@ def test_trace_picture_differs_with_the_race(short_race, lap):
 
 def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
     fg.trace_picture(lap, "not written")
     (figure,) = drawn
     above, speed, steering, sliding, *tires = figure.axes[:8]
@@ -93,7 +93,7 @@ def with_car(result, **changes):
 @pytest.mark.slow
 def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
     ticks, length = 400, lap.world.track.length
     telemetry = np.tile(lap.car.telemetry[:1], (ticks, 1))
     column = {name: telemetry[:, index] for index, name in enumerate(fg.TELEMETRY)}
@@ -136,7 +136,7 @@ def cut_off(figure):
 @pytest.mark.parametrize("tires", ["contact", "f1tenth_gym"])
 def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
     named = with_car(lap, entry=fg.Entry(tires=tires), controller=f"{'path/to/' * 12}planner.py:Planner")
     fg.trace_picture(named, "not written")
     assert cut_off(drawn[0]) == []
@@ -145,7 +145,7 @@ def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
 @pytest.mark.slow
 def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
     entries = [fg.Entry(controller=Straight(), name=f"a car of a long name {number}") for number in range(8)]
     fg.trace_picture(fg.race("oval", entries=entries, time_limit=0.1), "not written")
     assert cut_off(drawn[0]) == []

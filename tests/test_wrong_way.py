@@ -208,8 +208,8 @@ def here(tmp_path, monkeypatch):
 def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, monkeypatch):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     drawn = []
-    monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, path: drawn.append(figure))
-    monkeypatch.setattr("fg_mujoco.viz.report.page.make_clip", lambda *_: None)
+    monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.viz.report.report_page.make_clip", lambda *_: None)
     assert main(["race", "--controller", "turner.py:Reverser", "--out", "runs/back"]) == 1
     table = capsys.readouterr().out
     summary = json.loads((here / "runs/back/summary.json").read_text())

@@ -33,7 +33,7 @@ def add_debug(add_command: Callable[..., argparse.ArgumentParser], commands: Any
 
 def _debug(options: argparse.Namespace) -> int:
     from ..viz.debug import debug
-    from ..viz.pages.figures import require_matplotlib
+    from ..viz.pages.figure_kit import require_matplotlib
 
     path, picture = options.out, options.picture
     if path is None and picture is None:

@@ -47,7 +47,7 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
 def _identify(options: argparse.Namespace) -> int:
     from ..ros.bag_drive import identify
     from ..studies.identification.fit import require_scipy
-    from ..studies.identification.page import write_identification_report
+    from ..studies.identification.identification_page import write_identification_report
     from ..studies.identification.tire_file import check_tire_file, write_tires
     from ..viz.pages.bokeh_plots import require_bokeh
 

@@ -25,7 +25,7 @@ from ..simulation.telemetry import TELEMETRY
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import SLIDING_SPEED, slides_above, sliding_rule
 from .course_drawing import draw_course, draw_line, draw_obstacles, extent
-from .pages.figures import ALERT, WIDTH, Target, limit, picture, require_matplotlib, stacked
+from .pages.figure_kit import ALERT, WIDTH, Target, limit, picture, require_matplotlib, stacked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

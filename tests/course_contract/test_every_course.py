@@ -167,7 +167,7 @@ def test_it_is_raced_drawn_and_learned_on(course, monkeypatch):
     assert (result.track, result.laps_requested) == (course.name, 5 if course.closed else 1)
     drawn = []
     if course.name not in WHOLLY_DRAWN:
-        monkeypatch.setattr("fg_mujoco.viz.pages.figures.save_figure", lambda figure, file: drawn.append(figure))
+        monkeypatch.setattr("fg_mujoco.viz.pages.figure_kit.save_figure", lambda figure, file: drawn.append(figure))
     files = io.BytesIO(), io.BytesIO()
     fg.track_picture(course, files[0])
     fg.trace_picture(result, files[1])

@@ -15,7 +15,7 @@ from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_sources import bundled_names
 from fg_mujoco.ros.bag_messages import markers_message, to_cdr
 from fg_mujoco.ros.node_host.program import read_program
-from fg_mujoco.viz.debug import page
+from fg_mujoco.viz.debug import debug_page
 from fg_mujoco.viz.debug.decisions import Witness
 
 from .course_targets import ring
@@ -262,7 +262,7 @@ def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
         witness = Witness(Planner(), car)
         answer = witness.decide(scan, odometry, None)
         assert answer == fg.STOP and all("\n" not in remark for remark in witness.remarks)
-        json.dumps(page._decision(witness.look(0, scan, odometry, answer, answer), 1e-3, []), allow_nan=False)
+        json.dumps(debug_page._decision(witness.look(0, scan, odometry, answer, answer), 1e-3, []), allow_nan=False)
         values = witness._values
         for sketch in values.sketches(scan, odometry.pose, car.lidar_offset):
             assert np.isfinite(sketch.points).all()

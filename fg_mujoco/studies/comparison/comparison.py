@@ -25,15 +25,15 @@ from ...racing.planner_files import files_sha256
 from ...racing.planner_sources import controller_names
 from ...racing.setup import Setup, StudyKeywords
 from ...simulation.settings import FASTEST, renamed
-from ...viz.pages.figures import require_matplotlib
+from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
 from ..grid_study import Study, StudyProgress, drive_grid
 from ..run_grid import as_axis, require_axes
+from .comparison_tables import DIFFERENCES, Cell, cells_table, make_cells
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import DIFFERENCES, Cell, cells_table, make_cells
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -31,12 +31,12 @@ from ...racing.planner_trust import require_trusted
 from ...viz.pages.bokeh_plots import library, require_bokeh
 from ...viz.pages.page import LIBRARY, note, scroll, write_page
 from ...viz.pages.table import Table
-from ...viz.report.page import write_report
+from ...viz.report.report_page import write_report
 from ..store import WRITABLE, blame
+from .comparison_tables import DIFFERENCES, cells_table, make_cells
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import DIFFERENCES, cells_table, make_cells
 
 _FOLDER, _MANIFEST, _RUNS = "report", "manifest.json", "runs.jsonl"
 _ACCEPTED = "a folder that `compare --out` wrote"

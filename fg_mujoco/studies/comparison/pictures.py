@@ -12,12 +12,12 @@ import numpy as np
 from ...messages import FloatArray
 from ...simulation.cars import footprint
 from ...viz.course_drawing import draw_course, draw_obstacles, extent
-from ...viz.pages.figures import ALERT, COLOURS, picture
+from ...viz.pages.figure_kit import ALERT, COLOURS, picture
 from ..intervals import per_cent
+from .comparison_tables import Cell, course_title
 from .ground import Ground
 from .run import Run, RunKey, RunRow
 from .run_store import ComparisonFolder
-from .tables import Cell, course_title
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -25,7 +25,7 @@ from ...messages import DriveCommand, FloatArray, Odometry
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES, Tires
-from ...viz.pages.figures import column
+from ...viz.pages.figure_kit import column
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround

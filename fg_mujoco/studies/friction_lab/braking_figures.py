@@ -12,8 +12,8 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longi
 
 from ...vehicle.car import WHEELS
 from ...vehicle.vehicle import Vehicle
-from ...viz.pages import figures as style
-from ...viz.pages.figures import column
+from ...viz.pages import figure_kit as style
+from ...viz.pages.figure_kit import column
 from .experiment import Row, Tables
 
 if TYPE_CHECKING:

@@ -34,8 +34,8 @@ from ...vehicle.tire_forces import steps_within, tire_rows
 from ...vehicle.tire_slip import SLIDING_SPEED, slides_above
 from ...vehicle.tires import CONTACT, CONTACT_TIMESTEP, DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
-from ...viz.pages import figures as style
-from ...viz.pages.figures import column
+from ...viz.pages import figure_kit as style
+from ...viz.pages.figure_kit import column
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import Engine
 from .lab_laps import drive_laps

@@ -16,7 +16,7 @@ from ...errors import SettingsError
 from ...messages import require_whole
 from ...vehicle.changes import GREATEST_MU
 from ...vehicle.tires import CONTACT, DEFAULT_TIRES, Tires
-from ...viz.pages.figures import render
+from ...viz.pages.figure_kit import render
 
 if TYPE_CHECKING:
     import matplotlib.figure

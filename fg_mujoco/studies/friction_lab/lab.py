@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
-from ...viz.pages.figures import require_matplotlib
+from ...viz.pages.figure_kit import require_matplotlib
 from ..rollout.job import versions
 from ..run_grid import time_left
 from ..store import Rows, StudyFolder, claimed

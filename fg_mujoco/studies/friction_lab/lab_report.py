@@ -16,7 +16,7 @@ from typing import Any
 
 from ...course.writing import write_file
 from ...display import Html, element, html
-from ...viz.pages.figures import inlined
+from ...viz.pages.figure_kit import inlined
 from ...viz.pages.page import data_url, names_and_values, scroll, write_page
 from ...viz.pages.table import Table
 from ..store import WRITABLE, blame

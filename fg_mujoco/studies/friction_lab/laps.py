@@ -22,7 +22,7 @@ from ...racing.race import race
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES
-from ...viz.pages.figures import COLOURS, column, finish, limit, measured, theory
+from ...viz.pages.figure_kit import COLOURS, column, finish, limit, measured, theory
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .lap_line import best_flying_lap, driven_lap
 from .lap_time_bound import (

@@ -18,7 +18,7 @@ from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
-from ...viz.pages.figures import COLOURS, column, finish, limit, measured
+from ...viz.pages.figure_kit import COLOURS, column, finish, limit, measured
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
 

@@ -20,7 +20,7 @@ from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES
 from ...vehicle.vehicle import Vehicle
 from ...viz.course_drawing import draw_course
-from ...viz.pages.figures import COLOURS, column, finish, measured, theory
+from ...viz.pages.figure_kit import COLOURS, column, finish, measured, theory
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
 from .patch_manoeuvres import WAYS, brake_onset, circle, edge_load, onset, sliding_sideways

@@ -23,8 +23,8 @@ from ...vehicle.car import WHEELS, car_parameters
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES, Tires
 from ...vehicle.vehicle import Vehicle
-from ...viz.pages import figures as style
-from ...viz.pages.figures import column
+from ...viz.pages import figure_kit as style
+from ...viz.pages.figure_kit import column
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError

@@ -22,7 +22,7 @@ from ...messages import FloatArray
 from ...vehicle.tire_forces import FORCE_ACROSS, FORCE_ALONG, LOAD, TireForces, put_on
 from ...vehicle.tires import AxleTires, Law, Tires, tire_names
 from ...vehicle.vehicle import Vehicle
-from ...viz.pages import figures as style
+from ...viz.pages import figure_kit as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 
 if TYPE_CHECKING:

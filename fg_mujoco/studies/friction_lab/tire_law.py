@@ -28,8 +28,8 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSetting
 from ...messages import CarParameters, Odometry
 from ...vehicle.tires import CONTACT, Tires, tire_names
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from ...viz.pages import figures as style
-from ...viz.pages.figures import column
+from ...viz.pages import figure_kit as style
+from ...viz.pages.figure_kit import column
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import Engine, LabGround

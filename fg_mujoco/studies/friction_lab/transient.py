@@ -19,8 +19,8 @@ from fg_mujoco.controllers.control.speed import friction_speed
 from ...messages import DriveCommand, Odometry
 from ...vehicle.tire_slip import slides_above
 from ...vehicle.tires import DEFAULT_TIRES, Tires
-from ...viz.pages import figures as style
-from ...viz.pages.figures import column
+from ...viz.pages import figure_kit as style
+from ...viz.pages.figure_kit import column
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround
 from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre

@@ -20,13 +20,13 @@ from ...racing.planner_files import files_sha256
 from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
-from ...viz.pages.figures import require_matplotlib
+from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
 from ..grid_study import GridFolder, Study, StudyProgress, drive_grid
 from ..run_grid import as_axis, require_axes
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
+from .overtaking_tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, ratio_picture
 from .slower_opponents import OPPONENTS
-from .tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, ratio_picture
 
 DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)

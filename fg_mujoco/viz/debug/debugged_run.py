@@ -18,8 +18,8 @@ from ...simulation.world import World
 from ..rendering.recorded_drive import Drive, read_drive
 from ..report.map_shapes import map_shapes
 from ..report.recorded import RecordedRun, read_recorded
+from .debug_page import debug_page
 from .decisions import Witness
-from .page import debug_page
 from .picture import debug_picture
 from .window import Window
 

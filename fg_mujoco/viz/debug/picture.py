@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...messages import FloatArray
-from ..pages.figures import picture
+from ..pages.figure_kit import picture
 from ..pages.page import writing
-from .colours import COMMAND, GOAL, MOTION, hex_colour, law_colours, scan_colours
+from .decision_colours import COMMAND, GOAL, MOTION, hex_colour, law_colours, scan_colours
 from .decisions import Decision
 from .window import Window
 

@@ -19,7 +19,7 @@ from ...simulation.physics import STATE
 from ...vehicle.car import Car
 from ...vehicle.tire_forces import TireForces
 from ...vehicle.tire_slip import slides_above
-from ..pages.figures import ALERT, Target, picture
+from ..pages.figure_kit import ALERT, Target, picture
 from .recorded_drive import Drive, read_drive
 
 

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...viz.pages.figures import COLOURS, picture
+from ...viz.pages.figure_kit import COLOURS, picture
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
 from ..grid_study import GridCell

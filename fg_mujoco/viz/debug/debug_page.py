@@ -18,7 +18,7 @@ from ...messages import FloatArray
 from ...simulation.telemetry import recorded_command
 from ..pages.page import resource, result, scroll, switch, write_page
 from ..pages.table import Table
-from .colours import hex_colour, law_colours, scan_colours
+from .decision_colours import hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
 from .window import Window
 
