@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from ..arguments import explain_class
 from ..display import brief
-from ..errors import SettingsError
-from ..messages import FloatArray, require, shown
+from ..errors import ArgumentError, SettingsError, accepted_names
+from ..messages import FloatArray, require, require_whole, shown
 from .track_mesh import WALL_HEIGHT
 
 _CYLINDER_SIDES = 24
@@ -106,6 +106,54 @@ class Prism:
 
 
 Obstacle = Box | Cylinder | Prism
+
+
+KINDS: dict[str, Any] = {"box": Box, "cylinder": Cylinder, "prism": Prism}
+"""Name of a kind of obstacle in a file -> its class."""
+
+
+def described_obstacles(obstacles: Sequence[Obstacle]) -> list[dict[str, Any]]:
+    """Return obstacles as they can stand in JSON and TOML; `as_obstacles` reads them back."""
+    return [{"kind": type(each).__name__.lower(), **asdict(each)} for each in obstacles]
+
+
+def obstacles_or_count(value: Any) -> tuple[Obstacle, ...] | int:
+    """Return obstacles, or how many boxes there are to be.
+
+    Raises:
+      SettingsError: it is neither.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        require_whole("obstacles", value, 0)
+        return value
+    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
+        said = f"obstacles is {shown(value)}"
+        raise SettingsError(f"{said}; accepted: a whole number from 0, or a sequence of Box, Cylinder and Prism")
+    return as_obstacles(value)
+
+
+def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstacle, ...]:
+    """Return obstacles; a mapping has the kind of one, "box", "cylinder" or "prism", and its fields.
+
+    Raises:
+      SettingsError: something else.
+    """
+    found: list[Obstacle] = []
+    for place, value in enumerate(values):
+        solid: Any = value
+        if isinstance(value, Mapping):
+            own = dict(value)
+            kind = own.pop("kind", "box")
+            if kind not in KINDS:
+                raise SettingsError(f"obstacles[{place}].kind is {shown(kind)}; {accepted_names(kind, KINDS)}")
+            try:
+                solid = KINDS[kind](**own)
+            except (ArgumentError, SettingsError) as error:
+                raise SettingsError(f"obstacles[{place}]: {error}") from error
+        if not isinstance(solid, tuple(KINDS.values())):
+            raise SettingsError(f"obstacles[{place}] is {shown(value)}; accepted: Box, Cylinder, Prism")
+        found.append(solid)  # type: ignore[arg-type]
+    return tuple(found)
 
 
 def require_obstacles(obstacles: Any) -> None:

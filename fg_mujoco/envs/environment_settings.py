@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
-from ..course.obstacles import Obstacle
+from ..course.obstacles import Obstacle, obstacles_or_count
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
-from ..racing.setup import PARTS, Setup, require_obstacles
+from ..racing.setup import PARTS, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
@@ -81,7 +81,7 @@ class EnvironmentSettings(CarSettings):
         object.__setattr__(self, "observations", as_observations(self.observations))
         for name, least in (("laps", 1), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
-        object.__setattr__(self, "obstacles", require_obstacles(self.obstacles))
+        object.__setattr__(self, "obstacles", obstacles_or_count(self.obstacles))
         if not isinstance(self.start, str):
             self._make("start", Start)
         elif self.start not in STARTS:

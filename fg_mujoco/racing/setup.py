@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, laps_to_drive, require_course
 from ..course.definitions import course_sha256
-from ..course.obstacles import Box, Cylinder, Obstacle, Prism
+from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
 from ..course.random_obstacles import random_boxes
 from ..course.writing import write_file
 from ..display import brief, changed
@@ -70,7 +70,6 @@ PARTS = {
 """Keyword -> the setting of a car whose field it is, and the field. A rollout draws them by these names, too."""
 
 _KINDS = {"effects": LidarEffects, "start": Start, "changes": CarChanges}
-_SOLIDS = {"box": Box, "cylinder": Cylinder, "prism": Prism}
 
 
 class StudyKeywords(CarKeywords, total=False):
@@ -131,7 +130,7 @@ class Setup:
         require_time_limit(self)
         require_decision_limit(self)
         self._set("patches", as_parts(self.patches, Patch, "patches"))
-        self._set("obstacles", require_obstacles(self.obstacles))
+        self._set("obstacles", obstacles_or_count(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
@@ -477,50 +476,6 @@ def _require_vehicle(entry: Entry, sha256: Any) -> None:
     """Refuse a vehicle's file that is another one than was described."""
     if sha256 is not None and entry.car.sha256 != sha256:
         raise SettingsError(f"vehicle {entry.car.source!r} is another one now; accepted: the file as it was")
-
-
-def described_obstacles(obstacles: Sequence[Obstacle]) -> list[dict[str, Any]]:
-    """Return obstacles as they can stand in JSON and TOML; `as_obstacles` reads them back."""
-    return [{"kind": type(each).__name__.lower(), **asdict(each)} for each in obstacles]
-
-
-def require_obstacles(value: Any) -> tuple[Obstacle, ...] | int:
-    """Return obstacles, or how many boxes there are to be.
-
-    Raises:
-      SettingsError: it is neither.
-    """
-    if isinstance(value, int) and not isinstance(value, bool):
-        require_whole("obstacles", value, 0)
-        return value
-    if isinstance(value, (str, Mapping)) or not isinstance(value, Iterable):
-        said = f"obstacles is {shown(value)}"
-        raise SettingsError(f"{said}; accepted: a whole number from 0, or a sequence of Box, Cylinder and Prism")
-    return as_obstacles(value)
-
-
-def as_obstacles(values: Iterable[Obstacle | Mapping[str, Any]]) -> tuple[Obstacle, ...]:
-    """Return obstacles; a mapping has the kind of one, "box", "cylinder" or "prism", and its fields.
-
-    Raises:
-      SettingsError: something else.
-    """
-    found: list[Obstacle] = []
-    for place, value in enumerate(values):
-        solid: Any = value
-        if isinstance(value, Mapping):
-            own = dict(value)
-            kind = own.pop("kind", "box")
-            if kind not in _SOLIDS:
-                raise SettingsError(f"obstacles[{place}].kind is {shown(kind)}; {accepted_names(kind, _SOLIDS)}")
-            try:
-                solid = _SOLIDS[kind](**own)
-            except (ArgumentError, SettingsError) as error:
-                raise SettingsError(f"obstacles[{place}]: {error}") from error
-        if not isinstance(solid, tuple(_SOLIDS.values())):
-            raise SettingsError(f"obstacles[{place}] is {shown(value)}; accepted: Box, Cylinder, Prism")
-        found.append(solid)  # type: ignore[arg-type]
-    return tuple(found)
 
 
 def _described_entry(entry: Entry, of_object: Any) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
-from ...course.obstacles import Obstacle
+from ...course.obstacles import Obstacle, described_obstacles
 from ...errors import ControllerError, SettingsError, accepted_names
 from ...kernels import package_files
 from ...messages import require_whole
@@ -33,7 +33,7 @@ from ...racing.planner_files import Files, by_name, planner_files
 from ...racing.planner_loading import build_controller
 from ...racing.planner_sources import find_controller
 from ...racing.planner_texts import code_of
-from ...racing.setup import described_obstacles, require_decision_limit
+from ...racing.setup import require_decision_limit
 from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY

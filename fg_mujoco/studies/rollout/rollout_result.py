@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from ...arguments import explain_class
 from ...course.course import Course
+from ...course.obstacles import as_obstacles
 from ...course.writing import write_file
 from ...display import Shown, brief, paragraph, quoted, table
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
-from ...racing.setup import Setup, as_obstacles
+from ...racing.setup import Setup
 from ...simulation.settings import GREATEST_LAPS, DriveSettings
 from ...viz.pages.table import Table
 from ..intervals import wilson
