@@ -241,6 +241,7 @@ def slow_distances(way):
 
 
 @pytest.mark.parametrize(("walls", "distance"), [(hairpin(), 4.5), (junction(30.0, 3.0), 4.5), (STRAIGHT, 7.0)])
+@pytest.mark.slow
 def test_the_way_to_go_is_that_of_a_slow_search_with_a_heap(walls, distance):
     driven = Driven(walls)
     driven.go(distance)

@@ -61,6 +61,7 @@ def test_it_is_held_recorded_and_counted(runs, folder, car):
 
 
 @pytest.mark.parametrize("folder", ["one", "two"])
+@pytest.mark.slow
 def test_the_folder_has_numbers_only_and_replays(runs, folder, capsys):
     for path in (runs / folder).iterdir():
         if path.suffix == ".csv":

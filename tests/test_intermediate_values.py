@@ -274,6 +274,7 @@ def test_a_planner_that_fails_has_shown_what_it_had_until_then(tmp_path):
     assert seen.chosen.failure and seen.chosen.numbers["count"] == 9.0 and "last" not in seen.chosen.numbers
 
 
+@pytest.mark.slow
 def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows, tmp_path, page_of):  # noqa: F811
     seen = fg.debug(fg.race("oval", shows, time_limit=1.0), window=1.0)
     path, errors = seen.write_page(tmp_path / "debug.html"), []

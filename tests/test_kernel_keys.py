@@ -264,6 +264,7 @@ print(outer(1.0, 10.0, rows), inner(Pair(1.0, 10.0), rows))
 """
 
 
+@pytest.mark.slow
 def test_fields_of_arguments_that_change_places_are_never_taken_for_each_other(tmp_path):
     program, answers = tmp_path / "program.py", []
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
@@ -322,6 +323,7 @@ def installed(tmp_path_factory):
 
 
 @pytest.mark.parametrize("change", OF_MESSAGES)
+@pytest.mark.slow
 def test_an_edit_of_a_message_type_compiles_again_what_reads_it_and_no_more(installed, change):
     path, identities, before = installed
     assert len(before) > 200

@@ -142,6 +142,7 @@ def test_slippery_tires_do_not_slide_when_the_planner_knows_them():
     assert_no_sliding(result)
 
 
+@pytest.mark.slow
 def test_rangefinder_gives_the_same_laps_as_raycast():
     rangefinder = drive("oval", laps=2, lidar="rangefinder")
     assert_no_sliding(rangefinder)

@@ -89,6 +89,7 @@ def test_chunks_and_workers_change_nothing(some, options):
     assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
 
 
+@pytest.mark.slow
 def test_worlds_in_another_order_are_the_same(some):
     result, opponents = some
     own = np.flatnonzero(result["track"] == 0)[::-1]

@@ -201,6 +201,7 @@ def test_the_slow_leader_drives_ahead_all_the_way(seed):
 
 @pytest.mark.parametrize("name", ("cylinder_field", "corridor_dense"))
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.slow
 def test_a_way_among_the_obstacles_can_be_driven_by_the_car(name, seed):
     """Not only by a disc: with the car's turning radius, and 3 cm to spare on every side."""
     scene = load(name, seed)

@@ -153,6 +153,7 @@ def measured_anew(world, state, others=()):
 
 
 @pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+@pytest.mark.slow
 def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
     """Oracle: the state at the end, measured anew; sensors a physics step late would be 20 mm off at 4 m/s."""
     world = fg.World("oval", lidar=backend)

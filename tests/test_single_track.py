@@ -133,6 +133,7 @@ def test_a_holding_tire_creeps_as_the_stiffness_says():
     assert row["slide_m_s"] == pytest.approx(speed * slip_angle, rel=0.1)
 
 
+@pytest.mark.slow
 def test_our_car_turns_as_the_linear_model_does_below_half_of_the_limit():
     """Yaw rates within 2 %: measured .1 % at .05 rad, .8 % at .2, 1.7 % at .3, where tan d is 3.1 % above d."""
     for steering, margin in ((0.05, 0.003), (0.2, 0.01), (0.3, 0.02)):
@@ -143,6 +144,7 @@ def test_our_car_turns_as_the_linear_model_does_below_half_of_the_limit():
 
 
 @pytest.mark.parametrize("name", ["step", "sine", "slalom"])
+@pytest.mark.slow
 def test_our_car_turns_as_the_linear_model_does_through_a_manoeuvre(name):
     """Within 2 % (root mean square): measured .9 to 1.3 %."""
     row, trace = measure_manoeuvre(name, 0.2, 0.7)
@@ -151,6 +153,7 @@ def test_our_car_turns_as_the_linear_model_does_through_a_manoeuvre(name):
     assert max(abs(line["yaw_rate_rad_s"]) for line in trace) == pytest.approx(row["yaw_rate_rad_s"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_where_friction_is_asked_for_twice_ours_runs_wide_and_theirs_goes_on_cornering():
     """Coulomb leaves 1 / k^2. Measured: .485 of .5 and .238 of .25, where theirs keeps .77 and .63."""
     for row in measure_circle(0.2, [math.sqrt(2.0), 2.0]):
@@ -178,6 +181,7 @@ def test_a_speed_that_the_car_does_not_have_is_no_number_but_a_reason():
     assert "greatest speed, 20 m/s" in row["reason"]
 
 
+@pytest.mark.slow
 def test_the_section_says_what_the_rows_say_and_leaves_out_what_has_no_number():
     circles = measure_circle(0.2, [0.3, 0.7, 1.4142]) + measure_circle(0.05, [2.6])
     row, traces = measure_manoeuvre("sine", 0.2, 0.5)

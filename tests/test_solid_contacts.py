@@ -77,6 +77,7 @@ def left_wall(world):
 @pytest.mark.parametrize("tires", ("contact", "coulomb"))
 @pytest.mark.parametrize("degrees", (90, 70, 45, 30))
 @pytest.mark.parametrize("speed", (2.0, 15.0, 20.0))
+@pytest.mark.slow
 def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, speed):
     """Wherever in its step it arrives: no deeper than it moves in it, and slower afterwards; up to .4 m before."""
     angle = math.radians(degrees)

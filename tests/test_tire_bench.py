@@ -16,6 +16,7 @@ def tables():
     return found
 
 
+@pytest.mark.slow
 def test_the_force_is_the_formulas_pure_and_combined(tables):
     """At most .5 % of the peak is asked; settled it is exact."""
     kinds = {(row["tires"], row["axle"], row["kind"], row["load_N"]) for row in tables["points"]}

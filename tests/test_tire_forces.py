@@ -90,6 +90,7 @@ def centripetal(ground):
 
 @pytest.mark.parametrize("tires", SETS)
 @pytest.mark.parametrize("direction", [0.0, 0.5 * math.pi, 0.8])
+@pytest.mark.slow
 def test_a_car_with_blocked_wheels_stays_on_a_slope(tires, direction):
     """20 %, any way: once it has settled it moves by less than .01 mm in 60 s; a contact would creep by 28 mm."""
     ground = Ground(tires)
@@ -134,6 +135,7 @@ def test_a_car_that_stops_stands_still_and_one_that_slides_sideways_does_not_spr
     [("slipx_reference", 0.1, 4.0), ("slipx_reference", 0.1, 5.5), ("slipx_reference", 0.3, 4.5), ("coulomb", 0.3, 4.5),
      ("forzaeth_nuc7", 0.1, 5.5)],
 )  # fmt: skip
+@pytest.mark.slow
 def test_circles_are_steady_and_the_same_at_5_ms_and_at_half_a_millisecond(tires, steering, speed):
     """Holding and past the peak: no hop, and the timestep does not count."""
     found = []
@@ -166,6 +168,7 @@ def test_the_tires_forces_are_those_that_move_the_car():
 
 @pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc7", "f1tenth_gym"])
 @pytest.mark.parametrize("speed", [1.0, 3.0, 8.0])
+@pytest.mark.slow
 def test_a_tire_at_a_set_slip_has_the_force_of_its_curve_after_its_relaxation_length(tires, speed):
     """Across, along, and both by similarity; and 63 % of the slip after one relaxation length."""
     rows = TireForces(Vehicle.load().spec(tires=Tires.load(tires)).compile()).rows
@@ -362,6 +365,7 @@ def state_of(ground):
 
 @pytest.mark.parametrize(("tires", "timestep"), [("coulomb", 0.005), ("coulomb", 0.0001), (BRUSH, 0.0001)])
 @pytest.mark.parametrize("motion", [*MOTIONS, "corners", "brakes"])
+@pytest.mark.slow
 def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, timestep, motion):
     """Of bristles, whose means decide whether a car that slides is right; in steps soon after the motion begins."""
     ground = Ground(tires, timestep=timestep)
@@ -398,6 +402,7 @@ def stored(ground, data):
 
 @pytest.mark.parametrize("tires", [tires for tires in LAWS_OF_OURS if tires != "f1tenth_gym"])
 @pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.slow
 def test_with_the_motor_off_energy_never_rises(tires, motion):
     """Kinetic, of height and springs, and what the tires hold; by steps of the first order by .02 J of 4 to 33.
 

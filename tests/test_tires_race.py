@@ -153,6 +153,7 @@ def test_a_vehicle_names_its_own_tires(tmp_path):
         fg.Vehicle.load(path)
 
 
+@pytest.mark.slow
 def test_the_command_line(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = ["--tires", NUC2, "--mu", "1.0", "--planner-mu", "0.7", "--out", "run"]
@@ -199,6 +200,7 @@ ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.15)
 
 
 @pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
+@pytest.mark.slow
 def test_patches_are_part_of_any_world(tires, tmp_path):
     """Raced, replayed, and in a batch beside another friction; a tire on a patch has that of the patch."""
     raced = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=1.05)

@@ -101,6 +101,7 @@ def accelerations(rows, left, yaw_rate):
     [("slipx_reference", 0.1, 4.0, 0.4), ("slipx_reference", 0.1, 5.8, 0.9), ("forzaeth_nuc2", 0.1, 4.4, 0.6),
      ("forzaeth_nuc6", 0.3, 6.0, 0.95), ("coulomb", 0.1, 5.75, 0.95), ("forzaeth_sim", 0.2, 4.0, 0.8)],
 )  # fmt: skip
+@pytest.mark.slow
 def test_circles(tires, steering, speed, share):
     """Yaw rate and lateral acceleration within 2 % once steady, up to 95 % of the peak."""
     tires = set_of(tires)
@@ -114,6 +115,7 @@ def test_circles(tires, steering, speed, share):
 
 
 @pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc2", "forzaeth_nuc6", "coulomb"])
+@pytest.mark.slow
 def test_a_step_and_a_slalom(tires):
     """Within 2 % of the greatest, rms; a step turns in within half a physics step of the model."""
     tires = set_of(tires)

@@ -199,6 +199,7 @@ def test_a_run_of_an_earlier_version_is_raced_again_as_it_was(here, without_pict
 @pytest.mark.parametrize(
     ("told_mu", "text"), [((), "0.6"), (("--planner-mu", "0.8"), "0.8"), (("--planner-mu", "off"), "off")]
 )
+@pytest.mark.slow
 def test_table_and_report_show_both(told_mu, text, here, capsys):
     pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
     main(["race", "--mu", "0.6", *told_mu, "--time-limit", "0.3", "--out", "run"])

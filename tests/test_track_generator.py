@@ -45,6 +45,7 @@ def check_gap(track, kept):
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 2**63 - 1))
+@pytest.mark.slow
 def test_every_seed_keeps_the_default_settings(seed):
     check(generate_track(seed), DEFAULTS)
 
@@ -63,6 +64,7 @@ def test_other_settings_are_kept_as_well(seed, width, radius, gap):
     check(generate_track(seed, kept), kept)
 
 
+@pytest.mark.slow
 def test_the_first_200_seeds_are_valid_and_quick():
     slowest, lengths, sharpest = 0.0, [], []
     for seed in range(201):

@@ -53,6 +53,7 @@ def centres_by_definition(scan, jump, half):
     ranges=arrays(np.float64, st.integers(2, 60), elements=st.floats(0.0, 20.0), unique=True),
     increment=st.sampled_from([0.01, 0.05, 0.3]),
 )
+@pytest.mark.slow
 def test_the_centre_is_the_middle_of_the_widest_jump_within_45_degrees(ranges, increment):
     scan = scan_of(ranges, increment)
     expected, found = centres_by_definition(scan, 0.5, math.pi / 4), planner().find_centre(scan)

@@ -83,6 +83,7 @@ def test_five_metres_back_from_the_greatest_progress_end_the_race(name, back, ex
 
 
 @given(backs=st.lists(st.floats(0.2, 4.8), min_size=1, max_size=6))
+@pytest.mark.slow
 def test_manoeuvres_of_less_than_five_metres_never_end_a_race(backs):
     """However often the car reverses: what counts is the distance from the greatest progress, not their sum."""
     places, at = [np.array([0.0])], 0.0
