@@ -1,6 +1,6 @@
 """The tire laws by name, and the kernel that calls the right one.
 
-A new law is a module in this folder, a line in LAWS, and a line in `curve_force`.
+A new law is a module in this folder, a place in LAWS, and a case in `curve_force`.
 """
 
 from __future__ import annotations
