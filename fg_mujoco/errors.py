@@ -125,13 +125,11 @@ class PlannerError(ControllerError):
 
     Attributes:
       failure: PlannerFailure: the line of the planner's file, its traceback, and the scan that it was given.
-      result: RaceResult of the race up to there; None where there was no race.
     """
 
     def __init__(self, message: str, failure: Any = None) -> None:
         super().__init__(message)
         self.failure = failure
-        self.result: Any = None
 
 
 class RunFolderError(FgMujocoError, OSError):

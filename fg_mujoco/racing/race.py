@@ -60,7 +60,6 @@ class RaceProgress:
     racing: int  # cars that race
 
 
-@without_exit()
 def race(
     track: Setup | Course | str,
     controller: str | Controller | None = None,
@@ -92,7 +91,7 @@ def race(
     for car in result.cars:
         if car.planner_failure is not None:
             who = car.controller if len(result.cars) == 1 else f"{car.name}, {car.controller},"
-            warnings.warn(f"controller {who} failed: {car.planner_failure}", UserWarning, stacklevel=4)
+            warnings.warn(f"controller {who} failed: {car.planner_failure}", UserWarning, stacklevel=3)
     return result
 
 
