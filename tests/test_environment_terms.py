@@ -12,7 +12,7 @@ from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
 from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
 from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
-from fg_mujoco.envs.tick_state import Ground, Snapshot, TickState
+from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
 from fg_mujoco.studies.comparison.ground import course_ground
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -27,7 +27,7 @@ PARTS, CONDITIONS = OBSERVATIONS.names(), END_CONDITIONS.names()
 OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding")]
 ALL = {
     "rewards": dict.fromkeys(OTHERS, 1.0),
-    "observations": list(PARTS),
+    "observation": list(PARTS),
     "end_conditions": list(CONDITIONS),
 }
 STAND = np.zeros(2)
@@ -41,7 +41,8 @@ def state(before=None, **now):
         plain |= {name: np.zeros(3, bool) for name in ("crashed", "rolled_over", "finished")}
         plain |= {"laps": np.zeros(3, int), "touches": np.zeros(3, int), "position": np.ones(3, int)}
         plain |= {"pose": np.zeros((3, 3)), "velocity": np.zeros((3, 3)), "command": np.zeros((3, 2))}
-        return plain | {"lead": np.full(3, math.inf)} | {name: np.array(value) for name, value in given.items()}
+        plain |= {"lead": np.full(3, math.inf), "mu": np.ones(3)}
+        return plain | {name: np.array(value) for name, value in given.items()}
 
     own = {"ground": Ground(WORLD), "car": CAR}
     return TickState(**own, **arrays(now), before=Snapshot(**own, **arrays(before or {})), period=PERIOD)
@@ -95,18 +96,41 @@ def test_every_bundled_term_has_a_test_by_hand():
     assert set(TERMS) == {*BY_HAND, "near_wall"}
 
 
-@pytest.mark.parametrize("name", [name for name in PARTS if name not in SENSED])
+@pytest.mark.parametrize("name", [name for name in PARTS if name not in (*SENSED, "slip")])
 def test_a_bundled_observation_is_a_quantity_of_the_state(name):
     made = state(
-        pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3
-    )
+        pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3,
+    )  # fmt: skip
     attribute = {"cross_track_error": "offset"}.get(name, name)
     np.testing.assert_array_equal(OBSERVATIONS.find(name).function(made), getattr(made, attribute))
     term = OBSERVATIONS.find(name)
     read = term.read(made, term.bounds_of(CAR))
-    assert read.dtype == np.float32 and read.shape == (3, 2 if name == "command" else 1)
+    assert read.dtype == np.float32 and read.shape == (3, {"command": 2, "pose": 3, "curvature": 3}.get(name, 1))
     if name == "cross_track_error":
         assert read.ravel().tolist() == [np.float32(0.3), -5.0, 0.0]
+
+
+def test_slip_is_the_speed_of_each_axle_across_its_wheels():
+    """Of a car that turns about a point on the left, 2 m from the rear axle; its front wheels point 0.1 rad too far."""
+    right = math.atan(CAR.wheelbase / 2.0)
+    made = state(velocity=[[1.0, 0.0, 0.5], [1.0, 0.2, 0.5], [1.0, 0.0, 0.5]])
+    angles = np.array([right, right, right + 0.1])
+    fields = {name: getattr(made, name) for name in made.__dataclass_fields__}
+    odometry = np.zeros(3, fg.messages.ODOMETRY)
+    odometry["steering_angle"] = angles
+    found = OBSERVATIONS.find("slip").function(SensedState(**fields, ranges=np.zeros((3, 1)), odometry=odometry))
+    front = math.hypot(1.0, 0.5 * CAR.wheelbase)
+    expected = [[0.0, 0.0], [0.2 * math.cos(right), 0.2], [-front * math.sin(0.1), 0.0]]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_curvature_is_that_of_the_course_ahead():
+    """The oval's straights turn by nothing, its bends by 1 / radius; by half where 1 of 2 m ahead are in one."""
+    ahead = state(place=[0.0, 0.0, 0.0]).ground.curvatures(np.linspace(0.0, WORLD.track.length, 2001)[:-1], (1.0,))
+    assert np.mean(ahead) == pytest.approx(2.0 * math.pi / WORLD.track.length, rel=1e-3)  # a lap is one turn
+    first, second = (WORLD.track.start_pose(s)[2] for s in (3.0, 4.0))
+    found = state(place=[3.0] * 3).curvature[0, 0]
+    assert found == pytest.approx(math.remainder(second - first, 2.0 * math.pi), abs=0.05)
 
 
 def test_conditions_hold_where_they_say():
@@ -138,7 +162,7 @@ def actions(ticks, seed=0):
 def test_a_driven_state_is_that_of_the_simulation(track):
     """By other ways: the pose of a Simulation, projected on the course; clearances as a comparison has them."""
     names = ["heading_error", "cross_track_error", "wall_distance", "lateral_speed", "command"]
-    env = F1TenthEnv(track=track, start="line", observations=names, rewards=ALL["rewards"])
+    env = F1TenthEnv(track=track, start="line", observation=names, rewards=ALL["rewards"])
     env.reset(seed=0)
     simulation = fg.Simulation(fg.World(track))
     simulation.reset()
@@ -199,7 +223,7 @@ def test_default_terms_are_not_changed_by_others():
     """Same rewards, bit for bit, where the others weigh nothing; and the same observations, in another order."""
     plain = F1TenthEnv(start="line", beam_step=60)
     other = F1TenthEnv(
-        start="line", beam_step=60, observations=tuple(reversed(SENSED)), rewards=dict.fromkeys(OTHERS, 0.0)
+        start="line", beam_step=60, observation=tuple(reversed(SENSED)), rewards=dict.fromkeys(OTHERS, 0.0)
     )
     assert list(other.reset(seed=0)[0]) == list(reversed(SENSED))
     plain.reset(seed=0)
@@ -277,7 +301,7 @@ def test_all_doors_tell_the_same(told):
     settings = {
         "beam_step": 60,
         "rewards": ALL["rewards"] | {"mine_at_all_doors": 0.5, "other": (lambda state: state.lateral_speed, 2.0)},
-        "observations": ALL["observations"],
+        "observation": ALL["observation"],
         "end_conditions": ["turned_round", far],
     }
     commands = [np.array([0.2, 2.0])] * 100
@@ -388,8 +412,8 @@ def test_policies_of_opponents_see_the_chosen_observations():
         seen_by_policy.append(seen)
         return drawn[next(clock), 1]
 
-    env = F1TenthEnv(beam_step=60, opponents=[policy], observations=names)
-    parallel = fg.parallel_env(beam_step=60, observations=names)
+    env = F1TenthEnv(beam_step=60, opponents=[policy], observation=names)
+    parallel = fg.parallel_env(beam_step=60, observation=names)
     env.reset(seed=3)
     both, _ = parallel.reset(seed=3)
     for tick, (own, other) in enumerate(drawn):
@@ -405,13 +429,13 @@ def test_policies_of_opponents_see_the_chosen_observations():
 def test_an_agent_that_a_condition_ends_stays_as_an_obstacle_and_one_that_finishes_was_on_the_course():
     pytest.importorskip("pettingzoo")
     fast = EndCondition(name="fast", function=lambda state: state.speed > 0.5, outcome="terminated")
-    env = fg.parallel_env(beam_step=540, start="line", end_conditions=[fast], observations=["cross_track_error"])
+    env = fg.parallel_env(beam_step=540, start="line", end_conditions=[fast], observation=["cross_track_error"])
     env.reset(seed=0)
     while "car_1" in env.agents:
         _, _, terminations, _, infos = env.step({"car_0": STAND, "car_1": np.array([0.0, 1.0])})
     assert terminations == {"car_0": False, "car_1": True} and infos["car_1"]["end_reason"] == "fast"
     assert env.agents == ["car_0"]
-    env = fg.parallel_env(beam_step=540, start="line", observations=["cross_track_error", "wall_distance"])
+    env = fg.parallel_env(beam_step=540, start="line", observation=["cross_track_error", "wall_distance"])
     env.reset(seed=0)
     timers, length = env._worlds.engine.monitor.timers, env._worlds.world.track.length
     timers["progress"][0] = timers["furthest"][0] = length - 0.1
@@ -435,7 +459,7 @@ def test_own_terms_are_registered_by_their_functions_names():
 
     assert REWARDS.find("mine_rewarded") is mine_rewarded
     assert (END_CONDITIONS.find("mine_ends"), OBSERVATIONS.find("mine_seen")) == (mine_ends, mine_seen)
-    env = F1TenthEnv(rewards={"mine_rewarded": 1.0}, end_conditions=["mine_ends"], observations=["mine_seen", "scan"])
+    env = F1TenthEnv(rewards={"mine_rewarded": 1.0}, end_conditions=["mine_ends"], observation=["mine_seen", "scan"])
     seen, _ = env.reset(seed=0)
     assert seen["mine_seen"].item() == pytest.approx(seen["scan"][540] / 30.0)
     env.step(STAND)
@@ -470,14 +494,15 @@ BAD_SETTINGS = [
     ({"end_conditions": ["turned"]}, "did you mean 'turned_round'"),
     ({"end_conditions": [len]}, "@end_condition"),
     ({"end_conditions": ["turned_round"] * 2}, "twice"),
-    ({"observations": "scan"}, "a list"),
-    ({"observations": []}, "a list"),
-    ({"observations": ["scam"]}, "did you mean 'scan'"),
-    ({"observations": ["scan", "scan"]}, "twice"),
-    ({"observations": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),
-    ({"observations": [ObservationTerm(name="mine", function=len, bounds=(0.0, math.inf))]}, "finite"),
-    ({"observations": [ObservationTerm(name="mine", function=len, bounds=((0.0, 0.0), (1.0,)))]}, "two arrays"),
-    ({"observations": [ObservationTerm(name="mine", function=len, bounds=3.0)]}, "least and greatest"),
+    ({"observation": 3}, "history:K, normalised"),
+    ({"observation": []}, "no part"),
+    ({"observations": ["scan"]}, "'observations' is called 'observation' now"),
+    ({"observation": ["scam"]}, "did you mean 'scan'"),
+    ({"observation": ["scan", "scan"]}, "twice"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(0.0, math.inf))]}, "finite"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=((0.0, 0.0), (1.0,)))]}, "two arrays"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=3.0)]}, "least and greatest"),
 ]
 
 
@@ -514,7 +539,7 @@ def test_bad_terms_are_refused(make, match):
         ({"end_conditions": [EndCondition(name="mine", function=lambda s: s.speed, outcome="truncated")]}, "one bool"),
         ({"end_conditions": [EndCondition(name="mine", function=lambda s: True, outcome="truncated")]}, "one bool"),
         (
-            {"observations": [ObservationTerm(name="mine", function=lambda s: s.pose, bounds=(0.0, 1.0))]},
+            {"observation": [ObservationTerm(name="mine", function=lambda s: s.pose, bounds=(0.0, 1.0))]},
             r"'mine' returned .*shape \(1, 1\)",
         ),
     ],

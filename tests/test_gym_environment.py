@@ -10,8 +10,9 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
-from fg_mujoco.envs.actions import ActionBounds
-from fg_mujoco.envs.observations import ObservationLayout
+from fg_mujoco.envs.actions import ActionBounds, ActionReader
+from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
+from fg_mujoco.envs.observer import Observer
 from fg_mujoco.envs.reward_kernels import reward_ticks
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
@@ -159,21 +160,28 @@ def test_same_seed_same_bits_and_another_seed_another_start():
     assert told(1)[0].tobytes() != told(1)[-1].tobytes()  # another episode, another start
 
 
+def observer(step):
+    """The observer of the default observation, with every so many-th beam."""
+    bounds = ActionBounds(CAR)
+    beams = LidarModel.load().beams
+    return Observer(DEFAULT_OBSERVATION, CAR, beams, 0.025, beam_step=step, actions=(bounds.low, bounds.high))
+
+
 @pytest.mark.parametrize("step", [1, 2, 7, 10, 45, 540])
 def test_beams_seen_are_symmetric_about_the_one_straight_ahead(step):
-    bearings = ObservationLayout(CAR, LidarModel.load().beams, step).bearings
+    bearings = observer(step).bearings
     assert np.abs(bearings).min() < 1e-9
     np.testing.assert_allclose(bearings, -bearings[::-1], atol=1e-9)
     assert len(bearings) == 2 * (540 // step) + 1
 
 
 def test_what_is_no_distance_reads_within_the_bounds():
-    layout = ObservationLayout(CAR, LidarModel.load().beams, 270)
+    layout = observer(270)
     ranges = np.full((1, 1081), 5.0)
     ranges[0, [0, 270, 540, 810]] = math.inf, -math.inf, math.nan, 29.0
     odometry = np.zeros(1, ODOMETRY)
     odometry["speed"], odometry["linear_acceleration"] = 99.0, -1e3
-    seen = layout.read(ranges, odometry)
+    seen = layout.read(np.ones(1, bool), ranges, odometry)
     assert seen["scan"].tolist() == [[30.0, 0.0, 0.0, 29.0, 5.0]]
     assert seen["speed"][0] == layout.bounds["speed"].high
     assert (seen["acceleration"][0] == layout.bounds["acceleration"].low).all()
@@ -185,7 +193,7 @@ def test_action_bounds_are_those_of_the_car(env):
 
 
 def test_normalised_actions_span_the_bounds():
-    bounds = ActionBounds(CAR, (0.0, 6.0), normalised=True)
+    bounds = ActionReader(ActionBounds(CAR, (0.0, 6.0), normalised=True), 3)
     taken = np.ones(3, bool)
     commands, clipped = np.empty((3, 2)), np.zeros(3, np.int64)
     bounds.read([[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]], taken, commands, clipped)

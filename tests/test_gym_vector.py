@@ -93,7 +93,7 @@ CASES = {
         AutoresetMode.NEXT_STEP,
         {
             "rewards": {"command_rate": 0.1, "near_wall": 1.0, "heading_error": 1.0},
-            "observations": ["scan", "command", "wall_distance", "heading_error"],
+            "observation": ["scan", "command", "wall_distance", "heading_error"],
             "end_conditions": ["turned_round"],
         },
     ),

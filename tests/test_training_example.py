@@ -82,7 +82,7 @@ def gym_environment(example):
 def test_python_in_the_docs_runs(capsys):
     text = (EXAMPLE.parent.parent / "docs" / "training.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(blocks) == 5
+    assert len(blocks) == 7
     for block in blocks:  # ```py is not run, and says so
         if "parallel_env" not in block or importlib.util.find_spec("pettingzoo"):
             exec(block, {})

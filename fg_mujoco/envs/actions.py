@@ -1,4 +1,12 @@
-"""Actions and their bounds: an action is [steering angle, speed], as the array of a DriveCommand.
+"""Actions: what a policy answers, their bounds, and the commands that they become.
+
+    env = F1TenthEnv(action="steering_rate,acceleration", normalised_actions=True, smoothing=0.05)
+
+An action has two parts. The first is `steering`, an angle [rad], or `steering_rate` [rad/s]; the second is `speed`
+[m/s], or `acceleration` [m/s^2]. Angle and speed are the command. A rate is integrated: in each tick the target changes
+by the rate times the period, within the car's limits. An episode's target begins with what the odometry reads then, so
+that a car that starts rolling rolls on. `smoothing` is the time constant [s] of a first-order filter from the target to
+the command, which in a tick comes nearer by the share 1 - exp(-period / smoothing).
 
 A value out of bounds is clipped and counted. A NaN is refused.
 """
@@ -6,6 +14,7 @@ A value out of bounds is clipped and counted. A NaN is refused.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,8 +24,39 @@ from ..errors import MessageError, SettingsError
 from ..messages import CarParameters, FloatArray, shown
 from .reward_kernels import read_actions
 
-ACTION = ("steering_angle", "speed")
-"""The parts of an action [rad, m/s]."""
+ACTIONS = (("steering", "steering_rate"), ("speed", "acceleration"))
+"""What the two parts of an action may be [rad or rad/s, m/s or m/s^2]."""
+
+DEFAULT_ACTION = "steering,speed"
+
+LONGEST_SMOOTHING = 1.0
+"""[s] Longest time constant that is accepted."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarLimits:
+    """The limits of a car that bound actions and observations: fields of CarParameters."""
+
+    max_steering_angle: float  # [rad]
+    max_steering_rate: float  # [rad/s]
+    min_speed: float  # [m/s] negative
+    max_speed: float  # [m/s]
+    max_acceleration: float  # [m/s^2]
+    wheelbase: float  # [m]
+    gravity: float  # [m/s^2]
+
+
+def as_action(given: Any) -> str:
+    """Return the name of what an action is, "steering,speed" by default.
+
+    Raises:
+      SettingsError: it is no such name.
+    """
+    parts = [part.strip() for part in given.split(",")] if isinstance(given, str) else []
+    if len(parts) != len(ACTIONS) or any(part not in known for part, known in zip(parts, ACTIONS, strict=True)):
+        accepted = " or ".join(ACTIONS[0]) + ", a comma, " + " or ".join(ACTIONS[1])
+        raise SettingsError(f"action is {shown(given)}; accepted: {accepted}, such as '{DEFAULT_ACTION}'")
+    return ",".join(parts)
 
 
 class ActionBounds:
@@ -24,33 +64,88 @@ class ActionBounds:
 
     Args:
       car: of the compiled model.
-      speed_range: least and greatest speed [m/s], within the car's; None: the car's.
+      speed_range: least and greatest speed [m/s] that is commanded, within the car's; None: the car's.
       normalised: both parts are from -1 to 1, and mean from the least to the greatest.
+      action: what its parts are, as `as_action` takes it.
+      smoothing: time constant of the filter [s]; 0: there is none.
+      period: of a tick [s].
 
     Attributes:
       low: (2,) float32, least.
       high: (2,) float32, greatest.
+      limits: as `read_actions` takes it.
+      share: as `read_actions` takes it.
+      remembers: whether a command depends on the one before it.
 
     Raises:
-      SettingsError: a speed range beyond the car's.
+      SettingsError: a speed range beyond the car's, or no such action.
     """
 
     def __init__(
-        self, car: CarParameters, speed_range: tuple[float, float] | None = None, *, normalised: bool = False
+        self,
+        car: CarParameters | CarLimits,
+        speed_range: tuple[float, float] | None = None,
+        *,
+        normalised: bool = False,
+        action: str = DEFAULT_ACTION,
+        smoothing: float = 0.0,
+        period: float = 0.025,
     ) -> None:
-        slowest, fastest = _checked(car, speed_range)
-        least = np.array((-car.max_steering_angle, slowest))
-        greatest = np.array((car.max_steering_angle, fastest))
+        self.parts = as_action(action).split(",")
+        slowest, fastest = checked_speeds(car, speed_range)
+        commands = np.array(((-car.max_steering_angle, slowest), (car.max_steering_angle, fastest)))
+        rates = np.array((car.max_steering_rate, car.max_acceleration))
+        integrated = np.array([part in ("steering_rate", "acceleration") for part in self.parts])
+        least, greatest = np.where(integrated, -rates, commands[0]), np.where(integrated, rates, commands[1])
         low, high = (-np.ones(2), np.ones(2)) if normalised else (least, greatest)
         at_0, more_at_1 = (0.5 * (least + greatest), 0.5 * (greatest - least)) if normalised else (low * 0.0, high**0)
         self.low, self.high = low.astype(np.float32), high.astype(np.float32)
         # who goes to the bound is within it, as float32 and as float64; the car's own limits are the last word
-        self._limits = np.stack((np.minimum(low, self.low), np.maximum(high, self.high), at_0, more_at_1))
+        bounds = np.minimum(low, self.low), np.maximum(high, self.high)
+        self.limits = np.stack((*bounds, at_0, more_at_1, integrated * period, *commands))
+        self.share = 1.0 - math.exp(-period / smoothing) if smoothing > 0.0 else 1.0
+        self.remembers = bool(integrated.any()) or smoothing > 0.0
+
+
+class ActionReader:
+    """Converts the actions of n cars to commands, from tick to tick.
+
+    Args:
+      bounds: of the actions.
+      count: of cars, n.
+
+    Attributes:
+      bounds: as given.
+      previous: last actions, within their bounds (n, 2); before the first, 0 or the bound next to it.
+    """
+
+    def __init__(self, bounds: ActionBounds, count: int) -> None:
+        self.bounds = bounds
+        self._targets = np.zeros((2, count, 2))
+        self._unknown = np.ones(count, np.bool_)  # cars whose target is not known yet
+        self.previous = np.zeros((count, 2))
+        self._at_first = np.clip(np.zeros(2), bounds.low, bounds.high)
+        self.begin(np.ones(count, np.bool_))
+
+    def begin(self, which: NDArray[np.bool_]) -> None:
+        """Forget the actions of the cars `which` (n,), whose episodes begin."""
+        self.previous[which] = self._at_first
+        self._unknown[which] = True
+
+    def sense(self, odometry: NDArray[np.void], which: NDArray[np.bool_]) -> None:
+        """Take the first targets of the cars `which` (n,) from the odometry (n,), where they are not known."""
+        if self.bounds.remembers:
+            rows = which & self._unknown
+            if rows.any():
+                least, greatest = self.bounds.limits[5:]
+                now = np.stack((odometry["steering_angle"][rows], odometry["speed"][rows]), axis=1)
+                self._targets[:, rows] = np.clip(now, least, greatest)
+                self._unknown[rows] = False
 
     def read(
         self, actions: ArrayLike, taken: NDArray[np.bool_], commands: FloatArray, clipped: NDArray[np.int64]
     ) -> None:
-        """Convert the actions of n cars to commands, and count the clipped ones.
+        """Convert the actions of n cars to the commands of a tick, and count the clipped ones.
 
         Args:
           actions: (n, 2).
@@ -61,22 +156,32 @@ class ActionBounds:
         Raises:
           MessageError: a NaN, or an array of another shape.
         """
+        parts = action_names(self.bounds)
         try:
             given = np.asarray(actions, dtype=np.float64)
         except (TypeError, ValueError, OverflowError) as error:
-            raise MessageError(f"actions are {shown(actions)}; accepted: numbers, {ACTION} of each car") from error
+            raise MessageError(f"actions are {shown(actions)}; accepted: numbers, {parts} of each car") from error
         if given.shape != (len(taken), 2):
-            raise MessageError(f"actions have shape {given.shape}; accepted: ({len(taken)}, 2), {ACTION} of each car")
-        bad = read_actions(given, taken, self._limits, commands, clipped)
+            raise MessageError(f"actions have shape {given.shape}; accepted: ({len(taken)}, 2), {parts} of each car")
+        bounds = self.bounds
+        bad = read_actions(given, taken, bounds.limits, bounds.share, self._targets, self.previous, commands, clipped)
         if bad >= 0:
             world, part = divmod(bad, 2)
             raise MessageError(
-                f"the action's {ACTION[part]} is nan in world {world} of {len(taken)}; accepted: numbers (what is out "
+                f"the action's {parts[part]} is nan in world {world} of {len(taken)}; accepted: numbers (what is out "
                 "of bounds is held within them)"
             )
 
+    def again(self, taken: NDArray[np.bool_], commands: FloatArray) -> None:
+        """Write the commands (n, 2) of a further tick of the same actions."""
+        bounds = self.bounds
+        read_actions(
+            self.previous, taken, bounds.limits, bounds.share, self._targets, self.previous, commands,
+            np.zeros(len(taken), np.int64),
+        )  # fmt: skip
 
-def one_action(action: Any, said: str) -> FloatArray:
+
+def one_action(action: Any, said: str, bounds: ActionBounds) -> FloatArray:
     """Return one action as an array (2,).
 
     Raises:
@@ -87,11 +192,16 @@ def one_action(action: Any, said: str) -> FloatArray:
     except (TypeError, ValueError, OverflowError):
         given = np.empty(0)
     if given.shape != (2,):
-        raise MessageError(f"{said} {shown(action)}; accepted: an action, two numbers, {ACTION}")
+        raise MessageError(f"{said} {shown(action)}; accepted: an action, two numbers, {action_names(bounds)}")
     return given
 
 
-def _checked(car: CarParameters, speed_range: Any) -> tuple[float, float]:
+def checked_speeds(car: CarParameters | CarLimits, speed_range: Any) -> tuple[float, float]:
+    """Return the least and the greatest speed that may be commanded [m/s].
+
+    Raises:
+      SettingsError: a range beyond the car's.
+    """
     if speed_range is None:
         return car.min_speed, car.max_speed
     try:
@@ -104,3 +214,8 @@ def _checked(car: CarParameters, speed_range: Any) -> tuple[float, float]:
             f"{car.max_speed} m/s"
         )
     return slowest, fastest
+
+
+def action_names(bounds: ActionBounds) -> tuple[str, ...]:
+    """Return the names of the parts of an action, for messages."""
+    return tuple("steering_angle" if part == "steering" else part for part in bounds.parts)

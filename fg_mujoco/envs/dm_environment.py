@@ -28,9 +28,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.simulation import Simulation
-from .actions import ACTION
+from .actions import action_names
 from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
+from .observations import Bounds
+from .observer import FLAT
+from .policy_interface import row_of
 from .worlds import Worlds
 
 TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
@@ -78,6 +81,9 @@ def load(
         raise SettingsError(
             f"{len(chosen.opponents)} opponents in a dm_env environment; accepted: in Gymnasium's and PettingZoo's"
         )
+    if chosen.action_repeat != 1:
+        said = f"action_repeat is {chosen.action_repeat} in a dm_env environment"
+        raise SettingsError(f"{said}; accepted: 1; more in Gymnasium's and PettingZoo's")
     physics = Physics.of(chosen)
     return control.Environment(
         physics,
@@ -163,7 +169,7 @@ class CarTask(control.Task):  # type: ignore[misc]
         self.episodes = Episodes(settings, self._world)
         self._rng = rng
         self._flat = flat_observation
-        self._observation: dict[str, NDArray[np.float32]] = {}
+        self._observation: Any = {}
 
     def initialize_episode(self, physics: Physics) -> None:
         """Place the car."""
@@ -188,7 +194,8 @@ class CarTask(control.Task):  # type: ignore[misc]
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, NDArray[np.float32]]:
         """Return the observation."""
-        return OrderedDict((name, values[0]) for name, values in self._observation.items())
+        seen = row_of(self._observation, 0)
+        return OrderedDict(seen if isinstance(seen, dict) else {FLAT: seen})
 
     def get_reward(self, physics: Physics) -> float:
         """Return the reward of the last tick."""
@@ -202,12 +209,14 @@ class CarTask(control.Task):  # type: ignore[misc]
 
     def action_spec(self, physics: Physics) -> specs.BoundedArray:
         """Return the bounds of an action."""
-        bounds = self.episodes.actions
-        return specs.BoundedArray((2,), np.float32, bounds.low, bounds.high, name=",".join(ACTION))
+        bounds = self.episodes.interface.bounds
+        return specs.BoundedArray((2,), np.float32, bounds.low, bounds.high, name=",".join(action_names(bounds)))
 
     def observation_spec(self, physics: Physics) -> OrderedDict[str, specs.BoundedArray]:
         """Return the bounds of each part of an observation."""
-        bounds = OrderedDict((name, (bound.low, bound.high)) for name, bound in self.episodes.layout.bounds.items())
+        found = self.episodes.observer.bounds
+        by_name = {FLAT: found} if isinstance(found, Bounds) else found
+        bounds = OrderedDict((name, (bound.low, bound.high)) for name, bound in by_name.items())
         if self._flat:
             flat = tuple(np.concatenate(ends) for ends in zip(*bounds.values(), strict=True))
             bounds = OrderedDict({control.FLAT_OBSERVATION_KEY: flat})

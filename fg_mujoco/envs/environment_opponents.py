@@ -7,11 +7,11 @@ A policy is a function of an observation that returns an action, both as the env
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import ControllerError, MessageError, PlannerError, SettingsError
 from ..messages import Controller, shown
@@ -24,11 +24,10 @@ from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import without_exit
 from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
-from .actions import ActionBounds, one_action
-from .observations import Observation, ObservationLayout, Term
+from .actions import one_action
+from .observer import Observer
+from .policy_interface import Policy, PolicyInterface, row_of
 from .tick_state import SensedState, TickStates
-
-Policy = Callable[[Observation], ArrayLike]
 
 _ACCEPTED = (
     "a planner's name, path/to/file.py:ClassName, an Entry or its fields by name, or a policy: a function of an "
@@ -77,10 +76,8 @@ class Opponents:
       entries: of the opponents of each world.
       world: that the worlds are; the opponents are its last cars.
       count: how many worlds, n.
-      beam_step: of what policies see.
-      speed_range: of the actions of policies, as ActionBounds takes it.
-      normalised: whether the actions of policies are from -1 to 1.
-      observations: the parts of what policies see.
+      settings: EnvironmentSettings, for what policies see and answer; they see nothing privileged.
+      period: of a tick [s].
       states: of the engine's cars; None: no term looks at them.
 
     Attributes:
@@ -97,28 +94,26 @@ class Opponents:
         world: World,
         count: int,
         *,
-        beam_step: int,
-        speed_range: tuple[float, float] | None,
-        normalised: bool,
-        observations: Sequence[str | Term],
+        settings: Any,
+        period: float,
         states: TickStates | None,
     ) -> None:
         m, first = len(world.cars), len(world.cars) - len(entries)
         self.rows = np.arange(count * m).reshape(count, m)[:, first:]
         self._planners: dict[int, Controller] = {}  # by row
-        self._policies: list[tuple[NDArray[np.int64], Planners]] = []
+        self._policies: list[tuple[NDArray[np.int64], PolicyCars]] = []
         for number, entry in enumerate(entries, start=1):
             rows, car = self.rows[:, number - 1], world.cars[first + number - 1].parameters
             if isinstance(entry.controller, str):
                 self._planners |= zip(rows.tolist(), _planners(entry, number, world, first, count), strict=True)
             else:
                 beams = world.vehicles[first + number - 1].lidar.beams
-                layout = ObservationLayout(car, beams, beam_step, observations, entry.sensed)
-                bounds = ActionBounds(car, speed_range, normalised=normalised)
+                interface = PolicyInterface.of(settings, car, beams, period)
+                observer = interface.observer(count, car=car, beams=beams, sensors=entry.sensed)
                 state, own = None, slice(first + number - 1, None, m)
                 if states is not None:
                     state = states.sensed(states.of(own, car), own)
-                self._policies.append((rows, PolicyCars(entry.controller, number, layout, bounds, state)))  # type: ignore[arg-type]
+                self._policies.append((rows, PolicyCars(entry.controller, number, interface, observer, state)))  # type: ignore[arg-type]
         self._adapted: dict[int, Planners] = {}
         self._of_each = PlannersOfEach([])
 
@@ -127,8 +122,8 @@ class Opponents:
         """Errors of the planners that have failed in the present episodes, by row."""
         return self._of_each.failures
 
-    def begin(self, worlds: NDArray[np.bool_]) -> None:
-        """Reset the planners of some worlds (n,), because an episode begins there.
+    def begin(self, worlds: NDArray[np.bool_], seeds: Sequence[int]) -> None:
+        """Reset the planners of some worlds (n,), because an episode begins there; one seed for each of their cars.
 
         Raises:
           ControllerError: one raises.
@@ -137,6 +132,9 @@ class Opponents:
             if row in self._planners:
                 start_planner(self._planners[row])
                 self._adapted[row] = adapt([self._planners[row]])
+        of_cars = np.array(seeds, np.uint64).reshape(int(np.count_nonzero(worlds)), -1)
+        for rows, policy in self._policies:
+            policy.begin(worlds, of_cars[:, rows[0] % of_cars.shape[1]].tolist())
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
         self._of_each = PlannersOfEach([*of_planners, *self._policies])
 
@@ -156,29 +154,44 @@ class PolicyCars:
     Args:
       policy: as given.
       number: of the opponent, for messages.
-      layout: of its observations.
-      bounds: of its actions.
+      interface: of the policy.
+      observer: of the cars.
       state: of the cars; None: no term of the observations looks at it.
     """
 
     def __init__(
-        self, policy: Policy, number: int, layout: ObservationLayout, bounds: ActionBounds, state: SensedState | None
+        self, policy: Policy, number: int, interface: PolicyInterface, observer: Observer, state: SensedState | None
     ) -> None:
-        self._policy, self._number, self._layout, self._bounds = policy, number, layout, bounds
-        self._state = state
+        count = observer.count
+        self._policy, self._number, self._interface, self._observer = policy, number, interface, observer
+        self._actions, self._state, self._ticks = interface.actions(count), state, np.zeros(count, np.int64)
         self.failures: dict[int, PlannerError] = {}  # a policy's error is the caller's own
+
+    def begin(self, which: NDArray[np.bool_], seeds: Sequence[int]) -> None:
+        """Forget what the cars `which` (n,) have seen; one seed of their observations' noise for each of them."""
+        self._observer.begin(which, seeds)
+        self._actions.begin(which)
+        self._ticks[which] = 0
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
-        running = cars.running
-        readings = [cars.readings(row) for row in range(len(running))]
-        seen = self._layout.read(cars.ranges, cars.odometry, self._state, readings)
-        actions = np.zeros((len(running), 2))
-        for world in map(int, np.flatnonzero(running)):
-            action = self._policy({name: values[world] for name, values in seen.items()})
-            actions[world] = one_action(action, f"the policy of opponent {self._number} answered")
+        running, count = cars.running, len(cars.running)
+        asked = running & (self._ticks % self._interface.action_repeat == 0)
+        self._ticks += running
+        self._actions.sense(cars.odometry, running)
+        readings = [cars.readings(row) for row in range(count)]
+        parts = cars.ranges, cars.odometry, self._state, readings, self._actions.previous
+        if self._observer.needs_every_tick:
+            self._observer.read(running & ~asked, *parts, step=False)
+        seen = self._observer.read(asked, *parts)
+        actions = np.zeros((count, 2))
+        for world in map(int, np.flatnonzero(asked)):
+            action = self._policy(row_of(seen, world))
+            said = f"the policy of opponent {self._number} answered"
+            actions[world] = one_action(action, said, self._interface.bounds)
         try:
-            self._bounds.read(actions, running, cars.commands, np.zeros(len(running), np.int64))
+            self._actions.again(running & ~asked, cars.commands)
+            self._actions.read(actions, asked, cars.commands, np.zeros(count, np.int64))
         except MessageError as error:
             raise MessageError(f"the policy of opponent {self._number}: {error}") from error
         return None

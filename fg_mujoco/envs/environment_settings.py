@@ -3,7 +3,7 @@
     settings = EnvironmentSettings.of({"track": "hairpins", "laps": 2, "beam_step": 10})
     world = settings.make_world()
 
-`observations`, `actions`, `rewards` and `end_conditions` describe these.
+`observation_description`, `actions`, `rewards` and `end_conditions` describe these.
 """
 
 from __future__ import annotations
@@ -24,11 +24,14 @@ from ..racing.setup import PARTS, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.settings import CarSettings, Start, known_settings
+from ..simulation.settings import CarSettings, Start, known_settings, renamed
 from ..simulation.world import World
+from .actions import DEFAULT_ACTION
 from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
-from .observations import DEFAULT_OBSERVATIONS, ObservationTerm, Term, as_observations
+from .observation_description import DEFAULT_OBSERVATION, Observation, as_privileged
+from .observations import ObservationTerm
+from .policy_interface import check_actions
 from .rewards import Rewards
 from .starts import GRID_ORDERS
 
@@ -65,10 +68,14 @@ class EnvironmentSettings(CarSettings):
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
     beam_step: int = 1  # every how many-th beam is seen, counted from the one straight ahead to both sides
     speed_range: tuple[float, float] | None = None  # [m/s] that an action may ask for; None: what the car can
+    action: str = DEFAULT_ACTION  # what its two parts are
     normalised_actions: bool = False  # both parts of an action are from -1 to 1
+    action_repeat: int = 1  # ticks of an environment's step
+    smoothing: float = 0.0  # [s] time constant of a filter of the commands
     rewards: Rewards = field(default_factory=Rewards)  # weights of the terms, by name
     end_conditions: Sequence[str | EndCondition] = ()  # that end an episode besides the race's own reasons
-    observations: Sequence[str | Term] = DEFAULT_OBSERVATIONS  # the parts of an observation, in this order
+    observation: Any = DEFAULT_OBSERVATION  # in any way that Observation.of takes
+    privileged: Any = ()  # terms of a second vector, for a critic
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
     grid: str = "staggered"  # on which several cars start, as `race` takes it
     grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
@@ -78,7 +85,8 @@ class EnvironmentSettings(CarSettings):
         self._make("effects", LidarEffects)
         object.__setattr__(self, "rewards", Rewards.of(self.rewards))
         object.__setattr__(self, "end_conditions", as_end_conditions(self.end_conditions))
-        object.__setattr__(self, "observations", as_observations(self.observations))
+        object.__setattr__(self, "observation", Observation.of(self.observation))
+        object.__setattr__(self, "privileged", as_privileged(self.privileged))
         for name, least in (("laps", 1), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
         object.__setattr__(self, "obstacles", obstacles_or_count(self.obstacles))
@@ -88,8 +96,7 @@ class EnvironmentSettings(CarSettings):
             raise SettingsError(f"start is {self.start!r}; {accepted_names(self.start, STARTS, ', or a Start')}")
         if self.time_limit is not None:
             require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("time_limit",), SettingsError)
-        if not isinstance(self.normalised_actions, bool):
-            raise SettingsError(f"normalised_actions is {self.normalised_actions!r}; accepted: True, False")
+        check_actions(self)
         if self.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in an environment; accepted: in `race` only")
         for name, accepted in (("grid", GRIDS), ("grid_order", GRID_ORDERS)):
@@ -107,6 +114,7 @@ class EnvironmentSettings(CarSettings):
             environment cannot use: of the planner, whose place the policy takes, or of a whole race.
         """
         own = dict(description)
+        _refuse_old(**own)
         setup, of_setup = own.pop("setup", None), {name: own.pop(name) for name in PARTS if name in own}
         if setup is None and not of_setup:
             return cls(**known_settings(own, cls, "an environment"))
@@ -125,7 +133,9 @@ class EnvironmentSettings(CarSettings):
     @property
     def looks_at_state(self) -> bool:
         """Whether any term is a function of the cars' state, besides the three rewards that are compiled."""
-        seen = any(isinstance(term, ObservationTerm) for term in self.observations)
+        assert isinstance(self.observation, Observation)
+        parts = self.observation.parts
+        seen = any(isinstance(part.term, ObservationTerm) for part in parts) or bool(self.privileged)
         return seen or len(self.rewards.others) + len(self.end_conditions) > 0
 
     def make_world(self, agents: int = 1) -> World:
@@ -154,6 +164,11 @@ class EnvironmentSettings(CarSettings):
             world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
             own_model=world is not None,
         )  # fmt: skip
+
+
+@renamed(observations="observation")
+def _refuse_old(**settings: Any) -> None:
+    """Raise SettingsError if a setting has its old name."""
 
 
 def _is_part(value: Any) -> bool:

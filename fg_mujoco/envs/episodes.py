@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
+from ..lidar.effects import LidarEffects
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
-from .actions import ActionBounds
 from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
-from .observations import Observation, ObservationLayout
+from .observer import Seen
+from .policy_interface import PolicyInterface
 from .reward_kernels import reward_ticks
 from .rewards import values_of
 from .starts import StartGrid
@@ -49,9 +50,9 @@ class Episodes:
       worlds: of the episodes.
 
     Attributes:
-      layout: of observations.
-      actions: their bounds.
-      commands: of the last step (n, 2) [rad, m/s].
+      interface: what a policy sees and answers.
+      observer: of the cars that learn.
+      commands: of the last tick (n, 2) [rad, m/s].
       rewards: of the last step (n,).
       terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
         ended the episode (n,).
@@ -75,10 +76,16 @@ class Episodes:
             worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
         )
         car, count = worlds.world.parameters, len(worlds.times)
-        self.layout = ObservationLayout(
-            car, worlds.world.vehicle.lidar.beams, settings.beam_step, settings.observations, settings.sensed
+        beams = worlds.world.vehicle.lidar.beams
+        self.interface = PolicyInterface.of(settings, car, beams, worlds.period)
+        self.observer = self.interface.observer(
+            count, car=car, beams=beams, sensors=settings.sensed, privileged=settings.privileged
         )
-        self.actions = ActionBounds(car, settings.speed_range, normalised=settings.normalised_actions)
+        self._actions, self._repeats = self.interface.actions(count), settings.action_repeat
+        # a scan and odometry that nothing changes from tick to tick need to be sensed in the last one only
+        self._senses_every_tick = (
+            self.observer.needs_every_tick or settings.effects != LidarEffects() or bool(settings.sensed)
+        )
         self.rewards = np.zeros(count)
         names = [term.name for term in settings.rewards.terms]
         self.fact_names = (
@@ -130,6 +137,8 @@ class Episodes:
             seeds += [int(rng.integers(2**63)) for _ in range(self.worlds.cars)]
         self.worlds.begin(which, starts, seeds)
         agents = np.repeat(which, self.worlds.agents)
+        self._actions.begin(agents)
+        self.observer.begin(agents, [seed for i, seed in enumerate(seeds) if i % self.worlds.cars < self.worlds.agents])
         self.rewards[agents] = 0.0
         self._terms[:, :, agents] = 0.0
         self.clipped[agents] = 0
@@ -149,6 +158,8 @@ class Episodes:
         self.command(actions)
         self.worlds.drive(self.commands)
         self.reward()
+        if self._repeats > 1:
+            self._repeat()
 
     def command(self, actions: ArrayLike) -> None:
         """Convert actions to commands.
@@ -157,7 +168,7 @@ class Episodes:
           MessageError: an action that is no number.
         """
         self._driven[:] = self.running
-        self.actions.read(actions, self._driven, self.commands, self.clipped)
+        self._actions.read(actions, self._driven, self.commands, self.clipped)
 
     def reward(self) -> None:
         """End the episodes that a condition ends, and reward the tick that was driven.
@@ -183,11 +194,38 @@ class Episodes:
         """Stop the episodes `which` (n,)."""
         self.worlds.stop(which)
 
-    def observe(self, which: Mask) -> Observation:
-        """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew."""
-        self.worlds.sense(which)
-        worlds = self.worlds
-        return self.layout.read(worlds.ranges, worlds.odometry, worlds.sensed_state, worlds.readings)
+    def observe(self, which: Mask, *, step: bool = True) -> Seen:
+        """Return new observations of all worlds, (n, ...) by name; those of the worlds `which` (n,) are sensed anew.
+
+        Args:
+          which: see above.
+          step: whether a step is over, and not only a tick.
+        """
+        worlds, actions = self.worlds, self._actions
+        worlds.sense(which)
+        odometry = worlds.odometry
+        actions.sense(odometry, which)
+        return self.observer.read(
+            which, worlds.ranges, odometry, worlds.sensed_state, worlds.readings, actions.previous, step=step
+        )
+
+    def _repeat(self) -> None:
+        """Hold the actions for the other ticks of a step, and sum the rewards."""
+        rewards, terms = self.rewards.copy(), self._terms[0].copy()
+        stepped = self._driven.copy()
+        for _ in range(self._repeats - 1):
+            self._driven[:] = self.running & stepped
+            if not self._driven.any():
+                break
+            if self._senses_every_tick:
+                self.observe(self._driven.copy(), step=False)
+            self._actions.again(self._driven, self.commands)
+            self.worlds.drive(self.commands)
+            self.reward()
+            rewards += np.where(self._driven, self.rewards, 0.0)
+            terms += np.where(self._driven, self._terms[0], 0.0)
+        self.rewards[:], self._terms[0], self._driven[:] = rewards, terms, stepped
+
 
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""

@@ -26,7 +26,9 @@ from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
-from .observations import ObservationLayout
+from .observations import Bounds
+from .observer import Observer
+from .policy_interface import PolicyInterface, row_of
 from .registration import ID as ID
 from .registration import register
 from .rendering import ChaseView, Window
@@ -40,7 +42,9 @@ except ImportError as error:
 
 RENDER_MODES = ("human", "rgb_array")
 
-Observation = dict[str, NDArray[np.float32]]
+Observation = Any
+"""Arrays by name, or one array where the observation is flat."""
+
 _ALL = np.ones(1, np.bool_)
 
 
@@ -56,6 +60,9 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Args:
       render_mode: "rgb_array", "human" or None.
       settings: those of EnvironmentSettings, by name.
+
+    Attributes:
+      policy_interface: what a policy sees and answers; a planner made of the policy needs it.
 
     Raises:
       TrackError, SettingsError: what cannot be driven.
@@ -74,9 +81,10 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         chosen = EnvironmentSettings.of(settings)
         self._world = Worlds(chosen)
         self._episodes = Episodes(chosen, self._world)
-        self.metadata = self.metadata | {"render_fps": round(1.0 / self._world.period)}
-        self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.layout)
-        self.action_space: gymnasium.Space[Any] = action_space(self._episodes.actions)
+        self.policy_interface = self._episodes.interface
+        self.metadata = self.metadata | {"render_fps": frames_per_second(self.policy_interface)}
+        self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.observer)
+        self.action_space: gymnasium.Space[Any] = action_space(self._episodes.interface.bounds)
         self._data: mujoco.MjData | None = None  # that is drawn
         self._view: ChaseView | None = None
         self._window: Window | None = None
@@ -96,7 +104,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for a tick of 25 ms.
+        """Drive for a tick of 25 ms, or for `action_repeat` of them.
 
         Raises:
           MessageError: a NaN, or an action of another shape. A value out of bounds is clipped and counted.
@@ -144,19 +152,26 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
                 shown.close()
         self._view = self._window = None
 
-    def _observe(self) -> Observation:
-        return {name: values[0] for name, values in self._episodes.observe(_ALL).items()}
+    def _observe(self) -> Any:
+        return row_of(self._episodes.observe(_ALL), 0)
 
     def _info(self) -> dict[str, Any]:
         return self._episodes.facts_of(0)
 
 
-def observation_space(layout: ObservationLayout) -> gymnasium.spaces.Dict[Any]:
+def observation_space(observer: Observer) -> gymnasium.Space[Any]:
     """Return the space of the observations of one car."""
+    if isinstance(observer.bounds, Bounds):
+        return gymnasium.spaces.Box(observer.bounds.low, observer.bounds.high)
     boxes: dict[str, gymnasium.Space[Any]] = {
-        name: gymnasium.spaces.Box(bounds.low, bounds.high) for name, bounds in layout.bounds.items()
+        name: gymnasium.spaces.Box(bounds.low, bounds.high) for name, bounds in observer.bounds.items()
     }
     return gymnasium.spaces.Dict(boxes)
+
+
+def frames_per_second(interface: PolicyInterface) -> int:
+    """Return how many steps of an environment a second has, rounded."""
+    return round(1.0 / (interface.period * interface.action_repeat))
 
 
 def action_space(bounds: ActionBounds) -> gymnasium.spaces.Box[Any]:

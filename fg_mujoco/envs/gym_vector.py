@@ -23,7 +23,8 @@ from ..simulation.physics import STATE
 from ..studies.workers import usable_cores
 from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
-from .gym_environment import F1TenthEnv, Observation, action_space, observation_space
+from .gym_environment import F1TenthEnv, Observation, action_space, frames_per_second, observation_space
+from .policy_interface import row_of
 from .rendering import ChaseView
 from .starts import given_start
 from .worlds import Worlds
@@ -48,6 +49,9 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
       threads: that step the worlds; None: one for each core.
       render_mode: "rgb_array" or None.
       settings: those of EnvironmentSettings, by name.
+
+    Attributes:
+      policy_interface: what a policy sees and answers; a planner made of the policy needs it.
 
     Raises:
       TrackError, SettingsError: what cannot be driven.
@@ -74,11 +78,13 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         chosen = EnvironmentSettings.of(settings)
         self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
         self._episodes = Episodes(chosen, self._worlds)
+        self.policy_interface = self._episodes.interface
         self.metadata = F1TenthEnv.metadata | {
-            "autoreset_mode": self._mode, "render_modes": ["rgb_array"], "render_fps": round(1.0 / self._worlds.period),
+            "autoreset_mode": self._mode, "render_modes": ["rgb_array"],
+            "render_fps": frames_per_second(self.policy_interface),
         }  # fmt: skip
-        self.single_observation_space = observation_space(self._episodes.layout)
-        self.single_action_space = action_space(self._episodes.actions)
+        self.single_observation_space = observation_space(self._episodes.observer)
+        self.single_action_space = action_space(self._episodes.interface.bounds)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._max_steps = max_episode_steps
@@ -115,7 +121,9 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Drive for a tick of 25 ms. The action of a world that is reset in this step is ignored.
+        """Drive for a tick of 25 ms, or for `action_repeat` of them.
+
+        The action of a world that is reset in this step is ignored.
 
         Raises:
           MessageError: a NaN, or actions of another shape. A value out of bounds is clipped and counted.
@@ -195,7 +203,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
             known = {name: values[i].item() for name, values in facts.items()}
             if not episodes.running[i]:
                 known |= episodes.ending(i)
-            seen = {name: values[i] for name, values in observation.items()}
+            seen = row_of(observation, i)
             final = self._add_info(final, {"final_obs": seen, "final_info": known}, i)
         self._begin(over)
         return episodes.observe(over), final | self._infos()

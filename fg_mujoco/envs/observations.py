@@ -1,6 +1,6 @@
 """What a policy sees: the scan and the car's own sensors by default, and terms that are chosen by name.
 
-    env = F1TenthEnv(observations=["scan", "speed", "command", "heading_error"])
+    env = F1TenthEnv(observation="scan,speed,command,heading_error")
 
 | name | shape | value |
 | --- | --- | --- |
@@ -10,8 +10,9 @@
 | steering_angle | (1,) | of the servo, left positive [rad] |
 | acceleration | (2,) | ahead and to the left, of the accelerometer in the centre of gravity [m/s^2] |
 | wheel_speeds | (4,) | speed of each wheel's surface, forward positive [m/s]; not among the default ones |
+| previous_action | (2,) | last action of the policy, within its bounds; 0 (or the bound next to it) at the beginning |
 
-These are sensors' readings; none of them knows the course or the pose. Further terms are functions of a `SensedState`,
+These are known on board; none of them knows the course or the pose. Further terms are functions of a `SensedState`,
 made with `@observation`. All are float32 within bounds; a value beyond them reads the bound.
 
 Each of the settings' `sensors` is one more, by its name: its latest values, NaN before the first are delivered.
@@ -20,7 +21,7 @@ Each of the settings' `sensors` is one more, by its name: its latest values, NaN
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,14 +29,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
-from ..lidar.beams import Beams
-from ..messages import ODOMETRY, CarParameters, FloatArray, Reading, shown
+from ..messages import ODOMETRY, CarParameters, FloatArray, shown
 from ..registry import Registry
-from ..vehicle.sensors import Sensor
-from .reward_kernels import read_sensors
 from .tick_state import SensedState
 
-Observation = dict[str, NDArray[np.float32]]
+Observed = dict[str, NDArray[np.float32]]
 ObservationFunction = Callable[[SensedState], ArrayLike]
 Ends = tuple[ArrayLike, ArrayLike]
 """Least and greatest value: numbers, or arrays (k,)."""
@@ -49,8 +47,29 @@ DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "accelera
 
 _MADE = "or an ObservationTerm, as @observation makes it"
 
-SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds")
-"""The parts that are read off the scan and the odometry; see the table above."""
+SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds", "previous_action")
+"""The parts that are read off the scan, the odometry and the policy's own actions; see the table above."""
+
+ON_BOARD = (*SENSED, "command")
+"""The parts that a car knows by itself."""
+
+SCALES: Mapping[str, float | tuple[float, ...]] = {
+    "scan": 10.0,  # [m]
+    "speed": 10.0,  # [m/s]
+    "yaw_rate": 5.0,  # [rad/s] of 10 m/s^2 at 2 m/s
+    "acceleration": 10.0,  # [m/s^2]
+    "wheel_speeds": 10.0,  # [m/s]
+    "pose": (10.0, 10.0, math.pi),  # [m, m, rad]
+    "cross_track_error": 1.0,  # [m]
+    "wall_distance": 1.0,  # [m]
+    "lateral_speed": 1.0,  # [m/s]
+    "slip": 1.0,  # [m/s]
+    "curvature": 1.0,  # [1/m]
+    "lead": 10.0,  # [m]
+    "mu": 1.0,
+}
+"""What a part is divided by where it is normalised. Other parts: the greatest magnitude of their bounds. An action that
+is not normalised is divided likewise. The readings of a car's `sensors` stay as they are."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +100,7 @@ class ObservationTerm:
         if not callable(self.function):
             raise SettingsError(f"observation {self.name!r} is {shown(self.function)}; accepted: a function")
 
-    def bounds_of(self, car: CarParameters) -> Bounds:
+    def bounds_of(self, car: Any) -> Bounds:
         """Return the bounds, of the shape (k,) of the part, or (1,).
 
         Raises:
@@ -118,7 +137,7 @@ class ObservationTerm:
 
 @dataclass(frozen=True, kw_only=True)
 class SensedTerm:
-    """A part of an observation that a compiled loop reads off the scan or the odometry."""
+    """A part of an observation that a compiled loop reads off the scan or the odometry, or the policy's own action."""
 
     name: str  # one of SENSED
 
@@ -194,23 +213,32 @@ def lead(state: SensedState) -> FloatArray:
     return state.lead
 
 
-def as_observations(given: Any) -> tuple[Term, ...]:
-    """Return the parts of a list of names and ObservationTerms.
+@observation(((-1e4, -1e4, -math.pi), (1e4, 1e4, math.pi)))
+def pose(state: SensedState) -> FloatArray:
+    """True x [m], y [m] and heading [rad] in the map's frame. A car does not know it."""
+    turned = state.pose.copy()
+    turned[:, 2] -= 2.0 * math.pi * np.round(turned[:, 2] / (2.0 * math.pi))
+    return turned
 
-    Raises:
-      SettingsError: no such list, an empty one, an unknown name, or the same name twice.
-    """
-    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) == 0:
-        raise SettingsError(f"observations is {shown(given)}; accepted: a list of names and ObservationTerms")
-    found: list[Term] = []
-    for each in given:
-        term = OBSERVATIONS.find(each, f", {_MADE}") if isinstance(each, str) else each
-        if not isinstance(term, Term):
-            raise SettingsError(f"an observation is {shown(each)}; accepted: a name, {_MADE}")
-        if any(term.name == other.name for other in found):
-            raise SettingsError(f"observation {term.name!r} stands twice in observations; accepted: once")
-        found.append(term)
-    return tuple(found)
+
+@observation((np.full(3, -5.0), np.full(3, 5.0)))
+def curvature(state: SensedState) -> FloatArray:
+    """Mean curvature of the course over the next 1, 2 and 4 m, left positive [1/m]. A car does not know it."""
+    return state.curvature
+
+
+@observation(lambda car: (np.full(2, -2.0 * car.max_speed), np.full(2, 2.0 * car.max_speed)))
+def slip(state: SensedState) -> FloatArray:
+    """Speed of the front and of the rear axle across their wheels, left positive [m/s]. A car does not know it."""
+    angle, rear = state.odometry["steering_angle"], state.lateral_speed
+    front = (rear + state.car.wheelbase * state.yaw_rate) * np.cos(angle) - state.speed * np.sin(angle)
+    return np.stack((front, rear), axis=1)
+
+
+@observation((0.0, 10.0))
+def mu(state: SensedState) -> FloatArray:
+    """Coefficient of friction of the floor, besides patches. A car does not know it."""
+    return state.mu
 
 
 def _column(name: str) -> int:
@@ -230,105 +258,3 @@ _COLUMNS = {
 """Where the numbers of each sensor are in a row of ODOMETRY."""
 
 
-class ObservationLayout:
-    """Makes observations from scans, odometry and the state of the cars.
-
-    Args:
-      car: of the compiled model.
-      beams: of its LiDAR.
-      beam_step: every how many-th beam is seen, counted from the one straight ahead to both sides.
-      parts: names and ObservationTerms.
-      sensors: that the car has besides; what each delivered last is a part of its name.
-
-    Attributes:
-      bounds: name -> Bounds, in the order of the parts and the sensors.
-      bearings: of the beams that are seen (beams,) [rad].
-
-    Raises:
-      SettingsError: a step that leaves the beam straight ahead alone, a term with other bounds than it may have, or a
-        sensor with the name of another part.
-    """
-
-    def __init__(
-        self,
-        car: CarParameters,
-        beams: Beams,
-        beam_step: int = 1,
-        parts: Sequence[str | Term] = DEFAULT_OBSERVATIONS,
-        sensors: Sequence[Sensor] = (),
-    ) -> None:
-        middle = len(beams.bearings) // 2
-        if not 1 <= beam_step <= middle:
-            raise SettingsError(f"beam_step is {beam_step!r}; accepted: a whole number from 1 to {middle}")
-        self._first, self._step = middle % beam_step, beam_step
-        self.bearings = beams.bearings[self._first :: beam_step]
-        self._range_max = beams.range_max
-        fastest = max(abs(car.min_speed), car.max_speed) * _OVERSHOOT
-        limits = {
-            "speed": fastest,
-            "yaw_rate": fastest * math.tan(car.max_steering_angle) / car.wheelbase,
-            "steering_angle": car.max_steering_angle,
-            "acceleration": ACCELEROMETER_RANGE * car.gravity,
-            "wheel_speeds": fastest,
-        }
-        self.bounds: dict[str, Bounds] = {}
-        self._parts: dict[str, slice | ObservationTerm | Sensor | None] = {}
-        columns: list[int] = []
-        for term in as_observations(parts):
-            name, first = term.name, len(columns)
-            if isinstance(term, ObservationTerm):
-                self.bounds[name], self._parts[name] = term.bounds_of(car), term
-            elif name == "scan":
-                self.bounds[name], self._parts[name] = _bounds(0.0, beams.range_max, len(self.bearings)), None
-            else:
-                columns += _COLUMNS[name]
-                self.bounds[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name]))
-                self._parts[name] = slice(first, len(columns))
-        for sensor in sensors:
-            if sensor.name in self._parts:
-                said = f"sensor {sensor.name!r} has the name of another observation"
-                raise SettingsError(f"{said}; accepted: a `name` of its own, not {', '.join(self._parts)}")
-            size = sensor.size(len(beams.bearings))
-            self.bounds[sensor.name], self._parts[sensor.name] = _bounds(-math.inf, math.inf, size), sensor
-        self._columns, self._beams_seen = np.array(columns, np.int64), len(self.bearings) * ("scan" in self.bounds)
-        read = [self.bounds[name].high for name, part in self._parts.items() if isinstance(part, slice)]
-        self._high = np.concatenate([np.empty(0, np.float32), *read])
-
-    def read(
-        self,
-        ranges: FloatArray,
-        odometry: NDArray[np.void],
-        state: SensedState | None = None,
-        readings: Sequence[Mapping[str, Reading]] = (),
-    ) -> Observation:
-        """Return the observations of n cars, new arrays (n, ...) by name.
-
-        Args:
-          ranges: of all beams (n, 1081) [m], as in LaserScan.
-          odometry: (n,) of ODOMETRY.
-          state: of the cars; needed where there are ObservationTerms.
-          readings: of each car's sensors, by name; needed where there are sensors.
-        """
-        count = len(ranges)
-        scan = np.empty((count, self._beams_seen), np.float32)
-        values = np.empty((count, len(self._columns)), np.float32)
-        read_sensors(
-            ranges, odometry.view(np.float64).reshape(count, -1), self._first, self._step, self._range_max,
-            self._columns, self._high, scan, values,
-        )  # fmt: skip
-        found: Observation = {}
-        for name, part in self._parts.items():
-            if isinstance(part, slice):
-                found[name] = values[:, part]
-            elif part is None:
-                found[name] = scan
-            elif isinstance(part, Sensor):
-                found[name] = np.array([each[name].values for each in readings], np.float32)
-            else:
-                assert state is not None
-                found[name] = part.read(state, self.bounds[name])
-        return found
-
-
-def _bounds(low: float, high: float, size: int) -> Bounds:
-    return Bounds(low=np.full(size, low, np.float32), high=np.full(size, high, np.float32))

@@ -25,7 +25,6 @@ from ..simulation.cars import GREATEST_CARS
 from .actions import one_action
 from .environment_settings import EnvironmentSettings
 from .episodes import Episodes
-from .observations import Observation
 from .rendering import ChaseView
 from .starts import given_start
 from .worlds import Worlds
@@ -38,7 +37,8 @@ except ImportError as error:
 
 # isort: split
 # where Gymnasium is missing, the line above has said which command installs both
-from .gym_environment import action_space, observation_space
+from .gym_environment import action_space, frames_per_second, observation_space
+from .policy_interface import row_of
 
 _WORLD = np.ones(1, np.bool_)
 
@@ -58,6 +58,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
     Attributes:
       possible_agents: names of all agents.
       agents: names of those whose episode goes on.
+      policy_interface: what a policy sees and answers; a planner made of the policy needs it.
 
     Raises:
       TrackError, SettingsError: what cannot be driven.
@@ -74,11 +75,12 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         chosen = EnvironmentSettings.of(settings)
         self._worlds = Worlds(chosen, agents=agents)
         self._episodes = Episodes(chosen, self._worlds)
-        self.metadata = self.metadata | {"render_fps": round(1.0 / self._worlds.period)}
+        self.policy_interface = interface = self._episodes.interface
+        self.metadata = self.metadata | {"render_fps": frames_per_second(interface)}
         self.possible_agents = [f"car_{index}" for index in range(agents)]
         self.agents: list[str] = []
-        self._observation_spaces = {agent: observation_space(self._episodes.layout) for agent in self.possible_agents}
-        self._action_spaces = {agent: action_space(self._episodes.actions) for agent in self.possible_agents}
+        self._observation_spaces = {agent: observation_space(self._episodes.observer) for agent in self.possible_agents}
+        self._action_spaces = {agent: action_space(interface.bounds) for agent in self.possible_agents}
         self._generator: np.random.Generator | None = None
         self._view: ChaseView | None = None
 
@@ -103,7 +105,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
 
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
         """Begin the episodes of all agents.
 
         Args:
@@ -125,7 +127,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[
-        dict[str, Observation], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
+        dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
     ]:  # fmt: skip
         """Drive for a tick of 25 ms.
 
@@ -190,12 +192,13 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
             raise MessageError(f"actions are of {given}; accepted: one of each of {self.agents}, by name")
         rows = np.zeros((len(self.possible_agents), 2))
         for agent, action in actions.items():
-            rows[self.possible_agents.index(agent)] = one_action(action, f"the action of {agent} is")
+            said, row = f"the action of {agent} is", self.possible_agents.index(agent)
+            rows[row] = one_action(action, said, self.policy_interface.bounds)
         return rows
 
-    def _observations(self, sensed: NDArray[np.bool_], rows: Mapping[str, int]) -> dict[str, Observation]:
+    def _observations(self, sensed: NDArray[np.bool_], rows: Mapping[str, int]) -> dict[str, Any]:
         seen = self._episodes.observe(sensed)
-        return {agent: {name: values[row] for name, values in seen.items()} for agent, row in rows.items()}
+        return {agent: row_of(seen, row) for agent, row in rows.items()}
 
     def _infos(self, rows: Mapping[str, int]) -> dict[str, dict[str, Any]]:
         facts = self._episodes.facts()

@@ -16,15 +16,22 @@ def read_actions(
     actions: FloatArray,
     taken: NDArray[np.bool_],
     limits: FloatArray,
+    share: float,
+    targets: FloatArray,
+    held_before: FloatArray,
     commands: FloatArray,
     clipped: NDArray[np.int64],
 ) -> int:
-    """Convert actions to commands, and count the clipped ones.
+    """Convert actions to the commands of a tick, and count the clipped ones.
 
     Args:
       actions: (n, 2).
       taken: (n,) whose actions count.
-      limits: (4, 2) least, greatest; and what is commanded at 0, and more at 1.
+      limits: (7, 2) least and greatest action; what is asked for at 0, and more at 1; the time for which it is
+        integrated [s], 0: it is the command itself; least and greatest command.
+      share: by which a command comes nearer to what is asked for in a tick; 1: all of it.
+      targets: (2, n, 2) what is asked for, and the command; of the last tick, brought up to date.
+      held_before: (n, 2) written to: the actions, within their bounds.
       commands: (n, 2) written to.
       clipped: (n,) counts, added to.
 
@@ -42,7 +49,16 @@ def read_actions(
         for part in range(2):
             held = min(max(actions[i, part], limits[0, part]), limits[1, part])
             differs = differs or held != actions[i, part]
-            commands[i, part] = limits[2, part] + limits[3, part] * held
+            held_before[i, part] = held
+            asked = limits[2, part] + limits[3, part] * held
+            if limits[4, part] > 0.0:
+                asked = targets[0, i, part] + limits[4, part] * asked
+                asked = min(max(asked, limits[5, part]), limits[6, part])
+            targets[0, i, part] = asked
+            if share < 1.0:
+                asked = targets[1, i, part] + share * (asked - targets[1, i, part])
+            targets[1, i, part] = asked
+            commands[i, part] = asked
         clipped[i] += differs
     return -1
 
@@ -85,11 +101,12 @@ def reward_ticks(
 def read_sensors(
     ranges: FloatArray,
     odometry: FloatArray,
-    first: int,
-    step: int,
+    actions: FloatArray,
+    beams: NDArray[np.int64],
     range_max: float,
     columns: NDArray[np.int64],
-    bounds: NDArray[np.float32],
+    low: NDArray[np.float32],
+    high: NDArray[np.float32],
     scan: NDArray[np.float32],
     values: NDArray[np.float32],
 ) -> None:
@@ -98,19 +115,22 @@ def read_sensors(
     Args:
       ranges: (n, beams) [m], as in LaserScan.
       odometry: (n, m) numbers of ODOMETRY.
-      first: of the beams that are seen.
-      step: from one of them to the next.
+      actions: (n, 2) of the policies; none are needed where no column is m or m + 1.
+      beams: which are seen.
       range_max: [m].
-      columns: (k,) the numbers of the odometry that are seen.
-      bounds: (k,) of their magnitude.
+      columns: (k,) the numbers of the odometry that are seen; from m on, of the action.
+      low: (k,) least values.
+      high: (k,) greatest.
       scan: (n, beams seen) [m], written to: no return reads `range_max`, too close or failed reads 0.
       values: (n, k) written to.
     """
+    width = odometry.shape[1]
     for i in range(len(scan)):
         for beam in range(scan.shape[1]):
-            distance = ranges[i, first + beam * step]
+            distance = ranges[i, beams[beam]]
             # a NaN is not above 0
             scan[i, beam] = min(distance, range_max) if distance > 0.0 else 0.0
         for k in range(len(columns)):
-            bound = bounds[k]
-            values[i, k] = min(max(np.float32(odometry[i, columns[k]]), -bound), bound)
+            column = columns[k]
+            value = odometry[i, column] if column < width else actions[i, column - width]
+            values[i, k] = min(max(np.float32(value), low[k]), high[k])

@@ -10,7 +10,7 @@ of the simulation: a car does not know most of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -56,6 +56,20 @@ class Ground:
         _heading_errors(np.array(poses), np.array(places), self._course.table, errors)
         return errors
 
+    def curvatures(self, places: FloatArray, ahead: Sequence[float]) -> FloatArray:
+        """Return by how much the course turns over some distances ahead [m], a metre. Shape (n, distances) [1/m].
+
+        Args:
+          places: along the line (n,) [m].
+          ahead: the distances; over each the course turns by less than half a turn.
+        """
+        still = np.zeros((len(places), 3))
+        now, found = self.heading_errors(still, places), np.empty((len(places), len(ahead)))
+        for column, distance in enumerate(ahead):
+            turned = now - self.heading_errors(still, np.mod(places + distance, self._course.modulus))
+            found[:, column] = (turned - 2.0 * math.pi * np.round(turned / (2.0 * math.pi))) / distance
+        return found
+
     def distances(self, times: FloatArray, poses: FloatArray, car: CarParameters) -> FloatArray:
         """Return the distances from the cars' footprints to the nearest wall or obstacle. Shape (n,) [m].
 
@@ -99,6 +113,7 @@ class Snapshot(Suggesting):
     touches: Whole  # (n,) how often the car has touched another car
     position: Whole  # (n,) among the cars of the world, 1 in front
     lead: FloatArray  # (n,) [m] on the foremost other car along the course, negative behind it; inf: there is no other
+    mu: FloatArray  # (n,) coefficient of friction of the floor, besides patches
 
     @property
     def speed(self) -> FloatArray:
@@ -119,6 +134,11 @@ class Snapshot(Suggesting):
     def heading_error(self) -> FloatArray:
         """Angle from the direction of the course to the heading, left positive, within pi. Shape (n,) [rad]."""
         return self.ground.heading_errors(self.pose, self.place)
+
+    @property
+    def curvature(self) -> FloatArray:
+        """Mean curvature of the course over the next 1, 2 and 4 m, left positive. Shape (n, 3) [1/m]."""
+        return self.ground.curvatures(self.place, (1.0, 2.0, 4.0))
 
     @property
     def wall_distance(self) -> FloatArray:
@@ -157,6 +177,9 @@ class TickStates:
         self._ground = Ground(engine.world)
         self._now, self._before = _fresh(count), _fresh(count)
         self._driven = np.zeros(count, np.bool_)
+        world = engine.world
+        for values in (self._now, self._before):
+            values["mu"][:] = np.tile([car.mu for car in world.cars], count // len(world.cars))
 
     def of(self, rows: slice, car: CarParameters) -> TickState:
         """Return the state of some cars, which are alike; it stays up to date."""

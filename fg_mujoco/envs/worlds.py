@@ -76,8 +76,7 @@ class Worlds:
         self._opponents: Opponents | None = None
         if entries:
             self._opponents = self.engine.planners = Opponents(
-                entries, self.world, count, beam_step=settings.beam_step, speed_range=settings.speed_range,
-                normalised=settings.normalised_actions, observations=settings.observations, states=self._states,
+                entries, self.world, count, settings=settings, period=self.period, states=self._states,
             )  # fmt: skip
         self.sliding = np.zeros(count * agents)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
@@ -142,7 +141,7 @@ class Worlds:
             odometry_drifts=self._drifts * worlds, sensors=self._sensors * worlds,
         )  # fmt: skip
         if self._opponents is not None:
-            self._opponents.begin(which)
+            self._opponents.begin(which, seeds)
         self.sliding[np.repeat(which, self.agents)] = 0.0
         self._sensed[np.repeat(which, self.cars)] = False
         if self._states is not None:

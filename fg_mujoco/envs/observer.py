@@ -1,0 +1,403 @@
+"""Makes observations of some cars from what their sensors read, from step to step.
+
+    observer = Observer(observation, car, beams, period, count=n)
+    seen = observer.read(which, ranges, odometry)
+
+An environment has one for its worlds, a policy that drives one for its car: the same code, the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SettingsError
+from ..kernels import kernel
+from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
+from .actions import CarLimits
+from .observation_description import Observation, Part, even_beams
+from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
+from .reward_kernels import read_sensors
+from .tick_state import SensedState
+
+Mask = NDArray[np.bool_]
+Values = NDArray[np.float32]
+Seen = Observed | Values
+"""Observations of n cars: arrays (n, ...) by name, or one array where the observation is flat."""
+
+FLAT, PRIVILEGED = "observation", "privileged"
+"""Names of the flat vector beside a privileged one, and of that one."""
+
+_OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be commanded
+
+
+class ScanBeams(Protocol):
+    """The beams of a LiDAR: Beams, and those of a PolicyInterface."""
+
+    @property
+    def bearings(self) -> FloatArray:
+        """Bearing of each beam from straight ahead (n,) [rad]."""
+
+    @property
+    def range_max(self) -> float:
+        """[m]."""
+
+
+class SensorSize(Protocol):
+    """A sensor besides LiDAR and odometry: a Sensor, and that of a PolicyInterface."""
+
+    @property
+    def name(self) -> str:
+        """Name of its readings."""
+
+    def size(self, beams: int) -> int:
+        """Return how many values a reading has."""
+
+
+class Observer:
+    """Makes the observations of n cars.
+
+    Args:
+      observation: what is observed.
+      car: its limits; where there are ObservationTerms, CarParameters.
+      beams: of its LiDAR.
+      period: of a tick [s].
+      count: of cars, n.
+      beam_step: every how many-th beam is seen of a `scan`, counted from the one straight ahead to both sides.
+      sensors: that the car has besides; what each delivered last is a part of its name.
+      privileged: terms that are read into a second vector.
+      actions: bounds of an action (2,), least and greatest.
+
+    Attributes:
+      count: as given.
+      bounds: name -> Bounds, of one car's observation in its order; where it is one vector, Bounds.
+      needs_every_tick: whether delays or noise go on from tick to tick, and not from step to step.
+      bearings: of the beams that are seen (beams,) [rad].
+
+    Raises:
+      SettingsError: more beams than there are, a step that leaves the beam straight ahead alone, a term with other
+        bounds than it may have, or a sensor with the name of another part.
+    """
+
+    def __init__(
+        self,
+        observation: Observation,
+        car: CarParameters | CarLimits,
+        beams: ScanBeams,
+        period: float,
+        *,
+        count: int = 1,
+        beam_step: int = 1,
+        sensors: Sequence[SensorSize] = (),
+        privileged: Sequence[ObservationTerm] = (),
+        actions: tuple[Values, Values],
+    ) -> None:
+        self.observation, self.count = observation, count
+        self._beams, self._range_max = _seen_beams(observation, len(beams.bearings), beam_step), beams.range_max
+        self.bearings = beams.bearings[self._beams]
+        limits = _limits(car)
+        self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}
+        raw: dict[str, Bounds] = {}
+        columns: list[int] = []
+        for part in observation.parts:
+            name, term, first = part.name, part.term, len(columns)
+            if isinstance(term, ObservationTerm):
+                raw[name], self._parts[name] = term.bounds_of(car), term
+            elif name == "scan":
+                self._range_max = min(self._range_max, part.greatest or math.inf)
+                raw[name], self._parts[name] = _bounds(0.0, self._range_max, len(self._beams)), None
+            else:
+                columns += _COLUMNS[name]
+                self._parts[name] = slice(first, len(columns))
+                raw[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name])) if name in limits else Bounds(
+                    low=actions[0], high=actions[1]
+                )
+        for sensor in sensors:
+            if sensor.name in self._parts:
+                said = f"sensor {sensor.name!r} has the name of another observation"
+                raise SettingsError(f"{said}; accepted: a `name` of its own, not {', '.join(self._parts)}")
+            size = sensor.size(len(beams.bearings))
+            raw[sensor.name], self._parts[sensor.name] = _bounds(-math.inf, math.inf, size), sensor
+        self._columns = np.array(columns, np.int64)
+        read = [name for name, part in self._parts.items() if isinstance(part, slice)]
+        self._low, self._high = (
+            np.concatenate([np.empty(0, np.float32), *(getattr(raw[name], end) for name in read)])
+            for end in ("low", "high")
+        )
+        self._scan_size = len(self._beams) if "scan" in raw else 0
+        self._privileged = {term: (term.bounds_of(car), _scale(term.name, term.bounds_of(car))) for term in privileged}
+        self._frames: Frames | None = None
+        if not observation.plain:
+            self._frames = Frames(observation, raw, period, count)
+        self.bounds: dict[str, Bounds] | Bounds = self._bounds_of(raw)
+        self.needs_every_tick = any(part.delay > 0.0 or part.noise > 0.0 for part in observation.parts)
+
+    def begin(self, which: Mask, seeds: Sequence[int]) -> None:
+        """Forget everything that the cars `which` (n,) have seen; one seed of the noise for each of them."""
+        if self._frames is not None:
+            self._frames.begin(which, seeds)
+
+    def read(
+        self,
+        which: Mask,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        state: SensedState | None = None,
+        readings: Sequence[Mapping[str, Reading]] = (),
+        actions: FloatArray | None = None,
+        *,
+        step: bool = True,
+    ) -> Seen:
+        """Return the observations of n cars, new arrays.
+
+        Args:
+          which: (n,) the cars that have sensed since the last call; the others' observations stay.
+          ranges: of all beams (n, beams) [m], as in LaserScan.
+          odometry: (n,) of ODOMETRY.
+          state: of the cars; needed where there are ObservationTerms.
+          readings: of each car's sensors, by name; needed where there are sensors.
+          actions: last ones of the policies (n, 2); needed for `previous_action`.
+          step: whether a step of the environment is over; else only the sensors have gone on for a tick.
+        """
+        seen: Seen = self._read(ranges, odometry, state, readings, actions)
+        if self._frames is not None:
+            assert isinstance(seen, dict)
+            seen = self._frames.read(which, seen, step)
+        if self._privileged:
+            assert state is not None
+            vectors = [
+                term.read(state, bounds) * (scale if self.observation.normalised else np.ones_like(scale))
+                for term, (bounds, scale) in self._privileged.items()
+            ]
+            seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {PRIVILEGED: np.concatenate(vectors, axis=1)}
+        return seen
+
+    def _read(
+        self,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        state: SensedState | None,
+        readings: Sequence[Mapping[str, Reading]],
+        actions: FloatArray | None,
+    ) -> Observed:
+        """Return the parts as they are read."""
+        count = len(ranges)
+        scan = np.empty((count, self._scan_size), np.float32)
+        values = np.empty((count, len(self._columns)), np.float32)
+        read_sensors(
+            ranges, odometry.view(np.float64).reshape(count, -1), _NO_ACTIONS if actions is None else actions,
+            self._beams, self._range_max, self._columns, self._low, self._high, scan, values,
+        )  # fmt: skip
+        found: Observed = {}
+        for name, part in self._parts.items():
+            if isinstance(part, slice):
+                found[name] = values[:, part]
+            elif part is None:
+                found[name] = scan
+            elif isinstance(part, ObservationTerm):
+                assert state is not None
+                found[name] = part.read(state, self._own[name])
+            else:
+                found[name] = np.array([each[name].values for each in readings], np.float32)
+        return found
+
+    def _bounds_of(self, raw: Mapping[str, Bounds]) -> dict[str, Bounds] | Bounds:
+        """Return the bounds of what is observed, from those of its parts as they are read."""
+        self._own = dict(raw)
+        found: dict[str, Bounds] | Bounds = dict(raw) if self._frames is None else self._frames.bounds
+        if self._privileged:
+            both = [
+                Bounds(low=bounds.low * scale, high=bounds.high * scale) if self.observation.normalised else bounds
+                for bounds, scale in self._privileged.values()
+            ]
+            found = (found if isinstance(found, dict) else {FLAT: found}) | {PRIVILEGED: _joined(both)}
+        return found
+
+
+class Frames:
+    """What some cars have seen at the last steps, with delays, noise and scales.
+
+    Args:
+      observation: what is observed.
+      raw: bounds of its parts and of sensors, as they are read.
+      period: of a tick [s].
+      count: of cars, n.
+
+    Attributes:
+      bounds: as those of an Observer.
+    """
+
+    def __init__(self, observation: Observation, raw: Mapping[str, Bounds], period: float, count: int) -> None:
+        self._observation = observation
+        own = {part.name: part for part in observation.parts}
+        self._sizes = {name: len(bounds.low) for name, bounds in raw.items()}
+        whole = _joined(list(raw.values()))
+        self._low, self._high = whole.low, whole.high
+        delays = [math.ceil(own[name].delay / period - 1e-9) if name in own else 0 for name in raw]
+        self._delays = np.repeat(delays, list(self._sizes.values()))
+        self._noise = np.repeat([own[name].noise if name in own else 0.0 for name in raw], list(self._sizes.values()))
+        self._noisy = np.flatnonzero(self._noise)
+        self._scale = np.concatenate([_scale(name, bounds) for name, bounds in raw.items()])
+        if not observation.normalised:
+            self._scale = np.ones_like(self._scale)
+        width = len(self._scale)
+        self._delayed = np.zeros((count, max(delays) + 1, width), np.float32)  # of the last ticks, the newest first
+        self._frame = np.zeros((count, width), np.float32)
+        self._steps = np.zeros((count, observation.history, width), np.float32)  # the oldest first
+        self._fresh = np.ones(count, np.bool_)
+        self._generators: list[np.random.Generator | None] = [None] * count
+        ends = np.stack((self._low * self._scale, self._high * self._scale))
+        shaped = self._shaped(np.repeat(ends[:, np.newaxis], observation.history, axis=1))
+        self.bounds: dict[str, Bounds] | Bounds
+        if isinstance(shaped, dict):
+            self.bounds = {name: Bounds(low=low, high=high) for name, (low, high) in shaped.items()}
+        else:
+            self.bounds = Bounds(low=shaped[0], high=shaped[1])
+
+    def begin(self, which: Mask, seeds: Sequence[int]) -> None:
+        """See Observer."""
+        self._fresh[which] = True
+        if len(self._noisy):
+            for row, seed in zip(np.flatnonzero(which).tolist(), seeds, strict=True):
+                self._generators[row] = np.random.default_rng((seed, len(self._scale)))
+
+    def read(self, which: Mask, parts: Observed, step: bool) -> Seen:
+        """Return the observations, after the parts (n, ...) were read anew for the cars `which` (n,)."""
+        frame = np.concatenate(list(parts.values()), axis=1)
+        if len(self._delayed[0]) > 1:
+            shift(which, self._fresh, frame, self._delayed, self._delays)
+        if len(self._noisy):
+            for row in np.flatnonzero(which).tolist():
+                generator = self._generators[row]
+                assert generator is not None
+                frame[row, self._noisy] += self._noise[self._noisy] * generator.standard_normal(len(self._noisy))
+            np.clip(frame, self._low, self._high, out=frame)
+        remember(which, self._fresh, frame, self._scale, step, self._steps)
+        if step:
+            self._fresh[which] = False
+        seen: Seen = self._shaped(self._steps.copy())
+        return seen
+
+    def _shaped(self, steps: Values) -> Any:
+        """Return an array (n, history, width) in the form of the observation."""
+        if self._observation.flat:
+            return steps.reshape(len(steps), -1)
+        ends = np.cumsum(list(self._sizes.values())).tolist()
+        return {
+            name: np.ascontiguousarray(part[:, 0] if self._observation.history == 1 else part)
+            for name, part in zip(self._sizes, np.split(steps, ends[:-1], axis=2), strict=True)
+        }
+
+
+@kernel
+def shift(
+    which: Mask, fresh: Mask, frame: Values, delayed: NDArray[np.float32], delays: NDArray[np.int64]
+) -> None:
+    """Put the frames of a tick into their ring, and write to them what is delivered now.
+
+    Args:
+      which: (n,) cars that have sensed.
+      fresh: (n,) cars whose episode begins: all that is before is the first frame.
+      frame: (n, width) as sensed, written to.
+      delayed: (n, ticks, width) the newest first, written to.
+      delays: (width,) in ticks.
+    """
+    ticks = delayed.shape[1]
+    for i in range(len(which)):
+        if which[i]:
+            for k in range(frame.shape[1]):
+                for tick in range(ticks - 1, 0, -1):
+                    delayed[i, tick, k] = frame[i, k] if fresh[i] else delayed[i, tick - 1, k]
+                delayed[i, 0, k] = frame[i, k]
+        for k in range(frame.shape[1]):
+            frame[i, k] = delayed[i, delays[k], k]
+
+
+@kernel
+def remember(
+    which: Mask, fresh: Mask, frame: Values, scale: Values, step: bool, steps: NDArray[np.float32]
+) -> None:
+    """Write the frames (n, width), scaled, as the last of `steps` (n, history, width); the first one fills all."""
+    if not step:
+        return
+    last = steps.shape[1] - 1
+    for i in range(len(which)):
+        if which[i]:
+            for k in range(frame.shape[1]):
+                value = frame[i, k] * scale[k]
+                for place in range(last):
+                    steps[i, place, k] = value if fresh[i] else steps[i, place + 1, k]
+                steps[i, last, k] = value
+
+
+_NO_ACTIONS = np.zeros((0, 2))
+
+
+def _column(name: str) -> int:
+    """Return where a field of ODOMETRY begins in a row of its numbers, all of which are float64."""
+    assert ODOMETRY.fields is not None
+    return int(ODOMETRY.fields[name][1]) // np.dtype(np.float64).itemsize
+
+
+_AHEAD, _WHEELS, _ACTIONS = _column("linear_acceleration"), _column("wheel_speeds"), ODOMETRY.itemsize // 8
+_COLUMNS = {
+    "speed": [_column("speed")],
+    "yaw_rate": [_column("angular_velocity") + 2],  # about the z axis
+    "steering_angle": [_column("steering_angle")],
+    "acceleration": [_AHEAD, _AHEAD + 1],
+    "wheel_speeds": list(range(_WHEELS, _WHEELS + 4)),
+    "previous_action": [_ACTIONS, _ACTIONS + 1],  # after the odometry
+}
+"""Where the numbers of each sensor are in a row of ODOMETRY."""
+
+
+def _limits(car: CarParameters | CarLimits) -> dict[str, float]:
+    """Return the greatest magnitude of the parts that are read off the odometry."""
+    fastest = max(abs(car.min_speed), car.max_speed) * _OVERSHOOT
+    return {
+        "speed": fastest,
+        "yaw_rate": fastest * math.tan(car.max_steering_angle) / car.wheelbase,
+        "steering_angle": car.max_steering_angle,
+        "acceleration": ACCELEROMETER_RANGE * car.gravity,
+        "wheel_speeds": fastest,
+    }
+
+
+def _seen_beams(observation: Observation, count: int, beam_step: int) -> NDArray[np.int64]:
+    """Return which beams are seen of so many.
+
+    Raises:
+      SettingsError: more than there are, or a step that leaves the beam straight ahead alone.
+    """
+    scan = next((part for part in observation.parts if part.name == "scan"), Part.of("scan"))
+    if scan.beams is not None:
+        if beam_step != 1:
+            raise SettingsError(f"beam_step is {beam_step!r} and observation has {scan}; accepted: one of the two")
+        return even_beams(count, scan.beams)
+    middle = count // 2
+    if not 1 <= beam_step <= middle:
+        raise SettingsError(f"beam_step is {beam_step!r}; accepted: a whole number from 1 to {middle}")
+    return np.arange(middle % beam_step, count, beam_step)
+
+
+def _scale(name: str, bounds: Bounds) -> Values:
+    """Return what a normalised part of a name is multiplied with. Shape (k,)."""
+    most = np.maximum(np.abs(bounds.low), np.abs(bounds.high))
+    if not np.isfinite(most).all():  # readings of a sensor besides
+        return np.ones_like(most)
+    scale = np.broadcast_to(np.asarray(SCALES.get(name, most), np.float32), most.shape)
+    found: Values = (np.float32(1.0) / scale).astype(np.float32)
+    return found
+
+
+def _bounds(low: float, high: float, size: int) -> Bounds:
+    return Bounds(low=np.full(size, low, np.float32), high=np.full(size, high, np.float32))
+
+
+def _joined(bounds: Sequence[Bounds]) -> Bounds:
+    low, high = (np.concatenate([getattr(each, end) for each in bounds]) for end in ("low", "high"))
+    return Bounds(low=low, high=high)

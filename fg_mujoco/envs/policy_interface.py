@@ -1,0 +1,311 @@
+"""What a policy sees and answers: made of an environment's settings, kept in a policy's file, and driven with.
+
+    interface = env.policy_interface
+    text = json.dumps(interface.described())
+    driver = PolicyInterface.read(json.loads(text)).driver()
+    command = driver.drive(policy, scan, odometry)
+
+The environment makes its observations and commands with it, and a planner made of the policy does, too: the same
+readings give the same bits. Delay and noise of the observation's parts are the environment's only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import MessageError, SettingsError, accepted_names
+from ..lidar.beams import Beams
+from ..messages import ODOMETRY, CarParameters, DriveCommand, FloatArray, LaserScan, Odometry, require, require_whole
+from ..simulation.settings import as_part
+from .actions import (
+    DEFAULT_ACTION,
+    LONGEST_SMOOTHING,
+    ActionBounds,
+    ActionReader,
+    CarLimits,
+    as_action,
+    checked_speeds,
+    one_action,
+)
+from .observation_description import Observation
+from .observations import ON_BOARD, ObservationTerm
+from .observer import Observer, ScanBeams, Seen, SensorSize
+
+Policy = Callable[[Any], ArrayLike]
+"""A function of an observation of one car that returns an action."""
+
+MOST_REPEATS = 40
+
+_SAME_ANGLE = 1e-3  # [rad] by which the beams of a scan may differ
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarBeams:
+    """The beams of the LiDAR that a policy was trained with."""
+
+    count: int
+    angle_min: float  # [rad]
+    angle_max: float  # [rad]
+    range_max: float  # [m]
+
+    @cached_property
+    def bearings(self) -> FloatArray:
+        """Bearing of each beam from straight ahead (n,) [rad]."""
+        return np.linspace(self.angle_min, self.angle_max, self.count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorReadings:
+    """A sensor that a car has besides LiDAR and odometry: the name and the number of its values."""
+
+    name: str
+    values: int
+
+    def size(self, beams: int) -> int:
+        """Return how many values a reading has."""
+        return self.values
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyInterface:
+    """What a policy sees and answers.
+
+    Raises:
+      SettingsError: a value outside of what is accepted.
+    """
+
+    observation: Observation
+    privileged: tuple[str, ...] = ()  # names of the terms of the second vector
+    beam_step: int = 1  # every how many-th beam is seen of a `scan`
+    sensors: tuple[SensorReadings, ...] = ()  # that the car has besides LiDAR and odometry
+    action: str = DEFAULT_ACTION
+    action_repeat: int = 1  # how many ticks an action is held for
+    smoothing: float = 0.0  # [s]
+    speed_range: tuple[float, float]  # [m/s]
+    normalised_actions: bool = False
+    period: float  # [s] of a tick
+    beams: LidarBeams
+    car: CarLimits
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "observation", Observation.of(self.observation))
+        object.__setattr__(self, "privileged", tuple(self.privileged))
+        object.__setattr__(self, "car", as_part(self.car, CarLimits, "car"))
+        object.__setattr__(self, "beams", as_part(self.beams, LidarBeams, "beams"))
+        object.__setattr__(self, "speed_range", checked_speeds(self.car, self.speed_range))
+        object.__setattr__(self, "sensors", tuple(as_part(each, SensorReadings, "sensors") for each in self.sensors))
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("period",), SettingsError)
+        check_actions(self)
+        if not any(isinstance(part.term, ObservationTerm) for part in self.observation.parts):
+            self.observer()  # refuses what does not go together
+
+    @classmethod
+    def of(
+        cls,
+        settings: Any,
+        car: CarParameters,
+        beams: Beams,
+        period: float,
+    ) -> PolicyInterface:
+        """Return the interface of an environment's settings.
+
+        Args:
+          settings: EnvironmentSettings, which are above this module.
+          car: of the compiled model.
+          beams: of its LiDAR.
+          period: of a tick [s].
+        """
+        bearings = beams.bearings
+        return cls(
+            observation=settings.observation, privileged=tuple(term.name for term in settings.privileged),
+            beam_step=settings.beam_step, action=settings.action, action_repeat=settings.action_repeat,
+            smoothing=settings.smoothing, speed_range=checked_speeds(car, settings.speed_range),
+            normalised_actions=settings.normalised_actions, period=period,
+            sensors=tuple(SensorReadings(name=each.name, values=each.size(len(bearings))) for each in settings.sensed),
+            beams=LidarBeams(
+                count=len(bearings), angle_min=beams.angle_min, angle_max=beams.angle_max, range_max=beams.range_max
+            ),
+            car=CarLimits(**{each.name: getattr(car, each.name) for each in fields(CarLimits)}),
+        )  # fmt: skip
+
+    @classmethod
+    def read(cls, described: Mapping[str, Any]) -> PolicyInterface:
+        """Return the interface that `described()` has described.
+
+        Raises:
+          SettingsError: it is no such description.
+        """
+        return as_part(described, cls, "the policy's interface")
+
+    def described(self) -> dict[str, Any]:
+        """Return the interface as numbers, texts and lists by name, which JSON takes."""
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        return own | {
+            "observation": str(self.observation), "privileged": list(self.privileged),
+            "speed_range": list(self.speed_range), "beams": asdict(self.beams), "car": asdict(self.car),
+            "sensors": [asdict(sensor) for sensor in self.sensors],
+        }  # fmt: skip
+
+    @cached_property
+    def bounds(self) -> ActionBounds:
+        """The bounds of actions."""
+        return ActionBounds(
+            self.car, self.speed_range, normalised=self.normalised_actions, action=self.action,
+            smoothing=self.smoothing, period=self.period,
+        )  # fmt: skip
+
+    def observer(
+        self,
+        count: int = 1,
+        *,
+        car: CarParameters | None = None,
+        beams: ScanBeams | None = None,
+        sensors: Sequence[SensorSize] | None = None,
+        privileged: Sequence[ObservationTerm] = (),
+    ) -> Observer:
+        """Return what makes the observations of so many cars.
+
+        Args:
+          count: of cars.
+          car: of an environment, for terms that are functions of its state; None: its limits do.
+          beams: of its LiDAR; None: those of the interface.
+          sensors: that it has besides; None: those of the interface.
+          privileged: terms of the second vector, which an environment has.
+        """
+        return Observer(
+            self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
+            sensors=self.sensors if sensors is None else sensors, privileged=privileged,
+            actions=(self.bounds.low, self.bounds.high),
+        )  # fmt: skip
+
+    def actions(self, count: int = 1) -> ActionReader:
+        """Return what converts the actions of so many cars to commands."""
+        return ActionReader(self.bounds, count)
+
+    def require_on_board(self) -> None:
+        """Raise SettingsError if the policy needs what a car does not sense."""
+        names = [*(part.name for part in self.observation.parts if part.name not in ON_BOARD), *self.privileged]
+        if names:
+            said = f"the policy observes {', '.join(names)}, which a car does not sense"
+            raise SettingsError(f"{said}; accepted: {', '.join(ON_BOARD)}, and the car's sensors")
+
+    def driver(self) -> PolicyDriver:
+        """Return what drives a car by the policy.
+
+        Raises:
+          SettingsError: the policy needs what a car does not sense.
+        """
+        return PolicyDriver(self)
+
+
+class PolicyDriver:
+    """One car that a policy drives: its readings become observations, and actions become commands.
+
+    Args:
+      interface: of the policy.
+
+    Attributes:
+      interface: as given.
+
+    Raises:
+      SettingsError: the policy needs what a car does not sense.
+    """
+
+    def __init__(self, interface: PolicyInterface) -> None:
+        interface.require_on_board()
+        plain = tuple(replace(part, delay=0.0, noise=0.0) for part in interface.observation.parts)
+        self.interface = interface
+        self._observer = replace(interface, observation=replace(interface.observation, parts=plain)).observer()
+        self._reader, self._one, self._clipped = interface.actions(), np.ones(1, np.bool_), np.zeros(1, np.int64)
+        self._row = np.zeros(1, ODOMETRY)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything seen and answered so far."""
+        self._observer.begin(self._one, [0])
+        self._reader.begin(self._one)
+        self._commands = np.zeros((1, 2))
+        self._tick = 0
+
+    def drive(self, policy: Policy, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Return the command of a tick; the policy is asked in the first of each `action_repeat` ticks.
+
+        Raises:
+          MessageError: a scan of another LiDAR, a sensor that is missing, or a policy that answers no action.
+        """
+        first, self._tick = self._tick % self.interface.action_repeat == 0, self._tick + 1
+        if first:
+            seen = self.observe(scan, odometry)
+            action = one_action(policy(seen), "the policy answered", self.interface.bounds)
+            self._reader.read(action[np.newaxis], self._one, self._commands, self._clipped)
+        else:
+            self._reader.again(self._one, self._commands)
+        steering, speed = self._commands[0].tolist()
+        return DriveCommand(steering_angle=steering, speed=speed)
+
+    def observe(self, scan: LaserScan, odometry: Odometry) -> Any:
+        """Return the observation of a step, as the environment has it.
+
+        Raises:
+          MessageError: a scan of another LiDAR, or a sensor that is missing.
+        """
+        self._check(scan, odometry)
+        for name in ODOMETRY.names or ():
+            self._row[name] = getattr(odometry, name)
+        self._reader.sense(self._row, self._one)
+        state: Any = _OwnState(time=np.zeros(1), command=self._commands)
+        seen = self._observer.read(
+            self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous
+        )
+        return row_of(seen, 0)
+
+    def _check(self, scan: LaserScan, odometry: Odometry) -> None:
+        known = self.interface.beams
+        angles = scan.angle_min, scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
+        apart = max(abs(angles[0] - known.angle_min), abs(angles[1] - known.angle_max))
+        if len(scan.ranges) != known.count or apart > _SAME_ANGLE:
+            raise MessageError(
+                f"the scan has {_beams(len(scan.ranges), *angles)}; accepted: those that the policy was trained with, "
+                f"{_beams(known.count, known.angle_min, known.angle_max)}"
+            )
+        for sensor in self.interface.sensors:
+            found = odometry.readings.get(sensor.name) if sensor.name in odometry.readings else None
+            if found is None or len(found.values) != sensor.values:
+                has = "no such sensor" if found is None else f"{len(found.values)} values of it"
+                said = f"the policy observes sensor {sensor.name!r} of {sensor.values} values, and the car has {has}"
+                raise MessageError(f"{said}; accepted: a car with the sensors that the policy was trained with")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _OwnState:
+    """The part of a SensedState that a car knows by itself."""
+
+    time: FloatArray
+    command: FloatArray
+
+
+def check_actions(settings: Any) -> None:
+    """Raise SettingsError unless the fields that say what an action is are accepted."""
+    object.__setattr__(settings, "action", as_action(settings.action))
+    require_whole("action_repeat", settings.action_repeat, 1, MOST_REPEATS)
+    smoothing = f"0 to {LONGEST_SMOOTHING:g} s"
+    require(settings, lambda value: 0.0 <= value <= LONGEST_SMOOTHING, smoothing, ("smoothing",), SettingsError)
+    if not isinstance(settings.normalised_actions, bool):
+        value = settings.normalised_actions
+        raise SettingsError(f"normalised_actions is {value!r}; {accepted_names(value, ('True', 'False'))}")
+
+
+def row_of(seen: Seen, row: int) -> Any:
+    """Return the observation of one of n cars."""
+    return {name: values[row] for name, values in seen.items()} if isinstance(seen, dict) else seen[row]
+
+
+def _beams(count: int, least: float, most: float) -> str:
+    return f"{count} beams from {math.degrees(least):.1f} to {math.degrees(most):.1f} deg"

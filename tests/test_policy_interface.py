@@ -1,0 +1,284 @@
+"""What a policy sees and answers: parts with options, actions, and a planner that has the environment's bits."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.envs.observation_description import Observation, even_beams
+from fg_mujoco.envs.observations import ObservationTerm
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.errors import MessageError
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+CAR = fg.World("oval").parameters
+ISSUE = "beams:108,history:3,speed,steering,previous_action"
+
+
+def bits(seen):
+    """Return all bits of an observation."""
+    return b"".join(each.tobytes() for each in seen.values()) if isinstance(seen, dict) else seen.tobytes()
+
+
+def weaving(action):
+    """Return a policy that answers pseudo-random actions about `action`, and keeps what it saw."""
+    kept, rng = [], np.random.default_rng(5)
+
+    def policy(seen):
+        kept.append(bits(seen))
+        return (np.asarray(action) + rng.uniform(-0.3, 0.3, 2)).astype(np.float32)
+
+    return policy, kept
+
+
+class Driven:
+    """A planner that is a policy; keeps its commands."""
+
+    def __init__(self, interface, policy):
+        self.driver, self.policy, self.commands = interface.driver(), policy, []
+
+    def reset(self):
+        self.driver.reset()
+
+    def __call__(self, scan, odometry):
+        self.commands.append(self.driver.drive(self.policy, scan, odometry))
+        return self.commands[-1]
+
+
+@pytest.mark.parametrize(
+    ("action", "settings"),
+    [
+        ((0.0, 1.5), {"beam_step": 60}),
+        ((0.0, 1.5), {"observation": f"{ISSUE},command,normalised,flat", "smoothing": 0.1}),
+        (
+            (0.0, 0.4),
+            {
+                "observation": "beams:20:max=5,yaw_rate,acceleration,wheel_speeds,previous_action,history:2,flat",
+                "action": "steering_rate,acceleration", "normalised_actions": True, "action_repeat": 3,
+                "effects": {"latency": 0.05}, "sensors": ["imu"],
+            },
+        ),
+    ],
+    ids=["default", "issue", "rates"],
+)  # fmt: skip
+def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, settings):
+    env = F1TenthEnv(track="hairpins", start="line", **settings)
+    policy, seen = weaving(action)
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    commands = []
+    drive = env._episodes.worlds.drive
+    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    while len(commands) < 30:
+        observation, _, terminated, _, _ = env.step(policy(observation))
+        assert not terminated
+    interface = PolicyInterface.read(json.loads(json.dumps(env.policy_interface.described())))
+    assert interface == env.policy_interface
+    policy, seen_in_race = weaving(action)
+    planner = Driven(interface, policy)
+    of_car = {name: settings[name] for name in ("effects", "sensors") if name in settings}
+    fg.race("hairpins", planner, time_limit=0.74, **of_car)
+    driven = np.array([[command.steering_angle, command.speed] for command in planner.commands])
+    assert len(driven) == 30 and driven.tobytes() == np.array(commands[:30]).tobytes()
+    assert seen_in_race == seen[: len(seen_in_race)] and len(seen_in_race) == 30 // env.policy_interface.action_repeat
+
+
+@pytest.mark.parametrize("chosen", [1, 2, 3, 20, 108, 109, 540, 1080, 1081])
+def test_beams_are_even_and_the_same_on_both_sides(chosen):
+    seen = even_beams(1081, chosen)
+    assert len(set(seen.tolist())) == chosen and (seen + seen[::-1] == 1080).all()
+    if chosen > 1:
+        assert (seen[0], seen[-1]) == (0, 1080)
+        assert np.ptp(np.diff(seen)) <= 2  # rounded to whole beams, and mirrored
+    if chosen == 109:
+        np.testing.assert_array_equal(seen, np.arange(0, 1081, 10))  # as beam_step=10
+
+
+def test_history_delay_scale_and_order_are_those_of_the_plain_parts():
+    """By hand, from the parts that an environment without them returns."""
+    settings = {"start": "line", "action_repeat": 2}
+    plain = F1TenthEnv(observation="speed,steering,beams:5", **settings)
+    ticks = F1TenthEnv(observation="speed", start="line")
+    text = "speed:delay=0.06,beams:5:max=3,steering,previous_action,history:3,normalised,flat"
+    env = F1TenthEnv(observation=text, **settings)
+    rng, rows, speeds = np.random.default_rng(0), [], []
+    seen = plain.reset(seed=0)[0], env.reset(seed=0)[0]
+    speeds.append(ticks.reset(seed=0)[0]["speed"])
+    last = np.zeros(2)
+    for _ in range(8):
+        scan = np.minimum(seen[0]["scan"], np.float32(3.0)) / 10.0
+        delayed = speeds[max(len(speeds) - 1 - 3, 0)]  # 0.06 s are 3 ticks
+        limits = np.float32(CAR.max_steering_angle), np.float32(20.0)
+        rows.append(np.concatenate((delayed / 10.0, scan, seen[0]["steering_angle"] / limits[0], last / limits)))
+        stacked = np.concatenate([rows[max(len(rows) - 1 - k, 0)] for k in (2, 1, 0)])
+        np.testing.assert_allclose(seen[1], stacked, rtol=3e-7, atol=1e-9)
+        last = rng.uniform((-0.2, 1.0), (0.2, 3.0)).astype(np.float32)
+        for _ in range(2):
+            speeds.append(ticks.step(last)[0]["speed"])
+        seen = plain.step(last)[0], env.step(last)[0]
+    assert env.observation_space.contains(seen[1]) and env.observation_space.shape == (27,)
+
+
+def test_noise_is_drawn_from_the_seed_and_the_same_in_any_batch():
+    settings = {"beam_step": 540, "start": "line", "observation": "speed:noise=0.1,steering,scan:noise=0.5,flat"}
+    env = F1TenthVectorEnv(3, threads=1, **settings)
+    clean = F1TenthEnv(**settings | {"observation": "speed,steering,scan,flat"})
+    alone = F1TenthEnv(**settings)
+    found, own = [env.reset(seed=4)[0]], [alone.reset(seed=5)[0]]
+    true = [clean.reset(seed=5)[0]]
+    for _ in range(60):
+        found.append(env.step(np.tile(np.float32((0.0, 1.0)), (3, 1)))[0])
+        own.append(alone.step((0.0, 1.0))[0])
+        true.append(clean.step((0.0, 1.0))[0])
+    assert np.array(found)[:, 1].tobytes() == np.array(own).tobytes()
+    noise = np.array(own) - np.array(true)
+    assert (noise[:, 1] == 0.0).all()
+    assert 0.07 < noise[:, 0].std() < 0.13 and 0.3 < noise[:, 3].std() < 0.7  # three deviations of 61 draws
+    assert (np.array(found)[:, 0, 0] != np.array(found)[:, 1, 0]).all()
+
+
+def test_privileged_terms_are_a_vector_of_their_own():
+    """A critic sees them normalised like the rest; those of the scan stay what they are."""
+    settings = {"start": {"s": 4.0, "offset": 0.2}, "mu": 0.7, "privileged": "pose,offset,curvature,slip,mu"}
+    env = F1TenthEnv(observation="beams:9,speed,flat", **settings)
+    seen, _ = env.reset(seed=0)
+    assert env.observation_space.contains(seen) and list(seen) == ["observation", "privileged"]
+    assert seen["privileged"][3] == pytest.approx(0.2, abs=1e-6) and seen["privileged"][-1] == pytest.approx(0.7)
+    assert seen["privileged"].shape == (10,)
+    other, _ = F1TenthEnv(observation="beams:9,speed,normalised", **settings).reset(seed=0)
+    assert list(other) == ["scan", "speed", "privileged"]
+    np.testing.assert_allclose(other["privileged"][:2], seen["privileged"][:2] / 10.0, rtol=1e-6)
+    with pytest.raises(fg.SettingsError, match=r"pose, cross_track_error, .* accepted: scan"):
+        env.policy_interface.driver()
+    assert replace(env.policy_interface, privileged=()).driver() is not None  # the actor alone
+
+
+@pytest.mark.parametrize("normalised", [False, True])
+@pytest.mark.parametrize("action", ["steering,speed", "steering_rate,acceleration", "steering_rate,speed"])
+def test_actions_are_integrated_and_filtered_within_the_cars_limits(action, normalised):
+    """By hand; the car starts rolling, so that an integrated speed begins there."""
+    env = F1TenthEnv(
+        start={"s": 2.0, "speed": 1.2}, beam_step=540, action=action, normalised_actions=normalised, smoothing=0.1,
+        action_repeat=2, speed_range=(0.0, 2.0),
+    )  # fmt: skip
+    env.reset(seed=0)
+    commands = []
+    drive = env._episodes.worlds.drive
+    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    least = np.array([-CAR.max_steering_angle, 0.0])
+    greatest = np.array([CAR.max_steering_angle, 2.0])
+    rates = np.array([CAR.max_steering_rate, CAR.max_acceleration])
+    integrated = ["_rate" in action, "acceleration" in action]
+    target, share = np.array([0.0, 1.2]), 1.0 - math.exp(-0.025 / 0.1)
+    command, expected = target, []
+    low, high = np.where(integrated, -rates, least), np.where(integrated, rates, greatest)
+    for given in ([1.0, 1.0], [1.0, 1.0], [0.2, -1.0], [-1.0, 0.4], [-1.0, 0.0]):
+        meant = low + 0.5 * (np.array(given) + 1.0) * (high - low)
+        env.step(np.array(given) if normalised else meant)
+        for _ in range(2):
+            asked = np.clip(target + 0.025 * meant, least, greatest)
+            target = np.where(integrated, asked, meant)
+            command = command + share * (target - command)
+            expected.append(command)
+    np.testing.assert_allclose(commands, expected, atol=1e-6)
+
+
+def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_that_ends():
+    settings = {"start": "line", "beam_step": 540, "rewards": {"survival": 1.0, "command_rate": 1.0}}
+    one, three = F1TenthEnv(**settings), F1TenthEnv(action_repeat=3, **settings)
+    one.reset(seed=0), three.reset(seed=0)
+    crashing = np.array([0.4, 4.0])
+    terminated, sums = False, dict.fromkeys(("reward_survival", "reward_command_rate", "reward_progress"), 0.0)
+    while not terminated:
+        _, reward, terminated, _, info = three.step(crashing)
+        total, ticks = 0.0, 0
+        sums = dict.fromkeys(sums, 0.0)
+        while ticks < 3:
+            _, of_tick, over, _, tick_info = one.step(crashing)
+            total, ticks = total + of_tick, ticks + 1
+            sums = {name: value + tick_info[name] for name, value in sums.items()}
+            if over:
+                break
+        assert over == terminated and reward == pytest.approx(total, rel=1e-12)
+        assert sums == pytest.approx({name: info[name] for name in sums}, abs=1e-12)
+        assert info["time_s"] == tick_info["time_s"] and info["return_survival"] == pytest.approx(info["time_s"])
+    assert (info["end_reason"] == "crash" and ticks < 3) or info["time_s"] > 0.0
+
+
+def test_a_flat_observation_passes_the_checkers_of_gymnasium_and_stable_baselines3():
+    from gymnasium.utils.env_checker import check_env
+
+    env = F1TenthEnv(observation=f"{ISSUE},normalised,flat", action="steering_rate,speed", normalised_actions=True)
+    check_env(env, skip_render_check=True)
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(env)
+    checker.check_env(F1TenthEnv(observation=f"{ISSUE},flat", privileged="mu", normalised_actions=True))
+
+
+def test_the_text_of_an_observation_is_that_observation():
+    for text in (ISSUE, "scan,speed:delay=0.05:noise=0.1", "beams:9:max=8.0,command,normalised,flat"):
+        found = Observation.of(text)
+        assert Observation.of(str(found)) == found == Observation.of([*text.split(",")])
+
+
+ANOTHER = ObservationTerm(name="another", function=len, bounds=(0.0, 1.0))
+BAD = [
+    ({"observation": "beams"}, "beams:N"),
+    ({"observation": "beams:2000"}, "of 1081; accepted: beams:1 to beams:1081"),
+    ({"observation": "beams:9,scan"}, "twice"),
+    ({"observation": "beams:9", "beam_step": 10}, "one of the two"),
+    ({"observation": "sped"}, "did you mean 'speed'"),
+    ({"observation": "speed:late=3"}, "delay=NUMBER"),
+    ({"observation": "speed:delay=x"}, "a number"),
+    ({"observation": "speed:delay=9"}, "0 to 1 s"),
+    ({"observation": "speed:noise=-1"}, "from 0 on"),
+    ({"observation": "speed:max=3"}, "of the scan only"),
+    ({"observation": "speed,history:x"}, "history:K"),
+    ({"observation": "speed,history:0"}, "a whole number from 1"),
+    ({"observation": "flat"}, "no part"),
+    ({"privileged": "speed"}, "pose"),
+    ({"privileged": "mu,mu"}, "twice"),
+    ({"privileged": 3}, "accepted: names"),
+    ({"action": "speed,steering"}, "steering_rate"),
+    ({"action": "steering"}, "acceleration"),
+    ({"action": 3}, "such as 'steering,speed'"),
+    ({"action_repeat": 0}, "a whole number from 1"),
+    ({"smoothing": -1.0}, "0 to 1 s"),
+    ({"smoothing": True}, "0 to 1 s"),
+]
+
+
+@pytest.mark.parametrize(("settings", "match"), BAD)
+def test_bad_settings_are_refused_in_one_line(settings, match):
+    with pytest.raises(fg.SettingsError, match=match) as found:
+        F1TenthEnv(**settings)
+    assert "accepted: " in str(found.value) and "\n" not in str(found.value)
+
+
+def test_a_planner_refuses_what_its_policy_was_not_trained_with():
+    env = F1TenthEnv(observation="beams:9,speed", sensors=["imu"])
+    driver = env.policy_interface.driver()
+    simulation = fg.Simulation(fg.World("oval"))
+    scan, odometry = simulation.reset()
+    with pytest.raises(MessageError, match="'imu' of 6 values, and the car has no such sensor; accepted"):
+        driver.observe(scan, odometry)
+    half = replace(scan, ranges=scan.ranges[:540])
+    with pytest.raises(MessageError, match=r"540 beams from -135.0 to -0.2 deg; accepted: .* 1081 beams"):
+        driver.observe(half, odometry)
+    with pytest.raises(MessageError, match="accepted: an action, two numbers"):
+        F1TenthEnv().policy_interface.driver().drive(lambda seen: [1.0], scan, odometry)
+    with pytest.raises(fg.SettingsError, match="observes another, which a car does not sense"):
+        F1TenthEnv(observation=["scan", ANOTHER]).policy_interface.driver()
+    described = env.policy_interface.described()
+    with pytest.raises(fg.SettingsError, match="did you mean 'observation'"):
+        PolicyInterface.read(described | {"observations": 1})
+    del described["beams"]
+    with pytest.raises(fg.SettingsError, match="without beams"):
+        PolicyInterface.read(described)
