@@ -113,7 +113,8 @@ def test_history_delay_scale_and_order_are_those_of_the_plain_parts():
     speeds.append(ticks.reset(seed=0)[0]["speed"])
     last = np.zeros(2)
     for _ in range(8):
-        scan = np.minimum(seen[0]["scan"], np.float32(3.0)) / 10.0
+        scan = np.minimum(seen[0]["scan"], np.float32(3.0))
+        scan /= 1.0 + scan
         delayed = speeds[max(len(speeds) - 1 - 3, 0)]  # 0.06 s are 3 ticks
         limits = np.float32(CAR.max_steering_angle), np.float32(20.0)
         rows.append(np.concatenate((delayed / 10.0, scan, seen[0]["steering_angle"] / limits[0], last / limits)))

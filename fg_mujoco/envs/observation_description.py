@@ -16,7 +16,7 @@ Words, which apply to all parts:
 | word | meaning |
 | --- | --- |
 | `history:K` | the parts at the last K steps of the environment, oldest first; the first fills what is before it |
-| `normalised` | each part is divided by a fixed scale (`SCALES`), so that it is about -1 to 1 in a race |
+| `normalised` | each part over a fixed scale (`SCALES`), about -1 to 1; a scan's distance d is d / (1 m + d) |
 | `flat` | one vector of all parts, in their order; of a history, step after step |
 
 Delay and noise imitate a car's sensors. They are part of the environment only: a policy that drives has the sensors

@@ -54,7 +54,6 @@ ON_BOARD = (*SENSED, "command")
 """The parts that a car knows by itself."""
 
 SCALES: Mapping[str, float | tuple[float, ...]] = {
-    "scan": 10.0,  # [m]
     "speed": 10.0,  # [m/s]
     "yaw_rate": 5.0,  # [rad/s] of 10 m/s^2 at 2 m/s
     "acceleration": 10.0,  # [m/s^2]
@@ -69,7 +68,8 @@ SCALES: Mapping[str, float | tuple[float, ...]] = {
     "mu": 1.0,
 }
 """What a part is divided by where it is normalised. Other parts: the greatest magnitude of their bounds. An action that
-is not normalised is divided likewise. The readings of a car's `sensors` stay as they are."""
+is not normalised is divided likewise. A distance d of the scan becomes d / (1 m + d), which tells near ones apart best.
+The readings of a car's `sensors` stay as they are."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -242,6 +242,8 @@ class Frames:
         self._noise = np.repeat([own[name].noise if name in own else 0.0 for name in raw], list(self._sizes.values()))
         self._noisy = np.flatnonzero(self._noise)
         self._scale = np.concatenate([_scale(name, bounds) for name, bounds in raw.items()])
+        distances = [name == "scan" and observation.normalised for name in raw]
+        self._saturates = np.repeat(distances, list(self._sizes.values()))
         if not observation.normalised:
             self._scale = np.ones_like(self._scale)
         width = len(self._scale)
@@ -250,7 +252,11 @@ class Frames:
         self._steps = np.zeros((count, observation.history, width), np.float32)  # the oldest first
         self._fresh = np.ones(count, np.bool_)
         self._generators: list[np.random.Generator | None] = [None] * count
-        ends = np.stack((self._low * self._scale, self._high * self._scale))
+        ends = np.stack((self._low, self._high))[:, np.newaxis]
+        every = np.ones(2, np.bool_)
+        scaled = np.zeros_like(ends)
+        remember(every, every, ends[:, 0], self._scale, self._saturates, True, scaled)
+        ends = scaled[:, 0]
         shaped = self._shaped(np.repeat(ends[:, np.newaxis], observation.history, axis=1))
         self.bounds: dict[str, Bounds] | Bounds
         if isinstance(shaped, dict):
@@ -276,7 +282,7 @@ class Frames:
                 assert generator is not None
                 frame[row, self._noisy] += self._noise[self._noisy] * generator.standard_normal(len(self._noisy))
             np.clip(frame, self._low, self._high, out=frame)
-        remember(which, self._fresh, frame, self._scale, step, self._steps)
+        remember(which, self._fresh, frame, self._scale, self._saturates, step, self._steps)
         if step:
             self._fresh[which] = False
         seen: Seen = self._shaped(self._steps.copy())
@@ -319,9 +325,12 @@ def shift(
 
 @kernel
 def remember(
-    which: Mask, fresh: Mask, frame: Values, scale: Values, step: bool, steps: NDArray[np.float32]
+    which: Mask, fresh: Mask, frame: Values, scale: Values, saturates: Mask, step: bool, steps: NDArray[np.float32]
 ) -> None:
-    """Write the frames (n, width), scaled, as the last of `steps` (n, history, width); the first one fills all."""
+    """Write the frames (n, width), scaled, as the last of `steps` (n, history, width); the first one fills all.
+
+    Where `saturates` (width,) is set, x becomes x / (1 + x), of which the scale is not used.
+    """
     if not step:
         return
     last = steps.shape[1] - 1
@@ -329,6 +338,8 @@ def remember(
         if which[i]:
             for k in range(frame.shape[1]):
                 value = frame[i, k] * scale[k]
+                if saturates[k]:
+                    value = frame[i, k] / (np.float32(1.0) + frame[i, k])
                 for place in range(last):
                     steps[i, place, k] = value if fresh[i] else steps[i, place + 1, k]
                 steps[i, last, k] = value
