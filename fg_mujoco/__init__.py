@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
     from .studies.comparison.comparison import Comparison, compare
+    from .studies.rollout.dataset import Dataset, read_dataset
     from .studies.rollout.rollout_result import RolloutResult, read_rollout
     from .studies.rollout.rollouts import Executor, rollout
     from .vehicle.changes import CarChanges
@@ -102,6 +103,7 @@ __all__ = [
     "ControllerError",
     "Course",
     "Cylinder",
+    "Dataset",
     "DriveCommand",
     "EngineError",
     "Entry",
@@ -149,6 +151,7 @@ __all__ = [
     "parallel_env",
     "race",
     "read_centreline",
+    "read_dataset",
     "read_map",
     "read_rollout",
     "read_run",
@@ -207,6 +210,7 @@ _PLACES = {
     "simulation.telemetry": "TELEMETRY",
     "simulation.world": "World",
     "studies.comparison.comparison": "Comparison compare",
+    "studies.rollout.dataset": "Dataset read_dataset",
     "studies.rollout.rollout_result": "RolloutResult read_rollout",
     "studies.rollout.rollouts": "Executor rollout",
     "vehicle.changes": "CarChanges",

@@ -15,6 +15,7 @@ from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.errors import install_command
 from fg_mujoco.ros.bag_messages import require_ros_extra
 from fg_mujoco.studies.identification.fit import require_scipy
+from fg_mujoco.studies.rollout.dataset import require_h5py, require_minari
 from fg_mujoco.studies.rollout.ray_cluster import require_ray
 from fg_mujoco.viz.live.browser import require_viser
 from fg_mujoco.viz.pages.bokeh_plots import require_bokeh
@@ -44,6 +45,8 @@ def bare(monkeypatch):
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
         (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
+        (require_h5py, "datasets", "HDF5 files need h5py"),
+        (require_minari, "datasets", "Minari datasets need Minari"),
     ],
 )
 def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):

@@ -15,8 +15,8 @@ from ..course.formats import track_names
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_sources import controller_names
-from ..studies.rollout.drive_worlds import RECORDS
 from ..studies.rollout.randomization import PARAMETERS
+from ..studies.rollout.recording import RECORDS
 from ..studies.rollout.rollouts import EXECUTORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import vehicle_names

@@ -18,7 +18,7 @@ from ..messages import require_whole
 from ..racing.planner_sources import bundled_names
 from ..racing.setup import Setup
 from ..simulation.settings import friction_text
-from ..studies.rollout.drive_worlds import RECORDS
+from ..studies.rollout.recording import RECORDS, Record
 from ..studies.rollout.rollout_result import RolloutResult
 from ..studies.rollout.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
 from ..studies.store import as_json
@@ -53,11 +53,14 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         "that takes longer, or never answers, ends its world",
     )  # fmt: skip
     add("--workers", type=whole, metavar="N", help="threads, processes, or with Ray cores; default: all cores")
-    add("--record", default="summary", metavar="WHAT", help=f"{', '.join(RECORDS)}; default: summary")
+    add(
+        "--record", default="summary", metavar="WHAT",
+        help=f"{', '.join(RECORDS)}, or scans:STEP, every how many-th beam; default: summary",
+    )  # fmt: skip
     add_out_options(command, STUDY, "keep the results here; the same command goes on with a folder left unfinished")
     add(
         "--memory-budget", type=whole, default=Executor.memory_budget // _MIB, metavar="MIB",
-        help=f"of telemetry and states that are being driven; default: {Executor.memory_budget // _MIB}",
+        help=f"of what is recorded and being driven; default: {Executor.memory_budget // _MIB}",
     )  # fmt: skip
     add(
         "--chunk", type=whole, default=Executor.chunk, metavar="N",
@@ -73,7 +76,7 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
 
 
 def _rollout(options: argparse.Namespace) -> int:
-    if options.record in RECORDS and options.record != "summary" and options.out is None:
+    if Record.of(options.record).what != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
     setup = setup_of(options, lists=("track",))

@@ -3,7 +3,7 @@
     manifest.json     the settings and versions that made it; a folder of any others is refused
     tracks.npz        the courses, bit for bit
     chunks/K.npz      the worlds of chunk K and their lap times: one that is there is complete
-    chunks/K.*.npy    telemetry, states and ctrl of its worlds, one world after the other, if recorded
+    chunks/K.*.npy    telemetry, states and ctrl, or scans of its worlds, one world after the other, if recorded
     worlds.csv        one row a world, when all are driven
     summary.json      the figures; a folder that has it is finished
 
@@ -32,7 +32,7 @@ from ...simulation.course_loading import reload_course
 from ..store import WRITABLE, StudyFolder, as_json, blame, digest, sealed, unsealed, warn_damaged
 from .job import Arrays
 
-TRACES = ("telemetry", "states", "ctrl")
+TRACES = ("telemetry", "states", "ctrl", "scans")
 """Arrays of a chunk that are long, and are read only where they are asked for."""
 
 _SEAL = "sha256"  # of a chunk, among its arrays
@@ -135,13 +135,17 @@ class FolderStore(StudyFolder):
     def numbers(self) -> set[int]:
         """Return the numbers of the chunks that are kept; one that is damaged is not, and is warned of."""
         kept = set()
-        for number in sorted(int(path.stem) for path in (self.folder / _CHUNKS).glob("*.npz") if path.stem.isdigit()):
+        for number in self.written():
             try:
                 self.read(number)
                 kept.add(number)
             except RunFolderError as error:
                 warn_damaged(error)
         return kept
+
+    def written(self) -> list[int]:
+        """Return the numbers of the chunks that are there, damaged or not."""
+        return sorted(int(path.stem) for path in (self.folder / _CHUNKS).glob("*.npz") if path.stem.isdigit())
 
     def add(self, number: int, arrays: Arrays) -> None:
         """Keep a chunk: the file that says that it is complete comes last.

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ...course.course import Course, laps_to_drive
 from ...course.obstacles import Obstacle
-from ...errors import ControllerError, SettingsError, accepted_names
+from ...errors import ControllerError, SettingsError
 from ...messages import DriveCommand, FloatArray
 from ...racing.decision_times import DecisionClock
 from ...racing.entries import entry_planner
@@ -48,8 +48,7 @@ from ...vehicle.changes import CarChanges
 from ...vehicle.friction_patches import Patch
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
-
-RECORDS = ("summary", "telemetry", "states")
+from .recording import Record, ScanLayout, ScanRecorder
 
 RESULT = np.dtype(
     [
@@ -83,6 +82,7 @@ AMONG = np.dtype(
 """Result of car 0 among its opponents, behind RESULT where it has any; fields as in AmongCars."""
 
 _FAILED = END_REASONS.index("failed")
+_NO_SCANS = np.empty(0, np.void)  # of a world that was not driven, whatever LiDAR it has
 _FASTEST = 20.0  # [m/s] where only the time_limit is given, it makes room for the laps of a car as fast as this
 
 
@@ -95,6 +95,7 @@ class WorldResults:
     telemetry: tuple[FloatArray, ...] = ()  # (ticks, len(TELEMETRY)) of each world, if recorded
     states: tuple[FloatArray, ...] = ()  # (ticks + 1, k), as in RaceResult, if recorded
     ctrl: tuple[FloatArray, ...] = ()  # (ticks, 2) of each car, if states are
+    scans: tuple[NDArray[np.void], ...] = ()  # (ticks,) rows of ScanLayout.dtype of car 0 of each world, if recorded
 
 
 @without_exit()
@@ -121,7 +122,8 @@ def drive_worlds(
       controller: a bundled name or `path/to/file.py:ClassName`; each world gets a controller of its own.
       laps: to be driven, of a scene 1; None: as many as fit the time_limit.
       time_limit: of simulated time at most [s]; None: what a car of 0.5 m/s needs for the laps, or the scene's own.
-      record: "summary", "telemetry" (every tick's row too) or "states" (and its state and controls).
+      record: "summary", "telemetry" (every tick's row too), "states" (and its state and controls), or "scans", what
+        the planner was given and what it commanded; "scans:10" keeps every tenth beam.
       decision_limit: of wall time that a planner may take for one decision [s], as of `race`; None: any.
       opponents: that car 0 of each world, which the scenario is about, races against; None: it drives alone.
       stop: asked every tick; once it says True, all worlds that still run end as "interrupted".
@@ -136,13 +138,12 @@ def drive_worlds(
     for name, value in (("laps", laps), ("time_limit", time_limit)):
         if value is not None and not 0 < value < math.inf:
             raise SettingsError(f"{name} is {value!r}; accepted: a positive number")
-    if record not in RECORDS:
-        raise SettingsError(f"record is {record!r}; {accepted_names(record, RECORDS)}")
+    recorded = Record.of(record)
     for scenario in scenarios:
         if scenario.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in a batch; accepted: in `race` only")
     opponents = opponents or Opponents()
-    results = _Results(len(scenarios), record, among=bool(opponents.entries))
+    results = _Results(len(scenarios), recorded, among=bool(opponents.entries))
     groups: dict[tuple[Course | str, Vehicle, Tires, tuple[Patch, ...], tuple[Obstacle, ...], bool], list[int]] = {}
     for i, scenario in enumerate(scenarios):
         delayed = scenario.changes.command_delay is not None
@@ -168,10 +169,11 @@ def drive_worlds(
             if stop is not None and stop():
                 engine.interrupt()
                 break
-            driven = _worlds(engine.tick(), engine)
+            cars = engine.tick()
+            driven = _worlds(cars, engine)
             for place in map(int, np.flatnonzero(driven) if controls else ()):
                 controls[place].after_tick()
-            results.add(members, engine, driven & ~_worlds(engine.monitor.reasons == _FAILED, engine))
+            results.add(members, engine, cars, driven & ~_worlds(engine.monitor.reasons == _FAILED, engine))
             ticks += 1
             if clock is not None:
                 clock.seconds.clear()
@@ -216,7 +218,7 @@ def undriven_world(seed: int, reason: str, record: str, *, among: bool = False) 
       record: as `drive_worlds` takes it.
       among: whether there are opponents.
     """
-    results = _Results(1, record, among=among)
+    results = _Results(1, Record.of(record), among=among)
     results.fail(0, seed, reason)
     return results.gathered()
 
@@ -329,10 +331,13 @@ def _shared_world(
 class _Results:
     """Gathers what the groups leave."""
 
-    def __init__(self, count: int, record: str, *, among: bool) -> None:
+    def __init__(self, count: int, record: Record, *, among: bool) -> None:
         self._rows = np.zeros(count, result_dtype(among=among))
         self._lap_times: list[FloatArray] = [np.empty(0)] * count  # [s] of each world
-        self._record = record
+        self._record = record.what
+        self._step = record.step
+        self._recorder: ScanRecorder | None = None  # of the worlds that are being driven
+        self._scans: list[NDArray[np.void]] = [_NO_SCANS] * count
         self._telemetry: list[list[FloatArray]] = [[] for _ in range(count)]
         self._states: list[list[FloatArray]] = [[] for _ in range(count)]
         self._ctrl: list[list[FloatArray]] = [[] for _ in range(count)]
@@ -343,10 +348,17 @@ class _Results:
         if self._record == "states":
             for place, i in enumerate(members):
                 self._states[i].append(engine.state(place).copy())
+        if self._record == "scans":
+            self._recorder = ScanRecorder(ScanLayout.of(engine.beams, self._step), engine.count)
 
-    def add(self, members: Sequence[int], engine: Engine, ran: NDArray[np.bool_]) -> None:
-        """Keep the tick of the worlds that ran it: the telemetry of car 0."""
+    def add(
+        self, members: Sequence[int], engine: Engine, driven: NDArray[np.bool_], ran: NDArray[np.bool_]
+    ) -> None:
+        """Keep the tick of the worlds that ran it (n,): of car 0 the telemetry, or if it was driven (r,) the scan."""
         if self._record == "summary":
+            return
+        if self._recorder is not None:
+            self._recorder.add(engine, ran & driven[:: engine.cars_per_world])
             return
         for place in map(int, np.flatnonzero(ran)):
             i = members[place]
@@ -363,6 +375,9 @@ class _Results:
         controls: Sequence[RaceControl],
     ) -> None:
         """Take how it went for car 0 of each world; `controls` watched the worlds with opponents."""
+        if self._recorder is not None:
+            for i, rows in zip(members, self._recorder.rows(), strict=True):
+                self._scans[i] = rows
         times = engine.times
         for place, i in enumerate(members):
             first = place * engine.cars_per_world
@@ -390,7 +405,7 @@ class _Results:
 
     def fail(self, i: int, seed: int, reason: str) -> None:
         """Note a world that was not driven."""
-        self._telemetry[i], self._states[i], self._ctrl[i] = [], [], []
+        self._telemetry[i], self._states[i], self._ctrl[i], self._scans[i] = [], [], [], _NO_SCANS
         row = self._rows[i]
         for name in row.dtype.names:
             kind = row.dtype[name].kind
@@ -411,4 +426,5 @@ class _Results:
             telemetry=stacked(self._telemetry, "telemetry", "states"),
             states=stacked(self._states, "states"),
             ctrl=stacked(self._ctrl, "states"),
+            scans=tuple(self._scans) if self._record == "scans" else (),
         )

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...course.course import Course, Sites, laps_to_drive
 from ...course.definitions import course_sha256
 from ...course.obstacles import Obstacle, described_obstacles
-from ...errors import ControllerError, SettingsError, accepted_names
+from ...errors import ControllerError, SettingsError
 from ...kernels import package_files
 from ...messages import require_whole
 from ...racing.entries import check_starts
@@ -38,15 +38,17 @@ from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
-from .drive_worlds import RECORDS, WorldResults, drive_worlds, result_dtype, undriven_world
+from .drive_worlds import WorldResults, drive_worlds, result_dtype, undriven_world
 from .randomization import Randomization
+from .recording import Record, ScanLayout
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
 
 Arrays = dict[str, NDArray[Any]]
 """Results of a driven chunk, by name: "worlds" (n,) of `RolloutJob.world_dtype` and "lap_times_s" (n, k); if recorded
 "ticks" (n,) and, of all its worlds one after the other, "telemetry" (ticks, len(TELEMETRY)); and "states", all states
-in one row, with "state_size" (n,) and "ctrl" (ticks, 2) of each car."""
+in one row, with "state_size" (n,) and "ctrl" (ticks, 2) of each car; or "ticks" and "scans" (ticks,) of a
+ScanLayout."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,8 +83,7 @@ class RolloutJob:
             raise SettingsError("neither laps nor time_limit is given; accepted: either or both")
         if any(self.obstacles) and self.randomization.most_obstacles:
             raise SettingsError("obstacles is given for all worlds and in randomize; accepted: one of them")
-        if self.record not in RECORDS:
-            raise SettingsError(f"record is {self.record!r}; {accepted_names(self.record, RECORDS)}")
+        Record.of(self.record)
 
     def checked(self) -> RolloutJob:
         """Refuse what cannot be driven, before anything is; return the job with the files that its planners read.
@@ -196,18 +197,27 @@ class RolloutJob:
             worlds[name] = [values[name] for values in drawn]
         for name in results.rows.dtype.names or ():
             worlds[name] = results.rows[name]
-        traces = _traces(results, self.record, len(self.opponents.names))
+        traces = _traces(results, Record.of(self.record), len(self.opponents.names), self.scan_layout)
         return {"worlds": worlds, "lap_times_s": results.lap_times_s} | traces
 
     def trace_bytes(self) -> int:
-        """Return the greatest size of one world's telemetry, states and controls [bytes]."""
+        """Return the greatest size of what is recorded of one world [bytes]."""
         if self.record == "summary":
             return 0
         longest = max(track.longest_race(self.laps or 1) for track in self.tracks)
         limit = self.time_limit if self.time_limit is not None else longest
+        ticks = int(limit / TICK + 1)
+        if self.scan_layout is not None:
+            return ticks * self.scan_layout.dtype.itemsize
         states = sum(_state_size(car) + 2 for car in (self.base, *self.opponents.entries))
         row = len(TELEMETRY) + (states if self.record == "states" else 0)
-        return int(limit / TICK + 1) * row * 8
+        return ticks * row * 8
+
+    @cached_property
+    def scan_layout(self) -> ScanLayout | None:
+        """The layout of recorded scans; None: none are recorded."""
+        record = Record.of(self.record)
+        return ScanLayout.of(self.base.car.lidar.beams, record.step) if record.has_scans else None
 
     def settings(self) -> dict[str, Any]:
         """Return all that the results depend on, but for the versions, as it can stand in JSON."""
@@ -223,7 +233,8 @@ class RolloutJob:
             "laps": self.laps,
             "duration": self.time_limit,
             "decision_limit": self.decision_limit,
-            "record": self.record,
+            "record": str(Record.of(self.record)),
+            **({"scan": self.scan_layout.described()} if self.scan_layout is not None else {}),
             "drive": self.base.described(),
             **({"obstacles": [described_obstacles(own) for own in self.obstacles]} if any(self.obstacles) else {}),
             **self.opponents.described(),
@@ -301,14 +312,17 @@ def joined(parts: Sequence[Arrays]) -> Arrays:
     return whole | {"lap_times_s": np.concatenate(laps)}
 
 
-def _traces(results: WorldResults, record: str, cars: int) -> Arrays:
-    if record == "summary":
+def _traces(results: WorldResults, record: Record, cars: int, layout: ScanLayout | None) -> Arrays:
+    if record.what == "summary":
         return {}
+    if layout is not None:
+        scans = [rows if len(rows) else np.empty(0, layout.dtype) for rows in results.scans]
+        return {"ticks": np.array([len(rows) for rows in scans], np.int64), "scans": np.concatenate(scans)}
     arrays: Arrays = {
         "ticks": np.array([len(rows) for rows in results.telemetry], np.int64),
         "telemetry": np.concatenate([rows.reshape(-1, len(TELEMETRY)) for rows in results.telemetry]),
     }
-    if record == "states":
+    if record.what == "states":
         arrays["state_size"] = np.array([rows.shape[1] for rows in results.states], np.int64)
         arrays["states"] = np.concatenate([rows.ravel() for rows in results.states])
         arrays["ctrl"] = np.concatenate([rows.reshape(-1, 2 * cars) for rows in results.ctrl])

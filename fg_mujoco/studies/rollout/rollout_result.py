@@ -26,11 +26,14 @@ from ...viz.pages.table import Table
 from ..intervals import wilson
 from ..store import blame
 from .chunk_store import ChunkStore, FolderStore
+from .dataset import Dataset
 from .drive_worlds import laps_within
 from .job import Arrays, RolloutJob
 from .randomization import Randomization
 
 _WORLDS_SHOWN = 10  # in a notebook
+
+_RECORDED = {"telemetry": "telemetry or states", "states": "states", "ctrl": "states"}  # in which rollouts each is
 
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Of lap times and sliding, in a summary."""
@@ -147,6 +150,16 @@ class RolloutResult(Shown):
         """Return the controls of a world's actuators, as in RaceResult. Shape (ticks, 2), errors as `telemetry`."""
         return self._trace(world, "ctrl")
 
+    def dataset(self) -> Dataset:
+        """Return the recorded scans, odometry and commands, world by world.
+
+        Raises:
+          SettingsError: none were recorded.
+        """
+        if "scan" not in self.settings:
+            raise SettingsError("no scans were recorded; accepted: a rollout with record='scans'")
+        return Dataset.of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
+
     def summary(self) -> dict[str, Any]:
         """Return the figures, as they can stand in JSON."""
         count = len(self)
@@ -213,26 +226,30 @@ class RolloutResult(Shown):
             raise SettingsError(f"no world {world!r}; accepted: 0 to {len(self) - 1}")
         return self.worlds[world]
 
-    def _trace(self, world: int, name: str) -> FloatArray:
+    def _trace(self, world: int, name: str) -> NDArray[Any]:
         chunk, place = self.places[self._row(world)["world"]].tolist()
         arrays = self.chunks.read(chunk)
         if name not in arrays:
-            raise SettingsError(f"{name} was not recorded; accepted: a rollout that records telemetry or states")
+            raise SettingsError(f"{name} was not recorded; accepted: a rollout that records {_RECORDED[name]}")
         rows = arrays["ticks"] + (name == "states")
-        widths = arrays["state_size"] if name == "states" else np.full(len(rows), arrays[name].shape[1])
-        ends = np.cumsum(rows * widths)
-        trace: FloatArray = np.array(arrays[name].reshape(-1)[ends[place] - rows[place] * widths[place] : ends[place]])
+        ends = np.cumsum(rows)
+        if name != "states":
+            trace = np.array(arrays[name][ends[place] - rows[place] : ends[place]])
+        else:  # those of a world may be longer than those of another
+            sizes = arrays["state_size"]
+            ends = np.cumsum(rows * sizes)
+            flat = arrays[name][ends[place] - rows[place] * sizes[place] : ends[place]]
+            trace = np.array(flat).reshape(rows[place], sizes[place])
         trace.flags.writeable = False
-        return trace.reshape(rows[place], widths[place])
+        return trace
 
 
 def gather(
     job: RolloutJob, chunks: ChunkStore, *, worlds_driven: int, world_seconds_driven: float, wall_time_s: float
 ) -> RolloutResult:
     """Return the result of a rollout of which all chunks are kept."""
-    kept = [chunks.read(number) for number in range(len(job.chunks))]
     return RolloutResult(
-        **_table(kept),
+        **_table([short(chunks.read(number)) for number in range(len(job.chunks))]),
         tracks=job.tracks,
         randomization=job.randomization,
         base=job.base,
@@ -258,7 +275,8 @@ def read_rollout(folder: str | Path) -> RolloutResult:
     settings = manifest["settings"]
     every = len(settings["tracks"])  # as the job has it, each chunk is of one of them
     worlds = (len(range(first, settings["n"], every)) for first in range(every))
-    kept = {number: store.read(number) for number in range(sum(-(-count // manifest["chunk"]) for count in worlds))}
+    chunks = range(sum(-(-count // manifest["chunk"]) for count in worlds))
+    kept = {number: short(store.read(number)) for number in chunks}
     table = _table(list(kept.values()))
     places = np.empty((len(table["worlds"]), 2), np.int64)
     for number, arrays in kept.items():
@@ -277,6 +295,11 @@ def read_rollout(folder: str | Path) -> RolloutResult:
         world_seconds_driven=summary["world_seconds_driven"],
         wall_time_s=summary["wall_time_s"],
     )
+
+
+def short(arrays: Arrays) -> Arrays:
+    """Return the arrays of a chunk that are its table, so that what was recorded need not stay in memory."""
+    return {name: arrays[name] for name in ("worlds", "lap_times_s")}
 
 
 def _table(kept: list[Arrays]) -> dict[str, NDArray[Any]]:

@@ -59,7 +59,7 @@ class Executor:
 
     kind: str = "threads"  # of this process; "processes", each of which a planner can end; or "ray", on a cluster
     chunk: int = 64  # worlds that a worker drives together, at most; a folder that is gone on with keeps its own
-    memory_budget: int = 2**30  # [bytes] that telemetry and states may take; what might take more goes to disk
+    memory_budget: int = 2**30  # [bytes] that telemetry, states or scans may take; what might take more goes to disk
 
     def __post_init__(self) -> None:
         if self.kind == "local":
@@ -122,7 +122,9 @@ def rollout(
       randomize: parameters that differ from world to world: names of `randomization.PARAMETERS`, or `planner.SETTING`,
         and for each `(low, high)`, a list of values, one value for all, or any of these as text: "0.6:1.2", "1|2|3".
         A parameter that is drawn may not be set for all worlds as well.
-      record: "summary", "telemetry" (each tick of each world too) or "states" (and its state and controls).
+      record: "summary", "telemetry" (each tick of each world too), "states" (and its state and controls), or "scans":
+        of each tick the scan and odometry that the planner was given, and its command, see `read_dataset`; "scans:10"
+        keeps every tenth beam.
       out: a new or empty folder, or one of the same rollout, which is then finished.
       workers: threads or processes, or with Ray cores; None: as many as there are.
       executor: "threads", "processes" or "ray", or an Executor, which says more. With "processes" a planner can end
