@@ -1,11 +1,16 @@
 import contextlib
+import importlib
 import os
 import signal
+import sys
+from pathlib import Path
 
 # Workers share the cores: each has one thread for numpy's linear algebra, too, whose threads wait by spinning; numpy
-# reads this when it is imported. And processes that the tests start find the package's modules compiled, as users do.
+# reads this when it is imported. And processes that the tests start find the package's modules compiled, as users do,
+# and workers those of the tests.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A shell that runs the tests in its background lets them ignore Ctrl-C, and all that they start, which some tests send.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -65,6 +70,20 @@ def pytest_xdist_auto_num_workers():
 def pytest_configure(config):
     if hasattr(config.option, "loadscopereorder"):  # pytest-xdist's own order starts with the files of most tests
         config.option.loadscopereorder = False
+
+
+def pytest_collection(session):
+    """Import a share of all test files first, each worker another one, where all are collected.
+
+    Pytest rewrites the asserts of a file that it imports, which takes two thirds of the time of collecting, and keeps
+    the result on disk. So each worker rewrites its own share, and reads what the others have rewritten.
+    """
+    here = Path(__file__).parent
+    worker, count = os.environ.get("PYTEST_XDIST_WORKER"), os.environ.get("PYTEST_XDIST_WORKER_COUNT")
+    if worker and count and here in (Path(arg).resolve() for arg in session.config.args):
+        for path in sorted(here.glob("test_*.py"))[int(worker.removeprefix("gw")) :: int(count)]:
+            with contextlib.suppress(Exception, pytest.skip.Exception):  # it is imported again when it is collected
+                importlib.import_module(path.stem)
 
 
 @pytest.hookimpl(tryfirst=True)  # before what is marked is left out

@@ -16,7 +16,7 @@ for planner in {PLANNERS!r}:
     print(planner, fg.race("oval", planner, laps=1, time_limit=0.1).trajectory_sha256)
 print("obstacle", fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.075).trajectory_sha256)
 print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1, tires="contact").trajectory_sha256)
-print("slides", fg.race("oval", "pure_pursuit", laps=1, time_limit=1.0, mu=0.2, planner_mu=1.0).trajectory_sha256)
+print("slides", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0).trajectory_sha256)
 worlds = fg.rollout("oval", "pure_pursuit", n=2, laps=1, time_limit=0.1, randomize={{"mu": (0.5, 1.0)}}).worlds
 print("rollout", worlds.tobytes().hex())
 """

@@ -472,6 +472,7 @@ class TireForces(Suggesting):
             self._gears["first_tire"] = range(0, len(self.rows), len(wheels))
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
             self._fields = fields()
+            self._divided: tuple[object, ...] = ()  # what `tire_steps` was worked out for
 
     def _meant(self, name: str) -> str | None:
         return {"apply": "step", "end": "step"}.get(name) or super()._meant(name)
@@ -498,13 +499,18 @@ class TireForces(Suggesting):
             mujoco.mj_step(self._model, data)
 
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
-        timestep, wheels = float(self._model.opt.timestep), len(self.rows) // len(self._gears)
-        for car, gear in enumerate(self._gears):
-            own = self.rows[wheels * car : wheels * (car + 1)]
-            gear["tire_steps"] = self.steps or steps_within(self._model, own, timestep)
+        model = self._model
+        timestep, wheels = float(model.opt.timestep), len(self.rows) // len(self._gears)
+        masses = model.body_mass.tobytes(), model.body_subtreemass.tobytes(), model.dof_M0.tobytes()
+        divided = self.steps, timestep, self.rows.tobytes(), *masses
+        if divided != self._divided:
+            for car, gear in enumerate(self._gears):
+                own = self.rows[wheels * car : wheels * (car + 1)]
+                gear["tire_steps"] = self.steps or steps_within(model, own, timestep)
+            self._divided = divided
         step_on_tires(
-            self._model._address, data._address, self._fields, self._inertia, self._gears, self.rows,
-            self.mu.reshape(-1, wheels), data.userdata, self._scratch, self._model.nv, timestep, advance, False, True,
+            model._address, data._address, self._fields, self._inertia, self._gears, self.rows,
+            self.mu.reshape(-1, wheels), data.userdata, self._scratch, model.nv, timestep, advance, False, True,
         )  # fmt: skip
 
 
