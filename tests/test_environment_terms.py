@@ -24,9 +24,9 @@ WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
 TERMS = REWARDS.names()  # the bundled ones: other tests register theirs
 PARTS, CONDITIONS = OBSERVATIONS.names(), END_CONDITIONS.names()
-OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding")]
+OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding", "impact")]
 ALL = {
-    "rewards": dict.fromkeys(OTHERS, 1.0),
+    "rewards": dict.fromkeys(OTHERS, 1.0) | {"bounded": False},
     "observation": list(PARTS),
     "end_conditions": list(CONDITIONS),
 }
@@ -41,7 +41,7 @@ def state(before=None, **now):
         plain |= {name: np.zeros(3, bool) for name in ("crashed", "rolled_over", "finished")}
         plain |= {"laps": np.zeros(3, int), "touches": np.zeros(3, int), "position": np.ones(3, int)}
         plain |= {"pose": np.zeros((3, 3)), "velocity": np.zeros((3, 3)), "command": np.zeros((3, 2))}
-        plain |= {"lead": np.full(3, math.inf), "mu": np.ones(3)}
+        plain |= {"lead": np.full(3, math.inf), "mu": np.ones(3), "action": np.zeros((3, 2)), "slip_speed": np.zeros(3)}
         return plain | {name: np.array(value) for name, value in given.items()}
 
     own = {"ground": Ground(WORLD), "car": CAR}
@@ -52,7 +52,17 @@ HEADING = WORLD.track.start_pose(0.0)[2]
 BY_HAND = {
     "progress": (state(progress=[1.0, 2.0, 3.0], before={"progress": [0.5, 2.5, 3.0]}), [0.5, -0.5, 0.0]),
     "collision": (state(crashed=[True, False, False], rolled_over=[True, True, False]), [-1.0, -1.0, 0.0]),
+    "impact": (
+        state(crashed=[True, False, False], rolled_over=[False, True, False],
+              before={"velocity": [[3.0, 4.0, 9.0], [-2.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}),
+        [-5.0, -2.0, 0.0],
+    ),
     "sliding": (state(sliding=[0.0, 0.4, 1.0]), [0.0, -0.01, -0.025]),
+    "slip": (state(slip_speed=[0.0, 1.0, 2.0]), [0.0, -0.025, -0.05]),
+    "action_rate": (
+        state(action=[[1.0, 0.0], [0.5, 0.5], [0.1, 0.2]], before={"action": [[-1.0, 0.0], [0.0, 0.5], [0.1, 0.2]]}),
+        [-4.0, -0.25, 0.0],
+    ),
     "survival": (state(), [0.025] * 3),
     "time": (state(), [-0.025] * 3),
     "lap": (state(laps=[1, 2, 0], before={"laps": [0, 2, 0]}), [1.0, 0.0, 0.0]),
@@ -206,7 +216,7 @@ def test_terms_sum_up_to_the_reward_and_their_sums_to_the_return():
 
 
 def test_the_compiled_terms_are_their_functions():
-    defaults = {"progress": 1.0, "collision": 10.0, "sliding": 1.0}
+    defaults = {"progress": 1.0, "collision": 10.0, "sliding": 1.0, "impact": 1.0}
     weights = {f"{name}_function": (REWARDS.find(name), weight) for name, weight in defaults.items()}
     env = F1TenthEnv(start="line", beam_step=540, rewards=weights)
     env.reset(seed=0)
@@ -477,7 +487,7 @@ def test_rewards_are_values():
     weights = Rewards(sliding=2.0, command_rate=0.5)
     assert weights == Rewards.of({"command_rate": 0.5, "sliding": 2}) != Rewards()
     assert pickle.loads(pickle.dumps(weights)) == weights and hash(weights) == hash(Rewards.of(weights))
-    assert repr(weights) == "Rewards(progress=1.0, collision=10.0, sliding=2.0, command_rate=0.5)"
+    assert repr(weights) == "Rewards(progress=1.0, collision=10.0, sliding=2.0, impact=1.0, command_rate=0.5)"
     assert (weights.sliding, weights.command_rate) == (2.0, 0.5)
 
 

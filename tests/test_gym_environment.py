@@ -13,7 +13,7 @@ from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 from fg_mujoco.envs.actions import ActionBounds, ActionReader
 from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
 from fg_mujoco.envs.observer import Observer
-from fg_mujoco.envs.reward_kernels import reward_ticks
+from fg_mujoco.envs.reward_kernels import reward_ticks, sum_terms
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
 from fg_mujoco.errors import MessageError, install_command
@@ -124,8 +124,10 @@ def test_nothing_of_an_episode_is_left_in_the_next(kind, lap):
     total, terminated, ticks = 0.0, False, 0
     while not terminated:
         (reward, terminated, _), info = drive([0.4, 99.0])
-        total, ticks = total + reward + 0.025 * info["sliding"], ticks + 1
-    assert total == pytest.approx(info["progress_m"] - 10.0, abs=1e-9)
+        total, ticks = total + reward, ticks + 1
+    costs = info["return_sliding"] + info["return_impact"]
+    assert total == pytest.approx(info["progress_m"] - 10.0 + costs, abs=1e-9)
+    assert info["return_sliding"] < 0.0 and 1.0 < -info["return_impact"] < 20.0  # m/s, at which it crashed
     assert (info["end_reason"], info["laps"], info["clipped_actions"]) == ("crash", 0, ticks)
     assert info["time_s"] == pytest.approx(0.025 * ticks)
     assert np.isnan(info["lap_times_s"]).all()
@@ -234,7 +236,8 @@ def test_what_is_no_action_is_refused_and_nothing_is_driven(env, action, match):
 
 
 def test_crash_terminates_with_its_penalty_and_nothing_runs_on():
-    env = F1TenthEnv(beam_step=60, start="line", rewards={"collision": 7.0, "sliding": 0.0, "progress": 0.0})
+    weights = {"collision": 7.0, "impact": 0.0, "sliding": 0.0, "progress": 0.0}
+    env = F1TenthEnv(beam_step=60, start="line", rewards=weights)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros(2))
     env.reset()
@@ -257,16 +260,25 @@ def test_time_limit_and_standing_still_truncate():
         assert (terminated, truncated, info["end_reason"]) == (False, True, reason)
 
 
-def test_reward_is_the_sum_of_its_three_terms():
-    weights = Rewards(progress=2.0, collision=5.0, sliding=3.0).of_tick(0.025)
-    driven, crashed = np.array([True, True, False]), np.array([False, True, True])
-    progress, before, rewards = np.array([4.1, 3.8, 9.0]), np.full(3, 4.0), np.full(3, 7.0)
-    terms = np.full((2, 3, 3), 1.0)
-    reward_ticks(driven, progress, before, crashed, np.array([1.0, 0.0, 1.0]), weights, rewards, terms)
-    np.testing.assert_allclose(rewards, [0.2 - 0.075, -0.4 - 5.0, 7.0])
-    assert before.tolist() == [4.1, 3.8, 4.0]
-    np.testing.assert_allclose(terms[0], [[0.2, -0.4, 1.0], [0.0, -5.0, 1.0], [-0.075, 0.0, 1.0]])
-    np.testing.assert_allclose(terms[1], [[1.2, 0.6, 1.0], [1.0, -4.0, 1.0], [0.925, 1.0, 1.0]])
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(("bounded", "slid"), [(True, [0.075, 0.009, 0.0]), (False, [0.075, 0.06, 0.0375])])
+def test_reward_is_the_sum_of_its_four_terms(compiled, bounded, slid):
+    """Sliding takes at most nine tenths of the progress: of 0.2, 0.01 and -0.4; the last car was not driven."""
+    given = Rewards(progress=2.0, collision=5.0, sliding=3.0, impact=0.5, bounded=bounded)
+    driven, crashed = np.array([True, True, True, False]), np.array([False, False, True, True])
+    progress, before, rewards = np.array([4.1, 4.005, 3.8, 9.0]), np.full(4, 4.0), np.full(4, 7.0)
+    terms = np.full((2, 4, 4), 1.0)
+    reward_ticks(
+        driven, progress, before, crashed, np.array([1.0, 0.8, 0.5, 1.0]), np.full(4, 3.0), given.of_tick(0.025),
+        given.share, compiled, rewards, terms,
+    )  # fmt: skip
+    if not compiled:  # there are other terms, which are summed with these
+        sum_terms(driven, np.array([False, False, True, False]), given.share, rewards, terms)
+    np.testing.assert_allclose(rewards, [0.2 - slid[0], 0.01 - slid[1], -0.4 - 5.0 - 1.5 - slid[2], 7.0])
+    assert before.tolist() == [4.1, 4.005, 3.8, 4.0]
+    ticks = np.array([[0.2, 0.01, -0.4], [0.0, 0.0, -5.0], [-each for each in slid], [0.0, 0.0, -1.5]])
+    np.testing.assert_allclose(terms[0], np.column_stack((ticks, np.ones(4))))
+    np.testing.assert_allclose(terms[1], np.column_stack((1.0 + ticks, np.ones(4))))
 
 
 def test_random_starts_are_free_and_all_over_the_lap():

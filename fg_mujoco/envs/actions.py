@@ -172,6 +172,13 @@ class ActionReader:
                 "of bounds is held within them)"
             )
 
+    @property
+    def from_minus_1_to_1(self) -> FloatArray:
+        """The last actions, from -1 at the least to 1 at the greatest (n, 2)."""
+        low, high = self.bounds.limits[:2]
+        found: FloatArray = (2.0 * self.previous - (low + high)) / (high - low)
+        return found
+
     def again(self, taken: NDArray[np.bool_], commands: FloatArray) -> None:
         """Write the commands (n, 2) of a further tick of the same actions."""
         bounds = self.bounds

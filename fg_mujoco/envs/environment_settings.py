@@ -132,7 +132,7 @@ class EnvironmentSettings(CarSettings):
 
     @property
     def looks_at_state(self) -> bool:
-        """Whether any term is a function of the cars' state, besides the three rewards that are compiled."""
+        """Whether any term is a function of the cars' state, besides the four rewards that are compiled."""
         assert isinstance(self.observation, Observation)
         parts = self.observation.parts
         seen = any(isinstance(part.term, ObservationTerm) for part in parts) or bool(self.privileged)

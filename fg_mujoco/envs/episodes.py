@@ -25,7 +25,7 @@ from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .observer import Seen
 from .policy_interface import PolicyInterface
-from .reward_kernels import reward_ticks
+from .reward_kernels import reward_ticks, sum_terms
 from .rewards import values_of
 from .starts import StartGrid
 from .worlds import Mask, Worlds
@@ -66,7 +66,8 @@ class Episodes:
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
         self.worlds = worlds
         self._others, self._end_conditions = settings.rewards.others, as_end_conditions(settings.end_conditions)
-        self._weights = settings.rewards.of_tick(worlds.period)
+        self._weights, self._share = settings.rewards.of_tick(worlds.period), settings.rewards.share
+        self._running_costs = np.array([term.running_cost for term in settings.rewards.terms])
         self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions))
         truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
         self._truncates = np.array([reason in truncations for reason in self._reasons])
@@ -169,6 +170,7 @@ class Episodes:
         """
         self._driven[:] = self.running
         self._actions.read(actions, self._driven, self.commands, self.clipped)
+        self.worlds.act(self._actions)
 
     def reward(self) -> None:
         """End the episodes that a condition ends, and reward the tick that was driven.
@@ -178,17 +180,17 @@ class Episodes:
         """
         worlds, state = self.worlds, self.worlds.tick_state
         reward_ticks(
-            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, self._weights, self.rewards,
-            self._terms,
+            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, worlds.impacts, self._weights,
+            self._share, not self._others, self.rewards, self._terms,
         )  # fmt: skip
         if state is None:
             return
         for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
             worlds.end(condition.holds(state) & self.running, number)
         for index, term in enumerate(self._others, start=len(self._weights)):
-            values = self._terms[0, index] = values_of(term, state, self._driven)
-            self._terms[1, index] += values
-            self.rewards += values
+            self._terms[0, index] = values_of(term, state, self._driven)
+        if self._others:
+            sum_terms(self._driven, self._running_costs, self._share, self.rewards, self._terms)
 
     def stop(self, which: Mask) -> None:
         """Stop the episodes `which` (n,)."""

@@ -70,11 +70,14 @@ def reward_ticks(
     before: FloatArray,
     crashed: NDArray[np.bool_],
     sliding: FloatArray,
+    impacts: FloatArray,
     weights: FloatArray,
+    share: float,
+    alone: bool,
     rewards: FloatArray,
     terms: FloatArray,
 ) -> None:
-    """Write the rewards of a tick, of the three default terms.
+    """Write the four default terms of a tick; and its rewards, where there are no other terms.
 
     Args:
       driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
@@ -82,19 +85,67 @@ def reward_ticks(
       before: (n,) [m] at the start of the tick, brought up to date.
       crashed: (n,) whether the chassis has touched a wall or an obstacle, or the car has rolled over.
       sliding: (n,) share of the tick in which a tire slid.
-      weights: (3,) of a metre, of a crash, and of a tick in which a tire slides all the while.
+      impacts: (n,) speed at which it crashed in the tick [m/s].
+      weights: (4,) of a metre, of a crash, of a tick in which a tire slides all the while, and of 1 m/s of an impact.
+      share: of what a tick gains, the most that its running costs take; inf: they are not bounded.
+      alone: whether there are no other terms; else `sum_terms` bounds and sums them.
       rewards: (n,) written to.
       terms: (2, k, n) written to: of each term the tick's value, and the sum of the episode, which it is added to.
     """
     for i in range(len(driven)):
         if driven[i]:
             made, slid = weights[0] * (progress[i] - before[i]), weights[2] * sliding[i]
+            if alone and slid > 0.0 and share < math.inf:
+                slid = min(slid, share * max(made, 0.0))
             reward = made - slid
-            rewards[i] = reward - weights[1] if crashed[i] else reward
+            terms[0, 0, i], terms[0, 1, i], terms[0, 2, i], terms[0, 3, i] = made, 0.0, 0.0 - slid, 0.0
+            if crashed[i]:
+                terms[0, 1, i], terms[0, 3, i] = -weights[1], 0.0 - weights[3] * impacts[i]
+                reward = reward + terms[0, 1, i] + terms[0, 3, i]
+            rewards[i] = reward
             before[i] = progress[i]
-            terms[0, 0, i], terms[0, 1, i], terms[0, 2, i] = made, -weights[1] if crashed[i] else 0.0, 0.0 - slid
-            for term in range(3):
-                terms[1, term, i] += terms[0, term, i]
+            if alone:
+                for term in range(4):
+                    terms[1, term, i] += terms[0, term, i]
+
+
+@kernel
+def sum_terms(
+    driven: NDArray[np.bool_],
+    running: NDArray[np.bool_],
+    share: float,
+    rewards: FloatArray,
+    terms: FloatArray,
+) -> None:
+    """Bound the running costs of a tick, and write the rewards.
+
+    Args:
+      driven: (n,) the worlds in which it was driven; the others' rows are left as they are.
+      running: (k,) whether each term is a running cost.
+      share: of what the other terms gain in the tick, the most that the running costs take; inf: they are not bounded.
+      rewards: (n,) written to: the sum of the terms.
+      terms: (2, k, n) of each term the tick's value, brought within the bound, and the sum of the episode, which it is
+        added to.
+    """
+    for i in range(len(driven)):
+        if not driven[i]:
+            continue
+        gain, cost = 0.0, 0.0
+        for term in range(len(running)):
+            value = terms[0, term, i]
+            if running[term]:
+                cost -= min(value, 0.0)
+            else:
+                gain += max(value, 0.0)
+        bound = share * gain if share < math.inf else cost
+        for term in range(len(running)):
+            if cost > bound and running[term] and terms[0, term, i] < 0.0:
+                terms[0, term, i] = terms[0, term, i] / cost * bound
+            terms[1, term, i] += terms[0, term, i]
+        reward = terms[0, 0, i] + terms[0, 2, i] + terms[0, 1, i] + terms[0, 3, i]  # in the order of `reward_ticks`
+        for term in range(4, len(running)):
+            reward += terms[0, term, i]
+        rewards[i] = reward
 
 
 @kernel

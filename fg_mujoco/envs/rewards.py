@@ -1,6 +1,11 @@
 """Reward of a tick: a weighted sum of terms, each a function of the state of the cars after the tick.
 
     env = F1TenthEnv(rewards={"sliding": 20.0, "command_rate": 0.1})
+    env = F1TenthEnv(rewards="no_slide")  # or {"preset": "no_slide", "sliding": 5.0}
+
+Costs that grow with time (RUNNING_COSTS) are bounded: in a tick all of them together take at most nine tenths of what
+the other terms gain in it. So a policy that explores, and slides all the while, still gains by driving on, whatever the
+weights; a crash, which ends all costs, gains nothing. `{"bounded": False}` leaves the plain sum.
 
 A term is a function of a `TickState` that returns one number for each car: what the tick was worth. A term that costs
 is negative. A rate is multiplied by `state.period`, so that its sum over an episode does not depend on the tick. Own
@@ -17,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SettingsError
+from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
 from ..registry import Registry
 from .tick_state import TickState
@@ -57,9 +62,22 @@ def collision(state: TickState) -> FloatArray:
 
 
 @reward
+def impact(state: TickState) -> FloatArray:
+    """Speed at the start of the tick in which `collision` is -1, negative [m/s]: a slower crash costs less."""
+    speed = np.hypot(state.before.velocity[:, 0], state.before.velocity[:, 1])
+    return np.where(state.crashed | state.rolled_over, -speed, 0.0)
+
+
+@reward
 def sliding(state: TickState) -> FloatArray:
     """Time in which a tire slides, negative [s] (tire slip of Wurman et al., 2022)."""
     return -state.period * state.sliding
+
+
+@reward
+def slip(state: TickState) -> FloatArray:
+    """Distance over which the axles are pushed across their wheels, the mean of both, negative [m = m/s s]."""
+    return -state.period * state.slip_speed
 
 
 @reward
@@ -92,6 +110,14 @@ def command_rate(state: TickState) -> FloatArray:
     car = state.car
     ranges = np.array((2.0 * car.max_steering_angle, car.max_speed - car.min_speed))
     change: FloatArray = 2.0 * (state.command - state.before.command) / ranges
+    cost: FloatArray = change[:, 0] * change[:, 0] + change[:, 1] * change[:, 1]
+    return -cost
+
+
+@reward
+def action_rate(state: TickState) -> FloatArray:
+    """Squared change of the policy's own action, its parts from -1 to 1, from tick to tick, negative."""
+    change: FloatArray = state.action - state.before.action
     cost: FloatArray = change[:, 0] * change[:, 0] + change[:, 1] * change[:, 1]
     return -cost
 
@@ -130,7 +156,29 @@ _DEFAULTS: Mapping[str, float] = {
     "progress": 1.0,  # [1/m]
     "collision": 10.0,
     "sliding": 1.0,  # [1/s]
+    "impact": 1.0,  # [s/m]
 }
+"""Weights of the terms that `reward_ticks` computes, in its order."""
+
+
+PRESETS: Mapping[str, Mapping[str, float]] = {
+    "progress": {"sliding": 0.0},
+    "no_slide": {"sliding": 3.0, "slip": 1.0},
+    "smooth": {"action_rate": 0.05},
+    "race": {"overtaking": 1.0, "car_contact": 1.0},
+}
+"""Weights in which a preset differs from the default."""
+
+RUNNING_COSTS = (
+    "sliding", "slip", "time", "command_rate", "action_rate", "heading_error", "cross_track_error", "near_wall",
+)  # fmt: skip
+"""Terms that cost something as long as an episode goes on. Others are events, or may be gained back."""
+
+EVENT_COSTS = ("collision", "impact", "car_contact")
+"""Terms that cost something when it happens, and never gain."""
+
+SHARE = 0.9
+"""Of what a tick gains, the most that its running costs take."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,31 +189,57 @@ class RewardTerm:
     function: RewardFunction
     weight: float  # from 0 on, per unit of the function
 
+    @property
+    def running_cost(self) -> bool:
+        """Whether its function is one of RUNNING_COSTS."""
+        return any(self.function is REWARDS.find(name) for name in RUNNING_COSTS)
+
+    @property
+    def gains(self) -> bool:
+        """Whether it may be positive."""
+        costs = (*RUNNING_COSTS, *EVENT_COSTS)
+        return self.weight > 0.0 and not any(self.function is REWARDS.find(name) for name in costs)
+
 
 @dataclass(frozen=True, init=False, repr=False)
 class Rewards:
-    """Weights of the terms: by default `progress` 1 per metre, `collision` 10 and `sliding` 1 per second.
+    """Weights of the terms.
 
-    A weight of 0 leaves one of these three out.
+    By default `progress` is 1 per metre, `collision` 10, `sliding` 1 per second and `impact` 1 per m/s. A weight of 0
+    leaves one of these four out.
 
     Args:
+      preset: one of PRESETS, from which the weights differ; None: from the default ones.
+      bounded: whether the running costs of a tick take at most nine tenths of what it gains. Where no term can gain
+        anything, nothing bounds them.
       weights: of terms by name, or a function and its weight: `Rewards(sliding=20.0, mine=(function, 0.5))`.
 
     Attributes:
-      terms: all of them, the three first.
+      terms: all of them, the four first.
+      bounded: as given.
 
     Raises:
-      SettingsError: an unknown term, or a weight that is negative or not finite.
+      SettingsError: an unknown term or preset, or a weight that is negative or not finite.
     """
 
     terms: tuple[RewardTerm, ...]
+    bounded: bool
 
-    def __init__(self, **weights: float | tuple[RewardFunction, float]) -> None:
-        terms = tuple(_term(name, value) for name, value in ({**_DEFAULTS} | weights).items())
+    def __init__(
+        self, *, preset: str | None = None, bounded: bool = True, **weights: float | tuple[RewardFunction, float]
+    ) -> None:
+        if preset is not None and (not isinstance(preset, str) or preset not in PRESETS):
+            raise SettingsError(f"rewards has the preset {shown(preset)}; {accepted_names(preset, PRESETS)}")
+        if not isinstance(bounded, bool):
+            raise SettingsError(f"rewards has bounded {shown(bounded)}; accepted: True, False")
+        of_preset = PRESETS[preset] if preset else {}
+        terms = tuple(_term(name, value) for name, value in ({**_DEFAULTS} | {**of_preset} | weights).items())
         object.__setattr__(self, "terms", terms)
+        object.__setattr__(self, "bounded", bounded)
 
     def __repr__(self) -> str:
-        return f"Rewards({', '.join(f'{term.name}={term.weight!r}' for term in self.terms)})"
+        plain = "" if self.bounded else ", bounded=False"
+        return f"Rewards({', '.join(f'{term.name}={term.weight!r}' for term in self.terms)}{plain})"
 
     def __getattr__(self, name: str) -> float:
         """Return the weight of a term."""
@@ -176,26 +250,34 @@ class Rewards:
 
     @classmethod
     def of(cls, given: Any) -> Rewards:
-        """Return the Rewards of a mapping of weights, or those that are given.
+        """Return the Rewards of a preset's name or of a mapping of weights, or those that are given.
 
         Raises:
-          SettingsError: neither, or as the class.
+          SettingsError: none of these, or as the class.
         """
         if isinstance(given, Rewards):
             return given
+        if isinstance(given, str):
+            return cls(preset=given)
         if not isinstance(given, Mapping):
-            raise SettingsError(f"rewards is {shown(given)}; accepted: Rewards, or a mapping of weights by name")
+            accepted = f"{', '.join(PRESETS)}, a mapping of weights by name, or Rewards"
+            raise SettingsError(f"rewards is {shown(given)}; accepted: {accepted}")
         return cls(**{str(name): value for name, value in given.items()})
 
     @property
     def others(self) -> tuple[RewardTerm, ...]:
-        """The terms besides the three that `reward_ticks` computes."""
+        """The terms besides the four that `reward_ticks` computes."""
         return self.terms[len(_DEFAULTS) :]
 
+    @property
+    def share(self) -> float:
+        """Of what a tick gains, the most that its running costs take; inf: they are not bounded."""
+        return SHARE if self.bounded and any(term.gains for term in self.terms) else math.inf
+
     def of_tick(self, period: float) -> FloatArray:
-        """Return what `reward_ticks` multiplies with, of ticks of so many seconds. Shape (3,)."""
-        made, hit, slid = (term.weight for term in self.terms[: len(_DEFAULTS)])
-        return np.array((made, hit, slid * period))
+        """Return what `reward_ticks` multiplies with, of ticks of so many seconds. Shape (4,)."""
+        made, hit, slid, fast = (term.weight for term in self.terms[: len(_DEFAULTS)])
+        return np.array((made, hit, slid * period, fast))
 
 
 def values_of(term: RewardTerm, state: TickState, driven: NDArray[np.bool_]) -> FloatArray:

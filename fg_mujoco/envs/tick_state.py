@@ -33,6 +33,7 @@ Whole = NDArray[np.int64]
 
 _FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_MOTION = [TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_angle_rad")]
 
 
 class Ground:
@@ -106,6 +107,8 @@ class Snapshot(Suggesting):
     pose: FloatArray  # (n, 3) x [m], y [m], heading [rad] of the rear axle in the world
     velocity: FloatArray  # (n, 3) of the rear axle ahead [m/s] and to the left [m/s]; yaw rate [rad/s]
     command: FloatArray  # (n, 2) that was held in the tick: steering angle [rad], speed [m/s]; 0 before the first tick
+    action: FloatArray  # (n, 2) last one of the policy, from -1 to 1 within its bounds; 0 before the first
+    slip_speed: FloatArray  # (n,) [m/s] of the axles across their wheels at the start of the tick, the mean of both
     sliding: FloatArray  # (n,) share of the tick in which a tire slid, from 0 to 1
     crashed: Mask  # (n,) whether the chassis has touched a wall or an obstacle
     rolled_over: Mask  # (n,) whether the car lies on its side or its roof
@@ -177,7 +180,10 @@ class TickStates:
         self._ground = Ground(engine.world)
         self._now, self._before = _fresh(count), _fresh(count)
         self._driven = np.zeros(count, np.bool_)
+        self.actions = np.zeros((count, 2))  # of policies, as in Snapshot
         world = engine.world
+        wheelbases = [car.parameters.wheelbase for car in world.cars]
+        self._wheelbases = np.tile(wheelbases, count // len(world.cars))
         for values in (self._now, self._before):
             values["mu"][:] = np.tile([car.mu for car in world.cars], count // len(world.cars))
 
@@ -198,7 +204,8 @@ class TickStates:
         self._driven[:] = which
         self._read_motions()
         self.judge()
-        self._now["command"][which] = self._now["sliding"][which] = 0.0
+        for name in ("command", "action", "sliding", "slip_speed"):
+            self._now[name][which] = 0.0
         for name, values in self._now.items():
             self._before[name][which] = values[which]
 
@@ -214,7 +221,8 @@ class TickStates:
         engine, monitor = self._engine, self._engine.monitor
         read = {name: monitor.timers[name] for name in ("progress", "place", "offset")} | {
             "laps": monitor.timers["laps_completed"], "time": np.repeat(engine.times, engine.cars_per_world),
-            "command": engine.commands, "sliding": engine.telemetry[:, _SLIDING_STEPS] / engine.substeps,
+            "command": engine.commands, "action": self.actions, "slip_speed": self._slip_speeds(),
+            "sliding": engine.telemetry[:, _SLIDING_STEPS] / engine.substeps,
             "crashed": engine.crashed, "rolled_over": monitor.reasons == _ROLLED_OVER,
             "finished": monitor.reasons == _FINISHED, "touches": engine.statistics["touches"],
         }  # fmt: skip
@@ -223,6 +231,13 @@ class TickStates:
         for name, values in read.items():
             now = self._now[name]
             np.copyto(now, values, where=self._driven if now.ndim == 1 else self._driven[:, np.newaxis])
+
+    def _slip_speeds(self) -> FloatArray:
+        """Return the mean speed of both axles across their wheels at the start of the tick. Shape (r,) [m/s]."""
+        ahead, rear, turning, angle = (self._engine.telemetry[:, column] for column in _MOTION)
+        front = (rear + self._wheelbases * turning) * np.cos(angle) - ahead * np.sin(angle)
+        found: FloatArray = 0.5 * (np.abs(front) + np.abs(rear))
+        return found
 
     def _read_motions(self) -> None:
         self._engine.read_motions(self._driven, self._now["pose"], self._now["velocity"])
@@ -266,7 +281,7 @@ def _gaps(engine: Engine) -> FloatArray:
 
 def _fresh(count: int) -> dict[str, NDArray[Any]]:
     """Return the arrays of a Snapshot of so many cars, by name, as they are of a car that is alone."""
-    shapes = {"pose": (count, 3), "velocity": (count, 3), "command": (count, 2)}
+    shapes = {"pose": (count, 3), "velocity": (count, 3), "command": (count, 2), "action": (count, 2)}
     kinds: dict[str, Any] = {"laps": np.int64, "touches": np.int64, "position": np.int64}
     kinds |= dict.fromkeys(("crashed", "rolled_over", "finished"), np.bool_)
     names = [f.name for f in fields(Snapshot) if f.name not in ("ground", "car")]

@@ -12,6 +12,7 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
+from .actions import ActionReader
 from .environment_opponents import Opponents
 from .environment_settings import EnvironmentSettings
 from .tick_state import SensedState, TickState, TickStates, leads, positions
@@ -20,6 +21,7 @@ Mask = NDArray[np.bool_]
 
 _ROLLED_OVER = END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_VELOCITY = [TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s")]
 
 
 class Worlds:
@@ -98,6 +100,13 @@ class Worlds:
         return wrecked
 
     @property
+    def impacts(self) -> FloatArray:
+        """Speed of each agent at the start of the last tick, with which it crashes if it does. Shape (a,) [m/s]."""
+        forward, left = (self.engine.telemetry[self._rows, column] for column in _VELOCITY)
+        speeds: FloatArray = np.hypot(forward, left)
+        return speeds
+
+    @property
     def ranges(self) -> FloatArray:
         """Last sensed, as in LaserScan. Shape (a, beams) [m]."""
         return np.ascontiguousarray(self.engine.ranges[self._rows])
@@ -150,6 +159,11 @@ class Worlds:
     def touching(self, which: Mask) -> Mask:
         """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
         return self.engine.crashed[np.repeat(which, self.cars)]
+
+    def act(self, actions: ActionReader) -> None:
+        """Take note of the last actions of the agents, for the terms that are functions of them."""
+        if self._states is not None:
+            self._states.actions[self._rows] = actions.from_minus_1_to_1
 
     def drive(self, commands: FloatArray) -> None:
         """Hold the commands (a, 2) [rad, m/s] for a tick in the worlds that run, and judge their races.
