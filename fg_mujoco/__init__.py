@@ -323,6 +323,7 @@ class _OldNames:
         _sys.modules[module.__name__] = _import_module(f".{module.__spec__.origin}", __name__)
 
 
+_SCHEMES["policy"] = "fg_mujoco.envs.policy_planner:POLICIES"
 _SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
 _sys.meta_path.append(_OldNames)

@@ -414,6 +414,24 @@ class CarParameters:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class ScanGeometry:
+    """The constant part of one LiDAR's scans: everything of a LaserScan but its stamp and ranges."""
+
+    angle_min: float  # [rad]
+    angle_max: float  # [rad]
+    angle_increment: float  # [rad]
+    range_min: float  # [m]
+    range_max: float  # [m]
+    scan_time: float  # [s] from one sweep to the next
+    bearings: FloatArray  # (beams,) [rad], read-only
+
+    def __repr__(self) -> str:
+        least, most = math.degrees(self.angle_min), math.degrees(self.angle_max)
+        beams = f"{len(self.bearings)} beams from {least:.1f} to {most:.1f} deg"
+        return brief(self, beams, f"{self.range_min:g} to {self.range_max:g} m", f"every {self.scan_time:g} s")
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannerContext:
     """All that a planner may know before it drives. Its constructor names those of these fields that it needs.
@@ -432,29 +450,12 @@ class PlannerContext:
     seed: int = 0  # that the car is driven with, for planners that draw numbers
     map_line: MapLine | None = None  # the line through the course; None: there is no map
     sensors: tuple[str, ...] = ()  # names of the sensors whose readings are in its odometry
+    lidar: ScanGeometry | None = None  # the constant part of its scans; None: not known, as on a car
 
     def __post_init__(self) -> None:
         require(self, lambda value: value > 0.0, "a positive number, or inf", ("mu",), MessageError)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("max_speed", "period"), MessageError)
         require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("latency",), MessageError)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ScanGeometry:
-    """The constant part of one LiDAR's scans: everything of a LaserScan but its stamp and ranges."""
-
-    angle_min: float  # [rad]
-    angle_max: float  # [rad]
-    angle_increment: float  # [rad]
-    range_min: float  # [m]
-    range_max: float  # [m]
-    scan_time: float  # [s] from one sweep to the next
-    bearings: FloatArray  # (beams,) [rad], read-only
-
-    def __repr__(self) -> str:
-        least, most = math.degrees(self.angle_min), math.degrees(self.angle_max)
-        beams = f"{len(self.bearings)} beams from {least:.1f} to {most:.1f} deg"
-        return brief(self, beams, f"{self.range_min:g} to {self.range_max:g} m", f"every {self.scan_time:g} s")
 
 
 ODOMETRY = np.dtype(

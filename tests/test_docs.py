@@ -17,6 +17,7 @@ from rendered import needs_gl
 import fg_mujoco as fg
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.errors import MissingExtraError
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -83,6 +84,8 @@ def imported(dotted):
         try:
             module = f"{module}.{name}"
             found = importlib.import_module(module)
+        except MissingExtraError:  # it is there, and names the extra that it needs
+            return True
         except ImportError:
             if not hasattr(found, name):
                 return False

@@ -27,7 +27,7 @@ RUN, STUDY = "run", "study"
 
 _MARKS = ("manifest.json", "lab.json")  # of a study
 _OF_A_RUN = re.compile(
-    r"scene\.xml|states\.npz|telemetry(_car_\d+)?\.csv|trace\.png|controller(_car_\d+)?\.py|failed_scan\.npz"
+    r"scene\.xml|states\.npz|telemetry(_car_\d+)?\.csv|trace\.png|controller(_car_\d+)?\.(py|json|onnx|zip)|failed_scan\.npz"
     r"|summary\.json|report\.html|debug\.html|recording\.mcap"
 )
 _OF_A_STUDY = re.compile(r"[\w.+-]+\.(json|jsonl|csv|npz|md|png|svg|html)|chunks|poses|traces|report|cells")

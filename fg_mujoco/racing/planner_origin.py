@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..messages import Controller
 from .planner_sources import PLANNERS, READ, find_controller, source_file
+from .planner_texts import file_in
 
 
 def origin(source: str | Controller, found: Any = None) -> dict[str, str | None]:
@@ -97,7 +98,7 @@ def describe_settings(kind: type) -> list[dict[str, Any]]:
 
 def _distribution_of(found: Any, source: str | Controller) -> str | None:
     """Return the name of the installed package of a class; None where it is of none."""
-    if isinstance(source, str) and source not in PLANNERS and ":" not in source:
+    if isinstance(source, str) and source not in PLANNERS and file_in(source) is None:
         point = PLANNERS.entry_point(source)
         return point.dist.name if point.dist is not None else None
     package = str(getattr(found, "__module__", "")).partition(".")[0]

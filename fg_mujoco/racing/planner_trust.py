@@ -107,7 +107,7 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
     source = ControllerChoice.of(controller).source
     there = file_in(source)
     kept = None if there is None else kept_controller(folder, summary)
-    if there is None or kept is None or there.suffix != ".py":  # of several nodes the folder keeps the text only
+    if there is None or kept is None or there.suffix != kept.suffix:  # of several nodes the folder keeps the text only
         return controller
     if is_file(there) and code_of(source) == read_bytes(kept):
         return controller

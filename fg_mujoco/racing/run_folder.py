@@ -10,7 +10,8 @@
                     held from state i to state i + 1, one tick
     telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
     telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
-    controller.py   the source of a planner of your own, as it was read; its hash is in the summary
+    controller.py   the source of a planner of your own, as it was read; its hash is in the summary; of a trained
+                    policy its file: controller.json, controller.onnx or controller.zip
     failed_scan.npz where the planner failed: the scan and the odometry that it was given, see `read_failed_scan`
     trace.png       the line over the track, and the tires' work over time (needs the extra `plot`)
 
@@ -49,6 +50,7 @@ from ..kernels import own_folder
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
+from .planner_texts import POLICY_ENDINGS
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
 
@@ -70,13 +72,14 @@ _GREATEST = 1e15  # of all numbers; MuJoCo itself resets a state beyond 1e10
 _FILES = ("scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py", "failed_scan.npz", "summary.json")
 _SCENE, _STATES, _TELEMETRY, _TRACE, _CONTROLLER, FAILED_SCAN, SUMMARY = _FILES
 SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
-NOT_SIMULATED = (_TRACE, _CONTROLLER, FAILED_SCAN)
+_POLICIES = tuple(f"controller{ending}" for ending in POLICY_ENDINGS)  # in the place of controller.py
+NOT_SIMULATED = (_TRACE, _CONTROLLER, *_POLICIES, FAILED_SCAN)
 """Files of which no replay says anything."""
 RECORDED = "recorded"
 """End of a run that a car recorded, and nobody simulated: what the tires did is not known."""
 _ODOMETRY = ODOMETRY.names or ()
 _READING = tuple(f.name for f in fields(Reading))
-_READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, FAILED_SCAN)  # pictures and pages can be made again
+_READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, *_POLICIES, FAILED_SCAN)  # pictures and pages can be made again
 
 
 @explain_class
@@ -162,7 +165,8 @@ def write_run(
         for index, car in enumerate(result.cars):
             _write_telemetry(car.telemetry, staging / of_car(_TELEMETRY, index))
             if car.controller_source is not None and car.controller_origin["distribution"] is None:
-                (staging / of_car(_CONTROLLER, index)).write_bytes(car.controller_source)
+                kept = of_car(_kept_name(car.controller_origin["file"]), index)
+                (staging / kept).write_bytes(car.controller_source)
         if result.car.planner_failure is not None:
             _write_failed_scan(result.car.planner_failure, staging / FAILED_SCAN)
         if draw is not None:
@@ -171,7 +175,7 @@ def write_run(
         sha256s = {name: file_sha256(staging / name) for name in read_back if (staging / name).exists()}
         summary = json.loads(summary_json(result)) | {"files": sha256s}
         (staging / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-        if (staging / _CONTROLLER).exists():
+        if any((staging / name).exists() for name in (_CONTROLLER, *_POLICIES)):
             remember_run(staging)
         if add is not None:
             try:
@@ -281,7 +285,7 @@ def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | No
     Raises:
       RunFolderError: the copy is not the source that was raced.
     """
-    path = Path(folder) / _CONTROLLER
+    path = Path(folder) / _kept_name((summary.get("controller_origin") or {}).get("file"))
     if not is_file(path):
         return None
     with _blame(path):
@@ -291,6 +295,12 @@ def kept_controller(folder: str | Path, summary: Mapping[str, Any]) -> Path | No
         said = f"{path}: is another one now: its sha256 is {sha256[:12]}, recorded is {str(raced)[:12]}"
         raise RunFolderError(f"{said}; accepted with --trust: the source as it was raced")
     return path
+
+
+def _kept_name(file: str | None) -> str:
+    """Return the name under which a run folder keeps the file of a planner."""
+    ending = Path(file or "").suffix
+    return f"controller{ending}" if ending in POLICY_ENDINGS else _CONTROLLER
 
 
 def read_run(folder: str | Path) -> Run:

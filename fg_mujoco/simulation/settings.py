@@ -348,15 +348,16 @@ class DriveSettings(CarSettings):
           index: of the car in it.
         """
         if model is None:
-            period, changed = self.car.lidar.beams.period, self.all_changes.command_delay
+            beams, changed = self.car.lidar.beams, self.all_changes.command_delay
             delay = self.car.command_delay if changed is None else changed
         else:
-            period = lidar_of(model, lidar_prefix(index)).beams.period
+            beams = lidar_of(model, lidar_prefix(index)).beams
             delay = command_delay(model, car_prefix(index))
+        period = beams.period
         return PlannerContext(
             car=car, mu=self.assumed_mu, max_speed=float(self.max_speed), period=period,
             latency=self.effects.sweeps_late(period) * period + delay, seed=self.seed, map_line=map_line,
-            sensors=tuple(sensor.name for sensor in self.sensed),
+            sensors=tuple(sensor.name for sensor in self.sensed), lidar=beams.geometry,
         )  # fmt: skip
 
     @property

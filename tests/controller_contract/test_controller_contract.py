@@ -26,8 +26,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+from small_policies import FLAT, network_for
 
 from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.envs.policy_files import save_policy
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_sources import controller_names
@@ -265,6 +269,24 @@ def keeps_its_contract(planner, family):
     planner.reset()
     begin = family[:REPEATED]
     assert [planner(scan, odometry) for scan, odometry in begin] == commands[:REPEATED]
+
+
+def test_a_trained_policy_answers_any_scan(tmp_path):
+    """It may drive on where it sees nothing: what it learned there is its own."""
+    settings = EnvironmentSettings.of(FLAT)
+    interface = PolicyInterface.of(settings, CAR, settings.car.lidar.beams, 0.025)
+    path = save_policy(network_for(interface), tmp_path / "policy", interface)
+    policy = made(str(path.parent))
+    for scan in ODD.values():
+        for motion in (*MOTIONS, (math.nan, math.inf)):
+            odometry = odometry_of(*motion)
+            keeps_its_contract(policy, [(scan, odometry)] * 3) if math.isfinite(motion[0]) else policy(scan, odometry)
+    for seed, shape in enumerate(("room", "noise", "steps", "wall")):
+        odd = {math.nan: 0.5, -math.inf: 0.5}
+        keeps_its_contract(policy, list(family_of(
+            seed=seed, count=1081, shape=shape, size=10.0, spikes=0.5, odd=odd, increment=INCREMENT, angle_min=None,
+            range_max=30.0, has_pose=True,
+        )))  # fmt: skip
 
 
 def test_the_same_inputs_since_reset_give_the_same_outputs(planner):
