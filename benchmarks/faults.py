@@ -256,7 +256,7 @@ FAULTS = {
         tests="test_rollouts.py test_rollout_store.py",
     ),
     "a drawn value with its ends swapped": Fault(
-        file="fg_mujoco/studies/rollout/randomization.py",
+        file="fg_mujoco/racing/randomization.py",
         old="return min(self.low + share * (self.high - self.low), self.high)",
         new="return max(self.low + share * (self.high - self.low), self.high)",
         tests="test_randomization.py test_rollouts.py",

@@ -235,7 +235,7 @@ _INNER = {
     "racing.replay": "ReplayReport",
     "racing.run_folder": "check_run_folder read_failed_scan",
     "simulation.cars": "WorldCar",
-    "studies.rollout.randomization": "Choice Randomization Uniform",
+    "racing.randomization": "Choice Randomization Uniform",
     "studies.rollout.rollouts": "RolloutProgress",
     "vehicle.car": "Car car_parameters",
     "vehicle.tire_slip": "SLIDING_SPEED TireSlip TireSlipMeter",

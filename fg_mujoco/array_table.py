@@ -49,6 +49,10 @@ class ArrayTable:
             if name in arrays:
                 self.put(name, arrays[name])
 
+    def with_others(self, arrays: Mapping[str, NDArray[Any]]) -> ArrayTable:
+        """Return a table of the same arrays but for some, by name."""
+        return ArrayTable(self._names, {**self._arrays, **arrays})
+
     def put(self, name: str, array: NDArray[Any]) -> None:
         """Put an array in the place of another one.
 

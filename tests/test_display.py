@@ -21,9 +21,9 @@ from fg_mujoco.f110 import F110Env
 from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.manoeuvres import find_manoeuvre
 from fg_mujoco.racing.race import RaceProgress
+from fg_mujoco.racing.randomization import Choice, Uniform
 from fg_mujoco.simulation.planner_failure import PlannerFailure
 from fg_mujoco.studies.grid_study import StudyProgress
-from fg_mujoco.studies.rollout.randomization import Choice, Uniform
 from fg_mujoco.studies.rollout.rollouts import RolloutProgress
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 

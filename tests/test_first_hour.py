@@ -387,13 +387,6 @@ def test_the_environment_is_made_by_its_name():
     assert type(gymnasium.make_vec("fg_mujoco/F1Tenth-v0", num_envs=2)).__name__ == "F1TenthVectorEnv"
 
 
-def test_tracks_in_place_of_a_track_of_an_environment_are_refused():
-    gymnasium = pytest.importorskip("gymnasium")
-    for make in (gymnasium.make, gymnasium.make_vec):
-        with pytest.raises(fg.TrackError, match=r"is \['oval', 'tight'\]; accepted: one course"):
-            make("fg_mujoco/F1Tenth-v0", track=["oval", "tight"])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("display", ["", ":987"])
 def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):

@@ -12,7 +12,7 @@ from fg_mujoco.course.files import is_file, is_folder, read_bytes, read_text, re
 from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
 from fg_mujoco.errors import TrackError
 from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.studies.rollout.randomization import Randomization
+from fg_mujoco.racing.randomization import Randomization
 
 LINE = [(0.0, 0.0), (5.0, 0.0), (10.0, 1.0), (10.0, 5.0), (5.0, 6.0), (0.0, 5.0)]
 LONG = "a" * 5000

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, ScanPipeline, add_noise
+from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, RowEffects, ScanPipeline, add_noise
 from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
 
 PERIOD, STEP = 0.025, 0.0025
@@ -288,3 +289,18 @@ def test_noise_is_added_to_ranges_and_held_between_zero_and_range_max():
     noise = np.array([1.0, -3.0, 3.0, -6.0, 2.0])
     add_noise(ranges, 0.01, 10.0, noise)
     assert noise.tolist() == [3.0 + 0.01 * 1.0, 10.0, 0.0, 0.0, 10.0]
+
+
+@pytest.mark.parametrize("settings", [{}, {"latency": 0.05}, {"no_return": "range_max", "dropout_probability": 0.0}])
+def test_effects_on_a_row_have_the_bits_of_the_scans(settings):
+    effects = LidarEffects(**{"range_noise_std": 0.3, "dropout_probability": 0.1} | settings)
+    beams, rng = LidarModel.load().beams, np.random.default_rng(1)
+    measured = rng.uniform(-0.1, 1.1, (4, len(beams.bearings))) * beams.range_max
+    row = np.zeros(len(beams.bearings))
+    lidar = type("Measured", (), {"beams": beams, "ranges": lambda self, data: row.copy()})()
+    pipeline, on_row = ScanPipeline(lidar, effects, np.random.default_rng(2)), row.copy()
+    of_row = RowEffects(beams, effects, np.random.default_rng(2))
+    for tick, ranges in enumerate(measured):
+        row[:], on_row[:] = beams.readings(ranges), beams.readings(ranges)
+        of_row.apply(on_row)
+        assert pipeline.scan(type("Data", (), {"time": 0.025 * tick})).ranges.tobytes() == on_row.tobytes()

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
 from fg_mujoco.simulation.course_loading import default_car
 from fg_mujoco.simulation.settings import Scenario
-from fg_mujoco.studies.rollout.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
 
 OVAL = fg.load_track("oval")
 SOME = {  # a range for each parameter

@@ -15,8 +15,8 @@ from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import setup_of
 from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.randomization import PARAMETERS
 from fg_mujoco.racing.setup import PARTS, RENAMED, SETUP_KEYWORDS, Setup, SetupKeywords
-from fg_mujoco.studies.rollout.randomization import PARAMETERS
 
 VALUES = {
     "track": "random:3", "laps": 2, "time_limit": 4.5, "obstacles": 3, "obstacle_seed": 7, "lidar": "rangefinder",
@@ -47,7 +47,7 @@ def test_the_keywords_are_the_fields_and_the_parts_of_a_car():
 
 
 def test_a_rollout_draws_by_the_same_names():
-    assert {name for name in PARAMETERS if name in PARTS} == set(PARTS) - {"lidar_latency", "motion_distortion"}
+    assert {name for name in PARAMETERS if name in PARTS} == set(PARTS) - {"motion_distortion"}
     for name, (part, field) in PARTS.items():
         if name in PARAMETERS:
             owner, own = PARAMETERS[name]

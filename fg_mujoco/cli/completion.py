@@ -15,7 +15,7 @@ from ..course.formats import track_names
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_sources import controller_names
-from ..studies.rollout.randomization import PARAMETERS
+from ..racing.randomization import OF_ENVIRONMENTS, PARAMETERS
 from ..studies.rollout.recording import RECORDS
 from ..studies.rollout.rollouts import EXECUTORS
 from ..vehicle.tires import tire_names
@@ -78,7 +78,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "vehicle": vehicle_names,
     "tires": tire_names,
     "lidar": lambda: LIDAR_BACKENDS,
-    "randomize": lambda: [f"{name}=" for name in PARAMETERS],
+    "randomize": lambda: [f"{name}=" for name in PARAMETERS if name not in OF_ENVIRONMENTS],
     "record": lambda: RECORDS,
     "executor": lambda: EXECUTORS,
     "camera": _cameras,

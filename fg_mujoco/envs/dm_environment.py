@@ -84,6 +84,9 @@ def load(
     if chosen.action_repeat != 1:
         said = f"action_repeat is {chosen.action_repeat} in a dm_env environment"
         raise SettingsError(f"{said}; accepted: 1; more in Gymnasium's and PettingZoo's")
+    if chosen.randomization.ranges:
+        drawn = ", ".join(chosen.randomization.ranges)
+        raise SettingsError(f"{drawn} drawn in a dm_env environment; accepted: in Gymnasium's and PettingZoo's")
     physics = Physics.of(chosen)
     return control.Environment(
         physics,
@@ -111,7 +114,8 @@ class Physics(dm_mujoco.Physics):  # type: ignore[misc]
         """Return the physics of a new world."""
         world = settings.make_world()
         physics: Physics = cls.from_model(wrapper.MjModel(world.model))
-        physics.simulation = Simulation(world, engine=settings.make_engine(world=world), data=physics.data.ptr)
+        engine = settings.make_engine(world=world, own_model=True)
+        physics.simulation = Simulation(world, engine=engine, data=physics.data.ptr)
         physics._command = np.zeros(2)
         return physics
 

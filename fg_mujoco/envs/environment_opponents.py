@@ -19,6 +19,7 @@ from ..racing.entries import Entry
 from ..racing.planner_choice import split_controller
 from ..racing.planner_loading import build_controller
 from ..racing.planner_sources import find_controller
+from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import without_exit
@@ -74,8 +75,7 @@ class Opponents:
 
     Args:
       entries: of the opponents of each world.
-      world: that the worlds are; the opponents are its last cars.
-      count: how many worlds, n.
+      engine: of the worlds; the opponents are the last cars of each.
       settings: EnvironmentSettings, for what policies see and answer; they see nothing privileged.
       period: of a tick [s].
       states: of the engine's cars; None: no term looks at them.
@@ -91,21 +91,24 @@ class Opponents:
     def __init__(
         self,
         entries: Sequence[Entry],
-        world: World,
-        count: int,
+        engine: Engine,
         *,
         settings: Any,
         period: float,
         states: TickStates | None,
     ) -> None:
-        m, first = len(world.cars), len(world.cars) - len(entries)
+        count, m, world = engine.count, engine.cars_per_world, engine.world
+        first = m - len(entries)
+        self._engine, self._entries, self._found = engine, entries, dict[str, type]()
         self.rows = np.arange(count * m).reshape(count, m)[:, first:]
         self._planners: dict[int, Controller] = {}  # by row
+        self._built_for: dict[int, tuple[Entry, World]] = {}
         self._policies: list[tuple[NDArray[np.int64], PolicyCars]] = []
         for number, entry in enumerate(entries, start=1):
             rows, car = self.rows[:, number - 1], world.cars[first + number - 1].parameters
             if isinstance(entry.controller, str):
-                self._planners |= zip(rows.tolist(), _planners(entry, number, world, first, count), strict=True)
+                for row in rows.tolist():
+                    self._build(row, entry)
             else:
                 beams = world.vehicles[first + number - 1].lidar.beams
                 interface = PolicyInterface.of(settings, car, beams, period)
@@ -117,24 +120,64 @@ class Opponents:
         self._adapted: dict[int, Planners] = {}
         self._of_each = PlannersOfEach([])
 
+    def check(self, entries: Sequence[Entry]) -> None:
+        """Refuse entries that may be drawn and whose planner cannot be built.
+
+        Raises:
+          ControllerError: there is one.
+        """
+        for entry in entries:
+            self._build(int(self.rows[0, 0]), entry)
+
+    def _build(self, row: int, entry: Entry) -> None:
+        """Build the planner of a car, unless it has that of the same entry on the same course.
+
+        Raises:
+          ControllerError: it cannot be built; the message says whose it is.
+        """
+        i, car = divmod(row, self._engine.cars_per_world)
+        world = self._engine.world_of(i)
+        own, built = self._built_for.get(row, (None, None))
+        if own is entry and built is world:
+            return
+        source, settings = split_controller(entry.controller, entry.planner_settings)
+        assert isinstance(source, str)
+        try:
+            if source not in self._found:  # once: what is in a file becomes a new class each time
+                self._found[source] = find_controller(source)
+            context = entry.context(world.cars[car].parameters, world.track.map_line)
+            self._planners[row] = build_controller(self._found[source], source, context, settings)
+        except ControllerError as error:
+            number = car - (self._engine.cars_per_world - len(self._entries)) + 1
+            raise ControllerError(f"opponent {number}: {error}") from error
+        self._built_for[row] = entry, world
+
     @property
     def failures(self) -> dict[int, PlannerError]:
         """Errors of the planners that have failed in the present episodes, by row."""
         return self._of_each.failures
 
-    def begin(self, worlds: NDArray[np.bool_], seeds: Sequence[int]) -> None:
-        """Reset the planners of some worlds (n,), because an episode begins there; one seed for each of their cars.
+    def begin(
+        self, worlds: NDArray[np.bool_], seeds: Sequence[int], drawn: Sequence[Sequence[Entry]] | None = None
+    ) -> None:
+        """Reset the planners of some worlds (n,), because an episode begins there.
+
+        Args:
+          worlds: (n,).
+          drawn: the entries that take part in each of them; None: all, as they are.
 
         Raises:
-          ControllerError: one raises.
+          ControllerError: one raises, or cannot be built.
         """
-        for row in self.rows[worlds].ravel().tolist():
-            if row in self._planners:
-                start_planner(self._planners[row])
-                self._adapted[row] = adapt([self._planners[row]])
         of_cars = np.array(seeds, np.uint64).reshape(int(np.count_nonzero(worlds)), -1)
         for rows, policy in self._policies:
             policy.begin(worlds, of_cars[:, rows[0] % of_cars.shape[1]].tolist())
+        for k, rows in enumerate(self.rows[worlds].tolist()):
+            for row, entry in zip(rows, self._entries if drawn is None else drawn[k], strict=False):
+                if isinstance(entry.controller, str):
+                    self._build(row, entry)
+                    start_planner(self._planners[row])
+                    self._adapted[row] = adapt([self._planners[row]])
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
         self._of_each = PlannersOfEach([*of_planners, *self._policies])
 
@@ -195,19 +238,3 @@ class PolicyCars:
         except MessageError as error:
             raise MessageError(f"the policy of opponent {self._number}: {error}") from error
         return None
-
-
-def _planners(entry: Entry, number: int, world: World, first: int, count: int) -> list[Controller]:
-    """Return the planners of an opponent, one for each world.
-
-    Raises:
-      ControllerError: they cannot be built; the message says whose they are.
-    """
-    source, settings = split_controller(entry.controller, entry.planner_settings)
-    assert isinstance(source, str)
-    try:
-        found = find_controller(source)
-        context = entry.context(world.cars[first + number - 1].parameters, world.track.map_line)
-        return [build_controller(found, source, context, settings) for _ in range(count)]
-    except ControllerError as error:
-        raise ControllerError(f"opponent {number}: {error}") from error

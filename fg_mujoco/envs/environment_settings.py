@@ -9,8 +9,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
@@ -20,6 +21,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
+from ..racing.randomization import Randomization
 from ..racing.setup import PARTS, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
@@ -27,13 +29,14 @@ from ..simulation.engine import Engine
 from ..simulation.settings import CarSettings, Start, known_settings, renamed
 from ..simulation.world import World
 from .actions import DEFAULT_ACTION
+from .drawn_settings import all_opponents, read_randomization
 from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
 from .observation_description import DEFAULT_OBSERVATION, Observation, as_privileged
 from .observations import ObservationTerm
 from .policy_interface import check_actions
 from .rewards import Rewards
-from .starts import GRID_ORDERS
+from .starts import GRID_ORDERS, StartGrid
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -59,7 +62,7 @@ class EnvironmentSettings(CarSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
-    track: Course | str = "oval"  # as `load_track` takes it
+    track: Course | str | Sequence[Course | str] = "oval"  # as `load_track` takes it; a list: drawn for each episode
     laps: int = 1  # to be driven; of a scene 1
     start: Start | str = "random"  # "random": anywhere on the lap; "line": standing on the start of the centreline
     time_limit: float | None = None  # [s] of an episode; None: what a car of 0.5 m/s needs, or the scene's own
@@ -79,6 +82,9 @@ class EnvironmentSettings(CarSettings):
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
     grid: str = "staggered"  # on which several cars start, as `race` takes it
     grid_order: str = "as_listed"  # from the front, car 0 first; "reversed": car 0 last; "random": drawn each time
+    randomize: Mapping[str, Any] | Randomization = field(default_factory=dict)  # ranges of what each episode draws
+    builds: int | None = 64  # how many courses, with all else that is compiled, there are; None: one for each episode
+    build_seed: int = 0  # of what is drawn for them
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -103,7 +109,16 @@ class EnvironmentSettings(CarSettings):
             value = getattr(self, name)
             if value not in accepted:
                 raise SettingsError(f"{name} is {value!r}; {accepted_names(value, accepted)}")
-        object.__setattr__(self, "opponents", as_entries(self.opponents, self))
+        require_whole("builds", self.builds, 1, optional=True)
+        require_whole("build_seed", self.build_seed, 0)
+        if isinstance(self.track, list):
+            object.__setattr__(self, "track", tuple(self.track))
+        opponents: Any = as_entries(self.opponents, self)
+        drawn = read_randomization(self.randomize, self.track, self, laps=self.laps, opponents=len(opponents))
+        object.__setattr__(self, "randomize", drawn)
+        if drawn.ranges:
+            opponents = as_entries(all_opponents(drawn, opponents), self)
+        object.__setattr__(self, "opponents", opponents)
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> Self:
@@ -138,6 +153,50 @@ class EnvironmentSettings(CarSettings):
         seen = any(isinstance(part.term, ObservationTerm) for part in parts) or bool(self.privileged)
         return seen or len(self.rewards.others) + len(self.end_conditions) > 0
 
+    @property
+    def randomization(self) -> Randomization:
+        """What is drawn for each episode; nothing: no randomisation."""
+        assert isinstance(self.randomize, Randomization)
+        return self.randomize
+
+    def without_randomization(self, values: Mapping[str, Any]) -> Self:
+        """Return the settings of an environment that draws nothing, with some drawn values of what is compiled."""
+        own = {name: values[name] for name in ("track", "vehicle", "tires") if name in values}
+        return replace(self, **({"track": self.courses[0]} | own), randomize={})
+
+    @property
+    def courses(self) -> tuple[Course | str, ...]:
+        """The courses that may be drawn, or the only one."""
+        drawn = self.randomization.ranges.get("track")
+        return (self.track,) if drawn is None else drawn.extremes  # type: ignore[return-value]
+
+    def drawn_entries(self, values: Mapping[str, Any]) -> tuple[Entry, ...]:
+        """Return the opponents of an episode that draws some values."""
+        return self._entries_of(values.get("opponents"), values.get("opponent"), values.get("opponent_speed"))
+
+    @cached_property
+    def _entries_of(self) -> Callable[[Any, Any, Any], tuple[Entry, ...]]:
+        @lru_cache(maxsize=256)  # the same object where it is the same, which keeps its planner
+        def entries(count: int | None, controller: str | None, speed: float | None) -> tuple[Entry, ...]:
+            own = self.opponents if count is None else self.opponents[:count]
+            changed = {"controller": controller, "max_speed": speed}
+            said: dict[str, Any] = {name: value for name, value in changed.items() if value is not None}
+            return tuple(replace(entry, **said) for entry in own) if said else own
+
+        return entries
+
+    @property
+    def drawn_opponents(self) -> tuple[Entry, ...]:
+        """An opponent with each planner that may be drawn."""
+        who = self.randomization.ranges.get("opponent")
+        return () if who is None else tuple(replace(self.opponents[0], controller=str(name)) for name in who.extremes)
+
+    def start_grid(self, world: World) -> StartGrid:
+        """Return where the cars of a world start."""
+        learners = len(world.cars) - len(self.opponents)
+        own = [None] * learners + [entry.start for entry in self.opponents]
+        return StartGrid(world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own)
+
     def make_world(self, agents: int = 1) -> World:
         """Return the compiled world of so many cars that learn, all alike, and the opponents.
 
@@ -145,7 +204,7 @@ class EnvironmentSettings(CarSettings):
           TrackError, SettingsError: what cannot be driven.
         """
         car = self.car.parameters
-        course = load_track(self.track, car=car)
+        course = load_track(self.courses[0], car=car)
         laps_to_drive(course, self.laps)  # refuses more than a scene has
         boxes = self.obstacles
         if isinstance(boxes, int):
@@ -154,15 +213,17 @@ class EnvironmentSettings(CarSettings):
         others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
         return self.world(course, obstacles=tuple(boxes), others=others)
 
-    def make_engine(self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None) -> Engine:
-        """Return an engine of so many worlds; of `world` itself, if it is given, which then is the only one.
+    def make_engine(
+        self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None, own_model: bool = False
+    ) -> Engine:
+        """Return an engine of so many worlds; of `world`, if it is given, and of its model itself with `own_model`.
 
         Raises:
           TrackError, SettingsError: what cannot be driven.
         """
         return Engine(
             world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
-            own_model=world is not None,
+            own_model=own_model,
         )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ All arrays have a row for each car that learns: with one in each world, for each
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,15 +19,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
+from ..racing.planner_choice import Value
+from ..racing.randomization import PARAMETERS, Randomization
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
+from .episode_draws import EpisodeDraw
 from .observer import Seen
 from .policy_interface import PolicyInterface
 from .reward_kernels import reward_ticks, sum_terms
 from .rewards import values_of
-from .starts import StartGrid
 from .worlds import Mask, Worlds
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
@@ -59,8 +61,8 @@ class Episodes:
       truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
         that truncates has ended it (n,).
       clipped: number of clipped actions of the episode (n,).
-      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; and of each reward term "reward_NAME", its part of
-        the last tick's reward, and "return_NAME", the sum of the episode.
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; of each reward term "reward_NAME", its part of
+        the last tick's reward, and "return_NAME", the sum of the episode; and "drawn_NAME" of what is randomised.
     """
 
     def __init__(self, settings: EnvironmentSettings, worlds: Worlds) -> None:
@@ -72,10 +74,7 @@ class Episodes:
         truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
         self._truncates = np.array([reason in truncations for reason in self._reasons])
         self._terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
-        own = [None] * worlds.agents + [entry.start for entry in settings.opponents]
-        self._grid = StartGrid(
-            worlds.world, settings.fixed_start, kind=settings.grid, order=settings.grid_order, own=own
-        )
+        self._grid = settings.start_grid(worlds.world)
         car, count = worlds.world.parameters, len(worlds.times)
         beams = worlds.world.vehicle.lidar.beams
         self.interface = PolicyInterface.of(settings, car, beams, worlds.period)
@@ -86,13 +85,13 @@ class Episodes:
         # a scan and odometry that nothing changes from tick to tick need to be sensed in the last one only
         self._senses_every_tick = (
             self.observer.needs_every_tick or settings.effects != LidarEffects() or bool(settings.sensed)
-        )
+            or len(worlds.randomization.ranges) > 0
+        )  # fmt: skip
         self.rewards = np.zeros(count)
         names = [term.name for term in settings.rewards.terms]
-        self.fact_names = (
-            *FACTS, *(FACTS_AMONG_CARS if worlds.cars > 1 else ()), *(f"reward_{name}" for name in names),
-            *(f"return_{name}" for name in names),
-        )  # fmt: skip
+        self._term_names = (*(f"reward_{name}" for name in names), *(f"return_{name}" for name in names))
+        self._drawn = _drawn_facts(worlds.randomization, count)
+        self._name_facts()
         self._terms = np.zeros((2, len(names), count))  # of each reward term the last tick's value, and the sum
         self._flat_terms = self._terms.reshape(2 * len(names), count)  # a view
         self.clipped = np.zeros(count, np.int64)
@@ -101,6 +100,10 @@ class Episodes:
         timers = worlds.monitor.timers
         self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
         self._before = self._progress.copy()  # [m] at the last reward
+
+    def _name_facts(self) -> None:
+        among = FACTS_AMONG_CARS if self.worlds.cars > 1 else ()
+        self.fact_names = (*FACTS, *among, *self._term_names, *self._drawn)
 
     @property
     def running(self) -> Mask:
@@ -119,24 +122,37 @@ class Episodes:
         ended: Mask = self._truncates.take(self.worlds.monitor.reasons)
         return ended
 
-    def begin(self, which: Mask, generators: Sequence[np.random.Generator], start: Start | None = None) -> None:
+    def begin(
+        self,
+        which: Mask,
+        generators: Sequence[np.random.Generator],
+        start: Start | None = None,
+        given: Mapping[str, Value] | None = None,
+    ) -> None:
         """Begin the episodes in the worlds `which`.
 
         Args:
           which: (n,), one for each world.
           generators: of each of n worlds; those of the others are not touched.
           start: of all of them; None: as the settings have it.
+          given: values in the place of those that are drawn, by name.
 
         Raises:
           SettingsError: a start in a wall or an obstacle.
+          TrackError: a course that is given cannot be driven.
         """
         starts: list[Start] = []
         seeds: list[int] = []
-        for i in map(int, np.flatnonzero(which)):
+        draws = self.worlds.draw(which, generators, given or {})
+        for k, i in enumerate(map(int, np.flatnonzero(which))):
             rng = generators[i]
-            starts += self._grid.draw(rng, start)
+            if draws is None:
+                starts += self._grid.draw(rng, start)
+            else:
+                starts += draws[k].build.grid.draw(rng, start, draws[k].start)
+                self._note(i, draws[k], starts[-self.worlds.cars])
             seeds += [int(rng.integers(2**63)) for _ in range(self.worlds.cars)]
-        self.worlds.begin(which, starts, seeds)
+        self.worlds.begin(which, starts, seeds, draws)
         agents = np.repeat(which, self.worlds.agents)
         self._actions.begin(agents)
         self.observer.begin(agents, [seed for i, seed in enumerate(seeds) if i % self.worlds.cars < self.worlds.agents])
@@ -149,6 +165,24 @@ class Episodes:
             bad = starts[int(touching.argmax())]
             said = f"at {bad} the car touches a wall or an obstacle, or is beyond the walls"
             raise SettingsError(f"{said}; accepted: a start where it does not")
+
+    def _note(self, world: int, draw: EpisodeDraw, start: Start) -> None:
+        """Keep what was drawn for an episode of a world, as facts of its agents."""
+        rows = slice(world * self.worlds.agents, (world + 1) * self.worlds.agents)
+        for name in self.worlds.randomization.ranges:
+            owner, field = PARAMETERS[name]
+            self._drawn[f"drawn_{name}"][rows] = getattr(start, field) if owner is Start else draw.values[name]
+
+    def randomize(self, ranges: Mapping[str, Any]) -> None:
+        """Draw from other ranges from the next reset of each world on; those of parameters not named stay.
+
+        Raises:
+          SettingsError: what cannot be drawn.
+        """
+        changed = Randomization({**self.worlds.randomization.ranges, **Randomization.of(ranges).ranges})
+        self.worlds.randomize(changed)
+        self._drawn = _drawn_facts(changed, len(self.rewards)) | self._drawn
+        self._name_facts()
 
     def step(self, actions: ArrayLike) -> None:
         """Take the actions (n, 2) in the worlds whose episodes go on; the other rows are ignored.
@@ -235,7 +269,8 @@ class Episodes:
         values = [worlds.times, self._progress.copy(), self._laps.copy(), worlds.sliding.copy(), self.clipped.copy()]
         if worlds.cars > 1:
             values += worlds.touches.copy(), worlds.positions, worlds.leads
-        return dict(zip(self.fact_names, [*values, *self._flat_terms.copy()], strict=True))
+        drawn = [each.copy() for each in self._drawn.values()]
+        return dict(zip(self.fact_names, [*values, *self._flat_terms.copy(), *drawn], strict=True))
 
     def facts_of(self, i: int) -> dict[str, Any]:
         """Return the facts of episode i, numbers by name."""
@@ -243,9 +278,20 @@ class Episodes:
         values = [time, self._progress.item(i), self._laps.item(i), worlds.sliding.item(i), self.clipped.item(i)]
         if worlds.cars > 1:
             values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
-        return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist()], strict=True))
+        drawn = [each.item(i) for each in self._drawn.values()]
+        return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist(), *drawn], strict=True))
 
     def ending(self, i: int) -> dict[str, Any]:
         """Return how episode i, which is over, ended: its reason, and the times of its laps, NaN where not driven."""
         monitor = self.worlds.monitor
         return {"end_reason": self._reasons[monitor.reasons[i]], "lap_times_s": monitor.lap_times[i].copy()}
+
+
+def _drawn_facts(randomization: Randomization, count: int) -> dict[str, NDArray[Any]]:
+    """Return arrays (n,) of the facts that tell what was drawn, by name."""
+    words, whole = ("track", "vehicle", "tires", "opponent"), ("obstacles", "patches", "opponents")
+    facts: dict[str, NDArray[Any]] = {}
+    for name in randomization.ranges:
+        kind = object if name in words else np.int64 if name in whole else np.float64
+        facts[f"drawn_{name}"] = np.full(count, "" if name in words else 0, kind)
+    return facts

@@ -14,6 +14,7 @@ vector environment of gym_vector. The keywords are those of EnvironmentSettings.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
@@ -25,6 +26,7 @@ from ..errors import SettingsError, accepted_names, missing_extra
 from ..lidar.beams import LidarModel
 from .actions import ActionBounds
 from .environment_settings import EnvironmentSettings
+from .episode_draws import read_options
 from .episodes import Episodes
 from .observations import Bounds
 from .observer import Observer
@@ -32,7 +34,6 @@ from .policy_interface import PolicyInterface, row_of
 from .registration import ID as ID
 from .registration import register
 from .rendering import ChaseView, Window
-from .starts import given_start
 from .worlds import Worlds
 
 try:
@@ -95,9 +96,20 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; `options` may have {"start": {"s": 3.0, "offset": 0.2, "heading": 0.1, "speed": 1.0}}."""
+        """Begin an episode.
+
+        Args:
+          seed: of all that is drawn; None: the environment goes on drawing from where it is.
+          options: may have {"start": {"s": 3.0, "offset": 0.2, "heading": 0.1, "speed": 1.0}}, and values in the place
+            of those that `randomize` draws, by name.
+
+        Raises:
+          SettingsError: an option that there is not, or one that cannot be had.
+          TrackError: a course that cannot be driven.
+        """
         super().reset(seed=seed)
-        self._episodes.begin(_ALL, [self.np_random], given_start(options))
+        start, given = read_options(options, self._world.randomization)
+        self._episodes.begin(_ALL, [self.np_random], start, given)
         observation = self._observe()
         if self.render_mode == "human":
             self.render()
@@ -145,8 +157,17 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._window.show()
         return None
 
+    def set_randomization(self, ranges: Mapping[str, Any]) -> None:
+        """Draw from other ranges from the next reset on; those of parameters not named stay as they are.
+
+        Raises:
+          SettingsError: what cannot be drawn, or an environment that was made to draw nothing.
+        """
+        self._episodes.randomize(ranges)
+
     def close(self) -> None:
-        """Close the renderer and the window."""
+        """Close the renderer and the window, and end the threads."""
+        self._world.close()
         for shown in (self._view, self._window):
             if shown is not None:
                 shown.close()

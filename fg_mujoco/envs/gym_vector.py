@@ -10,7 +10,7 @@ in the form of `gymnasium.vector.SyncVectorEnv`. Worlds are reset one by one, as
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -22,11 +22,11 @@ from ..errors import SettingsError, accepted_names
 from ..simulation.physics import STATE
 from ..studies.workers import usable_cores
 from .environment_settings import EnvironmentSettings
+from .episode_draws import read_options
 from .episodes import Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, frames_per_second, observation_space
 from .policy_interface import row_of
 from .rendering import ChaseView
-from .starts import given_start
 from .worlds import Worlds
 
 # isort: split
@@ -93,7 +93,6 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._begun = self._none.copy()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[int | None] = [None] * num_envs
-        self._mask_names = [f"_{name}" for name in self._episodes.fact_names]
         self._view: ChaseView | None = None
 
     def __repr__(self) -> str:
@@ -111,11 +110,11 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         others = dict(options or {})
         mask = self._checked_mask(others.pop("reset_mask", None))
         seeds = self._seeds_of(seed)
-        start = given_start(others)
+        start, given = read_options(others, self._worlds.randomization)
         for i in map(int, np.flatnonzero(mask)):
             if seeds[i] is not None or self._generators[i] is None:
                 self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
-        self._begin(mask, start)
+        self._begin(mask, start, given)
         return self._episodes.observe(mask), self._infos(mask)
 
     def step(
@@ -170,6 +169,21 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
             frames.append(self._view.frame(data))
         return tuple(frames)
 
+    def set_randomization(self, ranges: Mapping[str, Any]) -> None:
+        """Draw from other ranges from the next reset of each world on; see F1TenthEnv.set_randomization."""
+        self._episodes.randomize(ranges)
+
+    def call(self, name: str, *args: Any, **settings: Any) -> tuple[Any, ...]:
+        """Call a method of this environment, which speaks for all its worlds; return what it returns, once for each.
+
+        Raises:
+          SettingsError: there is no such method.
+        """
+        method = getattr(self, name, None)
+        if name.startswith("_") or not callable(method):
+            raise SettingsError(f"call of {name!r}; {accepted_names(name, ['set_randomization', 'render'])}")
+        return (method(*args, **settings),) * self.num_envs
+
     def close_extras(self, **_: Any) -> None:
         """Close the thread pool and the renderer."""
         self._worlds.close()
@@ -190,8 +204,8 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
     def _all_run(self) -> bool:
         return int(np.count_nonzero(self._episodes.running)) == self.num_envs  # sooner said than all()
 
-    def _begin(self, which: Flags, start: Any = None) -> None:
-        self._episodes.begin(which, self._generators, start)  # type: ignore[arg-type]
+    def _begin(self, which: Flags, start: Any = None, given: Any = None) -> None:
+        self._episodes.begin(which, self._generators, start, given)  # type: ignore[arg-type]
         self._steps[which] = 0
         self._begun |= which
 
@@ -200,7 +214,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         episodes, facts = self._episodes, self._episodes.facts()
         final: dict[str, Any] = {}
         for i in map(int, np.flatnonzero(over)):
-            known = {name: values[i].item() for name, values in facts.items()}
+            known = {name: values.item(i) for name, values in facts.items()}
             if not episodes.running[i]:
                 known |= episodes.ending(i)
             seen = row_of(observation, i)
@@ -212,9 +226,9 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         """Return the facts of the worlds `which`, or of all, in Gymnasium's form: an array and its mask by name."""
         infos: dict[str, Any] = self._episodes.facts()
         if which is not None:
-            infos = {name: np.where(which, values, np.zeros_like(values)) for name, values in infos.items()}
+            infos = {name: np.where(which, values, _nothing_like(values)) for name, values in infos.items()}
         mask = (self._every if which is None else which).copy()
-        return infos | dict.fromkeys(self._mask_names, mask)
+        return infos | {f"_{name}": mask for name in infos}
 
     def _checked_mask(self, mask: Any) -> Flags:
         if mask is None:
@@ -241,3 +255,8 @@ def _autoreset_mode(mode: AutoresetMode | str) -> AutoresetMode:
     except ValueError as error:
         modes = [known.value for known in AutoresetMode]
         raise SettingsError(f"autoreset_mode is {mode!r}; {accepted_names(mode, modes)}") from error
+
+
+def _nothing_like(values: NDArray[Any]) -> NDArray[Any]:
+    """Return what Gymnasium has in infos of worlds that say nothing."""
+    return np.full_like(values, None) if values.dtype == object else np.zeros_like(values)

@@ -24,9 +24,9 @@ from ..messages import require_whole, shown
 from ..simulation.cars import GREATEST_CARS
 from .actions import one_action
 from .environment_settings import EnvironmentSettings
+from .episode_draws import read_options
 from .episodes import Episodes
 from .rendering import ChaseView
-from .starts import given_start
 from .worlds import Worlds
 
 try:
@@ -110,16 +110,18 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
 
         Args:
           seed: of starts and noise; None: the environment goes on drawing from where it is.
-          options: may have {"start": {"s": 3.0}}, where the first place of the grid is. Others are ignored, for the
-            tests of PettingZoo pass such.
+          options: may have {"start": {"s": 3.0}}, where the first place of the grid is, and values of what is drawn.
+            Others are ignored, for the tests of PettingZoo pass such.
 
         Raises:
           SettingsError: a start in a wall, in an obstacle or in another car.
         """
         if seed is not None or self._generator is None:
             self._generator, _ = gymnasium.utils.seeding.np_random(seed)
-        start = given_start({name: value for name, value in (options or {}).items() if name == "start"})
-        self._episodes.begin(_WORLD, [self._generator], start)
+        drawn = self._worlds.randomization
+        known = {name: value for name, value in (options or {}).items() if name == "start" or name in drawn.ranges}
+        start, given = read_options(known, drawn)
+        self._episodes.begin(_WORLD, [self._generator], start, given)
         self.agents = list(self.possible_agents)
         rows = {agent: row for row, agent in enumerate(self.agents)}
         return self._observations(np.ones(len(rows), np.bool_), rows), self._infos(rows)
@@ -170,8 +172,13 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         self._view = self._view or ChaseView(world)
         return self._view.frame(data)
 
+    def set_randomization(self, ranges: Mapping[str, Any]) -> None:
+        """Draw from other ranges from the next reset on; see F1TenthEnv.set_randomization."""
+        self._episodes.randomize(ranges)
+
     def close(self) -> None:
-        """Close the renderer."""
+        """Close the renderer, and end the threads."""
+        self._worlds.close()
         if self._view is not None:
             self._view.close()
             self._view = None
@@ -202,4 +209,4 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
 
     def _infos(self, rows: Mapping[str, int]) -> dict[str, dict[str, Any]]:
         facts = self._episodes.facts()
-        return {agent: {name: values[row].item() for name, values in facts.items()} for agent, row in rows.items()}
+        return {agent: {name: values.item(row) for name, values in facts.items()} for agent, row in rows.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -64,23 +64,34 @@ class StartGrid:
         self._cars = [car.parameters for car in world.cars]
         self._places = grid_starts(world.track, self._cars, kind)
 
-    def draw(self, rng: np.random.Generator, start: Start | None = None) -> list[Start]:
+    def draw(
+        self,
+        rng: np.random.Generator,
+        start: Start | None = None,
+        drawn: Callable[[int], Mapping[str, float]] | None = None,
+    ) -> list[Start]:
         """Return where each car starts an episode.
 
         Args:
           rng: of what is drawn.
           start: of this episode; None: as the settings have it.
+          drawn: returns fields of the start that are drawn otherwise, at an attempt from 0; None: there are none.
 
         Raises:
           SettingsError: a car would start in a wall, in an obstacle or in another car.
         """
         fixed = start or self._fixed
-        if len(self._cars) == 1:
+        redraws = drawn is not None and len(drawn(0)) > 0
+        if len(self._cars) == 1 and not redraws:
             return [fixed or draw_start(self._world, rng)]
         refused = SettingsError("")
-        for _ in range(1 if fixed else _TRIES):
-            first = fixed or Start(s=draw_start(self._world, rng).s)
-            starts = self._on_grid(first, rng)
+        for attempt in range(1 if fixed and not redraws else _TRIES):
+            first = fixed or draw_start(self._world, rng)
+            if len(self._cars) > 1:
+                first = fixed or Start(s=first.s)
+            if drawn is not None:
+                first = replace(first, **drawn(attempt))
+            starts = self._on_grid(first, rng) if len(self._cars) > 1 else [first]
             names = [f"car_{index}" for index in range(len(starts))]
             try:
                 check_starts(self._world.track, starts, self._cars, names, self._world.obstacles)

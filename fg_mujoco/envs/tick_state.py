@@ -10,10 +10,11 @@ of the simulation: a car does not know most of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,50 @@ class Ground:
         """The sides of what stands. Shape (k, 4) [m]."""
         shapes = [*wall_outlines(self._course), *(solid.corners() for solid in self._solids)]
         return np.concatenate([outline(shape) for shape in shapes]) if shapes else np.empty((0, 4))
+
+
+class GroundOfEach(Ground):
+    """The grounds of cars whose worlds differ, and may become others.
+
+    Args:
+      engine: of the worlds.
+      rows: of the cars.
+    """
+
+    def __init__(self, engine: Engine, rows: slice) -> None:
+        self._engine, self._rows = engine, np.arange(len(engine.commands))[rows]
+        self._grounds: WeakKeyDictionary[World, Ground] = WeakKeyDictionary()
+
+    def heading_errors(self, poses: FloatArray, places: FloatArray) -> FloatArray:
+        """See Ground."""
+        errors = np.empty(len(poses))
+        for ground, cars in self._each():
+            errors[cars] = ground.heading_errors(poses[cars], places[cars])
+        return errors
+
+    def curvatures(self, places: FloatArray, ahead: Sequence[float]) -> FloatArray:
+        """See Ground."""
+        found = np.empty((len(places), len(ahead)))
+        for ground, cars in self._each():
+            found[cars] = ground.curvatures(places[cars], ahead)
+        return found
+
+    def distances(self, times: FloatArray, poses: FloatArray, car: CarParameters) -> FloatArray:
+        """See Ground."""
+        distances = np.empty(len(poses))
+        for ground, cars in self._each():
+            distances[cars] = ground.distances(times[cars], poses[cars], car)
+        return distances
+
+    def _each(self) -> Iterator[tuple[Ground, list[int]]]:
+        """Yield each ground, and which of the cars are on it."""
+        cars_on: dict[World, list[int]] = {}
+        for car, row in enumerate(self._rows.tolist()):
+            cars_on.setdefault(self._engine.world_of(row // self._engine.cars_per_world), []).append(car)
+        for world, cars in cars_on.items():
+            if world not in self._grounds:
+                self._grounds[world] = Ground(world)
+            yield self._grounds[world], cars
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -173,25 +218,25 @@ class TickStates:
 
     Args:
       engine: whose cars they are.
+      apart: whether its worlds differ, and may become others.
     """
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, *, apart: bool = False) -> None:
         self._engine, count = engine, len(engine.commands)
-        self._ground = Ground(engine.world)
+        self._common = None if apart else Ground(engine.world)
         self._now, self._before = _fresh(count), _fresh(count)
         self._driven = np.zeros(count, np.bool_)
         self.actions = np.zeros((count, 2))  # of policies, as in Snapshot
         world = engine.world
         wheelbases = [car.parameters.wheelbase for car in world.cars]
         self._wheelbases = np.tile(wheelbases, count // len(world.cars))
-        for values in (self._now, self._before):
-            values["mu"][:] = np.tile([car.mu for car in world.cars], count // len(world.cars))
 
     def of(self, rows: slice, car: CarParameters) -> TickState:
         """Return the state of some cars, which are alike; it stays up to date."""
-        before = Snapshot(ground=self._ground, car=car, **_views(self._before, rows))
+        ground = self._common or GroundOfEach(self._engine, rows)
+        before = Snapshot(ground=ground, car=car, **_views(self._before, rows))
         return TickState(
-            ground=self._ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows)
+            ground=ground, car=car, before=before, period=self._engine.period, **_views(self._now, rows)
         )
 
     def sensed(self, state: TickState, rows: slice) -> SensedState:
@@ -204,6 +249,11 @@ class TickStates:
         self._driven[:] = which
         self._read_motions()
         self.judge()
+        self._now["mu"][which] = self._engine.mu[which].max(axis=1)
+        if self._common is None:
+            for row in np.flatnonzero(which).tolist():
+                i, car = divmod(row, self._engine.cars_per_world)
+                self._wheelbases[row] = self._engine.world_of(i).cars[car].parameters.wheelbase
         for name in ("command", "action", "sliding", "slip_speed"):
             self._now[name][which] = 0.0
         for name, values in self._now.items():
@@ -275,7 +325,8 @@ def leads(engine: Engine) -> FloatArray:
 def _gaps(engine: Engine) -> FloatArray:
     """Return how far each car is ahead of each car of its world along the course. Shape (n, m, m) [m]."""
     progress = engine.monitor.timers["progress"].reshape(-1, engine.cars_per_world)
-    gaps: FloatArray = progress[:, :, np.newaxis] - progress[:, np.newaxis, :]
+    with np.errstate(invalid="ignore"):  # of two cars that take no part
+        gaps: FloatArray = progress[:, :, np.newaxis] - progress[:, np.newaxis, :]
     return gaps
 
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SettingsError
 from ..messages import FloatArray, Reading
+from ..racing.randomization import Randomization
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
+from ..vehicle.changes import CarChanges
 from .actions import ActionReader
+from .builds import Build
 from .environment_opponents import Opponents
 from .environment_settings import EnvironmentSettings
+from .episode_draws import EpisodeDraw, EpisodeDraws
 from .tick_state import SensedState, TickState, TickStates, leads, positions
 
 Mask = NDArray[np.bool_]
@@ -58,18 +64,26 @@ class Worlds:
         engine: Engine | None = None,
         agents: int = 1,
     ) -> None:
-        self.engine = engine or settings.make_engine(count, threads, agents=agents)
+        self._draws: EpisodeDraws | None = None
+        if settings.randomization.ranges:
+            self._draws = EpisodeDraws(settings, count, agents, self._forget)
+            self._apart = np.zeros(count, np.bool_)  # the worlds with a model of their own
+        self.engine = engine or settings.make_engine(
+            count, threads, agents=agents, world=None if self._draws is None else self._draws.first_build().world
+        )
         self.world, self.period, self.agents = self.engine.world, self.engine.period, agents
         self.cars = m = self.engine.cars_per_world
         self._rows = slice(0, agents) if count == 1 else slice(0, None, m)  # of the agents
         self.monitor = self.engine.monitor.part(self._rows)
+        if engine is None:
+            self.engine.no_messages[self._rows] = True
         entries = settings.opponents
         self._effects = [settings.effects] * agents + [entry.effects for entry in entries]
         self._drifts = [0.0] * agents + [entry.odometry_drift for entry in entries]
         for sensor in settings.sensed:
             sensor.steps(self.world.model.opt.timestep, self.engine.substeps)  # refuses a rate that there is not
         self._sensors = [settings.sensed] * agents + [entry.sensed for entry in entries]
-        self._states = TickStates(self.engine) if settings.looks_at_state else None
+        self._states = TickStates(self.engine, apart=self._draws is not None) if settings.looks_at_state else None
         self.tick_state: TickState | None = None
         self.sensed_state: SensedState | None = None
         if self._states is not None:
@@ -78,8 +92,9 @@ class Worlds:
         self._opponents: Opponents | None = None
         if entries:
             self._opponents = self.engine.planners = Opponents(
-                entries, self.world, count, settings=settings, period=self.period, states=self._states,
+                entries, self.engine, settings=settings, period=self.period, states=self._states,
             )  # fmt: skip
+            self._opponents.check(settings.drawn_opponents)
         self.sliding = np.zeros(count * agents)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
@@ -138,23 +153,85 @@ class Worlds:
         """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
         return leads(self.engine)[self._rows]
 
-    def begin(self, which: Mask, starts: Sequence[Start], seeds: Sequence[int]) -> None:
+    @property
+    def randomization(self) -> Randomization:
+        """What is drawn for each episode."""
+        return Randomization({}) if self._draws is None else self._draws.randomization
+
+    def randomize(self, randomization: Randomization) -> None:
+        """Draw otherwise from the next reset of each world on.
+
+        Raises:
+          SettingsError: what cannot be drawn, or an environment that was made to draw nothing.
+        """
+        if self._draws is None:
+            raise SettingsError("this environment draws nothing; accepted: one that was made with randomize=...")
+        self._draws.change(randomization)
+
+    def draw(
+        self, which: Mask, generators: Sequence[np.random.Generator], given: Mapping[str, Any]
+    ) -> list[EpisodeDraw] | None:
+        """Draw the episodes of the worlds `which` (n,) and make these what was drawn; None: nothing is drawn.
+
+        Args:
+          which: (n,).
+          generators: of each of n worlds.
+          given: values that stand in the place of drawn ones, by name.
+
+        Raises:
+          TrackError, SettingsError: what cannot be driven.
+        """
+        if self._draws is None:
+            return None
+        worlds = np.flatnonzero(which).tolist()
+        draws = self._draws.begin(worlds, generators, given)
+        self.engine.rebuild_worlds({
+            i: draw.build.world for i, draw in zip(worlds, draws, strict=True)
+            if not self._apart[i] or self.engine.world_of(i) is not draw.build.world
+        })  # fmt: skip
+        self._apart[which] = True
+        others = [CarChanges()] * (self.cars - self.agents)
+        for i, draw in zip(worlds, draws, strict=True):
+            if draw.changes is not None:
+                self.engine.change(i, [*[draw.changes] * self.agents, *others])
+        return draws
+
+    def _forget(self, build: Build) -> None:
+        self.engine.forget([build.world])
+
+    def begin(
+        self, which: Mask, starts: Sequence[Start], seeds: Sequence[int], draws: Sequence[EpisodeDraw] | None = None
+    ) -> None:
         """Place the cars of the worlds `which` (n,); one start and one seed of the LiDAR's noise for each of them.
+
+        `draws` are those of `draw`.
 
         Raises:
           ControllerError: the planner of an opponent raises in its `reset`.
         """
         worlds = int(np.count_nonzero(which))
+        effects, drifts = self._effects * worlds, self._drifts * worlds
+        if draws is not None:
+            m, a = self.cars, self.agents
+            for k, draw in enumerate(draws):
+                effects[k * m : k * m + a], drifts[k * m : k * m + a] = [draw.effects] * a, [draw.odometry_drift] * a
         self.engine.place(
-            starts, np.repeat(which, self.cars), effects=self._effects * worlds, seeds=seeds,
-            odometry_drifts=self._drifts * worlds, sensors=self._sensors * worlds,
+            starts, np.repeat(which, self.cars), effects=effects, seeds=seeds, odometry_drifts=drifts,
+            sensors=self._sensors * worlds,
         )  # fmt: skip
         if self._opponents is not None:
-            self._opponents.begin(which, seeds)
+            self._opponents.begin(which, seeds, None if draws is None else [draw.opponents for draw in draws])
+        self._take_off(which, draws or ())
         self.sliding[np.repeat(which, self.agents)] = 0.0
         self._sensed[np.repeat(which, self.cars)] = False
         if self._states is not None:
             self._states.begin(np.repeat(which, self.cars))
+
+    def _take_off(self, which: Mask, draws: Sequence[EpisodeDraw]) -> None:
+        """Take the opponents off the course that take no part in the episodes that begin in the worlds `which`."""
+        for i, draw in zip(np.flatnonzero(which).tolist(), draws, strict=False):
+            for car in range(self.agents + len(draw.opponents), self.cars):
+                self.engine.take_off(i * self.cars + car)
 
     def touching(self, which: Mask) -> Mask:
         """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
@@ -227,5 +304,7 @@ class Worlds:
         return self.engine.state(i).copy()
 
     def close(self) -> None:
-        """Close the thread pool."""
+        """End the threads."""
         self.engine.close()
+        if self._draws is not None:
+            self._draws.close()

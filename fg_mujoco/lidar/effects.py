@@ -131,6 +131,55 @@ class ScanPipeline:
         return ranges
 
 
+class RowEffects:
+    """The same effects on the ranges of a row, in place, with the same bits; without motion distortion.
+
+    Args:
+      beams: of the LiDAR.
+      effects: the settings.
+      rng: of noise and dropouts.
+    """
+
+    def __init__(self, beams: Beams, effects: LidarEffects, rng: np.random.Generator) -> None:
+        self._deviation, self._dropouts = effects.range_noise_std, effects.dropout_probability
+        self._limits = beams.range_min, beams.range_max
+        self._no_return = math.inf if effects.no_return == "inf" else beams.range_max
+        count = len(beams.bearings)
+        self._rng, self._noise, self._shares = rng, np.zeros(count), np.ones(count)
+        self._held: deque[FloatArray] = deque(maxlen=effects.sweeps_late(beams.period) + 1)
+
+    def apply(self, ranges: FloatArray) -> None:
+        """Turn what was measured into what is delivered now (n,) [m]."""
+        if self._deviation > 0.0:
+            self._rng.standard_normal(out=self._noise)
+        if self._dropouts > 0.0:
+            self._rng.random(out=self._shares)
+        low, high = self._limits
+        _disturb(ranges, self._deviation, self._noise, self._dropouts, self._shares, low, high, self._no_return)
+        if self._held.maxlen != 1:
+            self._held.append(ranges.copy())
+            ranges[:] = self._held[0]
+
+
+@kernel
+def _disturb(
+    ranges: FloatArray, deviation: float, noise: FloatArray, dropouts: float, shares: FloatArray, range_min: float,
+    range_max: float, no_return: float,
+) -> None:  # fmt: skip
+    """Add noise to ranges, in place, let some fail, and say what no return is."""
+    for beam in range(len(ranges)):
+        distance = ranges[beam]
+        if deviation > 0.0:
+            distance += deviation * noise[beam]
+            if not distance < range_max:
+                distance = math.inf
+            elif distance < range_min:
+                distance = -math.inf
+        if dropouts > 0.0 and shares[beam] < dropouts:
+            distance = math.nan
+        ranges[beam] = no_return if distance == math.inf else distance
+
+
 class PoseHistory:
     """Poses of a body at the last physics steps.
 

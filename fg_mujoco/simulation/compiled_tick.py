@@ -63,6 +63,7 @@ from .world_step import (
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]
+Addresses = NDArray[np.int64]
 
 _APART = 0.5  # [s] without touching each other after which two cars touch anew
 
@@ -73,7 +74,7 @@ NAMES = (
     "standing_since", "table", "tires", "tire_states",
     "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
     "fields", "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
-    "distances", "corner", "bodies",
+    "distances", "corner", "bodies", "state_numbers",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows.
 
@@ -94,7 +95,7 @@ of the last car is left.
     _FAILED, _MU, _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS,
     _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT, _SIZES, _SPAN,
     _FIELDS, _ROW_COUNTS, _ROW_STARTS, _COLUMNS_OF_INERTIA, _GEARS, _SCRATCH,
-    _DISTANCES, _CORNER, _BODIES,
+    _DISTANCES, _CORNER, _BODIES, _STATE_NUMBERS,
 ) = range(len(NAMES))  # fmt: skip
 
 _ARRAYS = len(NAMES)
@@ -112,7 +113,7 @@ command of a car that runs is no number."""
 _TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))
 _FAILED_REASON = END_REASONS.index("failed")
 
-_CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_OF_LAYOUT = range(4)
+_CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_STATE, _FIRST_OF_LAYOUT = range(5)
 _FIRST, _END, _ADVANCE = range(3)
 _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 
@@ -120,7 +121,7 @@ _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 def whole_places(cars_per_world: int, batch: Batch, laps: int, layout: StateLayout) -> NDArray[np.int64]:
     """Return the array `places` of a table."""
     spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.userdata)
-    return np.array((cars_per_world, batch.address, laps, layout.time, *spans), np.int64)
+    return np.array((cars_per_world, batch.address, laps, batch.first, layout.time, *spans), np.int64)
 
 
 def course_numbers(
@@ -161,8 +162,10 @@ def read(table: Table, which: Mask) -> None:
 
 @kernel
 def sense(table: Table, which: Mask) -> None:
-    """Read the odometry of the cars `which` (r,), and write what their LiDARs measure."""
+    """Read the odometry of the cars `which` (r,), and write what their LiDARs measure, where scans are drawn."""
     read(table, which)
+    if len(matrix(table[_BEAMS])) == 0:
+        return
     places, states, ranges = whole_numbers(table[_PLACES]), matrix(table[_STATES]), matrix(table[_RANGES])
     cars_per_world, layout, car_places = places[_CARS_PER_WORLD], _layout(places), whole_matrix(table[_CAR_PLACES])
     offset_positions, offset_rotations = matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])
@@ -225,6 +228,7 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
     forces and sensors.
     """
     table = table_at(address, _ARRAYS)
+    world -= whole_numbers(table[_PLACES])[_FIRST_STATE]
     n, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
     sizes, found = Sizes(n[0], n[1], n[2], n[3], n[4], n[5]), _fields_of(whole_numbers(table[_FIELDS]))
     inertia = Inertia(
@@ -264,7 +268,10 @@ def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
     """Do physics steps `first` up to `end` of a tick in the first `count` worlds of `ids`."""
     places, span = whole_numbers(table[_PLACES]), whole_numbers(table[_SPAN])
     span[_FIRST], span[_END], span[_ADVANCE] = first, end, advance
-    apply_to_states(places[_BATCH], short_numbers(table[_IDS]), count, _step_world_in_c(), table.ctypes.data)
+    ids, states = short_numbers(table[_IDS]), short_numbers(table[_STATE_NUMBERS])
+    for place in range(count):
+        states[place] = ids[place] + places[_FIRST_STATE]
+    apply_to_states(places[_BATCH], states, count, _step_world_in_c(), table.ctypes.data)
 
 
 @kernel
@@ -403,7 +410,9 @@ def drive(table: Table) -> None:
 
 @kernel
 def judge(table: Table) -> None:
-    """Time the laps of the cars that race and end what is over, see `judge_cars`."""
+    """Time the laps of the cars that race and end what is over, see `judge_cars`; without a course there are none."""
+    if table[_TABLE, 1] == 0:
+        return
     places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     judge_cars(
         flags(table[_RUNNING]), whole_numbers(table[_REASONS]), places[_CARS_PER_WORLD], matrix(table[_STATES]),
@@ -411,6 +420,36 @@ def judge(table: Table) -> None:
         rows(table[_TIMERS], LAP_TIMER), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]),
         matrix(table[_TABLE]), times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
     )  # fmt: skip
+
+
+@kernel
+def read_all(tables: Addresses, firsts: Places, which: Mask) -> None:
+    """Do `read` for each of the tables at some addresses; `firsts` are the first rows of their cars in `which`."""
+    for k in range(len(tables)):
+        table = table_at(tables[k], _ARRAYS)
+        read(table, which[firsts[k] : firsts[k] + table[_RUNNING, 1]])
+
+
+@kernel
+def sense_all(tables: Addresses, firsts: Places, which: Mask) -> None:
+    """Do `sense` for each of several tables, as `read_all`."""
+    for k in range(len(tables)):
+        table = table_at(tables[k], _ARRAYS)
+        sense(table, which[firsts[k] : firsts[k] + table[_RUNNING, 1]])
+
+
+@kernel
+def drive_all(tables: Addresses) -> None:
+    """Do `drive` for each of several tables."""
+    for k in range(len(tables)):
+        drive(table_at(tables[k], _ARRAYS))
+
+
+@kernel
+def judge_all(tables: Addresses) -> None:
+    """Do `judge` for each of several tables."""
+    for k in range(len(tables)):
+        judge(table_at(tables[k], _ARRAYS))
 
 
 @kernel

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import math
 import time
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -31,7 +33,7 @@ from ..array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
-from ..lidar.effects import LidarEffects, ScanPipeline
+from ..lidar.effects import LidarEffects, RowEffects, ScanPipeline
 from ..lidar.lidar import Lidar
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.car import Car
@@ -40,11 +42,12 @@ from ..vehicle.motion import ground_speed, planar_pose
 from ..vehicle.sensors import CarState, Sampler, Sensor
 from ..vehicle.sensors.sensor import drift_odometry
 from .cars import car_prefix
-from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT
+from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, sense_all
 from .physics import span_of
 from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
 from .planner_failure import is_of_planner
 from .settings import Start
+from .slots import Slots
 from .termination import END_REASONS, RaceMonitor
 from .world import World
 from .world_batch import CarArrays, Mask, WorldBatch
@@ -98,9 +101,11 @@ class Engine:
       cars_per_world: m.
       period: time that a tick takes [s].
       substeps: physics steps of a tick.
-      odometry, ranges, commands, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays; r is
-        n m.
+      odometry, ranges, commands, mu, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays;
+        r is n m.
       scans: of the cars whose LiDAR has effects, last sensed, by row.
+      no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
+        when it is placed on, (r,); False unless somebody says so.
       monitor: RaceMonitor of the races.
       planners: whose `decide` is called; None: somebody else writes the commands.
       before_substep: hooks that act before each physics step. What they write to `state` is stepped from.
@@ -134,34 +139,39 @@ class Engine:
             CarArrays.of(cars, len(self.beams.bearings), self.cars_per_world),
             RaceMonitor(cars, laps),
         )
-        self._batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, threads)]
+        self._ends_of_shares = _ends_of_shares(self.count, threads)
+        self._slots: dict[tuple[int, World], Slots] = {}  # of each share
+        self._in_slots: set[WorldBatch] = set()
+        batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, self._ends_of_shares)]
+        self._take_batches(batches)
         self._changes = None if changes is None else list(changes)
         for batch in self._batches:
             self._change(batch)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and self.count >= 2 * _WORLDS_A_THREAD else None
 
         arrays = self._arrays
-        self.odometry, self.ranges, self.commands = arrays.odometry, arrays.ranges, arrays.commands
+        self.odometry, self.ranges, self.commands, self.mu = arrays.odometry, arrays.ranges, arrays.commands, arrays.mu
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
         self.telemetry, self.statistics, self.touched_at = arrays.telemetry, arrays.statistics, arrays.touched_at
         self.scans: dict[int, LaserScan] = {}
         self.planners: Planners | None = None
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
+        self.no_messages = np.zeros(cars, np.bool_)
         self._pipelines: dict[int, ScanPipeline] = {}
+        self._row_effects: dict[int, RowEffects] = {}
         self._samplers: dict[int, list[Sampler]] = {}
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
         self._data: dict[int, mujoco.MjData] = {}
         self._driven = np.zeros(cars, np.bool_)
-        self._called: Planners | None = None  # whose calls the next are
         self._calls: Calls | None = None
 
     def __repr__(self) -> str:
         return brief(self, f"{self.count} worlds", f"tick {self.period:g} s of {self.substeps} steps", repr(self.world))
 
-    def _batch(self, world: World, worlds: slice) -> WorldBatch:
-        """Return the batch of some consecutive worlds.
+    def _batch(self, world: World, worlds: slice, room: int = 1) -> WorldBatch:
+        """Return the batch of some consecutive worlds, see WorldBatch.
 
         Raises:
           ModelError, SettingsError: another timestep, or another LiDAR.
@@ -175,8 +185,26 @@ class Engine:
             raise ModelError(f"timestep is {world.model.opt.timestep} s; accepted: the same in all worlds of an engine")
         return WorldBatch(
             world, worlds, self.cars_per_world, self._arrays, self.monitor, substeps=self.substeps, period=self.period,
-            time_limit=self._time_limit, own_model=self._own_model,
+            time_limit=self._time_limit, own_model=self._own_model, room=room,
         )  # fmt: skip
+
+    def _take_batches(self, batches: Sequence[WorldBatch]) -> None:
+        """Have these batches, in the order of their worlds, and share them out to the threads."""
+        self._batches = list(batches)
+        self._batch_of = [batch for batch in batches for _ in range(batch.worlds.start, batch.worlds.stop)]
+        self._called: Planners | None = None  # whose calls the next are
+        shares: list[list[WorldBatch]] = [[] for _ in self._ends_of_shares]
+        for batch in batches:
+            shares[self._share_of(batch.worlds)].append(batch)
+        for share in shares:  # those of one World follow each other, so that what they share is in the cache then
+            share.sort(key=lambda batch: id(batch.world))
+        self._shares = [
+            Share(
+                np.array([batch.table_address for batch in share], np.int64),
+                np.array([batch.rows.start for batch in share], np.int64),
+            )
+            for share in shares
+        ]
 
     def _change(self, batch: WorldBatch) -> None:
         if self._changes is not None:
@@ -290,6 +318,12 @@ class Engine:
         batch, place = self._place_of(row // self.cars_per_world)
         batch.put(place, row % self.cars_per_world, start)
 
+    def take_off(self, row: int) -> None:
+        """Take a car off the course, where nobody sees it, for the race that begins: it is behind all others."""
+        batch, place = self._place_of(row // self.cars_per_world)
+        batch.take_off(place, row % self.cars_per_world)
+        self.monitor.running[row], self.monitor.timers["progress"][row] = False, -math.inf
+
     def floor_friction(self) -> FloatArray:
         """Return the friction of each tire of world 0 in each step of the last tick, on the floor under it [-].
 
@@ -310,21 +344,65 @@ class Engine:
         Raises:
           ModelError, SettingsError: another timestep, or another LiDAR.
         """
-        batch, _ = self._place_of(i)
-        k, first = self._batches.index(batch), batch.worlds.start
-        parts = [slice(first, i), slice(i, i + 1), slice(i + 1, batch.worlds.stop)]
-        fresh = []
-        for part in parts:
-            if part.start < part.stop:
-                new = self._batch(world if part.start == i else batch.world, part)
+        self.rebuild_worlds({i: world})
+
+    def rebuild_worlds(self, worlds: Mapping[int, World]) -> None:
+        """Put other worlds in the places of some worlds, by their numbers, as `rebuild`.
+
+        Raises:
+          ModelError, SettingsError: another timestep, or another LiDAR.
+        """
+        batches: list[WorldBatch] = []
+        for batch in self._batches:
+            first, end = batch.worlds.start, batch.worlds.stop
+            if not any(i in worlds for i in range(first, end)):
+                batches.append(batch)
+                continue
+            if batch in self._in_slots:
+                self._in_slots.remove(batch)
+                if (slots := self._slots.get((self._share_of(batch.worlds), batch.world))) is not None:
+                    slots.leave(batch)
+            cuts = sorted({first, end} | {cut for i in range(first, end) if i in worlds for cut in (i, i + 1)})
+            for part in map(slice, cuts, cuts[1:]):
+                new = self._fresh(worlds[part.start], part) if part.start in worlds else self._batch(batch.world, part)
                 self._change(new)
-                if part.start != i:  # the others go on where they are
+                if part.start not in worlds:  # these go on where they are
                     new.go_on_from(batch, slice(part.start - first, part.stop - first))
-                fresh.append(new)
-        self._batches[k : k + 1] = fresh
-        self._called = None
-        self.running[i * self.cars_per_world : (i + 1) * self.cars_per_world] = False
-        self._data.pop(i, None)
+                batches.append(new)
+        self._take_batches(batches)
+        for i in worlds:
+            self.running[i * self.cars_per_world : (i + 1) * self.cars_per_world] = False
+            self._data.pop(i, None)
+
+    def _fresh(self, world: World, place: slice) -> WorldBatch:
+        """Return a batch of one world; those of the same World share its model."""
+        share = self._share_of(place)
+        if (share, world) not in self._slots:
+            size = self._ends_of_shares[share] - (self._ends_of_shares[share - 1] if share else 0)
+            self._slots[share, world] = Slots(partial(self._batch, world), size)
+        batch = self._slots[share, world].take(place, self._arrays, self.monitor)
+        self._in_slots.add(batch)
+        return batch
+
+    def _share_of(self, worlds: slice) -> int:
+        """Return the number of the share that some worlds are in."""
+        return bisect_left(self._ends_of_shares, worlds.stop)
+
+    def forget(self, worlds: Sequence[World]) -> None:
+        """Keep nothing of worlds that are to be driven no more, which would make it quicker to drive them again."""
+        for key in [key for key in self._slots if key[1] in worlds]:
+            del self._slots[key]
+
+    def change(self, i: int, changes: Sequence[CarChanges]) -> None:
+        """Change the cars of world i, (m,), in the place of what was changed before; they are then to be placed.
+
+        Raises:
+          SettingsError: a world that is driven together with others.
+        """
+        batch = self._batch_of[i]
+        if batch.worlds.stop - batch.worlds.start > 1:
+            raise SettingsError(f"world {i} shares its model with others; accepted: one that was rebuilt")
+        batch.change_anew(changes)
 
     def place(
         self,
@@ -354,15 +432,21 @@ class Engine:
         for place, (row, start) in enumerate(zip(np.flatnonzero(chosen).tolist(), starts, strict=True)):
             start_of[row] = start
             self._pipelines.pop(row, None)
+            self._row_effects.pop(row, None)
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
-                self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
+                if self.no_messages[row] and not effects[place].motion_distortion:
+                    rng = np.random.default_rng(seeds[place])
+                    self._row_effects[row] = RowEffects(self.beams, effects[place], rng)
+                else:
+                    self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
             self._samplers.pop(row, None)
             if sensors is not None and sensors[place]:
                 assert seeds is not None
                 self._samplers[row] = self._make_samplers(row, sensors[place], seeds[place])
         self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
-        for batch in self._batches:
+        worlds = np.flatnonzero(chosen[:: self.cars_per_world]).tolist()
+        for batch in dict.fromkeys(self._batch_of[i] for i in worlds):
             batch.place(chosen[batch.rows], start_of[batch.rows])
 
     def load(
@@ -396,6 +480,7 @@ class Engine:
         sensors_of = sensors or [()] * len(rows)
         for row, own, number, sensing in zip(rows, effects_of, seed_of, sensors_of, strict=True):
             self._pipelines.pop(row, None)
+            self._row_effects.pop(row, None)
             self._samplers.pop(row, None)
             if sensing:
                 self._samplers[row] = self._make_samplers(row, sensing, number)
@@ -409,8 +494,8 @@ class Engine:
         if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
             others = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if others.any():
-                self._share(lambda batch: batch.read(others[batch.rows]))
-        self._share(lambda batch: batch.sense(chosen[batch.rows]))
+                self._share(lambda share: read_all(share.tables, share.firsts, others))
+        self._share(lambda share: sense_all(share.tables, share.firsts, chosen))
         if self._drifts:
             drifted = self.odometry[chosen]
             drift_odometry(drifted, 1.0 + self._odometry_drift[chosen])
@@ -422,6 +507,9 @@ class Engine:
                     self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._samplers:
             self._measure(np.flatnonzero(chosen), deliver=True)
+        for row, row_effects in self._row_effects.items():
+            if chosen[row]:
+                row_effects.apply(self.ranges[row])
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
@@ -453,7 +541,7 @@ class Engine:
             for batch in self._batches:
                 self._drive_in_steps(batch, controls)
         else:
-            self._share(_drive)
+            self._share(lambda share: drive_all(share.tables))
         if self.failed.any():
             self.monitor.end(self.failed & self.running, "failed")
 
@@ -463,8 +551,8 @@ class Engine:
         Of several cars, one that has finished is taken off the course, so that it is in nobody's way.
         """
         raced = self.running.copy() if self.cars_per_world > 1 else None
-        for batch in self._batches:
-            batch.judge()
+        for share in self._shares:
+            judge_all(share.tables)
         if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
                 batch, place = self._place_of(row // self.cars_per_world)
@@ -500,7 +588,9 @@ class Engine:
 
     def _compiled_calls(self) -> Calls | None:
         """Return the calls that decide in a tick of one compiled call; None where it takes more."""
-        if self.before_substep or self.after_substep or self._pipelines or self._samplers or self._drifts:
+        if self.before_substep or self.after_substep or self._samplers or self._drifts:
+            return None
+        if self._pipelines or self._row_effects:
             return None
         if self._called is not self.planners:
             self._called, self._calls, batch = self.planners, None, self._batches[0]
@@ -557,9 +647,7 @@ class Engine:
 
     def _place_of(self, i: int) -> tuple[WorldBatch, int]:
         """Return the batch that has world i, and its place there."""
-        batch = self._batches[0]
-        if i >= batch.worlds.stop:
-            batch = next(batch for batch in self._batches if i < batch.worlds.stop)
+        batch = self._batch_of[i]
         return batch, i - batch.worlds.start
 
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
@@ -645,25 +733,32 @@ class Engine:
                 self._measure(np.flatnonzero(self.running & np.repeat(stepped, self.cars_per_world)), deliver=False)
         batch.book(ids)
 
-    def _share(self, work: Callable[[WorldBatch], None]) -> None:
-        """Do some work on each batch, each in a thread; kernels run without the GIL."""
+    def _share(self, work: Callable[[Share], None]) -> None:
+        """Do some work on each share of the batches, each in a thread; kernels run without the GIL."""
         if self._pool is None:
-            for batch in self._batches:
-                work(batch)
+            for share in self._shares:
+                work(share)
         else:
-            list(self._pool.map(work, self._batches))
+            list(self._pool.map(work, self._shares))
 
 
-def _drive(batch: WorldBatch) -> None:
-    batch.drive()
+class Share(NamedTuple):
+    """The batches that one thread drives."""
+
+    tables: NDArray[np.int64]  # addresses of their tables
+    firsts: NDArray[np.int64]  # first row of the cars of each
 
 
-def _parts(worlds: Sequence[World], threads: int) -> list[slice]:
-    """Split the worlds into runs of equal models, with at most one run per thread."""
-    count = len(worlds)
+def _ends_of_shares(count: int, threads: int) -> list[int]:
+    """Return the ends of equal shares of the worlds, one for each thread."""
     shares = min(threads, count)
-    ends = {count * k // shares for k in range(1, shares + 1)}
-    ends |= {i for i in range(1, count) if worlds[i] is not worlds[i - 1]}
+    return [count * k // shares for k in range(1, shares + 1)]
+
+
+def _parts(worlds: Sequence[World], shares: Sequence[int]) -> list[slice]:
+    """Split the worlds into runs of equal models that end where a share ends."""
+    count = len(worlds)
+    ends = set(shares) | {i for i in range(1, count) if worlds[i] is not worlds[i - 1]}
     return [slice(first, end) for first, end in zip([0, *sorted(ends)], sorted(ends), strict=False)]
 
 

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from copy import copy
 from typing import Any, NamedTuple
 
 import mujoco
@@ -30,6 +32,12 @@ BAD_WARNINGS = slice(2 * BAD_STATE.start + 1, 2 * BAD_STATE.stop, 2)
 """The indices of their counts in `Batch.warnings`."""
 
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
+
+_EXPANDED = (
+    "body_mass", "body_inertia", "body_ipos", "body_subtreemass", "body_invweight0", "dof_M0", "dof_invweight0",
+    "tendon_invweight0", "actuator_acc0", "pair_friction", "actuator_gainprm", "actuator_biasprm", "actuator_delay",
+)  # fmt: skip
+"""Fields of a model that states may have values of their own of: those that are changed, and those that follow."""
 
 _ALL_STAGES = int(mujoco.mjtStage.mjSTAGE_ACC)
 _PARTS = {
@@ -60,11 +68,11 @@ _FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "mjb_error": (ctypes.c_char_p, (_ADDRESS, _INT)),
     "mjb_output": (_ADDRESS, (_ADDRESS, ctypes.c_char_p, _ADDRESS, _ADDRESS)),
     "mjb_expand": (_ADDRESS, (_ADDRESS, ctypes.c_char_p, _ADDRESS, _ADDRESS)),
+    "mjb_expanded": (_ADDRESS, (_ADDRESS, ctypes.c_char_p, _ADDRESS, _ADDRESS)),
     "mjb_setConst": (_INT, (_ADDRESS, _ADDRESS, _INT)),
     "mjb_setModels": (None, (_ADDRESS, _ADDRESS)),
     "mjb_forward": (_INT, (_ADDRESS, _ADDRESS, _INT, _INT)),
     "mjb_reset": (_INT, (_ADDRESS, _ADDRESS, _INT, _ADDRESS, _INT)),
-    "mjb_getModel": (None, (_ADDRESS, _INT, _ADDRESS)),
     "mjb_getData": (None, (_ADDRESS, _INT, _ADDRESS)),
 }  # fmt: skip
 for _name, (_result, _arguments) in _FUNCTIONS.items():
@@ -126,6 +134,7 @@ class Batch:
 
     Attributes:
       address: of the batch, for `apply_to_states`.
+      first: number that state 0 has there.
       states: (n, k) as mj_getState has them with STATE. Live: what is written here is stepped from.
       sensors: (n, nsensordata) after the last step or forward pass. Live.
       records: (n, steps, nsensordata) room for the sensors of each step of a tick.
@@ -145,7 +154,7 @@ class Batch:
             or _failed(message)
         )
         self.address = self._handle.address
-        self._count = count
+        self.first, self._count, self._all = 0, count, count
         size = mujoco.mj_stateSize(model, int(STATE))
         self.states: FloatArray = _view(self._handle, _LIBRARY.mjb_state(self.address), (count, size), np.float64)
         self.warnings: NDArray[np.int32] = _view(
@@ -155,6 +164,18 @@ class Batch:
         self.sensors: FloatArray = self._live("mjb_output", "sensordata", (model.nsensordata,))
         self.records = np.zeros((count, steps, model.nsensordata))
         self._models: tuple[mujoco.MjModel, ...] = ()
+
+    def like(self) -> Batch:
+        """Return another batch of the same model, with as many states."""
+        return Batch(self.model, self._all, self.records.shape[1])
+
+    def part(self, first: int, count: int) -> Batch:
+        """Return some consecutive states as a batch of their own, numbered from 0; not for another thread."""
+        own, rows = copy(self), slice(first, first + count)
+        own.first, own._count = self.first + first, count
+        for name in ("states", "sensors", "warnings", "status", "records"):
+            setattr(own, name, getattr(self, name)[rows])
+        return own
 
     @property
     def warned(self) -> NDArray[np.bool_]:
@@ -170,9 +191,15 @@ class Batch:
         """Return the values of a field of the model, a row for each state, to be written to. Live."""
         return self._live("mjb_expand", name, np.shape(getattr(self.model, name)))
 
+    def expanded(self, name: str) -> Any:
+        """Return what `expand` has given of a field, live; None: it was not asked for."""
+        given = _LIBRARY.mjb_expanded(self.address, name.encode(), None, None)
+        return self.expand(name) if given else None
+
     def set_const(self) -> None:
         """Work out anew what follows from fields that `expand` gave."""
-        self._check(_LIBRARY.mjb_setConst(self.address, None, 0))
+        ids = np.arange(self.first, self.first + self._count, dtype=np.int32)
+        self._check(_LIBRARY.mjb_setConst(self.address, ids.ctypes.data, len(ids)))
 
     def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
         """Give each state a model of its own, all of the same sizes."""
@@ -180,26 +207,36 @@ class Batch:
         addresses = (ctypes.c_void_p * len(models))(*(model._address for model in models))
         _LIBRARY.mjb_setModels(self.address, addresses)
 
-    def model_of(self, i: int, into: mujoco.MjModel) -> mujoco.MjModel:
-        """Write the model of state i into a copy of the batch's, and return it."""
-        _LIBRARY.mjb_getModel(self.address, i, into._address)
-        return into
+    @contextmanager
+    def as_model(self, i: int) -> Iterator[mujoco.MjModel]:
+        """Give `model` the values that `expand` gave state i, for as long as the context lasts."""
+        own = {name: values for name in _EXPANDED if (values := self.expanded(name)) is not None}
+        plain = {name: getattr(self.model, name).copy() for name in own}
+        try:
+            for name, values in own.items():
+                getattr(self.model, name)[:] = values[i]
+            yield self.model
+        finally:
+            for name, values in plain.items():
+                getattr(self.model, name)[:] = values
 
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write state i, and all that was worked out of it last, into `data`."""
-        _LIBRARY.mjb_getData(self.address, i, data._address)
+        _LIBRARY.mjb_getData(self.address, self.first + i, data._address)
 
     def reset(self, ids: NDArray[np.int32]) -> None:
         """Forget warnings, and all else that no state holds, of some states."""
-        self._check(_LIBRARY.mjb_reset(self.address, ids.ctypes.data, len(ids), None, 0))
+        own = ids + np.int32(self.first)
+        self._check(_LIBRARY.mjb_reset(self.address, own.ctypes.data, len(own), None, 0))
 
     def forward(self, ids: NDArray[np.int32]) -> None:
         """Work out everything of some states, sensors too, as mj_forward does."""
-        self._check(_LIBRARY.mjb_forward(self.address, ids.ctypes.data, len(ids), _ALL_STAGES))
+        own = ids + np.int32(self.first)
+        self._check(_LIBRARY.mjb_forward(self.address, own.ctypes.data, len(own), _ALL_STAGES))
 
     def error(self, i: int) -> str:
         """Return why the last call failed for state i."""
-        return str(_LIBRARY.mjb_error(self.address, i).decode())
+        return str(_LIBRARY.mjb_error(self.address, self.first + i).decode())
 
     def _live(self, function: str, name: str, shape: tuple[int, ...]) -> Any:
         size, bytes_each = ctypes.c_int(), ctypes.c_int()
@@ -208,7 +245,8 @@ class Batch:
         )  # fmt: skip
         if not address or bytes_each.value != 8 or size.value != math.prod(shape):
             raise EngineError(f"MuJoCo gives no values of {name!r} for each state; accepted: a field of numbers")
-        return _view(self._handle, address, (self._count, *shape), np.float64)
+        values = _view(self._handle, address, (self._all, *shape), np.float64)
+        return values[self.first : self.first + self._count]
 
     def _check(self, failed: int) -> None:
         if failed:

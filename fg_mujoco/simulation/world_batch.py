@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,12 +26,13 @@ from ..lidar.links import make_links
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
-from ..vehicle.changes import CarChanges, change_worlds
+from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR, read_motions
 from ..vehicle.stages import fields
 from ..vehicle.tire_forces import SCRATCH, USERDATA, Inertia, gear_row, no_gear, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
+from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
 from .clear_ground import ClearGround, find_clear_ground
@@ -83,6 +84,14 @@ class CarArrays:
         return CarArrays(**{name: values[rows] for name, values in vars(self).items()})
 
 
+@dataclass
+class _Kept:
+    """What batches of one World keep for when a car is placed or changed; for one thread."""
+
+    data: mujoco.MjData | None = None  # of the World's model
+    plain_cars: dict[Vehicle, mujoco.MjModel] = field(default_factory=dict)  # each vehicle as it is, compiled
+
+
 class WorldBatch:
     """Worlds that share a compiled model.
 
@@ -96,12 +105,14 @@ class WorldBatch:
       period: of a tick [s].
       time_limit: of simulated time [s]; None: that of the course.
       own_model: step `world.model` itself, so that changes to it take effect; else a copy.
+      room: for how many states there is to be room, for `another`; at least for those of these worlds.
 
     Attributes:
       world, worlds: as given.
       rows: of their cars among the engine's, r of them.
       layout: of a state.
       physics: the Batch of their states.
+      all_physics: the Batch that these are a part of.
       cars: Car of each row.
       slip: what the tires of the car that was driven last did, (QUANTITIES, substeps, 4), as TireSlip.values.
       clear: where the cars touch nothing.
@@ -119,10 +130,10 @@ class WorldBatch:
         period: float,
         time_limit: float | None,
         own_model: bool,
+        room: int = 1,
     ) -> None:
         model, count = world.model, worlds.stop - worlds.start
-        self.world, self.worlds = world, worlds
-        self.rows = slice(worlds.start * cars_per_world, worlds.stop * cars_per_world)
+        self.world = world
         self.layout = StateLayout.of(model)
         self._own_model = own_model
         fit_timestep(model)
@@ -130,19 +141,21 @@ class WorldBatch:
             model = copy(model)
         self._on_own_tires = sum(take_over(model, car.prefix) for car in world.cars) > 0
         self._model = model
-        self.physics = Batch(model, count, substeps)
+        self.all_physics = Batch(model, max(count, room), substeps)
+        self.physics = self.all_physics.part(0, count)
         if own_model:
             self.physics.set_models([model] * count)
         self.cars = list(world.cars) * count
         self.slip = np.full((QUANTITIES, substeps, len(WHEELS)), np.nan)
         self._cars_per_world = cars_per_world
         self._lidars: dict[int, Lidar] = {}
-        self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
+        self._kept = _Kept()
         meters = [TireSlipMeter(model, car.prefix) for car in world.cars]
+        self._plain_mu = np.tile([meter.mu for meter in meters], (count, 1))
+        self._plain_constants = np.tile(np.concatenate([car.constants for car in world.cars]), count)
+        self._take_rows(worlds, arrays, monitor)
         self._chassis_contacts = np.array([car.chassis_contact for car in world.cars])
         self._touch_places = touch_places(model, cars_per_world)
-        self._arrays.mu[:] = np.tile([meter.mu for meter in meters], (count, 1))
-        self._arrays.constants[:] = np.tile(np.concatenate([car.constants for car in world.cars]), count)
         self._pairs = np.array([meter.pairs for meter in meters], np.int32)
         self._tire_rows = np.concatenate([meter.rows for meter in meters])
         self._tire_states = np.zeros((count, substeps, USERDATA * len(self._tire_rows)))
@@ -152,6 +165,49 @@ class WorldBatch:
         self.floor = self._make_floor(substeps)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
+
+    def _take_rows(self, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> None:
+        """Have the rows of some of the engine's worlds, and write to them what does not change while they race."""
+        self.worlds = worlds
+        self.rows = slice(worlds.start * self._cars_per_world, worlds.stop * self._cars_per_world)
+        self._arrays, self._monitor = arrays.part(self.rows), monitor.part(self.rows)
+        self._arrays.mu[:], self._arrays.constants[:] = self._plain_mu, self._plain_constants
+
+    def move(self, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> None:
+        """Be as many other worlds of the engine, whose cars are still to be placed."""
+        self._take_rows(worlds, arrays, monitor)
+        for name, values in self._engine_arrays().items():
+            self._table.put(name, values)
+
+    def another(self, physics: Batch, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> WorldBatch:
+        """Return a batch of as many other worlds of the engine that are the same, with states of their own.
+
+        Both share all else that they read, and the room that they calculate in: they are for one thread.
+        """
+        new = copy(self)
+        new.physics, new.cars = physics, list(self.world.cars) * (worlds.stop - worlds.start)
+        new._take_rows(worlds, arrays, monitor)
+        new._ids, new._tire_states = self._ids.copy(), np.zeros_like(self._tire_states)
+        new._table = self._table.with_others(new._engine_arrays() | new._physics_arrays() | {
+            "places": compiled_tick.whole_places(self._cars_per_world, physics, monitor.laps, self.layout),
+        })  # fmt: skip
+        return new
+
+    def _physics_arrays(self) -> dict[str, Any]:
+        """Return the arrays of the states of these worlds, by the names that the compiled tick has for them."""
+        physics = self.physics
+        return {
+            "states": physics.states, "sensors": physics.sensors, "records": physics.records,
+            "status": physics.status, "warnings": physics.warnings, "ids": self._ids,
+            "state_numbers": self._ids.copy(), "tire_states": self._tire_states,
+        }  # fmt: skip
+
+    def _engine_arrays(self) -> dict[str, Any]:
+        """Return the arrays of the engine that the compiled tick reads and writes, the rows of these worlds."""
+        arrays, monitor = dict(vars(self._arrays)), self._monitor
+        arrays["cars"] = arrays.pop("constants")
+        names = ("running", "reasons", "timers", "lap_times", "standing_since")
+        return arrays | {name: getattr(monitor, name) for name in names}
 
     def _make_car_places(self, meters: Sequence[TireSlipMeter]) -> NDArray[np.int64]:
         """Return the places of each car's parts in its model, see world_step.TREE."""
@@ -209,17 +265,13 @@ class WorldBatch:
             "times": compiled_tick.course_numbers(
                 float(model.opt.timestep), course, self._monitor.laps, time_limit, period
             ),
-            "states": physics.states, "sensors": physics.sensors, "records": physics.records,
-            "status": physics.status, "warnings": physics.warnings, "slip": self.slip, "ids": self._ids,
-            "tires": self._tire_rows, "tire_states": self._tire_states, "patches": self.floor.patches,
+            **self._physics_arrays(), "slip": self.slip, "tires": self._tire_rows, "patches": self.floor.patches,
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs,
             "car_places": self._car_places, "touch_places": self._touch_places,
             "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
             "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(),
-            "motions": self._motions, "cars": self._arrays.constants, **vars(self._arrays),
-            "running": self._monitor.running, "reasons": self._monitor.reasons, "timers": self._monitor.timers,
-            "lap_times": self._monitor.lap_times, "standing_since": self._monitor.standing_since,
+            "motions": self._motions, **self._engine_arrays(),
         }  # fmt: skip
         if course is not None:
             arrays["table"] = np.ascontiguousarray(course.table)
@@ -252,17 +304,27 @@ class WorldBatch:
 
     def change(self, changes: Sequence[CarChanges]) -> None:
         """Change each car, (r,); one whose parameters no planner can tell from the plain one's is that one."""
-        scratch = copy(self.world.model)
-        m = self._cars_per_world
         for car, vehicle in enumerate(self.world.vehicles):
-            change_worlds(self.physics, changes[car::m], vehicle.compile(), self.world.cars[car].prefix)
+            own = changes[car :: self._cars_per_world]
+            if any(change != CarChanges() for change in own):
+                if vehicle not in self._kept.plain_cars:
+                    self._kept.plain_cars[vehicle] = vehicle.compile()
+                change_worlds(self.physics, own, self._kept.plain_cars[vehicle], self.world.cars[car].prefix)
         for row, change in enumerate(changes):
-            i, car = divmod(row, m)
+            i, car = divmod(row, self._cars_per_world)
             if change.mu is not None:
                 self._arrays.mu[row] = self.physics.expand("pair_friction")[i, self._pairs[car], 0]
             if replace(change, mu=None, command_delay=None) != CarChanges():
-                self.cars[row] = Car(self.physics.model_of(i, scratch), self.world.cars[car].prefix)
+                with self.physics.as_model(i) as model:
+                    self.cars[row] = Car(model, self.world.cars[car].prefix)
                 self._arrays.constants[row] = self.cars[row].constants[0]
+
+    def change_anew(self, changes: Sequence[CarChanges]) -> None:
+        """Change each car, (r,), as `change`, after the last changes were taken back."""
+        restore_worlds(self.physics)
+        self._arrays.mu[:], self._arrays.constants[:] = self._plain_mu, self._plain_constants
+        self.cars = list(self.world.cars) * (self.worlds.stop - self.worlds.start)
+        self.change(changes)
 
     def place(self, which: Mask, starts: Sequence[Start | None]) -> None:
         """Place the cars `which` (r,), whole worlds, at their starts (r,), and begin their races."""
@@ -271,7 +333,9 @@ class WorldBatch:
             return
         physics, model, arrays = self.physics, self.world.model, self._arrays
         physics.reset(ids)  # warnings and all else that no state holds
-        data, outside = mujoco.MjData(model), np.zeros(len(which), np.bool_)
+        if self._kept.data is None:
+            self._kept.data = mujoco.MjData(model)
+        data, outside = self._kept.data, np.zeros(len(which), np.bool_)
         for i in ids.tolist():
             mujoco.mj_resetData(model, data)
             if self._mover is not None:
@@ -380,10 +444,6 @@ class WorldBatch:
             self._arrays.touched_at[which] = -np.inf
             self._begin(which)
 
-    def read(self, which: Mask) -> None:
-        """Take the odometry of the cars `which` (r,), and what begins their rows of telemetry."""
-        compiled_tick.read(self._table.rows, which)
-
     def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
         """Write where the cars `which` (r,) are and how they move, see `motion.read_motions`."""
         read_motions(
@@ -391,16 +451,10 @@ class WorldBatch:
             self._arrays.constants, poses, velocities,
         )  # fmt: skip
 
-    def sense(self, which: Mask) -> None:
-        """Take odometry and, where scans are drawn, the scans of the cars `which` (r,)."""
-        if self.drawn is None:
-            compiled_tick.read(self._table.rows, which)
-        else:
-            compiled_tick.sense(self._table.rows, which)
-
-    def drive(self) -> None:
-        """Hold the commands for a tick in the worlds whose cars race."""
-        compiled_tick.drive(self._table.rows)
+    @property
+    def table_address(self) -> int:
+        """Address of the table of all arrays, for kernels that go through several batches."""
+        return self._table.address
 
     @property
     def ticks_at_once(self) -> bool:
@@ -413,8 +467,7 @@ class WorldBatch:
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""
-        if self.world.track is not None:
-            compiled_tick.judge(self._table.rows)
+        compiled_tick.judge(self._table.rows)
 
     @property
     def driven(self) -> NDArray[np.int32]:

@@ -26,6 +26,10 @@ ACCEPTED_MU = f"a positive number up to {GREATEST_MU:g}, which no tire of a 1:10
 
 _LONGEST_DELAY = 0.15  # [s] 30 physics steps of 5 ms
 _DELAY_SAMPLES = 32
+_CHANGED = (
+    "body_mass", "body_inertia", "body_ipos", "pair_friction", "actuator_gainprm", "actuator_biasprm", "actuator_delay"
+)  # fmt: skip
+_MASSES = 3  # of them are such that others follow from them
 _CHASSIS, _SERVOS = "base_link", ("steering", "speed")
 
 
@@ -124,6 +128,16 @@ def change_worlds(batch: Any, changes: Sequence[CarChanges], plain: Any, prefix:
     for world, change in _where(changes, "command_delay"):
         batch.expand("actuator_delay")[world, servos] = six_digits(change.command_delay)
     if heavier:
+        batch.set_const()
+
+
+def restore_worlds(batch: Any) -> None:
+    """Take back what `change_worlds` has changed in all worlds of a batch, so that they can be changed anew."""
+    expanded = [batch.expanded(name) for name in _CHANGED]
+    for name, values in zip(_CHANGED, expanded, strict=True):
+        if values is not None:
+            values[:] = getattr(batch.model, name)
+    if any(values is not None for values in expanded[:_MASSES]):
         batch.set_const()
 
 

@@ -43,7 +43,8 @@ PREFIX = "patch_"
 
 _HALF_THICKNESS = 5e-4  # [m] as drawn, over the ground by this much
 _COLOUR = (0.55, 0.75, 0.95, 0.8)
-_CLEAR = 3.0  # [m] of the start, without the middle of any random patch
+CLEAR = 3.0
+"""[m] Stretch to either side of the start without the middle of any random patch."""
 
 
 @explain_class
@@ -221,12 +222,12 @@ def random_patches(
     Raises:
       SettingsError: fewer than one, or parts that are shorter than a patch.
     """
-    part = (track.length - 2.0 * _CLEAR) / max(count, 1)
+    part = (track.length - 2.0 * CLEAR) / max(count, 1)
     if count < 1 or part < length:
         raise SettingsError(f"{count} patches of {length} m on {track.name!r}; accepted: at least 1, and room for each")
     patches = []
     for index in range(count):
-        s = _CLEAR + part * index + 0.5 * length + rng.random() * (part - length)
+        s = CLEAR + part * index + 0.5 * length + rng.random() * (part - length)
         nearest = int(np.abs(track.arc_length - s).argmin())
         right, left = float(track.corridor_right[nearest]), float(track.corridor_left[nearest])
         x, y, heading = track.start_pose(s, rng.uniform(-0.5 * right, 0.5 * left))

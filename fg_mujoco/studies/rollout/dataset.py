@@ -31,10 +31,10 @@ from ...course.writing import staged_file
 from ...display import brief
 from ...errors import RunFolderError, SettingsError, accepted_names, missing_extra
 from ...messages import FloatArray
+from ...racing.randomization import Randomization
 from ...simulation.settings import DriveSettings
 from ..store import blame
 from .chunk_store import ChunkStore, FolderStore
-from .randomization import Randomization
 from .recording import FAILED, NO_RETURN, TOO_CLOSE, ScanLayout
 
 TERMINATED = ("finished", "crash", "rolled_over")

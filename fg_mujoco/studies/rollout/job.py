@@ -33,13 +33,13 @@ from ...racing.planner_files import Files, by_name, planner_files
 from ...racing.planner_loading import build_controller
 from ...racing.planner_sources import find_controller
 from ...racing.planner_texts import code_of
+from ...racing.randomization import OF_ENVIRONMENTS, Randomization
 from ...racing.setup import require_decision_limit
 from ...simulation.physics import STATE
 from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
 from .drive_worlds import WorldResults, drive_worlds, result_dtype, undriven_world
-from .randomization import Randomization
 from .recording import Record, ScanLayout
 
 TICK = 0.025  # [s] a period of the LiDAR, for estimates of what a rollout will take and has done
@@ -96,6 +96,7 @@ class RolloutJob:
         """
         if not self.tracks:
             raise SettingsError("no track is given; accepted: one or more")
+        self.randomization.require_usable("a rollout", OF_ENVIRONMENTS, "only environments draw it")
         self.randomization.check_base(self.base)
         car = self.base.car.parameters
         for track in self.tracks:

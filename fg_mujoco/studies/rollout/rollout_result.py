@@ -20,6 +20,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray
 from ...racing.entries import Entry
 from ...racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
+from ...racing.randomization import Randomization
 from ...racing.setup import Setup
 from ...simulation.settings import GREATEST_LAPS, DriveSettings
 from ...viz.pages.table import Table
@@ -29,7 +30,6 @@ from .chunk_store import ChunkStore, FolderStore
 from .dataset import Dataset
 from .drive_worlds import laps_within
 from .job import Arrays, RolloutJob
-from .randomization import Randomization
 
 _WORLDS_SHOWN = 10  # in a notebook
 

@@ -25,6 +25,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import require_whole
 from ...racing.opponents import Opponents
 from ...racing.planner_choice import split_controller
+from ...racing.randomization import Randomization, world_seeds
 from ...racing.setup import Setup, SetupKeywords
 from ...simulation.course_loading import load_track
 from ...simulation.settings import renamed
@@ -34,7 +35,6 @@ from ..workers import usable_cores
 from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
-from .randomization import Randomization, world_seeds
 from .ray_cluster import drive_on_ray, require_ray
 from .rollout_result import RolloutResult, gather
 

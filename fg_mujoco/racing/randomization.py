@@ -11,24 +11,29 @@ randomised parameter never changes what another is.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arguments import explain_class
-from ...course.course import Course, Sites
-from ...display import brief
-from ...errors import SettingsError, accepted_names
-from ...lidar.effects import LidarEffects
-from ...racing.planner_choice import Value, read_value
-from ...simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from ...vehicle.changes import CarChanges
+from ..arguments import explain_class
+from ..course.course import Course, Sites
+from ..display import brief
+from ..errors import SettingsError, accepted_names
+from ..lidar.effects import LidarEffects
+from ..messages import shown
+from ..simulation.cars import GREATEST_CARS
+from ..simulation.settings import CarSettings, DriveSettings, Scenario, Start
+from ..vehicle.changes import CarChanges
+from ..vehicle.vehicle import Vehicle
+from .planner_choice import Value, read_value
 
-PARAMETERS = {
+PARAMETERS: dict[str, tuple[Any, str]] = {
     "mu": (CarChanges, "mu"),
     "mass": (CarChanges, "mass"),
     "cog_height": (CarChanges, "center_of_gravity_height"),
@@ -45,14 +50,31 @@ PARAMETERS = {
     "max_speed": (Scenario, "max_speed"),
     "obstacles": (Scenario, "obstacles"),  # how many
     "odometry_drift": (Scenario, "odometry_drift"),
+    "lidar_latency": (LidarEffects, "latency"),
+    "tires": (Scenario, "tires"),
+    "vehicle": (Scenario, "vehicle"),
+    "track": (None, ""),
+    "patches": (None, ""),  # how many
+    "patch_mu": (None, ""),
+    "opponents": (None, ""),  # how many
+    "opponent": (None, ""),  # who drives each
+    "opponent_speed": (Scenario, "max_speed"),  # the fastest that each commands
 }
 """Name -> whose field it is, in the order in which their shares are drawn: a new one goes to the end."""
+
+OF_ENVIRONMENTS = ("track", "patches", "patch_mu", "opponents", "opponent", "opponent_speed")
+"""Parameters that only environments draw."""
+
+OF_PLANNERS = ("planner_mu", "max_speed")
+"""Parameters of the planner, in whose place a policy drives in an environment."""
 
 PLANNER = "planner."
 """Prefix of the names of the planner's settings."""
 
 _OBSTACLES = "obstacles"
-_MOST_OBSTACLES = 1000
+_MOST = {_OBSTACLES: 1000, "patches": 100, "opponents": GREATEST_CARS - 1}
+_MOST_COURSES = 100_000
+_SEEDS = re.compile(r"random:([0-9]{1,18}):([0-9]{1,18})(:tight)?")
 
 
 @explain_class
@@ -164,13 +186,16 @@ class Randomization:
         read = {}
         for name, value in (ranges or {}).items():
             try:
-                read[name] = as_range(value)
+                read[name] = course_range(value) if name == "track" else as_range(value)
             except SettingsError as error:
                 raise SettingsError(f"randomize {name}: {error}") from error
         return cls(read)
 
     def __repr__(self) -> str:
         return brief(self, *(f"{name} {values}" for name, values in self.ranges.items()))
+
+    def __hash__(self) -> int:
+        return hash(tuple(self.ranges.items()))
 
     def __post_init__(self) -> None:
         for name in self.ranges:
@@ -180,8 +205,8 @@ class Randomization:
         # sorted, so that the same ranges in another order are the same randomisation
         order = (*PARAMETERS, *sorted(self.ranges))
         sorted_ranges = {name: self.ranges[name] for name in sorted(self.ranges, key=order.index)}
-        if _OBSTACLES in sorted_ranges:
-            sorted_ranges[_OBSTACLES] = _counts(sorted_ranges[_OBSTACLES])
+        for name in _MOST.keys() & sorted_ranges.keys():
+            sorted_ranges[name] = _counts(name, sorted_ranges[name])
         object.__setattr__(self, "ranges", sorted_ranges)
         for name, values in self.ranges.items():
             for value in values.extremes:
@@ -211,11 +236,27 @@ class Randomization:
 
     def draw(self, seed: int) -> dict[str, Value]:
         """Return the values of a world by name, in the order of `dtypes`."""
-        shares = dict(zip(PARAMETERS, _generator(seed, "").random(len(PARAMETERS)).tolist(), strict=True))
+        shares = dict(zip(PARAMETERS, generator(seed, "").random(len(PARAMETERS)).tolist(), strict=True))
         return {
-            name: values.at(shares[name] if name in shares else float(_generator(seed, name).random()))
+            name: values.at(shares[name] if name in shares else float(generator(seed, name).random()))
             for name, values in self.ranges.items()
         }
+
+    def require_usable(self, what: str, unusable: Sequence[str], why: str) -> None:
+        """Refuse names that something cannot draw.
+
+        Args:
+          what: it is.
+          unusable: the names; `planner.` stands for all settings of the planner.
+          why: it cannot, as a whole sentence.
+
+        Raises:
+          SettingsError: one is drawn.
+        """
+        for name in self.ranges:
+            if name in unusable or (name.startswith(PLANNER) and PLANNER in unusable):
+                known = accepted_names(name, [own for own in PARAMETERS if own not in unusable])
+                raise SettingsError(f"randomize {name}, in {what}: {why}; {known}")
 
     def scenario(
         self,
@@ -247,7 +288,7 @@ class Randomization:
         start = replace(base.start, **of[Start])
         if _OBSTACLES in values:
             sites = sites or track.obstacle_sites(base.car.parameters)
-            of[Scenario][_OBSTACLES] = sites.place(int(values[_OBSTACLES]), start.s, _generator(seed, _OBSTACLES))
+            of[Scenario][_OBSTACLES] = sites.place(int(values[_OBSTACLES]), start.s, generator(seed, _OBSTACLES))
         own = {name.removeprefix(PLANNER): v for name, v in values.items() if name.startswith(PLANNER)}
         drawn: dict[str, Any] = {
             "changes": replace(base.changes, **of[CarChanges]),
@@ -256,29 +297,38 @@ class Randomization:
             "planner_settings": {**base.planner_settings, **own},
             "seed": seed,
         } | of[Scenario]
-        if "mu" in values and drawn.get("planner_mu", base.planner_mu) is None:
+        if values.keys() & {"mu", "tires", "vehicle"} and drawn.get("planner_mu", base.planner_mu) is None:
             drawn["planner_mu"] = base.assumed_mu  # a planner does not know what is drawn
         kept = {f.name: getattr(base, f.name) for f in fields(DriveSettings)}
         return Scenario(**(kept | drawn), track=track)
 
-    def check_base(self, base: DriveSettings) -> None:
+    def check_base(self, base: CarSettings, besides: Sequence[str] = ()) -> None:
         """Refuse a setting of all worlds that is also drawn for each, and changes that their vehicle cannot have.
+
+        Args:
+          base: the settings of all worlds.
+          besides: names of settings that may be both.
 
         Raises:
           SettingsError: there is one.
         """
-        described = CarSettings.described(base)  # without what follows from others
+        plain = type(base)()
+        given = {f.name for f in fields(base) if getattr(base, f.name) != getattr(plain, f.name)}
+        vehicles = self.ranges["vehicle"].extremes if "vehicle" in self.ranges else (base.car,)
         for name, values in self.ranges.items():
             owner, field = PARAMETERS.get(name, (Scenario, name))
             group = {CarChanges: "changes", LidarEffects: "effects", Start: "start"}.get(owner, "")
-            of_group = group in described and getattr(getattr(base, group), field) != getattr(owner(), field)
-            of_planner = name.startswith(PLANNER) and name.removeprefix(PLANNER) in base.planner_settings
-            if name in described or of_group or of_planner:
+            part = getattr(base, group, None)
+            of_group = isinstance(part, owner or ()) and getattr(part, field) != getattr(owner(), field)
+            own_settings = getattr(base, "planner_settings", ())
+            of_planner = name.startswith(PLANNER) and name.removeprefix(PLANNER) in own_settings
+            if (name in given and name not in besides) or of_group or of_planner:
                 raise SettingsError(f"{name} is given for all worlds and in randomize; accepted: one of them")
             for value in values.extremes if owner is CarChanges else ():
                 changed: dict[str, Any] = {field: value}
                 try:
-                    base.car.spec(changes=replace(base.all_changes, **changed))
+                    for vehicle in vehicles:
+                        Vehicle.load(vehicle).spec(changes=replace(base.all_changes, **changed))  # type: ignore[arg-type]
                 except SettingsError as error:
                     raise SettingsError(f"randomize {name}={values}: {error}") from error
 
@@ -291,23 +341,53 @@ def world_seeds(seed: int, count: int) -> NDArray[np.int64]:
     return np.random.default_rng(seed).integers(2**53, size=count)
 
 
-def _generator(seed: int, name: str) -> np.random.Generator:
+def generator(seed: int, name: str) -> np.random.Generator:
     """Return the generator that a world has for one name; none of them is that of its LiDAR's noise."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(crc32(name.encode()),)))
 
 
 def _check_value(name: str, value: Value) -> None:
     """Raise SettingsError where a parameter cannot have a value. What the planner's settings can have, it says."""
-    if name in PARAMETERS and name != _OBSTACLES:
-        owner, field = PARAMETERS[name]
+    owner, field = PARAMETERS.get(name, (None, ""))
+    if owner is not None and name != _OBSTACLES:
         owner(**{field: value})
+    elif name == "patch_mu":
+        CarChanges(mu=value)  # type: ignore[arg-type]
 
 
-def _counts(values: Range) -> Choice:
-    """Return the numbers of obstacles of a range: of one of numbers, all whole numbers in it."""
-    accepted = f"whole numbers from 0 to {_MOST_OBSTACLES}"
-    if not all(isinstance(v, (int, float)) and v in range(_MOST_OBSTACLES + 1) for v in _ends(values)):
-        raise SettingsError(f"randomize {_OBSTACLES}={values}; accepted: {accepted}")
+def course_range(value: Any) -> Choice:
+    """Return the courses that are meant: names as `load_track` takes them, in a list or in a text with | between them.
+
+    `random:A:B` stands for the random circuits of the seeds A to B - 1, and `random:A:B:tight` for the tight ones.
+
+    Raises:
+      SettingsError: no list of names, seeds without any between them, or too many courses.
+    """
+    if isinstance(value, Choice):
+        return value
+    names = value.split("|") if isinstance(value, str) else value
+    if not isinstance(names, Sequence) or not all(isinstance(name, (str, Path)) for name in names):
+        raise SettingsError(f"{shown(value)}; accepted: a list of courses, such as ['oval', 'random:0:200']")
+    courses: list[str] = []
+    for name in map(str, names):
+        seeds = _SEEDS.fullmatch(name)
+        if seeds is None:
+            courses.append(name)
+            continue
+        first, end, tight = int(seeds[1]), int(seeds[2]), seeds[3] or ""
+        if not 0 < end - first <= _MOST_COURSES:
+            raise SettingsError(f"{name!r}; accepted: random:A:B with A below B, {_MOST_COURSES} seeds at most")
+        courses += [f"random:{seed}{tight}" for seed in range(first, end)]
+    if len(courses) > _MOST_COURSES:
+        raise SettingsError(f"{len(courses)} courses; accepted: {_MOST_COURSES} at most")
+    return Choice(tuple(courses))
+
+
+def _counts(name: str, values: Range) -> Choice:
+    """Return the numbers of a range of how many there are: of one of numbers, all whole numbers in it."""
+    accepted = f"whole numbers from 0 to {_MOST[name]}"
+    if not all(isinstance(v, (int, float)) and v in range(_MOST[name] + 1) for v in _ends(values)):
+        raise SettingsError(f"randomize {name}={values}; accepted: {accepted}")
     if isinstance(values, Uniform):
         return Choice(tuple(range(int(values.low), int(values.high) + 1)))
     return Choice(tuple(int(v) for v in values.values))

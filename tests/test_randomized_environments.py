@@ -1,0 +1,211 @@
+"""Environments that draw their worlds anew for each episode: what they draw, and that nothing is left of the last."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.envs.builds import BuildPlan
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.errors import FgMujocoError
+from fg_mujoco.racing.randomization import PARAMETERS
+
+gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+F1TenthEnv = gym_environment.F1TenthEnv
+
+CAR = {
+    "mu": (0.5, 1.1), "mass": (3.3, 4.2), "cog_height": (0.06, 0.09), "steering_gain": (0.8, 1.2),
+    "speed_gain": (0.8, 1.2), "command_delay": (0.0, 0.04),
+}  # fmt: skip
+EVERYTHING = {
+    **CAR, "lidar_noise": (0.0, 0.02), "lidar_dropout": (0.0, 0.02), "lidar_latency": (0.0, 0.05),
+    "odometry_drift": (-0.02, 0.02), "start_speed": (0.0, 2.0), "start_offset": (-0.2, 0.2), "obstacles": (0, 3),
+    "patches": (0, 2), "patch_mu": (0.3, 0.6), "vehicle": ["f1tenth"], "tires": ["coulomb", "forzaeth_sim"],
+}  # fmt: skip
+SETTINGS = {"track": ["oval", "random:0:3"], "builds": 3, "beam_step": 90, "randomize": EVERYTHING}
+COUNT, TICKS = 3, 30
+
+
+def actions(ticks=TICKS, count=COUNT, seed=0):
+    return np.random.default_rng(seed).uniform([-0.3, 0.0], [0.3, 4.0], (ticks, count, 2)).astype(np.float32)
+
+
+def told(observation, info, i=None):
+    """Return the bits of what world i is told; None: of the only one."""
+    of = (lambda values: values) if i is None else (lambda values: values[i])
+    drawn = {name: of(values) for name, values in info.items() if name.startswith("drawn_")}
+    return {name: of(values).tobytes() for name, values in observation.items()}, drawn
+
+
+def test_world_i_is_the_single_environment_of_seed_plus_i():
+    single, together = [[] for _ in range(COUNT)], [[] for _ in range(COUNT)]
+    for i in range(COUNT):
+        env = F1TenthEnv(**SETTINGS)
+        single[i].append(told(*env.reset(seed=5 + i)))
+        for tick, action in enumerate(actions()[:, i]):
+            if tick % 10 == 9:  # whatever has become of the episode
+                single[i].append(told(*env.reset()))
+            elif env._episodes.running[0]:
+                observation, *_, info = env.step(action)
+                single[i].append(told(observation, info))
+        env.close()
+    envs = F1TenthVectorEnv(COUNT, threads=2, autoreset_mode="Disabled", **SETTINGS)
+    observation, info = envs.reset(seed=5)
+    running = np.ones(COUNT, np.bool_)
+
+    def keep(which):
+        for i in np.flatnonzero(which).tolist():
+            together[i].append(told(observation, info, i))
+
+    keep(running)
+    for tick, action in enumerate(actions()):
+        if tick % 10 == 9:
+            observation, info = envs.reset()
+            running = np.ones(COUNT, np.bool_)
+            keep(running)
+        elif running.all():
+            observation, _, terminated, truncated, info = envs.step(action)
+            keep(running)
+            running = ~(terminated | truncated)
+        else:  # a world that is over cannot be stepped, so that the others wait
+            for i in np.flatnonzero(running).tolist():
+                del single[i][len(together[i])]
+    envs.close()
+    assert [len(each) for each in single] == [len(each) for each in together]
+    assert single == together
+    assert len({str(each[0][1]) for each in together}) == COUNT
+
+
+@pytest.mark.parametrize("made_with", ["settings", "options"])
+def test_an_episode_is_that_of_the_environment_with_what_was_drawn(made_with):
+    """After two other episodes: nothing of them is left. Oracle: the values compiled, or given, from the beginning."""
+    drawn = F1TenthEnv(track=["oval", "hairpins"], randomize={**CAR, "start_s": (0.0, 20.0)}, start="line", builds=2)
+    for seed in range(3):
+        _, info = drawn.reset(seed=seed)
+    values = {name.removeprefix("drawn_"): value for name, value in info.items() if name.startswith("drawn_")}
+    if made_with == "options":
+        plain = F1TenthEnv(track=["oval", "hairpins"], randomize={**CAR, "start_s": (0.0, 20.0)}, start="line")
+        plain.reset(seed=7, options=values)
+    else:
+        changes = {field: values[name] for name, (owner, field) in PARAMETERS.items() if owner is fg.CarChanges}
+        plain = F1TenthEnv(track=values["track"], start={"s": values["start_s"]}, changes=changes)
+        plain.reset(seed=7)
+    for action in actions(20, 1)[:, 0]:
+        drawn.step(action), plain.step(action)
+        np.testing.assert_allclose(drawn._world.state(0), plain._world.state(0), rtol=1e-9, atol=1e-12)
+
+
+def test_without_anything_drawn_nothing_is_told_of_it():
+    _, info = F1TenthEnv(beam_step=90).reset(seed=0)
+    assert not [name for name in info if name.startswith("drawn_")]
+
+
+def test_courses_are_as_often_among_the_builds_as_each_other():
+    settings = EnvironmentSettings.of({"track": ["oval", "fast", "random:7:9"], "builds": 16})
+    plan = BuildPlan(settings, settings.randomization, 1)
+    names = ["oval", "fast", "random:7", "random:8"]
+    assert Counter(plan.values(k)["track"] for k in range(16)) == dict.fromkeys(names, 4)
+    other = EnvironmentSettings.of({"track": ["oval", "fast", "random:7:9"], "builds": 16, "build_seed": 1})
+    plan_of_other = BuildPlan(other, other.randomization, 1)
+    assert [plan.values(k) for k in range(16)] != [plan_of_other.values(k) for k in range(16)]
+
+
+def test_ranges_can_be_changed_between_episodes():
+    env = F1TenthEnv(beam_step=90, randomize={"mu": (0.9, 1.0)})
+    _, info = env.reset(seed=1)
+    assert 0.9 <= info["drawn_mu"] <= 1.0
+    env.set_randomization({"mu": (0.4, 0.5), "mass": [4.0]})
+    *_, info = env.step(np.zeros(2, np.float32))
+    assert 0.9 <= info["drawn_mu"] <= 1.0  # until the next reset
+    _, info = env.reset()
+    assert 0.4 <= info["drawn_mu"] <= 0.5 and info["drawn_mass"] == 4.0
+    assert env._world.engine.cars[0].parameters.mass == pytest.approx(4.0)
+    envs = F1TenthVectorEnv(2, beam_step=90, randomize={"mu": (0.9, 1.0)})
+    envs.call("set_randomization", {"mu": [0.7]})
+    assert envs.reset(seed=1)[1]["drawn_mu"].tolist() == [0.7, 0.7]
+
+
+def test_opponents_that_take_no_part_are_nowhere():
+    randomize = {"opponents": (0, 2), "opponent": ["gap_finder", "pure_pursuit"], "opponent_speed": (2.0, 4.0)}
+    env = F1TenthEnv(beam_step=10, randomize=randomize, start="line", grid_order="reversed")
+    for count in (2, 0, 1):
+        observation, info = env.reset(seed=1, options={"opponents": count})
+        assert (info["drawn_opponents"], info["position"]) == (count, count + 1)
+        assert np.isinf(info["lead_m"]) == (count == 0)
+        ahead = observation["scan"][len(observation["scan"]) // 2]
+        if count == 0:
+            alone = ahead
+        for _ in range(5):
+            *_, info = env.step(np.zeros(2, np.float32))
+        assert info["touches"] == 0 and info["position"] == count + 1
+    assert alone > 5.0 and info["drawn_opponent"] in ("gap_finder", "pure_pursuit")
+
+
+def test_terms_of_the_course_are_those_of_each_worlds_own():
+    envs = F1TenthVectorEnv(2, track=["oval", "hairpins"], builds=2, beam_step=90, rewards={"near_wall": 1.0})
+    _, info = envs.reset(seed=3)
+    assert set(info["drawn_track"]) == {"oval", "hairpins"}
+    distances = envs._worlds.tick_state.wall_distance
+    for i, name in enumerate(info["drawn_track"].tolist()):
+        one = F1TenthEnv(track=name, beam_step=90, rewards={"near_wall": 1.0}, start="line")
+        one.reset()
+        x, y, heading = envs._worlds.tick_state.pose[i].tolist()
+        state = one._world.tick_state
+        own = state.ground.distances(np.zeros(1), np.array([[x, y, heading]]), state.car)
+        assert distances[i] == own[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        ({"randomize": {"mu": (0.5, 9.0)}}, "randomize mu=0.5:9.0: CarChanges.mu is 9.0; accepted: a positive number"),
+        ({"randomize": {"mue": (0.5, 1.0)}}, "randomize mue: no parameter; accepted: mu, .*did you mean 'mu'"),
+        ({"randomize": {"planner_mu": (0.5, 1.0)}}, "a policy drives in the planner's place"),
+        ({"randomize": {"planner.gap": (0.5, 1.0)}}, "a policy drives in the planner's place"),
+        ({"randomize": {"opponent": ["gap_finder"]}}, "it has no opponents"),
+        ({"randomize": {"patches": (0, 3)}}, "without patch_mu"),
+        ({"randomize": {"mu": (0.5, 1.0)}, "mu": 0.7}, "mu is given for all worlds and in randomize"),
+        ({"randomize": {"track": ["fast"]}, "track": "tight"}, "track is given for all worlds and in randomize"),
+        ({"track": ["oval", "ovall"]}, "unknown track 'ovall'; accepted: .*did you mean 'oval'"),
+        ({"track": ["oval", "random:9:9"]}, "'random:9:9'; accepted: random:A:B with A below B"),
+        ({"track": ["oval", 7]}, "accepted: a list of courses"),
+        ({"randomize": {"tires": ["rubber"]}}, "rubber"),
+        ({"randomize": [0.5, 1.0]}, "accepted: ranges by name"),
+        ({"builds": 0}, "builds is 0; accepted"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_line(settings, match):
+    with pytest.raises(FgMujocoError, match=match) as error:
+        F1TenthEnv(**settings)
+    assert "\n" not in str(error.value)
+
+
+def test_options_that_cannot_be_had_are_refused():
+    env = F1TenthEnv(beam_step=90, randomize={"mu": (0.5, 1.0)})
+    for options, match in (
+        ({"mu": -1.0}, "CarChanges.mu is -1.0"), ({"mass": 4.0}, "which this environment does not draw"),
+        ({"muu": 1.0}, "reset has no option 'muu'; accepted: start, mu; did you mean 'mu'"),
+    ):  # fmt: skip
+        with pytest.raises(FgMujocoError, match=match):
+            env.reset(options=options)
+    with pytest.raises(FgMujocoError, match="draws nothing"):
+        F1TenthEnv(beam_step=90).set_randomization({"mu": (0.5, 1.0)})
+
+
+def test_other_doors_take_it_or_say_that_they_do_not():
+    from fg_mujoco.envs.dm_environment import load
+
+    with pytest.raises(FgMujocoError, match="mu drawn in a dm_env environment; accepted: in Gymnasium's"):
+        load("oval", randomize={"mu": (0.5, 1.0)})
+    with pytest.raises(FgMujocoError, match="randomize track, in a rollout: only environments draw it"):
+        fg.rollout("oval", n=1, time_limit=0.1, randomize={"track": ["oval"]})
+
+
+def test_rollouts_draw_tires_and_latency():
+    ranges = {"tires": ["coulomb", "forzaeth_sim"], "lidar_latency": (0.0, 0.1)}
+    result = fg.rollout("oval", n=4, time_limit=0.2, randomize=ranges)
+    assert set(result["tires"].tolist()) == {"coulomb", "forzaeth_sim"}
+    assert len(set(result["lidar_latency"].tolist())) == 4
