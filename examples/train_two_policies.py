@@ -35,7 +35,8 @@ def make(opponent, worlds, track, sliding=5.0):
 
     return gymnasium.make_vec(
         "fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0", num_envs=worlds, track=track, laps=100,
-        beam_step=BEAM_STEP, speed_range=SPEED_RANGE, normalised_actions=True, rewards={"sliding": sliding},
+        beam_step=BEAM_STEP, speed_range=SPEED_RANGE, normalised_actions=True,
+        rewards={"sliding": sliding, "impact": 0.0, "bounded": False},  # no crash ends a cost: the time is fixed
         opponents=[opponent], grid_order="random", autoreset_mode="SameStep",
     )  # fmt: skip
 

@@ -191,23 +191,25 @@ def test_actions_are_integrated_and_filtered_within_the_cars_limits(action, norm
     np.testing.assert_allclose(commands, expected, atol=1e-6)
 
 
-def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_that_ends():
-    settings = {"start": "line", "beam_step": 540, "rewards": {"survival": 1.0, "command_rate": 1.0}}
+@pytest.mark.parametrize("others", [{}, {"opponents": ["gap_finder"], "grid_order": "reversed"}], ids=["alone", "two"])
+def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_that_ends(others):
+    weights = {"survival": 1.0, "command_rate": 1.0, "slip": 1.0}
+    settings = {"start": {"s": 4.0}, "beam_step": 90, "rewards": weights, **others}
     one, three = F1TenthEnv(**settings), F1TenthEnv(action_repeat=3, **settings)
     one.reset(seed=0), three.reset(seed=0)
     crashing = np.array([0.4, 4.0])
     terminated, sums = False, dict.fromkeys(("reward_survival", "reward_command_rate", "reward_progress"), 0.0)
     while not terminated:
-        _, reward, terminated, _, info = three.step(crashing)
+        seen, reward, terminated, _, info = three.step(crashing)
         total, ticks = 0.0, 0
         sums = dict.fromkeys(sums, 0.0)
         while ticks < 3:
-            _, of_tick, over, _, tick_info = one.step(crashing)
+            tick_seen, of_tick, over, _, tick_info = one.step(crashing)
             total, ticks = total + of_tick, ticks + 1
             sums = {name: value + tick_info[name] for name, value in sums.items()}
             if over:
                 break
-        assert over == terminated and reward == pytest.approx(total, rel=1e-12)
+        assert over == terminated and reward == pytest.approx(total, rel=1e-12) and bits(seen) == bits(tick_seen)
         assert sums == pytest.approx({name: info[name] for name in sums}, abs=1e-12)
         assert info["time_s"] == tick_info["time_s"] and info["return_survival"] == pytest.approx(info["time_s"])
     assert (info["end_reason"] == "crash" and ticks < 3) or info["time_s"] > 0.0

@@ -255,6 +255,8 @@ class Episodes:
                 break
             if self._senses_every_tick:
                 self.observe(self._driven.copy(), step=False)
+            else:
+                self.worlds.skip(self._driven)
             self._actions.again(self._driven, self.commands)
             self.worlds.drive(self.commands)
             self.reward()

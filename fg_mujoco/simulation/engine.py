@@ -519,6 +519,10 @@ class Engine:
             for row, scan in self.scans.items():
                 self.ranges[row] = scan.ranges
 
+    def read_odometry(self, which: Mask) -> None:
+        """Take the odometry of cars, (r,), and what begins their rows of telemetry, without their scans."""
+        self._share(lambda batch: batch.read(which[batch.rows]))
+
     def decide(self) -> None:
         """Have the planners command the cars that race; those whose planner fails race no longer.
 
