@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
@@ -223,6 +224,30 @@ def test_a_flat_observation_passes_the_checkers_of_gymnasium_and_stable_baseline
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     checker.check_env(env)
     checker.check_env(F1TenthEnv(observation=f"{ISSUE},flat", privileged="mu", normalised_actions=True))
+
+
+def test_all_interfaces_have_a_flat_observation_and_its_actions():
+    settings = {"observation": "beams:9,speed,previous_action,history:2,flat", "action": "steering_rate,speed"}
+    env = F1TenthEnv(start="line", **settings)
+    dm = load("oval", laps=1, start="line", **settings)
+    seen, step = [env.reset(seed=0)[0]], dm.reset()
+    others = [step.observation["observation"]]
+    for action in ([1.0, 2.0], [-2.0, 1.0], [0.5, 3.0]):
+        seen.append(env.step(np.array(action))[0])
+        others.append(dm.step(np.array(action)).observation["observation"])
+    assert bits(np.array(seen)) == bits(np.array(others))
+    assert dm.observation_spec()["observation"].shape == env.observation_space.shape == (24,)
+    assert dm.action_spec().name == "steering_rate,speed"
+    with pytest.raises(fg.SettingsError, match="action_repeat is 2 in a dm_env environment; accepted: 1"):
+        load("oval", action_repeat=2)
+    pytest.importorskip("pettingzoo")
+    parallel = fg.parallel_env(agents=2, action_repeat=2, privileged="mu", **settings)
+    each, _ = parallel.reset(seed=0)
+    for _ in range(3):
+        each, *_ = parallel.step({agent: np.array([0.0, 1.0]) for agent in parallel.agents})
+    assert all(parallel.observation_space(agent).contains(each[agent]) for agent in parallel.agents)
+    now, before = each["car_1"]["observation"].reshape(2, 12)[::-1]
+    assert now[9] > before[9] > 0.0 and now[-2:].tolist() == [0.0, 1.0]  # it speeds up; its own action
 
 
 def test_the_text_of_an_observation_is_that_observation():

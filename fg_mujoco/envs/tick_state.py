@@ -256,6 +256,7 @@ class TickStates:
                 self._wheelbases[row] = self._engine.world_of(i).cars[car].parameters.wheelbase
         for name in ("command", "action", "sliding", "slip_speed"):
             self._now[name][which] = 0.0
+        self._now["mu"][which] = self._engine.frictions[which]
         for name, values in self._now.items():
             self._before[name][which] = values[which]
 

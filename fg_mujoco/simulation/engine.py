@@ -332,6 +332,12 @@ class Engine:
         floor = self._batches[0].floor
         return floor.mu[:, 0].copy() if floor.mu.size else self._arrays.mu[:1].copy()
 
+    @property
+    def frictions(self) -> FloatArray:
+        """Coefficient of friction of each car's tires, their mean, on the floor besides patches. Shape (r,)."""
+        found: FloatArray = self._arrays.mu.mean(axis=1)
+        return found
+
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write world i into a mujoco.MjData of its model, poses current."""
         batch, place = self._place_of(i)
