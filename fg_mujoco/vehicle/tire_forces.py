@@ -498,7 +498,26 @@ class TireForces(Suggesting):
         else:
             mujoco.mj_step(self._model, data)
 
+    def run(self, data: mujoco.MjData, records: FloatArray, states: FloatArray) -> None:
+        """Do a physics step for each row of two arrays, and write its sensors and its userdata there.
+
+        Args:
+          data: of the model.
+          records: (steps, sensordata of the model), or fewer columns.
+          states: (steps, userdata of the model), or fewer columns.
+        """
+        if len(self.rows):
+            steps_on_tires(*self._arguments(data), data.sensordata, records, states)
+            return
+        for record, state in zip(records, states, strict=True):
+            mujoco.mj_step(self._model, data)
+            record[:], state[:] = data.sensordata[: len(record)], data.userdata[: len(state)]
+
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
+        step_on_tires(*self._arguments(data), advance, False, True)
+
+    def _arguments(self, data: mujoco.MjData) -> tuple[Any, ...]:
+        """Return what kernels take to step the model."""
         model = self._model
         timestep, wheels = float(model.opt.timestep), len(self.rows) // len(self._gears)
         masses = model.body_mass.tobytes(), model.body_subtreemass.tobytes(), model.dof_M0.tobytes()
@@ -508,9 +527,9 @@ class TireForces(Suggesting):
                 own = self.rows[wheels * car : wheels * (car + 1)]
                 gear["tire_steps"] = self.steps or steps_within(model, own, timestep)
             self._divided = divided
-        step_on_tires(
+        return (
             model._address, data._address, self._fields, self._inertia, self._gears, self.rows,
-            self.mu.reshape(-1, wheels), data.userdata, self._scratch, model.nv, timestep, advance, False, True,
+            self.mu.reshape(-1, wheels), data.userdata, self._scratch, model.nv, timestep,
         )  # fmt: skip
 
 
@@ -1101,6 +1120,26 @@ def step_on_tires(
                 place_between(data, found, gears[car], dofs, kept[car, 2:], timestep)
                 if gears[car].steered:
                     put_steering(data, found, gears[car], dofs, kept[car, 0], kept[car, 1])
+
+
+@kernel
+def steps_on_tires(
+    model: int, data: int, found: Fields, inertia: Inertia, gears: GearRows, tires: TireRows, mu: FloatArray,
+    userdata: FloatArray, scratch: FloatArray, dofs: int, timestep: float, readings: FloatArray, records: FloatArray,
+    states: FloatArray,
+) -> None:  # fmt: skip
+    """Do a physics step for each row of `records` and `states`, and write `readings` and `userdata` there.
+
+    Arguments are those of `step_on_tires`; `readings` is the sensordata of the data.
+    """
+    for step in range(len(records)):
+        step_on_tires(
+            model, data, found, inertia, gears, tires, mu, userdata, scratch, dofs, timestep, True, False, True
+        )
+        for k in range(records.shape[1]):
+            records[step, k] = readings[k]
+        for k in range(states.shape[1]):
+            states[step, k] = userdata[k]
 
 
 @kernel

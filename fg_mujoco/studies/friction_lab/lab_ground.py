@@ -140,11 +140,8 @@ class LabGround:
         """Hold a command and return what happened, at each physics step."""
         records = np.empty((whole_steps(seconds, self.model.opt.timestep), self.model.nsensordata))
         states = np.empty((len(records), self.model.nuserdata))
-        data = self.data
-        self.car.apply(data, command)
-        for row, own in zip(records, states, strict=True):
-            self.forces.step(data)
-            row[:], own[:] = data.sensordata, data.userdata
+        self.car.apply(self.data, command)
+        self.forces.run(self.data, records, states)
         return Trace(records=records, states=states, sensors=self._sensors, timestep=self.model.opt.timestep)
 
     def run(self, commands: Iterable[DriveCommand], seconds: float = TICK) -> Trace:
