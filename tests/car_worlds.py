@@ -51,7 +51,11 @@ def forward(model, data):
 
 def run(model, data, seconds):
     steps = round(seconds / model.opt.timestep)
-    _FORCES[model].run(data, *np.empty((2, steps, 0)))
+    if model in _FORCES:
+        _FORCES[model].run(data, *np.empty((2, steps, 0)))
+        return
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
 
 
 def tire_pairs(model):

@@ -507,14 +507,16 @@ class TireForces(Suggesting):
           states: (steps, userdata of the model), or fewer columns.
         """
         if len(self.rows):
-            steps_on_tires(*self._arguments(data), data.sensordata, records, states)
+            arguments = (*self._arguments(data), data.sensordata, records, states)
+            steps_on_tires(*arguments)
             return
         for record, state in zip(records, states, strict=True):
             mujoco.mj_step(self._model, data)
             record[:], state[:] = data.sensordata[: len(record)], data.userdata[: len(state)]
 
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
-        step_on_tires(*self._arguments(data), advance, False, True)
+        arguments = (*self._arguments(data), advance, False, True)
+        step_on_tires(*arguments)
 
     def _arguments(self, data: mujoco.MjData) -> tuple[Any, ...]:
         """Return what kernels take to step the model."""
