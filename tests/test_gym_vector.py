@@ -103,7 +103,7 @@ CASES = {
             "observation": "scan,speed:noise=0.1:delay=0.03,previous_action,history:3,flat,normalised",
             "privileged": "mu,slip,curvature", "action": "steering_rate,acceleration", "smoothing": 0.05,
             "action_repeat": 2, "rewards": "smooth",
-        },  # fmt: skip
+        },
     ),
     "moving boxes": (AutoresetMode.NEXT_STEP, {"track": "scene:crossing_box:1", "max_episode_steps": 29}),
 }

@@ -30,7 +30,6 @@ from fg_mujoco.vehicle.tire_forces import (
     deflect,
     end_step,
     grip_of,
-    steps_within,
 )
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter, add_axle_sensors
 from fg_mujoco.vehicle.tires import AxleTires, Brush, Tires, tires_of

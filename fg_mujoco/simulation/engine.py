@@ -527,7 +527,7 @@ class Engine:
 
     def read_odometry(self, which: Mask) -> None:
         """Take the odometry of cars, (r,), and what begins their rows of telemetry, without their scans."""
-        self._share(lambda batch: batch.read(which[batch.rows]))
+        self._share(lambda share: read_all(share.tables, share.firsts, which))
 
     def decide(self) -> None:
         """Have the planners command the cars that race; those whose planner fails race no longer.
