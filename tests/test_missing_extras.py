@@ -12,6 +12,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco import errors
 from fg_mujoco.course.maps.map_server import require_maps_extra
+from fg_mujoco.envs.onnx_policy import require_onnx, require_onnxruntime
 from fg_mujoco.errors import install_command
 from fg_mujoco.ros.bag_messages import require_ros_extra
 from fg_mujoco.studies.identification.fit import require_scipy
@@ -45,6 +46,8 @@ def bare(monkeypatch):
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
         (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
+        (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
+        (require_onnx, "train", "writing ONNX files needs onnx"),
         (require_h5py, "datasets", "HDF5 files need h5py"),
         (require_minari, "datasets", "Minari datasets need Minari"),
     ],

@@ -179,10 +179,14 @@ _RENAMED = {
 
 
 _COMMANDS = (
-    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "render", "report",
-    "debug", "view", "friction", "identify", "bags",
+    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "train",
+    "evaluate", "render", "report", "debug", "view", "friction", "identify", "bags",
 )  # fmt: skip
 """In the order in which the help lists them."""
+
+
+_MODULES = {"evaluate": "train"}
+"""Module of a command that is not called as the command is."""
 
 
 class _Version(argparse.Action):
@@ -212,7 +216,7 @@ def _parser(only: str | None = None) -> argparse.ArgumentParser:
             command = _add(commands, name, _replay, "simulate a run folder again and compare it bit for bit")
             command.add_argument("folder", metavar="DIR", help="written by race --out")
         else:
-            getattr(import_module(f".{name}", __package__), f"add_{name}")(_add, commands)
+            getattr(import_module(f".{_MODULES.get(name, name)}", __package__), f"add_{name}")(_add, commands)
     return parser
 
 

@@ -12,7 +12,7 @@ _RACE = "`fg-mujoco race` runs a race without a window; `fg-mujoco view` opens o
 _PICTURES = "`fg-mujoco render` makes pictures and videos of a run, and `fg-mujoco race --video FILE` of the race"
 _REPORT = "`fg-mujoco race --out DIR` draws a run and writes its page, `fg-mujoco report DIR` writes it again"
 _STUDY = "`fg-mujoco compare` races planners on several courses, `fg-mujoco rollout` one in many worlds"
-_LEARN = "environments for learning are made in Python: gymnasium.make('fg_mujoco/F1Tenth-v0')"
+_LEARN = "`fg-mujoco train` trains a policy; environments are made in Python: gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ROS = "`fg-mujoco race --controller ros:path/to/node.py` races a node of ROS, `fg-mujoco bag` reads a bag"
 _BAG = "`fg-mujoco export` writes a run as a bag"
 _F110 = "`python -m fg_mujoco.f110 script.py` runs a script of f1tenth_gym"
@@ -31,8 +31,9 @@ _OF_WORDS = {
     _RACE: ("headless", "launch", "no_gui", "no_render", "run", "sim", "simulate", "start"),
     _PICTURES: ("fps", "movie", "picture", "record", "render", "screenshot", "video"),
     _REPORT: ("plot", "plots"),
-    _STUDY: ("bench", "benchmark", "eval", "evaluate", "num_envs", "num_worlds", "test"),
-    _LEARN: ("env", "gym", "gymnasium", "learn", "train"),
+    _STUDY: ("bench", "benchmark", "num_envs", "num_worlds", "test"),
+    "`fg-mujoco evaluate` compares policies and planners over friction coefficients": ("eval",),
+    _LEARN: ("gym", "gymnasium", "learn", "ppo", "rl"),
     _ROS: ("ros", "ros2", "rosbag"),
     _BAG: ("convert",),
     _F110: ("f110", "f1tenth_gym"),

@@ -7,6 +7,7 @@ extra `policies`, which is onnxruntime; writing needs the extra `train`, too.
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -35,10 +36,7 @@ def read_onnx(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
       SettingsError: it is no ONNX model, or has no description.
       MissingExtraError: onnxruntime is not installed.
     """
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise missing_extra("policies in ONNX files need onnxruntime", "policies") from error
+    onnxruntime = require_onnxruntime()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # the same bits whatever else runs
     options.log_severity_level = 4
@@ -173,14 +171,23 @@ def with_description(model: Any, described: Mapping[str, Any]) -> bytes:
     return content
 
 
-def require_onnx() -> Any:
-    """Return the module onnx.
+def require_onnxruntime() -> Any:
+    """Return onnxruntime.
 
     Raises:
       MissingExtraError: it is not installed.
     """
-    try:
-        import onnx
-    except ImportError as error:
-        raise missing_extra("writing ONNX files needs onnx", "train") from error
-    return onnx
+    if importlib.util.find_spec("onnxruntime") is None:
+        raise missing_extra("policies in ONNX files need onnxruntime", "policies")
+    return importlib.import_module("onnxruntime")
+
+
+def require_onnx() -> Any:
+    """Return onnx.
+
+    Raises:
+      MissingExtraError: it is not installed.
+    """
+    if importlib.util.find_spec("onnx") is None:
+        raise missing_extra("writing ONNX files needs onnx", "train")
+    return importlib.import_module("onnx")

@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from ..course.files import is_folder, read_bytes
+from ..course.writing import write_file
 from ..display import brief, quoted
 from ..errors import ControllerError, SettingsError
 from ..messages import shown
@@ -36,7 +37,8 @@ from .policy_interface import PolicyInterface
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes, shapes_text
 
 FORMAT = "fg_mujoco policy 1"
-"""Of the description in a policy file; a reader refuses any other."""
+"""Of the description in a policy file; a reader refuses any other. It changes when a word of an interface comes to mean
+something else, as `normalised` might: an older file would observe other numbers than it was trained with."""
 
 MOST_BYTES = 64 * 2**20
 """Of a policy file."""
@@ -86,9 +88,7 @@ def save_policy(
     content = policy_content(policy, path.suffix, interface, trained)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        aside = path.with_name(f".{path.name}.partial")
-        aside.write_bytes(content)
-        aside.replace(path)
+        write_file(path, content)
     except OSError as error:
         reason = error.strerror or str(error)
         raise ControllerError(f"policy {path}: cannot be written: {reason}; accepted: a file that can be") from error
@@ -99,17 +99,26 @@ def policy_content(
     policy: Any, ending: str, interface: PolicyInterface | None = None, trained: Mapping[str, Any] | None = None
 ) -> bytes:
     """Return the bytes of a policy file with an ending; otherwise as `save_policy`."""
-    from .stable_baselines3_policy import is_model, module_of, network_of, normalize_described, zip_of_model
+    from .stable_baselines3_policy import (
+        has_asymmetric_policy,
+        is_model,
+        module_of,
+        network_of,
+        normalize_described,
+        zip_of_model,
+    )
 
     model = policy if is_model(policy) else None
     if interface is None:
         interface = None if model is None else _interface_of(model)
         if interface is None:
             raise SettingsError("save_policy lacks the interface; accepted: env.policy_interface of the environment")
+    if model is not None and has_asymmetric_policy(model):
+        interface = replace(interface, privileged=())  # which its actor does not see
     described = description_of(interface, trained)
     inputs = list(observed_shapes(interface))
     if model is not None and hasattr(model.observation_space, "spaces"):
-        inputs = list(model.observation_space.spaces)
+        inputs = [name for name in model.observation_space.spaces if name in inputs]
     if ending == ".zip":
         if model is None:
             said = f"a .zip file of a {type(policy).__name__}"

@@ -13,6 +13,7 @@ without workers.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +26,10 @@ from ..display import brief
 from ..errors import missing_extra
 
 try:
+    import torch
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.policies import MultiInputActorCriticPolicy
+    from stable_baselines3.common.torch_layers import MlpExtractor
     from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise missing_extra("training with Stable-Baselines3 needs Stable-Baselines3", "train") from error
@@ -35,6 +39,7 @@ except ImportError as error:
 from gymnasium.vector import AutoresetMode
 
 from .gym_vector import F1TenthVectorEnv
+from .observer import PRIVILEGED
 
 _NO_INFO: dict[str, Any] = {}
 _DECIMALS = 6  # of an episode's return and length, as Monitor has them
@@ -158,6 +163,41 @@ def _row(observation: Any, i: int) -> Any:
 
 def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
+
+
+class AsymmetricPolicy(MultiInputActorCriticPolicy):  # type: ignore[misc]
+    """A policy for an environment with `privileged` terms: only the critic sees them, the actor does not.
+
+    So the actor drives a car that does not sense them. It is for PPO and A2C.
+    """
+
+    def _build_mlp_extractor(self) -> None:
+        spaces = self.observation_space.spaces.items()  # in this order their values are joined
+        seen = [name != PRIVILEGED for name, space in spaces for _ in range(math.prod(space.shape))]
+        self.mlp_extractor = _AsymmetricExtractor(seen, self.net_arch, self.activation_fn, self.device)
+
+
+class _AsymmetricExtractor(torch.nn.Module):  # type: ignore[misc]
+    """Hidden layers of an actor that takes the features that are `seen` (features,), and of a critic that takes all."""
+
+    def __init__(self, seen: Sequence[bool], net_arch: Any, activation_fn: Any, device: Any) -> None:
+        super().__init__()
+        actor, critic = (MlpExtractor(size, net_arch, activation_fn, device) for size in (sum(seen), len(seen)))
+        self.policy_net, self.value_net = actor.policy_net, critic.value_net
+        self.register_buffer("_seen", torch.tensor(np.flatnonzero(seen)), persistent=False)
+        self.latent_dim_pi, self.latent_dim_vf = actor.latent_dim_pi, critic.latent_dim_vf
+
+    def forward(self, features: Any) -> tuple[Any, Any]:
+        """Return the last hidden layers of actor and critic."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: Any) -> Any:
+        """Return the last hidden layer of the actor."""
+        return self.policy_net(features[:, self._seen])
+
+    def forward_critic(self, features: Any) -> Any:
+        """Return the last hidden layer of the critic."""
+        return self.value_net(features)
 
 
 class EpisodeLog(BaseCallback):  # type: ignore[misc]

@@ -18,6 +18,8 @@ import numpy as np
 
 from ..errors import SettingsError, missing_extra
 from ..simulation.planner_failure import one_line
+from .observations import Observed
+from .observer import PRIVILEGED
 from .perceptron import Layer, Normaliser, Perceptron
 from .policy_interface import PolicyInterface
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes
@@ -35,6 +37,11 @@ _ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "SiLU": "silu", "S
 def is_model(policy: Any) -> bool:
     """Return whether an object is an algorithm of Stable-Baselines3 with its policy."""
     return hasattr(policy, "policy") and hasattr(policy, "get_vec_normalize_env") and hasattr(policy, "save")
+
+
+def has_asymmetric_policy(model: Any) -> bool:
+    """Return whether the actor of an algorithm does not see what is privileged in its observations."""
+    return any(kind.__name__ == "AsymmetricPolicy" for kind in type(model.policy).__mro__)
 
 
 def zip_of_model(described: Mapping[str, Any], model: Any) -> bytes:
@@ -99,8 +106,11 @@ def _function(content: bytes, described: Mapping[str, Any], interface: PolicyInt
     spaces = getattr(space, "spaces", None)
     wanted = observed_shapes(interface)
     shapes = {name: each.shape for name, each in spaces.items()} if spaces else {next(iter(wanted)): space.shape}
+    unseen: Observed = {}
+    if has_asymmetric_policy(model) and PRIVILEGED in shapes:
+        unseen[PRIVILEGED] = np.zeros(shapes.pop(PRIVILEGED), np.float32)
     require_shapes(interface, shapes, int(np.prod(model.action_space.shape)))
-    return partial(_act, model, statistics_of(described))
+    return partial(_act, model, statistics_of(described), unseen)
 
 
 def load_model(content: bytes, described: Mapping[str, Any], **changes: Any) -> Any:
@@ -178,12 +188,16 @@ def statistics_of(described: Mapping[str, Any]) -> tuple[Statistics, float]:
     return found, float(own["clip_obs"])
 
 
-def _act(model: Any, statistics: tuple[Statistics, float], observation: Any) -> Values:
-    """Return the action; observations are normalised as VecNormalize does."""
+def _act(model: Any, statistics: tuple[Statistics, float], unseen: Observed, observation: Any) -> Values:
+    """Return the action; the observation is normalised as by VecNormalize, with zeros for what the actor lacks."""
     known, clip = statistics
+    if unseen:
+        observation = parts_of(observation) | unseen
     if known:
         parts = dict(parts_of(observation))
         for name, (mean, std) in known.items():
+            if name in unseen:
+                continue
             parts[name] = np.clip((parts[name] - mean) / std, -clip, clip).astype(np.float32)
         observation = parts if isinstance(observation, dict) else parts["observation"]
     found: Values = model.predict(observation, deterministic=True)[0]

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,16 @@ def read_toml(path: str | Path) -> TomlFile:
     except (ValueError, RecursionError) as error:  # of thousands of digits or levels
         reason = "nested too deep" if isinstance(error, RecursionError) else error
         raise SettingsError(f'{path}: {reason}; accepted: TOML, as: track = "oval"') from error
+
+
+def read_value(text: str) -> Any:
+    """Return the value that a text is in TOML, as `0.5`, `[1, 2]` or `{mu = "0.5:1.1"}`; else the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError, KeyError):
+        with suppress(ValueError):
+            return float(text)  # as .5
+        return text
 
 
 def toml_text(values: Mapping[str, Any]) -> str:
