@@ -85,7 +85,9 @@ def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, setting
 
 
 def test_it_stops_without_beams_and_keeps_to_the_fastest_speed(tmp_path):
-    planner = fg.make_controller(written(tmp_path / "policy"), car=CAR, mu=1.0, max_speed=0.51)
+    controller = written(tmp_path / "policy")
+    with pytest.warns(UserWarning, match=r"trained with speeds up to 6 m/s; max_speed reduces them to 0.51 m/s"):
+        planner = fg.make_controller(controller, car=CAR, mu=1.0, max_speed=0.51)
     commands = [planner(corridor(1.0, 1.0, 5.0), odometry_of(1.0)) for _ in range(5)]
     assert {command.speed for command in commands} == {0.51}
     assert planner(scan_of([]), odometry_of(1.0)) == fg.STOP
@@ -93,7 +95,7 @@ def test_it_stops_without_beams_and_keeps_to_the_fastest_speed(tmp_path):
 
 def test_a_scan_with_other_beams_is_seen_along_its_own(tmp_path):
     """A bag's LiDAR has 1080 beams, or every second one; a beam that it lacks reads as a failed one."""
-    planner = fg.make_controller(written(tmp_path / "policy", PARTS), car=CAR, mu=1.0, max_speed=2.0)
+    planner = fg.make_controller(written(tmp_path / "policy", PARTS), car=CAR, mu=1.0, max_speed=8.0)
     scan = corridor(1.0, 1.5, 4.0)
     every_second = fg.LaserScan(
         stamp=0.0, angle_min=scan.angle_min, angle_max=scan.angle_max, angle_increment=2.0 * scan.angle_increment,

@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 from ..course.formats import track_names
 from ..errors import FgMujocoError, accepted_names, nearest
 from ..racing.planner_sources import controller_names
+from ..racing.planner_texts import scheme_of
 from ..racing.replay import replay
 from .config import parse
 from .options import (
@@ -163,7 +164,8 @@ def _names_a_course(word: str) -> bool:
 
 
 def _names_a_planner(word: str) -> bool:
-    return ".py" in word or word.startswith("ros:") or word.partition("[")[0] in controller_names()
+    source = word.partition("[")[0]
+    return ".py" in word or bool(scheme_of(source)) or source in controller_names()
 
 
 _MEANS = {"--track": _names_a_course, "--controller": _names_a_planner}

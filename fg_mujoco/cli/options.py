@@ -99,7 +99,8 @@ _SETUP: dict[str, dict[str, Any]] = {
         "track scenes",
     },
     "controller": {
-        "help": "NAME, path/to/file.py:ClassName or ros:path/to/node.py, with settings NAME[SETTING=VALUE,...]; "
+        "help": "NAME, path/to/file.py:ClassName, a policy's file or folder, or ros:path/to/node.py, with settings "
+        "NAME[SETTING=VALUE,...]; "
         "default: gap_finder",
     },
     "vehicle": {

@@ -3,15 +3,16 @@
     fg-mujoco race --controller policy.onnx
 
 The planner gives the commands that the policy gives in the environment, bit for bit: both make observations and
-commands by the policy's interface. A speed above the planner's `max_speed` is reduced to it. Before a race, a car is
-refused whose LiDAR has other beams or another period than the policy was trained with. A single scan with other beams,
-as of a bag, is converted: a beam that it does not have reads 0 in the observation, as a failed one does.
+commands by the policy's interface. A speed above the planner's `max_speed` is reduced to it, with a warning. Before a
+race, a car is refused whose LiDAR has other beams or another period than the policy was trained with. A single scan
+with other beams, as of a bag, is converted: a beam that it does not have reads 0 in the observation, as a failed one.
 """
 
 from __future__ import annotations
 
 import math
 import sys
+import warnings
 import zlib
 from dataclasses import replace
 from pathlib import Path
@@ -62,6 +63,13 @@ class PolicyPlanner:
         except SettingsError as error:
             raise ControllerError(str(error)) from error
         beams = interface.beams
+        fastest = interface.speed_range[1]
+        if fastest > max_speed:
+            warnings.warn(
+                f"policy {self.policy.path} was trained with speeds up to {fastest:g} m/s; max_speed reduces them to "
+                f"{max_speed:g} m/s",
+                stacklevel=2,
+            )
         self._max_speed, self._bearings = max_speed, beams.bearings
         self._increment = (beams.angle_max - beams.angle_min) / max(beams.count - 1, 1)
         self._try_once()

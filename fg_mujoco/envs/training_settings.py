@@ -19,6 +19,8 @@ SCHEMA = 1
 """Of a training's folder; another is refused."""
 
 USUAL_ENVIRONMENT: Mapping[str, Any] = {
+    "track": ["random:0:100", "random:0:100:tight"], "randomize": {"mu": (0.5, 1.1)}, "rewards": "no_slide",
+    "privileged": "mu,slip",
     "observation": "beams:108,speed,yaw_rate,acceleration,steering,previous_action,history:3,normalised,flat",
     "action": "steering_rate,acceleration", "normalised_actions": True, "speed_range": (0.5, 8.0), "time_limit": 40.0,
     "laps": 100,

@@ -1,4 +1,4 @@
-"""Finds the class of a planner: by its name, in a Python file, or by a scheme such as `ros:`.
+"""Finds the class of a planner: by its name, in a Python file, in a policy's file, or by a scheme such as `ros:`.
 
 Other packages register planners as entry points of the group `fg_mujoco.controllers`, as in their pyproject.toml:
 
@@ -40,7 +40,7 @@ READ = "__fg_mujoco_read__"
 """Name in a module that was read from a user's file: the bytes that were read."""
 
 _ARGUMENTS = ["scan", "odometry"]  # names of a planner's arguments
-_FILE = ", or path/to/file.py:ClassName"
+_FILE = ", path/to/file.py:ClassName, or a policy's file"
 
 
 def bundled_names() -> tuple[str, ...]:
