@@ -24,7 +24,8 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
     add = command.add_argument
     add(
         "--controller", type=names_in, default=["overtaker"], metavar="LIST",
-        help="NAME, path/to/file.py:ClassName or a policy's file, with settings in brackets, comma between two; default: overtaker",
+        help="NAME, path/to/file.py:ClassName or a policy's file, with settings in brackets, comma between two; "
+        "default: overtaker",
     )  # fmt: skip
     add(
         "--track", type=names_in, default=DEFAULT_TRACKS, metavar="LIST",

@@ -32,7 +32,10 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
         "settings", metavar="SETTINGS.toml", nargs="?",
         help="a file with steps, worlds, seed and the tables [environment] and [ppo]; options win",
     )  # fmt: skip
-    add("--track", type=names_in, metavar="LIST", help="of the environment; comma between two; default: random:0:100,random:0:100:tight")
+    add(
+        "--track", type=names_in, metavar="LIST",
+        help="of the environment; comma between two; default: random:0:100,random:0:100:tight",
+    )  # fmt: skip
     add("--steps", type=whole, metavar="N", help="of all worlds together; default: 1000000")
     add("--worlds", type=whole, metavar="N", help="that are driven at once; default: 32")
     add("--seed", type=whole, metavar="K", help="of the worlds and of the network; default: 0")
