@@ -6,11 +6,9 @@ import sys
 from pathlib import Path
 
 # Workers share the cores: each has one thread for numpy's linear algebra, too, whose threads wait by spinning; numpy
-# reads this when it is imported. And processes that the tests start find the package's modules compiled, as users do,
-# and workers those of the tests.
+# reads this when it is imported. And processes that the tests start find the package's modules compiled, as users do.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
 
 # A shell that runs the tests in its background lets them ignore Ctrl-C, and all that they start, which some tests send.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -26,6 +24,9 @@ from fg_mujoco.studies.workers import usable_cores
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("fuzz", max_examples=1000, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+# Workers find compiled what others of them have compiled, see `pytest_collection`.
+sys.dont_write_bytecode = False
 
 # Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
 os.environ["FG_MUJOCO_COMPILING"] = "in tests"
