@@ -21,8 +21,8 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     add = command.add_argument
     add(
         "--controller", type=names_in, metavar="LIST",
-        help="NAME, path/to/file.py:ClassName or a policy's file, with settings as gap_finder[lookahead=8,clearance=0.2], comma between "
-        "two; default: all bundled ones",
+        help="NAME, path/to/file.py:ClassName or a policy's file, with settings as gap_finder[lookahead=8], comma "
+        "between two; default: all bundled ones",
     )  # fmt: skip
     add(
         "--track", type=names_in, metavar="LIST",
