@@ -59,7 +59,7 @@ def test_what_cannot_gain_is_not_bounded():
 
 
 def test_presets_are_weights():
-    assert Rewards.of("no_slide") == Rewards.of({"preset": "no_slide"}) == Rewards(sliding=3.0, slip=1.0)
+    assert Rewards.of("no_slide") == Rewards.of({"preset": "no_slide"}) == Rewards(sliding=10.0, slip=1.0, impact=0.5)
     changed = Rewards.of({"preset": "no_slide", "sliding": 2.0})
     assert (changed.sliding, changed.slip, changed.collision) == (2.0, 1.0, 10.0)
     for given in ("noslide", {"preset": 3}, {"preset": "no_slid"}, {"bounded": 1}, 3):

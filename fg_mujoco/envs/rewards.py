@@ -163,7 +163,7 @@ _DEFAULTS: Mapping[str, float] = {
 
 PRESETS: Mapping[str, Mapping[str, float]] = {
     "progress": {"sliding": 0.0},
-    "no_slide": {"sliding": 3.0, "slip": 1.0},
+    "no_slide": {"sliding": 10.0, "slip": 1.0, "impact": 0.5},
     "smooth": {"action_rate": 0.05},
     "race": {"overtaking": 1.0, "car_contact": 1.0},
 }
