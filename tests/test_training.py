@@ -111,6 +111,10 @@ def test_policies_are_compared_with_planners_for_each_friction(tmp_path, capsys)
     text = (tmp_path / "table" / "evaluation.md").read_text()
     assert text == ran.markdown() + "\n" and "those of gap_finder" in text
     assert (tmp_path / "table" / "evaluation.csv").read_text().count("\n") == 10
+    given = ["--controller", f"{tmp_path / 'first'},gap_finder[lookahead=6],gap_finder", "--track", "oval"]
+    given += ["--mu", ".6,1", "--laps", "1", "--time-limit", "20", "--workers", "1", "--out", str(tmp_path / "table")]
+    assert main(["evaluate", *given]) == 0  # all runs are there
+    assert capsys.readouterr().out.startswith(ran.markdown())
     assert "mu is []" in refused_by(lambda: evaluate("gap_finder", mu=[], out=tmp_path / "other"))
 
 
