@@ -1,6 +1,7 @@
 """Policy files: what is written is read and drives with the same bits; what does not fit is refused in one line."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -134,6 +135,9 @@ def changed(path, **changes):
         ({"interface__period": None}, "period is None"),
         ({"format": "fg_mujoco policy 9"}, "its format is 'fg_mujoco policy 9'"),
         ({"network": {}}, "a network is damaged"),
+        ({"network__normaliser": []}, "a network is damaged"),
+        ({"interface__car__gravity": "g"}, "its interface is damaged"),
+        ({"interface__beams__angle_min": math.nan}, "its interface has a number that is not finite"),
         ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate"),
     ],
 )  # fmt: skip

@@ -41,10 +41,10 @@ def read_onnx(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
     options.intra_op_num_threads = options.inter_op_num_threads = 1  # the same bits whatever else runs
     options.log_severity_level = 4
     try:
-        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(content, options, ["CPUExecutionProvider"], enable_fallback=0)
+        text = session.get_modelmeta().custom_metadata_map.get(METADATA)
     except Exception as error:
         raise SettingsError(f"is no ONNX model: {one_line(error)[:200]}; accepted: as save_policy writes it") from error
-    text = session.get_modelmeta().custom_metadata_map.get(METADATA)
     if text is None:
         raise SettingsError(f"has no {METADATA!r} in its metadata_props; accepted: as save_policy writes it")
     try:
@@ -67,6 +67,8 @@ def _function(session: Any, interface: PolicyInterface) -> Act:
     shapes = {names[each.name]: tuple(size if isinstance(size, int) else None for size in each.shape[1:])
               for each in taken}  # fmt: skip
     returned = session.get_outputs()
+    if not returned:
+        raise SettingsError("its network returns nothing; accepted: an action")
     width = returned[0].shape[-1] if returned[0].shape else 0
     require_shapes(interface, shapes, width if isinstance(width, int) else ACTION_SIZE)
     other = [each.type for each in (*taken, returned[0]) if each.type != "tensor(float)"]

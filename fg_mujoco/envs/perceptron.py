@@ -157,11 +157,13 @@ class Perceptron:
                 for each in described["layers"]
             )
             own = described.get("normaliser")
-            normaliser = own and Normaliser(mean=_array(own["mean"]), std=_array(own["std"]), clip=float(own["clip"]))
-        except (KeyError, TypeError, AttributeError, ValueError, binascii.Error) as error:
+            normaliser = None
+            if own is not None:
+                normaliser = Normaliser(mean=_array(own["mean"]), std=_array(own["std"]), clip=float(own["clip"]))
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError, binascii.Error) as error:
             if isinstance(error, SettingsError):
                 raise
-            said = f"a network is damaged ({type(error).__name__}: {error})"
+            said = f"a network is damaged ({type(error).__name__}: {error})"[:300]
             raise SettingsError(f"{said}; accepted: layers and a normaliser, as saved") from error
         return cls(layers=layers, normaliser=normaliser)
 

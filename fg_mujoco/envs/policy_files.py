@@ -32,6 +32,7 @@ from ..display import brief, quoted
 from ..errors import ControllerError, SettingsError
 from ..messages import shown
 from ..racing.planner_texts import POLICY_ENDINGS, POLICY_FILE
+from ..simulation.planner_failure import one_line
 from .perceptron import Perceptron
 from .policy_interface import PolicyInterface
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes, shapes_text
@@ -206,11 +207,31 @@ def _read_description(described: Any) -> tuple[PolicyInterface, Mapping[str, Any
     Raises:
       SettingsError: another format, or no interface.
     """
-    found = described.get("format") if isinstance(described, Mapping) else None
-    if found != FORMAT:
-        raise SettingsError(f"its format is {found!r}; accepted: {FORMAT!r}, as save_policy writes it")
+    known = described.get("format") if isinstance(described, Mapping) else None
+    if known != FORMAT:
+        raise SettingsError(f"its format is {shown(known)}; accepted: {FORMAT!r}, as save_policy writes it")
     trained = described.get("trained")
-    return PolicyInterface.read(described.get("interface") or {}), trained if isinstance(trained, Mapping) else {}
+    interface = described.get("interface") or {}
+    if not _is_finite(interface):
+        raise SettingsError("its interface has a number that is not finite; accepted: as save_policy writes it")
+    try:
+        found = PolicyInterface.read(interface)
+        observed_shapes(found)
+    except (TypeError, ValueError, OverflowError, AttributeError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        said = f"its interface is damaged: {one_line(error)[:200]}"
+        raise SettingsError(f"{said}; accepted: as save_policy writes it") from error
+    return found, trained if isinstance(trained, Mapping) else {}
+
+
+def _is_finite(value: Any) -> bool:
+    """Return whether all numbers in a JSON value are finite, and no greater than a float can be."""
+    if isinstance(value, Mapping):
+        return all(map(_is_finite, value.values()))
+    if isinstance(value, list):
+        return all(map(_is_finite, value))
+    return not isinstance(value, (int, float)) or abs(value) < 1e300
 
 
 def _read_json(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
