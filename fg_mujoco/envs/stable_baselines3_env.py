@@ -121,7 +121,7 @@ class F1TenthVecEnv(VecEnv):  # type: ignore[misc]
         final |= {
             "terminal_observation": _row(facts["final_obs"], i),
             "TimeLimit.truncated": cut,
-            "sliding_share": (self._slid[i] + final["sliding"]) / length,
+            "sliding_share": float(self._slid[i] + final["sliding"]) / length,
             "episode": {"r": round(float(self._returns[i]), _DECIMALS), "l": length, "t": round(seconds, _DECIMALS)},
         }
         self._returns[i] = self._slid[i] = self._lengths[i] = 0
