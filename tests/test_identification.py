@@ -51,6 +51,14 @@ def gentle_drive():
 
 
 @pytest.fixture(scope="module")
+def gently_found(gentle_drive):
+    """What a gentle drive gives, and what was told meanwhile."""
+    said = []
+    options = {"linear": True, "front_drive": 0.0, "single_track": True, "watch": said.append}
+    return identify_drives([gentle_drive], **options), said
+
+
+@pytest.fixture(scope="module")
 def found(exciting_drive):
     return identify_drives([exciting_drive], front_drive=0.0, single_track=True)
 
@@ -237,14 +245,14 @@ def test_an_angle_that_was_measured_is_taken_at_its_time():
     assert late == pytest.approx(0.3 * np.sin(12.0 * (time - 0.007)), abs=1e-4)
 
 
-def test_a_gentle_drive_is_refused_and_gives_the_stiffness_alone(gentle_drive):
+def test_a_gentle_drive_is_refused_and_gives_the_stiffness_alone(gentle_drive, gently_found):
     with pytest.raises(fg.SettingsError) as refusal:
         identify_drives([gentle_drive], front_drive=0.0, single_track=True)
     said = str(refusal.value)
     assert "front: slip angles reach 0.0" in said
     assert "the peak needs about 0." in said
     assert "--linear" in said
-    found = identify_drives([gentle_drive], linear=True, front_drive=0.0, single_track=True)
+    found, _ = gently_found
     for axle, tire in ((found.front, TIRES[0]), (found.rear, TIRES[1])):
         assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
     table = tomllib.loads(tire_text(found))
@@ -457,8 +465,7 @@ def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
     assert np.corrcoef(drive.acceleration.values[20:, 1], turning)[0, 1] > 0.9
 
 
-def test_it_is_told_how_far_it_is(gentle_drive):
-    said = []
-    identify_drives([gentle_drive], linear=True, watch=said.append)
+def test_it_is_told_how_far_it_is(gently_found):
+    _, said = gently_found
     assert said[0] == "inverse dynamics"
     assert said[1] == "output error: fit 1/3, step 1" and said[-1].startswith("output error: fit 3/3, step ")

@@ -90,20 +90,26 @@ def _extreme(content: bytes, rng: Generator) -> bytes:
     return content[:start] + value + content[start + len(value) :]
 
 
+def _any_number(content: bytes, rng: Generator) -> re.Match[bytes] | None:
+    """Return a number in a text: the first from some place on, or the first of all."""
+    place = int(rng.integers(len(content) + 1))
+    while place > 0 and content[place - 1 : place].isdigit():
+        place -= 1
+    return _NUMBER.search(content, place) or _NUMBER.search(content)
+
+
 def _number(content: bytes, rng: Generator) -> bytes:
-    found = list(_NUMBER.finditer(content))
-    if not found:
+    match = _any_number(content, rng)
+    if match is None:
         return content
-    match = one_of(rng, found)
     return content[: match.start()] + one_of(rng, NUMBERS).encode() + content[match.end() :]
 
 
 def _nudge(content: bytes, rng: Generator) -> bytes:
     """Change one number to another that might be meant."""
-    found = list(_NUMBER.finditer(content))
-    if not found:
+    match = _any_number(content, rng)
+    if match is None:
         return content
-    match = one_of(rng, found)
     value = float(match[0]) * rng.uniform(0.5, 2.0) if len(match[0]) < 30 else 1.0
     return content[: match.start()] + f"{value:.6g}".encode() + content[match.end() :]
 

@@ -242,7 +242,7 @@ def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
     for i in range(4):
         usual = SECOND * (i + 1)
         time = usual if rng.random() < 0.8 else int(one_of(rng, (0, i, SECOND - i, 2**31 * SECOND - 1)))
-        ranges = rng.uniform(0.0, 12.0, int(41 if rng.random() < 0.9 else one_of(rng, (0, 1, 2, 40, 1081))))
+        ranges = rng.uniform(0.0, 5.0, int(41 if rng.random() < 0.9 else one_of(rng, (0, 1, 2, 40, 1081))))
         ranges[rng.random(len(ranges)) < 0.3] = one_of(rng, odd)
         names = ("angle_min", "angle_max", "angle_increment", "time_increment", "scan_time", "range_min", "range_max")
         values = {name: float(one_of(rng, odd)) for name in names if rng.random() < 0.02}

@@ -28,6 +28,7 @@ from ...simulation.cars import (
     car_prefixes,
     lidar_prefix,
 )
+from ...simulation.world import compiled_model
 from .ribbons import Surface, box_faces, nearest_on, road, strip_across, wall_chains, wall_faces, wall_tops
 from .textures import asphalt, car_number, chequers, hall_floor, wall_face, wall_top
 
@@ -56,7 +57,7 @@ def compile_scenery(xml: str, start: tuple[float, float] | None = None) -> mujoc
     """
     try:
         spec = mujoco.MjSpec.from_string(xml)
-        states = _state_size(mujoco.MjSpec.from_string(xml).compile())
+        states = _state_size(compiled_model(xml))
         _dress_cars(spec)
         _dress_course(spec, start)
         _light(spec)

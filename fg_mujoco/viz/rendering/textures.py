@@ -1,6 +1,11 @@
-"""Textures, drawn with numpy from a fixed seed: shape (height, width, 3) uint8, to be laid side by side."""
+"""Textures, drawn with numpy from a fixed seed: shape (height, width, 3) uint8, to be laid side by side.
+
+Those that take long to draw are drawn once in a process; they are read-only.
+"""
 
 from __future__ import annotations
+
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +23,7 @@ _DIGITS = (  # seven rows of five pixels each, from above
 )  # fmt: skip
 
 
+@cache
 def asphalt(size: int = 512) -> Image:
     """Return asphalt with seams along the edges and a lighter patch or two, for a tile of 2 m."""
     rng = np.random.default_rng(1)
@@ -36,6 +42,7 @@ def asphalt(size: int = 512) -> Image:
     return _tinted(image, (0.98, 1.0, 1.04))
 
 
+@cache
 def hall_floor(size: int = 256) -> Image:
     """Return a light floor in slabs of 1 m, for a tile of 2 m."""
     rng = np.random.default_rng(2)
@@ -99,4 +106,5 @@ def _blurred_noise(rng: np.random.Generator, size: int, width: int) -> FloatArra
 
 def _tinted(grey: FloatArray, tint: tuple[float, float, float]) -> Image:
     image: Image = (grey[..., None] * np.array(tint)).clip(0, 255).astype(np.uint8)
+    image.flags.writeable = False
     return image
