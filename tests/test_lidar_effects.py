@@ -14,7 +14,7 @@ from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects, PoseHistory, RowEffects, ScanPipeline, add_noise
+from fg_mujoco.lidar.effects import GREATEST_NOISE, EffectsOfRows, LidarEffects, PoseHistory, ScanPipeline, add_noise
 from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
 
 PERIOD, STEP = 0.025, 0.0025
@@ -298,9 +298,11 @@ def test_effects_on_a_row_have_the_bits_of_the_scans(settings):
     measured = rng.uniform(-0.1, 1.1, (4, len(beams.bearings))) * beams.range_max
     row = np.zeros(len(beams.bearings))
     lidar = type("Measured", (), {"beams": beams, "ranges": lambda self, data: row.copy()})()
-    pipeline, on_row = ScanPipeline(lidar, effects, np.random.default_rng(2)), row.copy()
-    of_row = RowEffects(beams, effects, np.random.default_rng(2))
+    pipeline, rows = ScanPipeline(lidar, effects, np.random.default_rng(2)), np.zeros((3, len(row)))
+    of_rows = EffectsOfRows(beams, 3)
+    of_rows.begin(1, effects, 2)
     for tick, ranges in enumerate(measured):
-        row[:], on_row[:] = beams.readings(ranges), beams.readings(ranges)
-        of_row.apply(on_row)
-        assert pipeline.scan(type("Data", (), {"time": 0.025 * tick})).ranges.tobytes() == on_row.tobytes()
+        rows[:] = row[:] = beams.readings(ranges)
+        of_rows.apply(np.array([True, True, False]), rows)
+        assert pipeline.scan(type("Data", (), {"time": 0.025 * tick})).ranges.tobytes() == rows[1].tobytes()
+        assert rows[0].tobytes() == row.tobytes()

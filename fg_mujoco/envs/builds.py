@@ -193,6 +193,7 @@ class Builds:
         if self._maker is not None:
             self._maker.close()
             self._maker = None
+        self._coming.clear()
 
 
 class _Maker:

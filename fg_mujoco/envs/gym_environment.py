@@ -33,7 +33,7 @@ from .observer import Observer
 from .policy_interface import PolicyInterface, row_of
 from .registration import ID as ID
 from .registration import register
-from .rendering import ChaseView, Window
+from .rendering import Window, WorldViews, usable_modes
 from .worlds import Worlds
 
 try:
@@ -83,11 +83,12 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._world = Worlds(chosen)
         self._episodes = Episodes(chosen, self._world)
         self.policy_interface = self._episodes.interface
-        self.metadata = self.metadata | {"render_fps": frames_per_second(self.policy_interface)}
+        self.metadata = self.metadata | {
+            "render_fps": frames_per_second(self.policy_interface), "render_modes": usable_modes(RENDER_MODES),
+        }  # fmt: skip
         self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.observer)
         self.action_space: gymnasium.Space[Any] = action_space(self._episodes.interface.bounds)
-        self._data: mujoco.MjData | None = None  # that is drawn
-        self._view: ChaseView | None = None
+        self._views = WorldViews(self._world.engine)
         self._window: Window | None = None
 
     def __repr__(self) -> str:
@@ -147,13 +148,13 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """
         if self.render_mode is None:
             return None
-        worlds = self._world
-        self._data = self._data or mujoco.MjData(worlds.world.model)
-        worlds.engine.read(0, self._data)
+        engine, world = self._world.engine, self._world.engine.world
         if self.render_mode == "rgb_array":
-            self._view = self._view or ChaseView(worlds.world)
-            return self._view.frame(self._data)
-        self._window = self._window or Window(worlds.world, self._data, worlds.period)
+            return self._views.frames([0])[0]
+        if self._window is None or self._window.world is not world:
+            self._close_window()
+            self._window = Window(world, mujoco.MjData(world.model), engine.period)
+        engine.read(0, self._window.data)
         self._window.show()
         return None
 
@@ -168,10 +169,13 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def close(self) -> None:
         """Close the renderer and the window, and end the threads."""
         self._world.close()
-        for shown in (self._view, self._window):
-            if shown is not None:
-                shown.close()
-        self._view = self._window = None
+        self._views.close()
+        self._close_window()
+
+    def _close_window(self) -> None:
+        if self._window is not None:
+            self._window.close()
+            self._window = None
 
     def _observe(self) -> Any:
         return row_of(self._episodes.observe(_ALL), 0)

@@ -13,20 +13,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ..display import brief
 from ..errors import SettingsError, accepted_names
-from ..simulation.physics import STATE
 from ..studies.workers import usable_cores
 from .environment_settings import EnvironmentSettings
 from .episode_draws import read_options
 from .episodes import Episodes
 from .gym_environment import F1TenthEnv, Observation, action_space, frames_per_second, observation_space
 from .policy_interface import row_of
-from .rendering import ChaseView
+from .rendering import WorldViews
 from .worlds import Worlds
 
 # isort: split
@@ -93,7 +91,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._begun = self._none.copy()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds: list[int | None] = [None] * num_envs
-        self._view: ChaseView | None = None
+        self._views = WorldViews(self._worlds.engine)
 
     def __repr__(self) -> str:
         return brief(self, f"{self.num_envs} environments", repr(self._worlds.world))
@@ -160,14 +158,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         """
         if self.render_mode is None:
             return None
-        world = self._worlds.world
-        self._view = self._view or ChaseView(world)
-        data, frames = mujoco.MjData(world.model), []
-        for i in range(self.num_envs):
-            mujoco.mj_setState(world.model, data, self._worlds.state(i), STATE)
-            mujoco.mj_forward(world.model, data)
-            frames.append(self._view.frame(data))
-        return tuple(frames)
+        return tuple(self._views.frames(range(self.num_envs)))
 
     def set_randomization(self, ranges: Mapping[str, Any]) -> None:
         """Draw from other ranges from the next reset of each world on; see F1TenthEnv.set_randomization."""
@@ -187,9 +178,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
     def close_extras(self, **_: Any) -> None:
         """Close the thread pool and the renderer."""
         self._worlds.close()
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+        self._views.close()
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator | None, ...]:  # type: ignore[override]

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +25,7 @@ from .actions import one_action
 from .environment_settings import EnvironmentSettings
 from .episode_draws import read_options
 from .episodes import Episodes
-from .rendering import ChaseView
+from .rendering import WorldViews
 from .worlds import Worlds
 
 try:
@@ -82,7 +81,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         self._observation_spaces = {agent: observation_space(self._episodes.observer) for agent in self.possible_agents}
         self._action_spaces = {agent: action_space(interface.bounds) for agent in self.possible_agents}
         self._generator: np.random.Generator | None = None
-        self._view: ChaseView | None = None
+        self._views = WorldViews(self._worlds.engine)
 
     def __repr__(self) -> str:
         return brief(self, f"{len(self.possible_agents)} agents", repr(self._worlds.world))
@@ -166,11 +165,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
         """
         if self.render_mode is None:
             return None
-        world = self._worlds.world
-        data = mujoco.MjData(world.model)
-        self._worlds.engine.read(0, data)
-        self._view = self._view or ChaseView(world)
-        return self._view.frame(data)
+        return self._views.frames([0])[0]
 
     def set_randomization(self, ranges: Mapping[str, Any]) -> None:
         """Draw from other ranges from the next reset on; see F1TenthEnv.set_randomization."""
@@ -179,9 +174,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
     def close(self) -> None:
         """Close the renderer, and end the threads."""
         self._worlds.close()
-        if self._view is not None:
-            self._view.close()
-            self._view = None
+        self._views.close()
 
     def _known(self, agent: str) -> str:
         if agent not in self._action_spaces:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
+from ..simulation.engine import Engine
 from ..simulation.world import World
 from ..viz.display_check import can_open_window
 from ..viz.rendering import Renderer
@@ -20,6 +22,11 @@ WIDTH, HEIGHT = 640, 480  # [px]
 _ACCEPTED = "accepted: a display; without one, render_mode 'rgb_array'"
 _DISTANCE, _ELEVATION = 2.2, -22.0  # [m] from the car, [deg] downwards
 _AHEAD = 0.5  # [m] of the rear axle, what the camera looks at
+
+
+def usable_modes(modes: Sequence[str]) -> list[str]:
+    """Return the render modes that can be had on this machine: without a display no window can be opened."""
+    return [mode for mode in modes if mode != "human" or can_open_window()]
 
 
 class ChaseView:
@@ -50,6 +57,41 @@ class ChaseView:
             self._renderer = None
 
 
+class WorldViews:
+    """Draws the worlds of an engine from behind their car 0, each as it is now, whatever World was in its place before.
+
+    Args:
+      engine: of the worlds.
+    """
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._drawn: tuple[World, mujoco.MjData, ChaseView] | None = None
+
+    def frames(self, worlds: Sequence[int]) -> list[NDArray[np.uint8]]:
+        """Return a frame (HEIGHT, WIDTH, 3) of each of some worlds.
+
+        Raises:
+          MissingExtraError: no OpenGL; the message has the command that installs it.
+        """
+        found: dict[int, NDArray[np.uint8]] = {}
+        for i in sorted(worlds, key=lambda i: id(self._engine.world_of(i))):  # a context of OpenGL for each World
+            world = self._engine.world_of(i)
+            if self._drawn is None or self._drawn[0] is not world:
+                self.close()
+                self._drawn = world, mujoco.MjData(world.model), ChaseView(world)
+            _, data, view = self._drawn
+            self._engine.read(i, data)
+            found[i] = view.frame(data)
+        return [found[i] for i in worlds]
+
+    def close(self) -> None:
+        """Free the OpenGL context."""
+        if self._drawn is not None:
+            self._drawn[2].close()
+            self._drawn = None
+
+
 class Window:
     """MuJoCo's viewer, at the pace of the simulation at most.
 
@@ -57,6 +99,9 @@ class Window:
       world: to be shown.
       data: of the simulation.
       period: simulated time from one `show` to the next [s].
+
+    Attributes:
+      world, data: as given.
 
     Raises:
       EngineError: no display.
@@ -67,7 +112,7 @@ class Window:
             raise EngineError(f"no window can be opened: there is no display; {_ACCEPTED}")
         import mujoco.viewer
 
-        self._world, self._data, self._period = world, data, period
+        self.world, self.data, self._period = world, data, period
         self._shown = -math.inf  # [s] on time.monotonic's clock
         try:
             self._viewer: Any = mujoco.viewer.launch_passive(
@@ -81,7 +126,7 @@ class Window:
         if self._viewer.is_running():
             time.sleep(max(self._shown + self._period - time.monotonic(), 0.0))
             self._shown = time.monotonic()
-            follow(self._world, self._data, self._viewer.cam)
+            follow(self.world, self.data, self._viewer.cam)
             self._viewer.sync()
 
     def close(self) -> None:

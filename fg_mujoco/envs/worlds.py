@@ -77,6 +77,8 @@ class Worlds:
         self.monitor = self.engine.monitor.part(self._rows)
         if engine is None:
             self.engine.no_messages[self._rows] = True
+        if settings.builds is not None:  # as many as there are of each on average
+            self.engine.room = max(round(count / (threads * settings.builds)), 1)
         entries = settings.opponents
         self._effects = [settings.effects] * agents + [entry.effects for entry in entries]
         self._drifts = [0.0] * agents + [entry.odometry_drift for entry in entries]

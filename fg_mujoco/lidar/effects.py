@@ -19,6 +19,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
@@ -131,53 +132,92 @@ class ScanPipeline:
         return ranges
 
 
-class RowEffects:
-    """The same effects on the ranges of a row, in place, with the same bits; without motion distortion.
+class EffectsOfRows:
+    """The effects of many LiDARs on the rows of their ranges, in place; without motion distortion.
+
+    Each row has the bits that a ScanPipeline gives, which costs more because it makes messages.
 
     Args:
-      beams: of the LiDAR.
-      effects: the settings.
-      rng: of noise and dropouts.
+      beams: of all LiDARs.
+      rows: how many there are.
     """
 
-    def __init__(self, beams: Beams, effects: LidarEffects, rng: np.random.Generator) -> None:
-        self._deviation, self._dropouts = effects.range_noise_std, effects.dropout_probability
-        self._limits = beams.range_min, beams.range_max
-        self._no_return = math.inf if effects.no_return == "inf" else beams.range_max
-        count = len(beams.bearings)
-        self._rng, self._noise, self._shares = rng, np.zeros(count), np.ones(count)
-        self._held: deque[FloatArray] = deque(maxlen=effects.sweeps_late(beams.period) + 1)
+    def __init__(self, beams: Beams, rows: int) -> None:
+        self._beams, count = beams, len(beams.bearings)
+        self._generators: dict[int, np.random.Generator] = {}
+        self._deviations, self._dropouts, self._no_returns = np.zeros(rows), np.zeros(rows), np.full(rows, math.inf)
+        self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+        self._noise, self._shares = np.zeros((rows, 0)), np.zeros((rows, 0))
+        self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
 
-    def apply(self, ranges: FloatArray) -> None:
-        """Turn what was measured into what is delivered now (n,) [m]."""
-        if self._deviation > 0.0:
-            self._rng.standard_normal(out=self._noise)
-        if self._dropouts > 0.0:
-            self._rng.random(out=self._shares)
-        low, high = self._limits
-        _disturb(ranges, self._deviation, self._noise, self._dropouts, self._shares, low, high, self._no_return)
-        if self._held.maxlen != 1:
-            self._held.append(ranges.copy())
-            ranges[:] = self._held[0]
+    def __bool__(self) -> bool:
+        return bool(self._generators)
+
+    def begin(self, row: int, effects: LidarEffects, seed: int) -> None:
+        """Have effects on a row from now on."""
+        count = len(self._beams.bearings)
+        self._generators[row] = np.random.default_rng(seed)
+        self._deviations[row], self._dropouts[row] = effects.range_noise_std, effects.dropout_probability
+        self._no_returns[row] = math.inf if effects.no_return == "inf" else self._beams.range_max
+        self._lates[row], self._sweeps[row] = effects.sweeps_late(self._beams.period), 0
+        if effects.range_noise_std > 0.0 and not self._noise.size:
+            self._noise = np.zeros((len(self._noise), count))
+        if effects.dropout_probability > 0.0 and not self._shares.size:
+            self._shares = np.ones((len(self._shares), count))
+        if self._lates[row] > self._held.shape[1]:
+            held = np.zeros((len(self._held), int(self._lates[row]), count))
+            held[:, : self._held.shape[1]] = self._held
+            self._held = held
+
+    def end(self, row: int) -> None:
+        """Have none on it."""
+        self._generators.pop(row, None)
+
+    def apply(self, which: NDArray[np.bool_], ranges: FloatArray) -> None:
+        """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
+        rows = [row for row in self._generators if which[row]]
+        for row in rows:
+            if self._deviations[row] > 0.0:
+                self._generators[row].standard_normal(out=self._noise[row])
+            if self._dropouts[row] > 0.0:
+                self._generators[row].random(out=self._shares[row])
+        _disturb(
+            np.array(rows, np.int64), ranges, self._deviations, self._noise, self._dropouts, self._shares,
+            self._no_returns, self._lates, self._sweeps, self._held, self._beams.range_min, self._beams.range_max,
+        )  # fmt: skip
 
 
 @kernel
 def _disturb(
-    ranges: FloatArray, deviation: float, noise: FloatArray, dropouts: float, shares: FloatArray, range_min: float,
-    range_max: float, no_return: float,
+    rows: NDArray[np.int64], ranges: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
+    shares: FloatArray, no_returns: FloatArray, lates: NDArray[np.int64], sweeps: NDArray[np.int64], held: FloatArray,
+    range_min: float, range_max: float,
 ) -> None:  # fmt: skip
-    """Add noise to ranges, in place, let some fail, and say what no return is."""
-    for beam in range(len(ranges)):
-        distance = ranges[beam]
-        if deviation > 0.0:
-            distance += deviation * noise[beam]
-            if not distance < range_max:
-                distance = math.inf
-            elif distance < range_min:
-                distance = -math.inf
-        if dropouts > 0.0 and shares[beam] < dropouts:
-            distance = math.nan
-        ranges[beam] = no_return if distance == math.inf else distance
+    """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
+    for row in rows:
+        deviation, dropout, late = deviations[row], dropouts[row], lates[row]
+        place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
+        for beam in range(ranges.shape[1]):
+            distance = ranges[row, beam]
+            if deviation > 0.0:
+                distance += deviation * noise[row, beam]
+                if not distance < range_max:
+                    distance = math.inf
+                elif distance < range_min:
+                    distance = -math.inf
+            if dropout > 0.0 and shares[row, beam] < dropout:
+                distance = math.nan
+            if distance == math.inf:
+                distance = no_returns[row]
+            if late > 0:
+                if sweeps[row] == 0:  # until one is old enough, the first one is delivered
+                    for other in range(late):
+                        held[row, other, beam] = distance
+                delivered = held[row, place, beam]
+                held[row, place, beam] = distance
+                distance = delivered
+            ranges[row, beam] = distance
+        sweeps[row] += 1
 
 
 class PoseHistory:

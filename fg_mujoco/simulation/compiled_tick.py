@@ -439,6 +439,17 @@ def sense_all(tables: Addresses, firsts: Places, which: Mask) -> None:
 
 
 @kernel
+def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
+    """Write the time of each world (n,) of several tables; `firsts` as in `read_all`."""
+    for k in range(len(tables)):
+        table = table_at(tables[k], _ARRAYS)
+        places, states = whole_numbers(table[_PLACES]), matrix(table[_STATES])
+        first = firsts[k] // places[_CARS_PER_WORLD]
+        for world in range(len(states)):
+            times[first + world] = states[world, _layout(places).time]
+
+
+@kernel
 def drive_all(tables: Addresses) -> None:
     """Do `drive` for each of several tables."""
     for k in range(len(tables)):

@@ -33,7 +33,7 @@ from ..array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
-from ..lidar.effects import LidarEffects, RowEffects, ScanPipeline
+from ..lidar.effects import EffectsOfRows, LidarEffects, ScanPipeline
 from ..lidar.lidar import Lidar
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.car import Car
@@ -42,7 +42,7 @@ from ..vehicle.motion import ground_speed, planar_pose
 from ..vehicle.sensors import CarState, Sampler, Sensor
 from ..vehicle.sensors.sensor import drift_odometry
 from .cars import car_prefix
-from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, sense_all
+from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, read_times, sense_all
 from .physics import span_of
 from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
 from .planner_failure import is_of_planner
@@ -104,6 +104,7 @@ class Engine:
       odometry, ranges, commands, mu, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays;
         r is n m.
       scans: of the cars whose LiDAR has effects, last sensed, by row.
+      room: for how many worlds a model is compiled that `rebuild_worlds` puts in places; each thread has its own.
       no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
         when it is placed on, (r,); False unless somebody says so.
       monitor: RaceMonitor of the races.
@@ -142,6 +143,7 @@ class Engine:
         self._ends_of_shares = _ends_of_shares(self.count, threads)
         self._slots: dict[tuple[int, World], Slots] = {}  # of each share
         self._in_slots: set[WorldBatch] = set()
+        self.room = 1
         batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, self._ends_of_shares)]
         self._take_batches(batches)
         self._changes = None if changes is None else list(changes)
@@ -159,7 +161,7 @@ class Engine:
         self.after_substep: list[Hook] = []
         self.no_messages = np.zeros(cars, np.bool_)
         self._pipelines: dict[int, ScanPipeline] = {}
-        self._row_effects: dict[int, RowEffects] = {}
+        self._row_effects = EffectsOfRows(self.beams, cars)
         self._samplers: dict[int, list[Sampler]] = {}
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
@@ -232,7 +234,10 @@ class Engine:
     @property
     def times(self) -> FloatArray:
         """Simulated in each world since its cars were placed, a copy. Shape (n,) [s]."""
-        return np.concatenate([batch.physics.states[:, batch.layout.time] for batch in self._batches])
+        times = np.empty(self.count)
+        for share in self._shares:
+            read_times(share.tables, share.firsts, times)
+        return times
 
     def time(self, i: int) -> float:
         """Return the time simulated in world i since its cars were placed [s]."""
@@ -384,8 +389,7 @@ class Engine:
         """Return a batch of one world; those of the same World share its model."""
         share = self._share_of(place)
         if (share, world) not in self._slots:
-            size = self._ends_of_shares[share] - (self._ends_of_shares[share - 1] if share else 0)
-            self._slots[share, world] = Slots(partial(self._batch, world), size)
+            self._slots[share, world] = Slots(partial(self._batch, world), self.room)
         batch = self._slots[share, world].take(place, self._arrays, self.monitor)
         self._in_slots.add(batch)
         return batch
@@ -438,12 +442,11 @@ class Engine:
         for place, (row, start) in enumerate(zip(np.flatnonzero(chosen).tolist(), starts, strict=True)):
             start_of[row] = start
             self._pipelines.pop(row, None)
-            self._row_effects.pop(row, None)
+            self._row_effects.end(row)
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 if self.no_messages[row] and not effects[place].motion_distortion:
-                    rng = np.random.default_rng(seeds[place])
-                    self._row_effects[row] = RowEffects(self.beams, effects[place], rng)
+                    self._row_effects.begin(row, effects[place], seeds[place])
                 else:
                     self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
             self._samplers.pop(row, None)
@@ -486,7 +489,7 @@ class Engine:
         sensors_of = sensors or [()] * len(rows)
         for row, own, number, sensing in zip(rows, effects_of, seed_of, sensors_of, strict=True):
             self._pipelines.pop(row, None)
-            self._row_effects.pop(row, None)
+            self._row_effects.end(row)
             self._samplers.pop(row, None)
             if sensing:
                 self._samplers[row] = self._make_samplers(row, sensing, number)
@@ -513,9 +516,8 @@ class Engine:
                     self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
         if self._samplers:
             self._measure(np.flatnonzero(chosen), deliver=True)
-        for row, row_effects in self._row_effects.items():
-            if chosen[row]:
-                row_effects.apply(self.ranges[row])
+        if self._row_effects:
+            self._row_effects.apply(chosen, self.ranges)
         if self._pipelines:
             self.scans = {
                 row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))

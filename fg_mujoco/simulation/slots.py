@@ -8,8 +8,6 @@ from .physics import Batch
 from .termination import RaceMonitor
 from .world_batch import CarArrays, WorldBatch
 
-_STATES = 4  # of a model at most; each takes about 0.3 MB, and a model 2 to 5 MB
-
 
 class Slots:
     """Batches of one world each, of one World, for one thread.
@@ -18,11 +16,11 @@ class Slots:
 
     Args:
       make: returns a batch of the world of a slice, with room for so many states.
-      most: worlds that there can be.
+      room: states that each compiled model has room for. A state takes about 1 MB, and a model about 5 MB.
     """
 
-    def __init__(self, make: Callable[[slice, int], WorldBatch], most: int) -> None:
-        self._make, self._room = make, min(_STATES, most)
+    def __init__(self, make: Callable[[slice, int], WorldBatch], room: int) -> None:
+        self._make, self._room = make, room
         self._free: list[WorldBatch] = []
         self._first: WorldBatch | None = None
         self._physics: Batch | None = None
