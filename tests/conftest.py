@@ -1,4 +1,5 @@
 import contextlib
+import gc
 import importlib
 import os
 import signal
@@ -25,7 +26,7 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("fuzz", max_examples=1000, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
-# Workers find compiled what others of them have compiled, see `pytest_collection`.
+# Workers find compiled what others of them have compiled, see `import_share`.
 sys.dont_write_bytecode = False
 
 # Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
@@ -73,8 +74,18 @@ def pytest_configure(config):
         config.option.loadscopereorder = False
 
 
+@pytest.hookimpl(hookwrapper=True)
 def pytest_collection(session):
-    """Import a share of all test files first, each worker another one, where all are collected.
+    """Collect without the garbage collector, which would look at each test again and again, now and later."""
+    gc.disable()
+    import_share(session)
+    yield
+    gc.freeze()
+    gc.enable()
+
+
+def import_share(session):
+    """Import a share of all test files, each worker another one, where all are collected.
 
     Pytest rewrites the asserts of a file that it imports, which takes two thirds of the time of collecting, and keeps
     the result on disk. So each worker rewrites its own share, and reads what the others have rewritten.
