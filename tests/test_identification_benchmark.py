@@ -23,9 +23,8 @@ def benchmark():
 
 
 def test_the_tires_of_a_car_are_found_in_three_dimensions(benchmark, monkeypatch):
-    """Of eight slaloms, which take half as long as all: measured .1 and .8 % of stiffness, .8 and 2.1 % of the peak."""
+    """Of all slaloms: four reach .95 of the slip at which the rear lets go, and its peak is 4.8 +- 3.7 % off."""
     monkeypatch.setattr(benchmark, "MODELS", ("two_track",))
-    monkeypatch.setattr(benchmark, "DRIVES", tuple(benchmark.DRIVES[place] for place in (0, 1, 2, 3, 5, 6, 8, 9)))
     case = next(case for case in benchmark.cases(0) if case.name == "nuc6")
     row = benchmark.row_of(case)
     errors = row["two_track"]
