@@ -34,6 +34,8 @@ GREATEST_NOISE = 10.0
 
 _FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
 
+_TOGETHER = 8  # rows whose noise is drawn before it is used, which stays in the processor's cache meanwhile
+
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
 
@@ -147,7 +149,7 @@ class EffectsOfRows:
         self._generators: dict[int, np.random.Generator] = {}
         self._deviations, self._dropouts, self._no_returns = np.zeros(rows), np.zeros(rows), np.full(rows, math.inf)
         self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
-        self._noise, self._shares = np.zeros((rows, 0)), np.zeros((rows, 0))
+        self._noise, self._shares = np.zeros((_TOGETHER, count)), np.zeros((_TOGETHER, count))
         self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
 
     def __bool__(self) -> bool:
@@ -160,10 +162,6 @@ class EffectsOfRows:
         self._deviations[row], self._dropouts[row] = effects.range_noise_std, effects.dropout_probability
         self._no_returns[row] = math.inf if effects.no_return == "inf" else self._beams.range_max
         self._lates[row], self._sweeps[row] = effects.sweeps_late(self._beams.period), 0
-        if effects.range_noise_std > 0.0 and not self._noise.size:
-            self._noise = np.zeros((len(self._noise), count))
-        if effects.dropout_probability > 0.0 and not self._shares.size:
-            self._shares = np.ones((len(self._shares), count))
         if self._lates[row] > self._held.shape[1]:
             held = np.zeros((len(self._held), int(self._lates[row]), count))
             held[:, : self._held.shape[1]] = self._held
@@ -176,15 +174,17 @@ class EffectsOfRows:
     def apply(self, which: NDArray[np.bool_], ranges: FloatArray) -> None:
         """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
         rows = [row for row in self._generators if which[row]]
-        for row in rows:
-            if self._deviations[row] > 0.0:
-                self._generators[row].standard_normal(out=self._noise[row])
-            if self._dropouts[row] > 0.0:
-                self._generators[row].random(out=self._shares[row])
-        _disturb(
-            np.array(rows, np.int64), ranges, self._deviations, self._noise, self._dropouts, self._shares,
-            self._no_returns, self._lates, self._sweeps, self._held, self._beams.range_min, self._beams.range_max,
-        )  # fmt: skip
+        for first in range(0, len(rows), _TOGETHER):
+            some = rows[first : first + _TOGETHER]
+            for place, row in enumerate(some):
+                if self._deviations[row] > 0.0:
+                    self._generators[row].standard_normal(out=self._noise[place])
+                if self._dropouts[row] > 0.0:
+                    self._generators[row].random(out=self._shares[place])
+            _disturb(
+                np.array(some, np.int64), ranges, self._deviations, self._noise, self._dropouts, self._shares,
+                self._no_returns, self._lates, self._sweeps, self._held, self._beams.range_min, self._beams.range_max,
+            )  # fmt: skip
 
 
 @kernel
@@ -194,18 +194,18 @@ def _disturb(
     range_min: float, range_max: float,
 ) -> None:  # fmt: skip
     """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
-    for row in rows:
+    for drawn, row in enumerate(rows):
         deviation, dropout, late = deviations[row], dropouts[row], lates[row]
         place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
         for beam in range(ranges.shape[1]):
             distance = ranges[row, beam]
             if deviation > 0.0:
-                distance += deviation * noise[row, beam]
+                distance += deviation * noise[drawn, beam]
                 if not distance < range_max:
                     distance = math.inf
                 elif distance < range_min:
                     distance = -math.inf
-            if dropout > 0.0 and shares[row, beam] < dropout:
+            if dropout > 0.0 and shares[drawn, beam] < dropout:
                 distance = math.nan
             if distance == math.inf:
                 distance = no_returns[row]
