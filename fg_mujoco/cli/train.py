@@ -30,7 +30,7 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add = command.add_argument
     add(
         "settings", metavar="SETTINGS.toml", nargs="?",
-        help="a file with steps, worlds, seed and the tables [environment] and [ppo]; options win",
+        help="a file with steps, worlds, seed and the tables [environment], [ppo] and [self_play]; options win",
     )  # fmt: skip
     add(
         "--track", type=names_in, metavar="LIST",
@@ -48,6 +48,11 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add(
         "--ppo", action="append", default=[], metavar="NAME=VALUE",
         help="a setting of PPO, as gamma=0.995 or net=[64,64]; again for each",
+    )  # fmt: skip
+    add(
+        "--self-play", action="append", default=[], metavar="NAME=VALUE",
+        help="race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
+        "planners=[\"gap_finder\"]; again for each",
     )  # fmt: skip
     add("--out", metavar="DIR", required=True, help="folder; the same command goes on with a training that is there")
     add("--json", action="store_true", help="print one JSON object and nothing else")
@@ -98,11 +103,14 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
             raise SettingsError(f"{options.settings}: there is no such file; accepted: a TOML file")
         found = _with_underscores(read_toml(options.settings).values)
     found |= {name: value for name in _OWN if (value := getattr(options, name)) is not None}
-    for table, texts in (("environment", options.env), ("ppo", options.ppo)):
+    given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
+    if options.self_play or "self_play" in found:
+        given["self_play"] = "--self-play", options.self_play
+    for table, (option, texts) in given.items():
         own = found.get(table, {})
         if not isinstance(own, dict):
             raise SettingsError(f"{options.settings}: {table} is {own!r}; accepted: a table, [{table}]")
-        found[table] = own | _values(texts, "--env" if table == "environment" else "--ppo")
+        found[table] = own | _values(texts, option)
     if options.track is not None:
         found["environment"]["track"] = options.track if len(options.track) > 1 else options.track[0]
     return found

@@ -7,6 +7,7 @@ A policy is a function of an observation that returns an action, both as the env
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -27,6 +28,7 @@ from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action
 from .observer import Observer
+from .policy_batch import PolicyBatch, batch_key
 from .policy_interface import Policy, PolicyInterface, row_of
 from .tick_state import SensedState, TickStates
 
@@ -101,6 +103,8 @@ class Opponents:
         first = m - len(entries)
         self._engine, self._entries, self._found = engine, entries, dict[str, type]()
         self.rows = np.arange(count * m).reshape(count, m)[:, first:]
+        self._places = np.full(count * m, -1)  # of each row among those
+        self._places[self.rows] = np.arange(self.rows.size).reshape(self.rows.shape)
         self._planners: dict[int, Controller] = {}  # by row
         self._built_for: dict[int, tuple[Entry, World]] = {}
         self._policies: list[tuple[NDArray[np.int64], PolicyCars]] = []
@@ -118,6 +122,7 @@ class Opponents:
                     state = states.sensed(states.of(own, car), own)
                 self._policies.append((rows, PolicyCars(entry.controller, number, interface, observer, state)))  # type: ignore[arg-type]
         self._adapted: dict[int, Planners] = {}
+        self._batches: dict[str, PolicyBatch] = {}  # of policy files, of all opponents each
         self._of_each = PlannersOfEach([])
 
     def check(self, entries: Sequence[Entry]) -> None:
@@ -172,14 +177,39 @@ class Opponents:
         of_cars = np.array(seeds, np.uint64).reshape(int(np.count_nonzero(worlds)), -1)
         for rows, policy in self._policies:
             policy.begin(worlds, of_cars[:, rows[0] % of_cars.shape[1]].tolist())
+        begun: list[int] = []
         for k, rows in enumerate(self.rows[worlds].tolist()):
             for row, entry in zip(rows, self._entries if drawn is None else drawn[k], strict=False):
                 if isinstance(entry.controller, str):
-                    self._build(row, entry)
+                    with warnings.catch_warnings():
+                        if drawn is not None:  # a speed that is drawn is meant
+                            warnings.simplefilter("ignore")
+                        self._build(row, entry)
                     start_planner(self._planners[row])
-                    self._adapted[row] = adapt([self._planners[row]])
+                    begun.append(row)
+        self._adapt(begun)
+
+    def _adapt(self, begun: Sequence[int]) -> None:
+        """Adapt the planners of the cars `begun`, those of policy files of one interface together."""
+        together: dict[str, dict[int, Any]] = {}
+        for row in begun:
+            planner, own = self._planners[row], int(self._places[row])
+            key = batch_key(planner)
+            self._adapted.pop(row, None)
+            for batch in self._batches.values():
+                batch.leave([own])
+            if key is None:
+                self._adapted[row] = adapt([planner])
+            else:
+                together.setdefault(key, {})[own] = planner
+        for key, planners in together.items():
+            if key not in self._batches:
+                self._batches[key] = PolicyBatch(next(iter(planners.values())).policy, self.rows.size)
+            self._batches[key].begin(planners)
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
-        self._of_each = PlannersOfEach([*of_planners, *self._policies])
+        rows, batches = self.rows.ravel(), [batch for batch in self._batches.values() if batch]
+        of_batches: list[tuple[Any, Planners]] = [(rows, batch) for batch in batches]
+        self._of_each = PlannersOfEach([*of_planners, *of_batches, *self._policies])
 
     @without_exit()
     def __call__(self, cars: Cars) -> Reasons | None:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError, accepted_names
+from ..kernels import kernel
 from ..messages import shown
 
 Values = NDArray[np.float32]
@@ -134,6 +135,18 @@ class Perceptron:
                     found = ACTIVATIONS[layer.activation](found.astype(np.float64)).astype(np.float32)
         return found
 
+    def of_each(self, values: Values) -> Values:
+        """Return the outputs (n, outputs) for inputs (n, inputs): in each row the bits of a call with that row."""
+        found = values if self.normaliser is None else self.normaliser(values)
+        with np.errstate(over="ignore"):
+            for layer, columns in zip(self.layers, self._columns, strict=True):  # type: ignore[attr-defined]
+                sums = np.empty((len(found), len(layer.bias)), np.float32)
+                add_up(np.ascontiguousarray(found), columns, layer.bias, sums)
+                found = sums
+                if layer.activation != "none":
+                    found = ACTIVATIONS[layer.activation](sums.astype(np.float64)).astype(np.float32)
+        return found
+
     def described(self) -> dict[str, Any]:
         """Return the network as JSON takes it; weights are the bytes of float32 numbers, in base64."""
         layers = [
@@ -166,6 +179,23 @@ class Perceptron:
             said = f"a network is damaged ({type(error).__name__}: {error})"[:300]
             raise SettingsError(f"{said}; accepted: layers and a normaliser, as saved") from error
         return cls(layers=layers, normaliser=normaliser)
+
+
+@kernel
+def add_up(values: Values, columns: Values, bias: Values, sums: Values) -> None:
+    """Write values (n, inputs) times columns (inputs, outputs), plus bias, to `sums` (n, outputs).
+
+    Products are added in the order of the inputs, and the bias last, as a Perceptron adds them.
+    """
+    for row in range(len(values)):
+        for output in range(len(bias)):
+            sums[row, output] = values[row, 0] * columns[0, output]
+        for k in range(1, len(columns)):
+            value = values[row, k]
+            for output in range(len(bias)):
+                sums[row, output] += value * columns[k, output]
+        for output in range(len(bias)):
+            sums[row, output] += bias[output]
 
 
 def _text(values: Values) -> dict[str, Any]:

@@ -59,6 +59,14 @@ class Policy:
     act: Act
     trained: Mapping[str, Any] = field(default_factory=dict)  # facts of its training, as they were saved
 
+    @property
+    def network(self) -> Perceptron | None:
+        """The network of ours that takes an observation in one part; None: it is another."""
+        if isinstance(self.act, partial) and self.act.func is _act and len(self.act.args[1]) == 1:
+            found: Perceptron = self.act.args[0]
+            return found
+        return None
+
     def __repr__(self) -> str:
         return brief(self, quoted(self.path), f"{self.interface.observation} -> {self.interface.action}")
 

@@ -196,6 +196,11 @@ class PolicyInterface:
             said = f"the policy observes {', '.join(names)}, which a car does not sense"
             raise SettingsError(f"{said}; accepted: {', '.join(ON_BOARD)}, and the car's sensors")
 
+    def without_delays(self) -> PolicyInterface:
+        """Return the same without the delay and the noise of the observation's parts, which a car has by itself."""
+        plain = tuple(replace(part, delay=0.0, noise=0.0) for part in self.observation.parts)
+        return replace(self, observation=replace(self.observation, parts=plain))
+
     def driver(self) -> PolicyDriver:
         """Return what drives a car by the policy.
 
@@ -220,9 +225,8 @@ class PolicyDriver:
 
     def __init__(self, interface: PolicyInterface) -> None:
         interface.require_on_board()
-        plain = tuple(replace(part, delay=0.0, noise=0.0) for part in interface.observation.parts)
         self.interface = interface
-        self._observer = replace(interface, observation=replace(interface.observation, parts=plain)).observer()
+        self._observer = interface.without_delays().observer()
         self._reader, self._one, self._clipped = interface.actions(), np.ones(1, np.bool_), np.zeros(1, np.int64)
         self._row = np.zeros(1, ODOMETRY)
         self.reset()
@@ -260,7 +264,7 @@ class PolicyDriver:
         for name in ODOMETRY.names or ():
             self._row[name] = getattr(odometry, name)
         self._reader.sense(self._row, self._one)
-        state: Any = _OwnState(time=np.zeros(1), command=self._commands)
+        state: Any = OwnState(time=np.zeros(1), command=self._commands)
         seen = self._observer.read(
             self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous
         )
@@ -284,7 +288,7 @@ class PolicyDriver:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OwnState:
+class OwnState:
     """The part of a SensedState that a car knows by itself."""
 
     time: FloatArray

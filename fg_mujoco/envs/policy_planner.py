@@ -46,6 +46,9 @@ class PolicyPlanner:
       period: from one scan to the next [s].
       lidar: of the car; None: it is not known.
 
+    Attributes:
+      max_speed: as given.
+
     Raises:
       ControllerError: the LiDAR has other beams or another period than the policy was trained with, or the policy
         observes what a car does not sense.
@@ -70,7 +73,7 @@ class PolicyPlanner:
                 f"{max_speed:g} m/s",
                 stacklevel=2,
             )
-        self._max_speed, self._bearings = max_speed, beams.bearings
+        self.max_speed, self._bearings = max_speed, beams.bearings
         self._increment = (beams.angle_max - beams.angle_min) / max(beams.count - 1, 1)
         self._try_once()
 
@@ -99,7 +102,7 @@ class PolicyPlanner:
         if fitted is None:
             return STOP
         command = self._driver.drive(self._act, fitted, _finite(odometry))
-        speed = max(-self._max_speed, min(self._max_speed, command.speed))
+        speed = max(-self.max_speed, min(self.max_speed, command.speed))
         return DriveCommand(steering_angle=command.steering_angle, speed=speed)
 
     def _act(self, observation: Any) -> Values:

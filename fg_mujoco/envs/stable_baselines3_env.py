@@ -204,7 +204,8 @@ class EpisodeLog(BaseCallback):  # type: ignore[misc]
     """Logs what the episodes of each collection were like: means by name, and the shares of the end reasons.
 
     `episode/return`, `steps`, `laps`, `progress_m`, `lap_time_s` of the laps driven, `speed_m_s`, `sliding` (share of
-    the steps), `end/crash` and so on, and `reward/NAME`, the sum of each reward term in an episode.
+    the steps), with other cars `position` at the end and `touches`, `end/crash` and so on, and `reward/NAME`, the sum
+    of each reward term in an episode.
     """
 
     def __init__(self) -> None:
@@ -224,8 +225,9 @@ class EpisodeLog(BaseCallback):  # type: ignore[misc]
         values["episode/steps"].append(info["episode"]["l"])
         values["episode/sliding"].append(info["sliding_share"])
         values["episode/speed_m_s"].append(info["progress_m"] / max(info["time_s"], 1e-9))
-        for name in ("laps", "progress_m"):
-            values[f"episode/{name}"].append(info[name])
+        for name in ("laps", "progress_m", "position", "touches"):
+            if name in info:
+                values[f"episode/{name}"].append(info[name])
         laps: Iterable[float] = np.asarray(info.get("lap_times_s", ()), np.float64)
         values["episode/lap_time_s"] += [lap for lap in laps if lap == lap]
         for name, value in info.items():

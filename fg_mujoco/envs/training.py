@@ -8,6 +8,7 @@
     checkpoints/        policy.zip files with the optimiser and the statistics of rewards, one every few steps
     progress.jsonl      one line an iteration: returns, ends, lap times, sliding, losses
     log/                the same for TensorBoard
+    opponents/          with self-play, the earlier versions of the policy that it meets
 
 The same call goes on with the last checkpoint; `steps` may then be more. Ctrl-C writes a checkpoint and the policy.
 Training that went on has other bits than training without an interruption, as all episodes begin anew.
@@ -19,7 +20,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ from ..messages import shown
 from ..racing.run_folder import check_run_folder
 from ..simulation.settings import known_settings
 from .policy_files import read_content
+from .self_play import Snapshots
 from .stable_baselines3_policy import load_model, restore_normalize, zip_description
 from .training_settings import CHECKPOINTS, LOG, MAY_CHANGE, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings
 
@@ -79,22 +81,28 @@ def train(
         from .stable_baselines3_env import F1TenthVecEnv
     except ImportError as error:
         raise missing_extra("training needs Stable-Baselines3", "train") from error
-    from .training_callbacks import Record, Recording
+    from .training_callbacks import Record, Recording, SelfPlaying
 
     began = time.perf_counter()
     torch.set_num_threads(chosen.threads)
-    env = F1TenthVecEnv(chosen.worlds, threads=chosen.threads, **chosen.environment)
+    snapshots: Snapshots | None = None
+    if chosen.self_play is not None:
+        snapshots = Snapshots(folder, chosen.self_play, 0 if last is None else int(last.stem))
+    drawn = chosen.drawn_environment(snapshots.files if snapshots else ())
+    env = F1TenthVecEnv(chosen.worlds, threads=chosen.threads, **drawn)
     try:
+        if snapshots is not None:
+            replace(env.policy_interface, privileged=()).require_on_board()  # of the cars that snapshots drive
         model = _new_model(chosen, env) if last is None else _old_model(chosen, env, last)
         folder.mkdir(parents=True, exist_ok=True)
         record = Record(folder, model, chosen, env.policy_interface)
         record.write_settings()
         model.set_logger(Logger(str(folder / LOG), record.formats()))
-        recording = Recording(record, watch)
+        own = [Recording(record, watch), *([] if snapshots is None else [SelfPlaying(record, env, snapshots)])]
         if model.num_timesteps < chosen.steps:
             try:
                 model.learn(
-                    chosen.steps - model.num_timesteps, callback=[recording, *callbacks],
+                    chosen.steps - model.num_timesteps, callback=[*own, *callbacks],
                     reset_num_timesteps=last is None,
                 )  # fmt: skip
             finally:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 from ..errors import SettingsError, accepted_names
 from ..messages import require, require_whole, shown
 from ..simulation.settings import known_settings
 from .environment_settings import EnvironmentSettings
+from .self_play import USUAL_RACE, SelfPlay
 
 SETTINGS, PROGRESS, CHECKPOINTS, LOG = "training.json", "progress.jsonl", "checkpoints", "log"
 """Files and folders of a training."""
@@ -92,11 +94,15 @@ class TrainingSettings:
     threads: int = 1  # that step the worlds, and that torch computes with
     checkpoints: int = 20  # how many are written, evenly
     ppo: PPO = field(default_factory=PPO)
+    self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
 
     def __post_init__(self) -> None:
         if not isinstance(self.environment, Mapping):
             raise SettingsError(f"environment is {shown(self.environment)}; accepted: settings by name")
-        object.__setattr__(self, "environment", dict(USUAL_ENVIRONMENT) | dict(self.environment))
+        if isinstance(self.self_play, Mapping):
+            object.__setattr__(self, "self_play", SelfPlay(**known_settings(self.self_play, SelfPlay, "self_play")))
+        usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
+        object.__setattr__(self, "environment", usual | dict(self.environment))
         if isinstance(self.ppo, Mapping):
             object.__setattr__(self, "ppo", PPO(**known_settings(self.ppo, PPO, "ppo")))
         for name in ("steps", "worlds", "threads", "checkpoints"):
@@ -105,7 +111,20 @@ class TrainingSettings:
         if self.worlds * self.ppo.n_steps % self.ppo.minibatches:
             said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
             raise SettingsError(f"{said}; accepted: a divisor of that")
-        EnvironmentSettings.of(self.environment).make_world()  # refuses what cannot be driven before torch is imported
+        environment = EnvironmentSettings.of(self.drawn_environment())
+        environment.make_world()  # refuses what cannot be driven before torch is imported
+
+    def drawn_environment(self, snapshots: Sequence[Path] = ()) -> dict[str, Any]:
+        """Return the settings of the environment, with a pool of opponents for self-play.
+
+        Args:
+          snapshots: earlier versions of the policy.
+
+        Raises:
+          SettingsError: self-play without opponents.
+        """
+        own = dict(self.environment)
+        return own if self.self_play is None else self.self_play.environment(own, snapshots)
 
     def described(self) -> dict[str, Any]:
         """Return the settings as JSON takes them."""
