@@ -71,6 +71,9 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         name="map", centreline=track.centreline, width_right=track.width_right, width_left=track.width_left,
         wall_right=track.right_wall, wall_left=track.left_wall,
     )  # fmt: skip
+    recorded = tmp_path_factory.mktemp("shown") / "recorded"
+    fg.rollout("oval", n=2, laps=1, time_limit=0.1, record="scans:100", out=recorded, workers=1)
+    dataset = fg.read_dataset(recorded)
     failure = PlannerFailure(
         error="ZeroDivisionError: " + "x" * 900, time_s=1.0, file="a.py", line=3, traceback="a\nb\n" * 99,
         whole_traceback="c\n" * 999, scan=scan, odometry=odometry,
@@ -79,7 +82,8 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         several, *several.cars, *entries, entries[1].world_car(), contact,
         fg.Overtake(time_s=1.0, by="a", of="b", s_m=1 / 3),
         track, map_track, fg.load_track("scene:slow_leader:1"), lap, crashed, lap.world, lap.world.car, comparison,
-        worlds, simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
+        worlds, dataset, next(iter(dataset)),
+        simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
         fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,
         lap.world.parameters, track.map_line,
         simulation.engine.beams, simulation.engine.beams.geometry, LapTimer(track), TireSlipMeter(model, "car/"),

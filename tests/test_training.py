@@ -69,6 +69,29 @@ def test_a_training_goes_on_and_its_folder_is_a_planner(train, tmp_path):
         train(folder, steps=512, **{**SMALL, "ppo": {**SMALL["ppo"], "gamma": 0.9}})
 
 
+def test_a_training_starts_from_the_weights_of_another(train, tmp_path):
+    """One whose learning rate is as good as nothing stays what it starts from, with other rewards."""
+    first = tmp_path / "first"
+    train(first, steps=64, **SMALL)
+    slow = {**SMALL["ppo"], "learning_rate": 1e-12}
+    rewards = {**SMALL["environment"], "rewards": {"sliding": 20.0, "bounded": False}}
+    train(tmp_path / "second", steps=64, start_from=first, **{**SMALL, "environment": rewards, "ppo": slow})
+    train(tmp_path / "fresh", steps=64, **{**SMALL, "environment": rewards, "ppo": slow})
+    seen = np.ones(21, np.float32)
+    own, second, fresh = (read_policy(tmp_path / name).act(seen) for name in ("first", "second", "fresh"))
+    np.testing.assert_allclose(second, own, atol=1e-6)
+    assert np.abs(fresh - own).max() > 1e-4
+    for change, said in (
+        ({"observation": "beams:21,speed,flat"}, r"observation beams:20,speed,flat, not beams:21,speed,flat; accepted"),
+        ({"privileged": "mu,slip"}, r"size mismatch"),
+    ):
+        with pytest.raises(fg.ControllerError, match=said):
+            environment = {**SMALL["environment"], **change}
+            train(tmp_path / "other", steps=64, start_from=str(first), **{**SMALL, "environment": environment})
+    with pytest.raises(fg.SettingsError, match="where no checkpoint is; accepted: the folder of a training"):
+        train(tmp_path / "other", steps=64, start_from=tmp_path, **SMALL)
+
+
 def test_the_same_training_has_the_same_bits(train, tmp_path):
     folders = [tmp_path / "one", tmp_path / "other"]
     for folder in folders:

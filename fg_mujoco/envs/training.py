@@ -31,6 +31,7 @@ from ..messages import shown
 from ..racing.run_folder import check_run_folder
 from ..simulation.settings import known_settings
 from .policy_files import read_content
+from .policy_interface import PolicyInterface
 from .self_play import Snapshots
 from .stable_baselines3_policy import load_model, restore_normalize, zip_description
 from .training_settings import CHECKPOINTS, LOG, MAY_CHANGE, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings
@@ -126,7 +127,7 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
     names = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "max_grad_norm",
              "target_kl")  # fmt: skip
     env.seed(settings.seed)
-    return stable_baselines3.PPO(
+    model = stable_baselines3.PPO(
         _policy_class(env), _normalised(settings, env),
         learning_rate=LinearSchedule(own.learning_rate, 0.05 * own.learning_rate, 1.0),
         batch_size=own.n_steps * settings.worlds // own.minibatches,
@@ -135,6 +136,28 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
         },
         seed=settings.seed, device="cpu", **{name: getattr(own, name) for name in names},
     )  # fmt: skip
+    weights = settings.first_weights()
+    if weights is not None:
+        _take_weights(model, env.policy_interface, weights)
+    return model
+
+
+def _take_weights(model: Any, interface: PolicyInterface, file: Path) -> None:
+    """Give an algorithm the weights of a policy.zip.
+
+    Raises:
+      ControllerError: the policy sees or answers something else, or has another network; both are named.
+    """
+    content = read_content(file)
+    try:
+        described = zip_description(content)
+        trained, now = (each.described() for each in (PolicyInterface.read(described["interface"]), interface))
+        for name in (each for each in now if each not in ("privileged", "car") and now[each] != trained[each]):
+            raise SettingsError(f"its policy has {name} {trained[name]}, not {now[name]}; accepted: the same")
+        model.policy.load_state_dict(load_model(content, described).policy.state_dict())
+    except (SettingsError, RuntimeError, KeyError) as error:
+        said = " ".join(str(error).split())
+        raise ControllerError(f"start_from {file}: {said}") from error
 
 
 def _policy_class(env: F1TenthVecEnv) -> Any:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..course.files import is_file
 from ..errors import SettingsError, accepted_names
 from ..messages import require, require_whole, shown
 from ..simulation.settings import known_settings
@@ -95,6 +96,7 @@ class TrainingSettings:
     checkpoints: int = 20  # how many are written, evenly
     ppo: PPO = field(default_factory=PPO)
     self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
+    start_from: str | None = None  # folder of another training, or a policy.zip, whose weights are the first ones
 
     def __post_init__(self) -> None:
         if not isinstance(self.environment, Mapping):
@@ -108,6 +110,9 @@ class TrainingSettings:
         for name in ("steps", "worlds", "threads", "checkpoints"):
             require_whole(name, getattr(self, name), 1)
         require_whole("seed", self.seed, 0)
+        if self.start_from is not None:
+            object.__setattr__(self, "start_from", str(self.start_from))
+            self.first_weights()  # refuses what has none
         if self.worlds * self.ppo.n_steps % self.ppo.minibatches:
             said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
             raise SettingsError(f"{said}; accepted: a divisor of that")
@@ -125,6 +130,20 @@ class TrainingSettings:
         """
         own = dict(self.environment)
         return own if self.self_play is None else self.self_play.environment(own, snapshots)
+
+    def first_weights(self) -> Path | None:
+        """Return the file of `start_from`: of a training's folder its last checkpoint; None: weights are drawn.
+
+        Raises:
+          SettingsError: there is none.
+        """
+        if self.start_from is None or is_file(self.start_from):
+            return None if self.start_from is None else Path(self.start_from)
+        found = sorted((Path(self.start_from) / CHECKPOINTS).glob("*.zip"))
+        if not found:
+            said = f"start_from is {shown(self.start_from)}, where no checkpoint is"
+            raise SettingsError(f"{said}; accepted: the folder of a training, or a policy.zip")
+        return found[-1]
 
     def described(self) -> dict[str, Any]:
         """Return the settings as JSON takes them."""
