@@ -276,9 +276,21 @@ FAULTS = {
     # envs
     "a crash that is rewarded": Fault(
         file="fg_mujoco/envs/reward_kernels.py",
-        old="rewards[i] = reward - weights[1] if crashed[i] else reward",
-        new="rewards[i] = reward + weights[1] if crashed[i] else reward",
+        old="terms[0, 1, i], terms[0, 3, i] = -weights[1], 0.0 - weights[3] * impacts[i]",
+        new="terms[0, 1, i], terms[0, 3, i] = weights[1], 0.0 - weights[3] * impacts[i]",
         tests="test_environment.py test_gym_environment.py test_gym_vector.py",
+    ),
+    "a running cost that takes more than a tick gains": Fault(
+        file="fg_mujoco/envs/reward_kernels.py",
+        old="slid = min(slid, share * max(made, 0.0))",
+        new="slid = min(slid, 2.0 * share * max(made, 0.0))",
+        tests="test_gym_environment.py test_reward_returns.py",
+    ),
+    "a history with the newest step first": Fault(
+        file="fg_mujoco/envs/observer.py",
+        old="steps[i, place, k] = value if fresh[i] else steps[i, place + 1, k]",
+        new="steps[i, place + 1, k] = value if fresh[i] else steps[i, place, k]",
+        tests="test_policy_interface.py",
     ),
     "actions that are not held within their bounds": Fault(
         file="fg_mujoco/envs/reward_kernels.py",
