@@ -409,8 +409,15 @@ def make(fault: Fault, folder: Path) -> str:
     text = path.read_text("utf-8")
     if text.count(fault.old) != 1:
         raise SystemExit(f"faults: {fault.file} has {text.count(fault.old)} times {fault.old!r}; accepted: once")
-    path.write_text(text.replace(fault.old, fault.new), "utf-8")
+    write(path, text.replace(fault.old, fault.new))
     return text
+
+
+def write(path: Path, text: str) -> None:
+    """Write a module, and forget its bytecode: within a second a text of the same length would be taken for the old."""
+    path.write_text(text, "utf-8")
+    for stale in (path.parent / "__pycache__").glob(f"{path.stem}.*.pyc"):
+        stale.unlink()
 
 
 def first_failure(tests: list[str], folder: Path, without: list[str] | None = None) -> str | None:
@@ -450,7 +457,7 @@ def main() -> int:
             while True:
                 text = make(fault, folder)
                 by = first_failure(tests, folder, failing)
-                (folder / fault.file).write_text(text, "utf-8")
+                write(folder / fault.file, text)
                 if by is None or first_failure([by], folder) is None:
                     break
                 if by in failing:
