@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
-from ..messages import ODOMETRY, CarParameters, FloatArray, shown
+from ..messages import CarParameters, FloatArray, shown
 from ..registry import Registry
 from .tick_state import SensedState
 
@@ -239,22 +239,3 @@ def slip(state: SensedState) -> FloatArray:
 def mu(state: SensedState) -> FloatArray:
     """Coefficient of friction of the floor, besides patches. A car does not know it."""
     return state.mu
-
-
-def _column(name: str) -> int:
-    """Return where a field of ODOMETRY begins in a row of its numbers, all of which are float64."""
-    assert ODOMETRY.fields is not None
-    return int(ODOMETRY.fields[name][1]) // np.dtype(np.float64).itemsize
-
-
-_AHEAD, _WHEELS = _column("linear_acceleration"), _column("wheel_speeds")
-_COLUMNS = {
-    "speed": [_column("speed")],
-    "yaw_rate": [_column("angular_velocity") + 2],  # about the z axis
-    "steering_angle": [_column("steering_angle")],
-    "acceleration": [_AHEAD, _AHEAD + 1],
-    "wheel_speeds": list(range(_WHEELS, _WHEELS + 4)),
-}
-"""Where the numbers of each sensor are in a row of ODOMETRY."""
-
-
