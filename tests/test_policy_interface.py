@@ -128,6 +128,30 @@ def test_history_delay_scale_and_order_are_those_of_the_plain_parts():
     assert env.observation_space.contains(seen[1]) and env.observation_space.shape == (27,)
 
 
+def test_a_part_has_a_history_of_its_own():
+    """By hand: three speeds that are four steps apart beside the scan of the present, in both forms."""
+    settings = {"start": "line", "action_repeat": 2}
+    plain = F1TenthEnv(observation="beams:5,speed,yaw_rate", **settings)
+    text = "beams:5,speed:history=3:every=4,yaw_rate:history=1,history:2"
+    flat, parts = (F1TenthEnv(observation=text + form, **settings) for form in (",flat", ""))
+    envs, rng, rows = (plain, flat, parts), np.random.default_rng(0), []
+    seen = [env.reset(seed=0)[0] for env in envs]
+    for step in range(14):
+        if step == 11:
+            rows, seen = [], [env.reset(seed=1)[0] for env in envs]
+        rows.append(seen[0])
+        speeds = [rows[max(len(rows) - 1 - k, 0)]["speed"] for k in (8, 4, 0)]
+        scans = [rows[max(len(rows) - 1 - k, 0)]["scan"] for k in (1, 0)]
+        np.testing.assert_array_equal(seen[1], np.concatenate([*scans, *speeds, seen[0]["yaw_rate"]]))
+        np.testing.assert_array_equal(seen[2]["speed"], speeds)
+        np.testing.assert_array_equal(seen[2]["scan"], scans)
+        np.testing.assert_array_equal(seen[2]["yaw_rate"], seen[0]["yaw_rate"])
+        action = rng.uniform((-0.2, 1.0), (0.2, 3.0)).astype(np.float32)
+        seen = [env.step(action)[0] for env in envs]
+    assert flat.observation_space.contains(seen[1]) and flat.observation_space.shape == (14,)
+    assert flat.policy_interface.described()["observation"] == text + ",flat"
+
+
 def test_noise_is_drawn_from_the_seed_and_the_same_in_any_batch():
     settings = {"beam_step": 540, "start": "line", "observation": "speed:noise=0.1,steering,scan:noise=0.5,flat"}
     env = F1TenthVectorEnv(3, threads=1, **settings)
@@ -270,6 +294,9 @@ BAD = [
     ({"observation": "speed:max=3"}, "of the scan only"),
     ({"observation": "speed,history:x"}, "history:K"),
     ({"observation": "speed,history:0"}, "a whole number from 1"),
+    ({"observation": "speed:history=2.5"}, "a whole number"),
+    ({"observation": "speed:every=4"}, "with history=2 or more"),
+    ({"observation": "speed:history=100:every=20"}, r"\(history - 1\) \* every up to 1000"),
     ({"observation": "flat"}, "no part"),
     ({"privileged": "speed"}, "pose"),
     ({"privileged": "mu,mu"}, "twice"),

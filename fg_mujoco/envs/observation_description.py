@@ -10,6 +10,8 @@ The text lists parts and words, with commas between them. A part is a name, with
 | `max=` | of the scan: a greater distance reads this [m] |
 | `delay=` | the value is so old [s], rounded up to whole ticks; before there is one that old, its first |
 | `noise=` | standard deviation of Gaussian noise, in the unit of the part |
+| `history=K` | the part at K steps of the environment, oldest first, instead of the word's |
+| `every=N` | these are N steps apart, and the last one is the present: `speed:history=32:every=8` |
 
 Words, which apply to all parts:
 
@@ -17,7 +19,7 @@ Words, which apply to all parts:
 | --- | --- |
 | `history:K` | the parts at the last K steps of the environment, oldest first; the first fills what is before it |
 | `normalised` | each part over a fixed scale (`SCALES`), about -1 to 1; a scan's distance d is d / (1 m + d) |
-| `flat` | one vector of all parts, in their order; of a history, step after step |
+| `flat` | one vector of all parts, in their order; of a history step after step, or part after part |
 
 Delay and noise imitate a car's sensors. They are part of the environment only: a policy that drives has the sensors
 themselves. Noise is drawn from the episode's seed.
@@ -42,6 +44,9 @@ LONGEST_DELAY = 1.0
 
 LONGEST_HISTORY = 100
 
+LONGEST_MEMORY = 1000
+"""Greatest number of steps between the oldest and the present value of a part."""
+
 SHORT = {"steering": "steering_angle", "offset": "cross_track_error"}
 """Short names of parts."""
 
@@ -49,7 +54,8 @@ _ACCEPTED = (
     "names of parts with their options, as in 'beams:108:max=10,speed:delay=0.05:noise=0.1', and the words history:K, "
     "normalised, flat; a list of these and of ObservationTerms; or an Observation"
 )
-_OPTIONS = {"max": "greatest", "delay": "delay", "noise": "noise"}
+_OPTIONS = {"max": "greatest", "delay": "delay", "noise": "noise", "history": "history", "every": "every"}
+_WHOLE = ("history", "every")  # options that are whole numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +71,18 @@ class Part:
     greatest: float | None = None  # [m] of the scan: a greater distance reads this; None: the LiDAR's range_max
     delay: float = 0.0  # [s]
     noise: float = 0.0  # standard deviation, in the unit of the part
+    history: int | None = None  # how many steps of the environment are seen; None: as of the whole observation
+    every: int = 1  # how many steps these are apart
 
     def __post_init__(self) -> None:
         require_whole("beams", self.beams, 1, optional=True)
+        require_whole("history", self.history, 1, LONGEST_HISTORY, optional=True)
+        require_whole("every", self.every, 1)
+        if self.every > 1 and (self.history or 1) < 2:
+            raise SettingsError(f"observation {self.name!r} with every={self.every}; accepted: with history=2 or more")
+        if (reach := ((self.history or 1) - 1) * self.every) > LONGEST_MEMORY:
+            said = f"observation {self.name!r} reaches back {reach} steps"
+            raise SettingsError(f"{said}; accepted: (history - 1) * every up to {LONGEST_MEMORY}")
         accepted = f"0 to {LONGEST_DELAY:g} s"
         require(self, lambda value: 0.0 <= value <= LONGEST_DELAY, accepted, ("delay",), SettingsError)
         require(self, lambda value: 0.0 <= value < math.inf, "a finite number from 0 on", ("noise",), SettingsError)
@@ -83,8 +98,9 @@ class Part:
 
     def __str__(self) -> str:
         said = self.name if self.beams is None else f"beams:{self.beams}"
-        options = (("max", self.greatest), ("delay", self.delay), ("noise", self.noise))
-        return said + "".join(f":{name}={value!r}" for name, value in options if value)
+        options = {"max": self.greatest, "delay": self.delay, "noise": self.noise, "history": self.history}
+        every = {"every": self.every} if self.every > 1 else {}
+        return said + "".join(f":{name}={value!r}" for name, value in (options | every).items() if value)
 
     @classmethod
     def of(cls, given: Any) -> Part:
@@ -110,8 +126,8 @@ class Part:
             key, equals, value = (piece.strip() for piece in option.partition("="))
             if key not in _OPTIONS or not equals or _OPTIONS[key] in values:
                 said = f"observation {given!r} has the option {option!r}"
-                raise SettingsError(f"{said}; accepted: max=NUMBER, delay=NUMBER, noise=NUMBER, each once")
-            values[_OPTIONS[key]] = _number(value, given)
+                raise SettingsError(f"{said}; accepted: {', '.join(f'{name}=NUMBER' for name in _OPTIONS)}, each once")
+            values[_OPTIONS[key]] = _number(value, given, whole=key in _WHOLE)
         term = OBSERVATIONS.find(SHORT.get(name, name), f", beams:N, {', '.join(SHORT)}, or an ObservationTerm")
         return cls(term=term, **values)
 
@@ -173,7 +189,7 @@ class Observation:
     @property
     def plain(self) -> bool:
         """Whether it is what the sensors read now, part by part."""
-        changed = any(part.delay or part.noise for part in self.parts)
+        changed = any(part.delay or part.noise or part.history for part in self.parts)
         return not (changed or self.history > 1 or self.normalised or self.flat)
 
 
@@ -225,8 +241,9 @@ def even_beams(count: int, chosen: int) -> NDArray[np.int64]:
     return right
 
 
-def _number(text: str, given: str) -> float:
+def _number(text: str, given: str, *, whole: bool) -> float:
     try:
-        return float(text)
+        return int(text) if whole else float(text)
     except ValueError as error:
-        raise SettingsError(f"observation {given!r} has {text!r}; accepted: a number") from error
+        accepted = "a whole number" if whole else "a number"
+        raise SettingsError(f"observation {given!r} has {text!r}; accepted: {accepted}") from error

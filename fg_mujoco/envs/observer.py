@@ -248,16 +248,19 @@ class Frames:
             self._scale = np.ones_like(self._scale)
         width = len(self._scale)
         self._delayed = np.zeros((count, max(delays) + 1, width), np.float32)  # of the last ticks, the newest first
-        self._frame = np.zeros((count, width), np.float32)
-        self._steps = np.zeros((count, observation.history, width), np.float32)  # the oldest first
         self._fresh = np.ones(count, np.bool_)
         self._generators: list[np.random.Generator | None] = [None] * count
-        ends = np.stack((self._low, self._high))[:, np.newaxis]
-        every = np.ones(2, np.bool_)
-        scaled = np.zeros_like(ends)
-        remember(every, every, ends[:, 0], self._scale, self._saturates, True, scaled)
-        ends = scaled[:, 0]
-        shaped = self._shaped(np.repeat(ends[:, np.newaxis], observation.history, axis=1))
+        spans = {name: _span(own.get(name), observation) for name in raw}
+        self._together = len(set(spans.values())) == 1  # then a flat history is step after step
+        columns = np.repeat(np.arange(len(raw)), list(self._sizes.values()))
+        self._memories: list[tuple[list[str], Memory]] = []
+        for span in dict.fromkeys(spans.values()):
+            names = [name for name in raw if spans[name] == span]
+            chosen = np.flatnonzero(np.isin(columns, [list(raw).index(name) for name in names]))
+            self._memories.append((names, Memory(count, chosen, *span)))
+        ends = np.stack((self._low, self._high))
+        scale(np.ones(2, np.bool_), self._scale, self._saturates, ends)
+        shaped = self._shaped([np.repeat(ends[:, np.newaxis, m.columns], m.length, axis=1) for _, m in self._memories])
         self.bounds: dict[str, Bounds] | Bounds
         if isinstance(shaped, dict):
             self.bounds = {name: Bounds(low=low, high=high) for name, (low, high) in shaped.items()}
@@ -282,21 +285,56 @@ class Frames:
                 assert generator is not None
                 frame[row, self._noisy] += self._noise[self._noisy] * generator.standard_normal(len(self._noisy))
             np.clip(frame, self._low, self._high, out=frame)
-        remember(which, self._fresh, frame, self._scale, self._saturates, step, self._steps)
         if step:
+            scale(which, self._scale, self._saturates, frame)
+            for _, memory in self._memories:
+                memory.write(which, self._fresh, frame)
             self._fresh[which] = False
-        seen: Seen = self._shaped(self._steps.copy())
+        seen: Seen = self._shaped([memory.read() for _, memory in self._memories])
         return seen
 
-    def _shaped(self, steps: Values) -> Any:
-        """Return an array (n, history, width) in the form of the observation."""
-        if self._observation.flat:
-            return steps.reshape(len(steps), -1)
-        ends = np.cumsum(list(self._sizes.values())).tolist()
-        return {
-            name: np.ascontiguousarray(part[:, 0] if self._observation.history == 1 else part)
-            for name, part in zip(self._sizes, np.split(steps, ends[:-1], axis=2), strict=True)
-        }
+    def _shaped(self, remembered: Sequence[Values]) -> Any:
+        """Return what each memory has (n, length, its width) in the form of the observation."""
+        if self._observation.flat and self._together:
+            return remembered[0].reshape(len(remembered[0]), -1)
+        found: Observed = {}
+        for (names, memory), steps in zip(self._memories, remembered, strict=True):
+            ends = np.cumsum([self._sizes[name] for name in names]).tolist()
+            for name, part in zip(names, np.split(steps, ends[:-1], axis=2), strict=True):
+                found[name] = np.ascontiguousarray(part[:, 0] if memory.length == 1 else part)
+        found = {name: found[name] for name in self._sizes}
+        if not self._observation.flat:
+            return found
+        return np.concatenate([part.reshape(len(part), -1) for part in found.values()], axis=1)
+
+
+class Memory:
+    """Some columns of the frames of n cars, at steps that are evenly apart.
+
+    Args:
+      count: of cars, n.
+      columns: of a frame (width,).
+      length: how many steps are read.
+      every: how many steps these are apart.
+
+    Attributes:
+      columns, length: as given.
+    """
+
+    def __init__(self, count: int, columns: NDArray[np.int64], length: int, every: int) -> None:
+        self.columns, self.length, self._every = columns, length, every
+        self._ring = np.zeros((count, (length - 1) * every + 1, len(columns)), np.float32)
+        self._last = np.zeros(count, np.int64)  # where in its ring each car's present frame is
+
+    def write(self, which: Mask, fresh: Mask, frame: Values) -> None:
+        """Remember the frames (n, all columns) of the cars `which` (n,); those of `fresh` ones are all that was."""
+        remember(which, fresh, frame, self.columns, self._ring, self._last)
+
+    def read(self) -> Values:
+        """Return the steps of all cars, the oldest first, a new array. Shape (n, length, width)."""
+        found = np.empty((len(self._ring), self.length, len(self.columns)), np.float32)
+        recall(self._ring, self._last, self._every, found)
+        return found
 
 
 @kernel
@@ -324,25 +362,43 @@ def shift(
 
 
 @kernel
-def remember(
-    which: Mask, fresh: Mask, frame: Values, scale: Values, saturates: Mask, step: bool, steps: NDArray[np.float32]
-) -> None:
-    """Write the frames (n, width), scaled, as the last of `steps` (n, history, width); the first one fills all.
-
-    Where `saturates` (width,) is set, x becomes x / (1 + x), of which the scale is not used.
-    """
-    if not step:
-        return
-    last = steps.shape[1] - 1
+def scale(which: Mask, scales: Values, saturates: Mask, frame: Values) -> None:
+    """Scale the frames (n, width). Where `saturates` (width,) is set, x becomes x / (1 + x), without a scale."""
     for i in range(len(which)):
         if which[i]:
             for k in range(frame.shape[1]):
-                value = frame[i, k] * scale[k]
                 if saturates[k]:
-                    value = frame[i, k] / (np.float32(1.0) + frame[i, k])
-                for place in range(last):
-                    steps[i, place, k] = value if fresh[i] else steps[i, place + 1, k]
-                steps[i, last, k] = value
+                    frame[i, k] = frame[i, k] / (np.float32(1.0) + frame[i, k])
+                else:
+                    frame[i, k] *= scales[k]
+
+
+@kernel
+def remember(
+    which: Mask, fresh: Mask, frame: Values, columns: NDArray[np.int64], ring: NDArray[np.float32],
+    last: NDArray[np.int64],
+) -> None:  # fmt: skip
+    """Write some columns of the frames (n, all) to the rings (n, places, width); the first one fills all places."""
+    places = ring.shape[1]
+    for i in range(len(which)):
+        if which[i]:
+            last[i] = (last[i] + 1) % places
+            for place in range(places) if fresh[i] else range(last[i], last[i] + 1):
+                for k in range(len(columns)):
+                    ring[i, place, k] = frame[i, columns[k]]
+
+
+@kernel
+def recall(
+    ring: NDArray[np.float32], last: NDArray[np.int64], every: int, found: NDArray[np.float32]
+) -> None:
+    """Write to `found` (n, length, width) what the rings (n, places, width) have, the oldest first."""
+    places = ring.shape[1]
+    for i in range(len(ring)):
+        for step in range(found.shape[1]):
+            place = (last[i] + 1 + step * every) % places
+            for k in range(found.shape[2]):
+                found[i, step, k] = ring[i, place, k]
 
 
 _NO_ACTIONS = np.zeros((0, 2))
@@ -393,6 +449,13 @@ def _seen_beams(observation: Observation, count: int, beam_step: int) -> NDArray
     if not 1 <= beam_step <= middle:
         raise SettingsError(f"beam_step is {beam_step!r}; accepted: a whole number from 1 to {middle}")
     return np.arange(middle % beam_step, count, beam_step)
+
+
+def _span(part: Part | None, observation: Observation) -> tuple[int, int]:
+    """Return how many steps of a part, or of a sensor besides, are seen, and how many steps these are apart."""
+    if part is None or part.history is None:
+        return observation.history, 1
+    return part.history, part.every
 
 
 def _scale(name: str, bounds: Bounds) -> Values:
