@@ -20,7 +20,7 @@ from .out import STUDY, add_out_options
 from .progress import clock, shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
-_OWN = ("steps", "worlds", "seed", "threads", "checkpoints", "start_from")
+_OWN = ("steps", "worlds", "seed", "threads", "checkpoints", "start_from", "estimate")
 
 
 def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
@@ -41,6 +41,7 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add("--seed", type=whole, metavar="K", help="of the worlds and of the network; default: 0")
     add("--threads", type=whole, metavar="N", help="that drive the worlds, and that torch has; default: 1")
     add("--start-from", metavar="PATH", help="begin with the weights of another training's folder, or of a policy.zip")
+    add("--estimate", type=names_in, metavar="LIST", help="privileged terms that the actor gets estimates of, as mu")
     add("--checkpoints", type=whole, metavar="N", help="how many are written; default: 20")
     add(
         "--env", action="append", default=[], metavar="NAME=VALUE",

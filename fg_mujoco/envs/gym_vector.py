@@ -77,6 +77,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
         self._episodes = Episodes(chosen, self._worlds)
         self.policy_interface = self._episodes.interface
+        self.privileged_parts, self.present = self._episodes.observer.privileged_parts, self._episodes.observer.present
         self.metadata = F1TenthEnv.metadata | {
             "autoreset_mode": self._mode, "render_modes": ["rgb_array"],
             "render_fps": frames_per_second(self.policy_interface),

@@ -116,16 +116,23 @@ def onnx_of_network(
 
     flat = [add("Flatten", [name], axis=1) for name in inputs]
     now = flat[0] if len(flat) == 1 else add("Concat", flat, axis=1)
-    if network.normaliser is not None:
-        own = network.normaliser
-        now = add("Div", [add("Sub", [now, constant(own.mean)]), constant(own.std)])
-        now = add("Clip", [now, constant(-own.clip), constant(own.clip)])
-    for layer in network.layers:
-        now = add("Gemm", [now, constant(layer.weights), constant(layer.bias)], transB=1)
-        if layer.activation == "silu":
-            now = add("Mul", [now, add("Sigmoid", [now])])
-        elif layer.activation != "none":
-            now = add(_OPERATORS[layer.activation], [now])
+
+    def through(own: Perceptron, now: str) -> str:
+        if own.normaliser is not None:
+            mean, std, clip = own.normaliser.mean, own.normaliser.std, own.normaliser.clip
+            now = add("Div", [add("Sub", [now, constant(mean)]), constant(std)])
+            now = add("Clip", [now, constant(-clip), constant(clip)])
+        if own.estimator is not None:
+            now = add("Concat", [now, through(own.estimator, now)], axis=1)
+        for layer in own.layers:
+            now = add("Gemm", [now, constant(layer.weights), constant(layer.bias)], transB=1)
+            if layer.activation == "silu":
+                now = add("Mul", [now, add("Sigmoid", [now])])
+            elif layer.activation != "none":
+                now = add(_OPERATORS[layer.activation], [now])
+        return now
+
+    now = through(network, now)
     nodes.append(helper.make_node("Identity", [now], ["action"]))
     real = onnx.TensorProto.FLOAT
     graph = helper.make_graph(

@@ -102,21 +102,26 @@ class Perceptron:
 
     layers: tuple[Layer, ...]
     normaliser: Normaliser | None = None
+    estimator: Perceptron | None = None  # of the normalised inputs; its outputs are inputs besides, after these
 
     def __post_init__(self) -> None:
         if not self.layers:
             raise SettingsError("a network has no layer; accepted: one or more")
-        widths = [self.inputs, *(len(layer.bias) for layer in self.layers)]
+        own, more = self.estimator, 0 if self.estimator is None else self.estimator.outputs
+        widths = [self.inputs + more, *(len(layer.bias) for layer in self.layers)]
         taken = [layer.weights.shape[1] for layer in self.layers]
         if taken != widths[:-1] or (self.normaliser is not None and len(self.normaliser.mean) != self.inputs):
             raise SettingsError(f"the layers of a network give {widths[1:]} and take {taken}; accepted: as many each")
+        if own is not None and own.inputs != self.inputs:
+            said = f"the estimator of a network takes {own.inputs} numbers, the network {self.inputs} and {more} of it"
+            raise SettingsError(f"{said}; accepted: the same ones")
         columns = [np.ascontiguousarray(layer.weights.T) for layer in self.layers]  # whose sum down goes in order
         object.__setattr__(self, "_columns", columns)
 
     @property
     def inputs(self) -> int:
         """How many numbers it takes."""
-        return int(self.layers[0].weights.shape[1])
+        return int(self.layers[0].weights.shape[1]) - (0 if self.estimator is None else self.estimator.outputs)
 
     @property
     def outputs(self) -> int:
@@ -128,6 +133,8 @@ class Perceptron:
         found: Values = np.asarray(values, np.float32)
         if self.normaliser is not None:
             found = self.normaliser(found)
+        if self.estimator is not None:
+            found = np.concatenate((found, self.estimator(found)))
         with np.errstate(over="ignore"):
             for layer, columns in zip(self.layers, self._columns, strict=True):  # type: ignore[attr-defined]
                 found = np.add.reduce(found[:, np.newaxis] * columns, axis=0) + layer.bias
@@ -138,6 +145,8 @@ class Perceptron:
     def of_each(self, values: Values) -> Values:
         """Return the outputs (n, outputs) for inputs (n, inputs): in each row the bits of a call with that row."""
         found = values if self.normaliser is None else self.normaliser(values)
+        if self.estimator is not None:
+            found = np.concatenate((found, self.estimator.of_each(found)), axis=1)
         with np.errstate(over="ignore"):
             for layer, columns in zip(self.layers, self._columns, strict=True):  # type: ignore[attr-defined]
                 sums = np.empty((len(found), len(layer.bias)), np.float32)
@@ -155,7 +164,8 @@ class Perceptron:
         ]
         own = self.normaliser
         normaliser = own and {"mean": _text(own.mean), "std": _text(own.std), "clip": own.clip}
-        return {"layers": layers, "normaliser": normaliser}
+        estimator = {} if self.estimator is None else {"estimator": self.estimator.described()}
+        return {"layers": layers, "normaliser": normaliser} | estimator
 
     @classmethod
     def read(cls, described: Mapping[str, Any]) -> Perceptron:
@@ -173,12 +183,14 @@ class Perceptron:
             normaliser = None
             if own is not None:
                 normaliser = Normaliser(mean=_array(own["mean"]), std=_array(own["std"]), clip=float(own["clip"]))
+            inner = described.get("estimator")
+            estimator = None if inner is None else cls.read(inner)
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError, binascii.Error) as error:
             if isinstance(error, SettingsError):
                 raise
             said = f"a network is damaged ({type(error).__name__}: {error})"[:300]
             raise SettingsError(f"{said}; accepted: layers and a normaliser, as saved") from error
-        return cls(layers=layers, normaliser=normaliser)
+        return cls(layers=layers, normaliser=normaliser, estimator=estimator)
 
 
 @kernel

@@ -184,7 +184,7 @@ class _AsymmetricExtractor(torch.nn.Module):  # type: ignore[misc]
         super().__init__()
         actor, critic = (MlpExtractor(size, net_arch, activation_fn, device) for size in (sum(seen), len(seen)))
         self.policy_net, self.value_net = actor.policy_net, critic.value_net
-        self.register_buffer("_seen", torch.tensor(np.flatnonzero(seen)), persistent=False)
+        self.register_buffer("seen", torch.tensor(np.flatnonzero(seen)), persistent=False)
         self.latent_dim_pi, self.latent_dim_vf = actor.latent_dim_pi, critic.latent_dim_vf
 
     def forward(self, features: Any) -> tuple[Any, Any]:
@@ -193,7 +193,7 @@ class _AsymmetricExtractor(torch.nn.Module):  # type: ignore[misc]
 
     def forward_actor(self, features: Any) -> Any:
         """Return the last hidden layer of the actor."""
-        return self.policy_net(features[:, self._seen])
+        return self.policy_net(features[:, self.seen])
 
     def forward_critic(self, features: Any) -> Any:
         """Return the last hidden layer of the critic."""

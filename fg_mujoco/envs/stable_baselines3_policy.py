@@ -221,6 +221,27 @@ def network_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[st
         mean, std = (np.concatenate([statistics[name][i].ravel() for name in inputs]) for i in (0, 1))
         normaliser = Normaliser(mean=mean, std=std, clip=clip)
     modules, last = _modules_of(policy)
+    layers = _layers_of(modules)
+    if last is not None and layers:
+        layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation="tanh")
+        layers.append(last)
+    own = getattr(policy, "estimator", None)
+    if own is None:
+        return Perceptron(layers=tuple(layers), normaliser=normaliser)
+    estimator = Perceptron(layers=tuple(_layers_of(_flat(own))))
+    first, present = layers[0], [*policy.present, *range(estimator.inputs, estimator.inputs + estimator.outputs)]
+    weights = np.zeros((len(first.bias), present[-1] + 1), np.float32)  # 0: of the past, which the actor does not take
+    weights[:, present] = first.weights
+    layers[0] = Layer(weights=weights, bias=first.bias, activation=first.activation)
+    return Perceptron(layers=tuple(layers), normaliser=normaliser, estimator=estimator)
+
+
+def _layers_of(modules: list[Any]) -> list[Layer]:
+    """Return the layers of modules of torch.
+
+    Raises:
+      SettingsError: a module that is no linear layer or known activation.
+    """
     layers: list[Layer] = []
     for module in modules:
         kind = type(module).__name__
@@ -234,10 +255,7 @@ def network_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[st
         else:
             names = ", ".join(["Linear", *_ACTIVATIONS])
             raise SettingsError(f"a network with a {kind} has no form in a policy.json; accepted: {names}; or .onnx")
-    if last is not None and layers:
-        layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation="tanh")
-        layers.append(last)
-    return Perceptron(layers=tuple(layers), normaliser=normaliser)
+    return layers
 
 
 def _modules_of(policy: Any) -> tuple[list[Any], Layer | None]:

@@ -99,7 +99,13 @@ def train(
         record = Record(folder, model, chosen, env.policy_interface)
         record.write_settings()
         model.set_logger(Logger(str(folder / LOG), record.formats()))
-        own = [Recording(record, watch), *([] if snapshots is None else [SelfPlaying(record, env, snapshots)])]
+        own: list[Any] = [Recording(record, watch)]
+        if snapshots is not None:
+            own.append(SelfPlaying(record, env, snapshots))
+        if chosen.estimate is not None:
+            from .estimating_policy import Estimation
+
+            own.append(Estimation())
         if model.num_timesteps < chosen.steps:
             try:
                 model.learn(
@@ -127,12 +133,14 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
     names = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "vf_coef", "max_grad_norm",
              "target_kl")  # fmt: skip
     env.seed(settings.seed)
+    kind, only_its = _policy_class(settings, env)
     model = stable_baselines3.PPO(
-        _policy_class(env), _normalised(settings, env),
+        kind, _normalised(settings, env),
         learning_rate=LinearSchedule(own.learning_rate, 0.05 * own.learning_rate, 1.0),
         batch_size=own.n_steps * settings.worlds // own.minibatches,
         policy_kwargs={
             "net_arch": list(own.net), "activation_fn": activations[own.activation], "log_std_init": own.log_std,
+            **only_its,
         },
         seed=settings.seed, device="cpu", **{name: getattr(own, name) for name in names},
     )  # fmt: skip
@@ -160,13 +168,19 @@ def _take_weights(model: Any, interface: PolicyInterface, file: Path) -> None:
         raise ControllerError(f"start_from {file}: {said}") from error
 
 
-def _policy_class(env: F1TenthVecEnv) -> Any:
-    """Return the class of the policy: one whose actor does not see what is privileged, where there is any."""
+def _policy_class(settings: TrainingSettings, env: F1TenthVecEnv) -> tuple[Any, dict[str, Any]]:
+    """Return the class of the policy, and its own settings: the actor does not see what is privileged."""
+    if settings.estimate is not None:
+        from .estimating_policy import EstimatingPolicy
+
+        parts = [env.envs.privileged_parts[name] for name in settings.estimate]
+        places = [place for part in parts for place in range(part.start, part.stop)]
+        return EstimatingPolicy, {"estimated": places, "present": env.envs.present.tolist()}
     if env.policy_interface.privileged:
         from .stable_baselines3_env import AsymmetricPolicy
 
-        return AsymmetricPolicy
-    return "MultiInputPolicy" if env.observation_space.shape is None else "MlpPolicy"
+        return AsymmetricPolicy, {}
+    return "MultiInputPolicy" if env.observation_space.shape is None else "MlpPolicy", {}
 
 
 def _old_model(settings: TrainingSettings, env: F1TenthVecEnv, checkpoint: Path) -> Any:

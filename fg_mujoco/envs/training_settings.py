@@ -96,6 +96,7 @@ class TrainingSettings:
     checkpoints: int = 20  # how many are written, evenly
     ppo: PPO = field(default_factory=PPO)
     self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
+    estimate: tuple[str, ...] | None = None  # privileged terms that the actor gets estimates of; see EstimatingPolicy
     start_from: str | None = None  # folder of another training, or a policy.zip, whose weights are the first ones
 
     def __post_init__(self) -> None:
@@ -117,7 +118,23 @@ class TrainingSettings:
             said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
             raise SettingsError(f"{said}; accepted: a divisor of that")
         environment = EnvironmentSettings.of(self.drawn_environment())
+        if self.estimate is not None:
+            self._check_estimate([term.name for term in environment.privileged])
+            if not environment.observation.flat:
+                said = f"estimate with the observation {str(environment.observation)!r}"
+                raise SettingsError(f"{said}; accepted: with one that is flat")
         environment.make_world()  # refuses what cannot be driven before torch is imported
+
+    def _check_estimate(self, privileged: Sequence[str]) -> None:
+        """Read the names of `estimate`; raise SettingsError if one is not privileged."""
+        given = [each.strip() for each in self.estimate.split(",")] if isinstance(self.estimate, str) else self.estimate
+        if not isinstance(given, (list, tuple)) or not given:
+            said = f"estimate is {shown(self.estimate)}"
+            raise SettingsError(f"{said}; accepted: names of privileged terms, such as 'mu'")
+        for name in given:
+            if name not in privileged:
+                raise SettingsError(f"estimate has {shown(name)}; {accepted_names(name, privileged)}")
+        object.__setattr__(self, "estimate", tuple(given))
 
     def drawn_environment(self, snapshots: Sequence[Path] = ()) -> dict[str, Any]:
         """Return the settings of the environment, with a pool of opponents for self-play.
