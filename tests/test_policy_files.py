@@ -55,9 +55,27 @@ def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits(activati
     assert again(values).tobytes() == network(values).tobytes()
 
 
+def test_estimates_are_inputs_besides():
+    """By hand; and a batch has the bits of its rows."""
+    rng = np.random.default_rng(4)
+    guess, act = rng.normal(size=(2, 5)), rng.normal(size=(3, 7))
+    estimator = Perceptron(layers=(Layer(weights=guess, bias=np.ones(2), activation="tanh"),))
+    layers, normaliser = (Layer(weights=act, bias=np.zeros(3)),), Normaliser(mean=np.ones(5), std=np.full(5, 2.0))
+    network = Perceptron(layers=layers, normaliser=normaliser, estimator=estimator)
+    values = rng.normal(size=(4, 5)).astype(np.float32)
+    scaled = (values - 1.0) / 2.0
+    by_hand = np.concatenate((scaled, np.tanh(scaled @ guess.T + 1.0)), axis=1) @ act.T
+    np.testing.assert_allclose(network.of_each(values), by_hand, rtol=1e-4, atol=1e-5)
+    again = Perceptron.read(json.loads(json.dumps(network.described())))
+    assert again.of_each(values).tobytes() == np.array([network(row) for row in values]).tobytes()
+    assert (network.inputs, network.outputs) == (5, 3)
+    with pytest.raises(SettingsError, match="estimator of a network takes 5 numbers, the network 4 and 2 of it"):
+        Perceptron(layers=(Layer(weights=act[:, 1:], bias=np.zeros(3)),), estimator=estimator)
+
+
 @pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
 def test_the_forms_hold_the_same_policy(settings, tmp_path):
-    texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
+    texts = [written(tmp_path / name, settings, normalised=True, estimates=2) for name in ("first", "second.onnx")]
     policies = [read_policy(text) for text in texts]
     shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
     parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}

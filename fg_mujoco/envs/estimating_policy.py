@@ -28,8 +28,6 @@ from .observer import PRIVILEGED
 from .stable_baselines3_env import AsymmetricPolicy
 
 _WIDTHS = (128, 64)  # of the estimator's hidden layers
-_FARTHEST = 2.5  # greatest mean, in standard deviations of the term in the first steps
-_LEAST, _MOST = math.log(0.05), 0.0  # logarithm of the standard deviation, in the same
 _LEARNING_RATE, _BATCH = 1e-3, 512
 
 
@@ -68,7 +66,7 @@ class EstimatingPolicy(AsymmetricPolicy):
 
     @property
     def estimator(self) -> Any:
-        """The network of the estimates: of what the actor sees, twice as many numbers from -1 to 1 as are estimated."""
+        """The network of the estimates: means, then logarithms of standard deviations, of standardised terms."""
         return self.mlp_extractor.estimator
 
 
@@ -84,8 +82,8 @@ class _EstimatingExtractor(torch.nn.Module):  # type: ignore[misc]
         actor = MlpExtractor(len(present) + 2 * count, net_arch, activation_fn, "cpu")
         self.policy_net, self.latent_dim_pi = actor.policy_net, actor.latent_dim_pi
         widths = [len(seen), *_WIDTHS]
-        hidden = [each for size in pairwise(widths) for each in (torch.nn.Linear(*size), torch.nn.ELU())]
-        self.estimator = torch.nn.Sequential(*hidden, torch.nn.Linear(widths[-1], 2 * count), torch.nn.Tanh())
+        hidden = [each for size in pairwise(widths) for each in (torch.nn.Linear(*size), torch.nn.Tanh())]
+        self.estimator = torch.nn.Sequential(*hidden, torch.nn.Linear(widths[-1], 2 * count))
         self.register_buffer("seen", seen, persistent=False)
         self.register_buffer("_present", torch.tensor(list(present)), persistent=False)
         self.register_buffer("_places", torch.tensor(list(places)), persistent=False)
@@ -113,12 +111,11 @@ class _EstimatingExtractor(torch.nn.Module):  # type: ignore[misc]
             self._std.copy_(terms.std(0).clamp(min=1e-6))
 
     def loss(self, features: Any) -> tuple[Any, Any]:
-        """Return the mean negative logarithm of the likelihood, and the rms error of each term (k,) in its own unit."""
+        """Return the mean negative logarithm of the likelihood, and the rms error of each term (k,) in its unit."""
         wanted = (features[:, self._places] - self._mean) / self._std
         mean, spread = self.estimator(features[:, self.seen]).chunk(2, dim=1)
-        error = _FARTHEST * mean - wanted
-        logarithm = _LEAST + 0.5 * (spread + 1.0) * (_MOST - _LEAST)
-        likelihood = 0.5 * (error * torch.exp(-logarithm)) ** 2 + logarithm
+        error = mean - wanted
+        likelihood = 0.5 * (error * torch.exp(-spread)) ** 2 + spread
         return likelihood.mean(), (error.detach() ** 2).mean(0).sqrt() * self._std
 
 
