@@ -9,7 +9,7 @@ from ..course.course import Course, laps_to_drive
 from ..errors import SettingsError
 from ..messages import shown
 from ..racing.entries import Entry
-from ..racing.randomization import OF_PLANNERS, PLANNER, Randomization, course_range
+from ..racing.randomization import OF_OPPONENTS, OF_PLANNERS, PLANNER, Randomization, course_range
 from ..simulation.course_loading import load_track
 from ..simulation.settings import CarSettings
 from ..vehicle.vehicle import Vehicle
@@ -43,7 +43,7 @@ def read_randomization(
     elif "track" in made.ranges and track != "oval":
         raise SettingsError("track is given for all worlds and in randomize; accepted: one of them")
     if "opponents" not in made.ranges and opponents == 0:
-        made.require_usable("an environment", ("opponent", "opponent_speed"), "it has no opponents")
+        made.require_usable("an environment", OF_OPPONENTS, "it has no opponents")
     if made.ranges and made != given:
         check_randomization(made, settings, laps=laps)
     return made

@@ -195,7 +195,9 @@ class EnvironmentSettings(CarSettings):
         """Return where the cars of a world start."""
         learners = len(world.cars) - len(self.opponents)
         own = [None] * learners + [entry.start for entry in self.opponents]
-        return StartGrid(world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own)
+        return StartGrid(
+            world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own, learners=learners
+        )
 
     def make_world(self, agents: int = 1) -> World:
         """Return the compiled world of so many cars that learn, all alike, and the opponents.

@@ -22,7 +22,7 @@ from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
 from .builds import BUILT, Build, BuildPlan, Builds, Values
 from .drawn_settings import check_randomization
-from .starts import given_start
+from .starts import DrawnStart, given_start
 
 if TYPE_CHECKING:
     from .environment_settings import EnvironmentSettings
@@ -38,7 +38,7 @@ class EpisodeDraw:
     effects: LidarEffects  # of their LiDARs
     odometry_drift: float
     opponents: tuple[Entry, ...]  # that take part
-    start: Callable[[int], Mapping[str, float]]  # returns the drawn fields of the start, at an attempt from 0
+    start: Callable[[int], DrawnStart]  # what is drawn of the starts, at an attempt from 0
 
 
 class EpisodeDraws:
@@ -112,15 +112,14 @@ class EpisodeDraws:
             if owner in of:
                 of[owner][field] = value
 
-        def start(attempt: int) -> dict[str, Any]:
+        def start(attempt: int) -> DrawnStart:
             if attempt == 0:
-                return of[Start]
+                return _start(of[Start], values)
             shares = dict(zip(PARAMETERS, generator(seed, f"start {attempt}").random(len(PARAMETERS)), strict=True))
-            found = {}
-            for name, values in self.randomization.ranges.items():
-                if PARAMETERS[name][0] is Start:
-                    found[PARAMETERS[name][1]] = given[name] if name in given else values.at(float(shares[name]))
-            return found
+            again = {name: each.at(float(shares[name])) for name, each in self.randomization.ranges.items()}
+            again |= given
+            found = {PARAMETERS[name][1]: each for name, each in again.items() if PARAMETERS[name][0] is Start}
+            return _start(found, again)
 
         return EpisodeDraw(
             values=values, build=build,
@@ -130,6 +129,11 @@ class EpisodeDraws:
             opponents=settings.drawn_entries(values),
             start=start,
         )  # fmt: skip
+
+
+def _start(fields: Mapping[str, Any], values: Mapping[str, Any]) -> DrawnStart:
+    ahead = values.get("opponent_ahead")
+    return DrawnStart(fields=fields, ahead=None if ahead is None else float(ahead))
 
 
 def read_options(

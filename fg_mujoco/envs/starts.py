@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,14 @@ def given_start(options: Mapping[str, Any] | None) -> Start | None:
     return None if start is None else as_part(start, Start, "start")
 
 
+@dataclass(frozen=True, kw_only=True)
+class DrawnStart:
+    """What is drawn of the starts of an episode."""
+
+    fields: Mapping[str, float]  # of the Start of the grid's first place
+    ahead: float | None  # [m] of their places on the grid, where opponents start; None: it is not drawn
+
+
 class StartGrid:
     """Where the cars of a world start their episodes: one alone at the start, several on a grid behind it.
 
@@ -49,6 +57,7 @@ class StartGrid:
       kind: of the grid, as `grid_starts` takes it.
       order: of the cars on it, one of GRID_ORDERS, from the front.
       own: of each car that has a start of its own, that; None for those on the grid.
+      learners: how many cars learn; the others are the last ones.
     """
 
     def __init__(
@@ -59,8 +68,10 @@ class StartGrid:
         kind: str = "staggered",
         order: str = "as_listed",
         own: Sequence[Start | None] = (None,),
+        learners: int = 1,
     ) -> None:
         self._world, self._fixed, self._order, self._own = world, fixed, order, own
+        self._learners = learners
         self._cars = [car.parameters for car in world.cars]
         self._places = grid_starts(world.track, self._cars, kind)
 
@@ -68,20 +79,21 @@ class StartGrid:
         self,
         rng: np.random.Generator,
         start: Start | None = None,
-        drawn: Callable[[int], Mapping[str, float]] | None = None,
+        drawn: Callable[[int], DrawnStart] | None = None,
     ) -> list[Start]:
         """Return where each car starts an episode.
 
         Args:
           rng: of what is drawn.
           start: of this episode; None: as the settings have it.
-          drawn: returns fields of the start that are drawn otherwise, at an attempt from 0; None: there are none.
+          drawn: returns what is drawn otherwise, at an attempt from 0; None: nothing is.
 
         Raises:
           SettingsError: a car would start in a wall, in an obstacle or in another car.
         """
         fixed = start or self._fixed
-        redraws = drawn is not None and len(drawn(0)) > 0
+        now = None if drawn is None else drawn(0)
+        redraws = now is not None and (len(now.fields) > 0 or now.ahead is not None)
         if len(self._cars) == 1 and not redraws:
             return [fixed or draw_start(self._world, rng)]
         refused = SettingsError("")
@@ -90,8 +102,10 @@ class StartGrid:
             if len(self._cars) > 1:
                 first = fixed or Start(s=first.s)
             if drawn is not None:
-                first = replace(first, **drawn(attempt))
-            starts = self._on_grid(first, rng) if len(self._cars) > 1 else [first]
+                now = drawn(attempt)
+                first = replace(first, **now.fields)
+            ahead = 0.0 if now is None else now.ahead or 0.0
+            starts = self._on_grid(first, ahead, rng) if len(self._cars) > 1 else [first]
             names = [f"car_{index}" for index in range(len(starts))]
             try:
                 check_starts(self._world.track, starts, self._cars, names, self._world.obstacles)
@@ -101,8 +115,8 @@ class StartGrid:
                 return starts
         raise refused
 
-    def _on_grid(self, first: Start, rng: np.random.Generator) -> list[Start]:
-        """Return where each car starts when the first place of the grid is at `first`."""
+    def _on_grid(self, first: Start, ahead: float, rng: np.random.Generator) -> list[Start]:
+        """Return where each car starts when the first place of the grid is at `first`, opponents so far ahead."""
         order = list(range(len(self._cars)))
         if self._order == "random":
             order = rng.permutation(len(order)).tolist()
@@ -110,5 +124,6 @@ class StartGrid:
             order.reverse()
         starts = [first] * len(order)
         for place, car in zip(self._places, order, strict=True):
-            starts[car] = self._own[car] or replace(first, s=first.s + place.s, offset=first.offset + place.offset)
+            s = first.s + place.s + (ahead if car >= self._learners else 0.0)
+            starts[car] = self._own[car] or replace(first, s=s, offset=first.offset + place.offset)
         return starts

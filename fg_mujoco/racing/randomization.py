@@ -59,10 +59,14 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     "opponents": (None, ""),  # how many
     "opponent": (None, ""),  # who drives each
     "opponent_speed": (Scenario, "max_speed"),  # the fastest that each commands
+    "opponent_ahead": (None, ""),  # [m] how far ahead of their places on the grid they start
 }
 """Name -> whose field it is, in the order in which their shares are drawn: a new one goes to the end."""
 
-OF_ENVIRONMENTS = ("track", "patches", "patch_mu", "opponents", "opponent", "opponent_speed")
+OF_OPPONENTS = ("opponent", "opponent_speed", "opponent_ahead")
+"""Parameters of the other cars, where there are any."""
+
+OF_ENVIRONMENTS = ("track", "patches", "patch_mu", "opponents", *OF_OPPONENTS)
 """Parameters that only environments draw."""
 
 OF_PLANNERS = ("planner_mu", "max_speed")
