@@ -11,8 +11,10 @@ from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.gap_finder import GapFinder
-from fg_mujoco.controllers.safety.guidance import GuidanceSettings
+from fg_mujoco.controllers.perception.scan_geometry import scan_record
+from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.racing.planner_loading import make_controller
@@ -164,3 +166,15 @@ def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
             planner(scan, odometry_of(2.0))
     world = planner._alone._driven[0]["memory"]["guidance"]["way"]["map"]
     assert world["x"] == pytest.approx(39 * 2.0 * 0.025)  # the first tick has nothing to come from
+
+
+@pytest.mark.parametrize("ahead", [0.2, 1.0, 2.5])
+def test_without_a_frontier_the_speed_is_that_from_which_the_car_stops_ahead_of_a_wall(ahead):
+    """Oracle: v^2 = 2 a d, with d from the bumper to the stop margin ahead of the wall."""
+    driver, scan = finder().driver[0], corridor(1.0, 1.0, ahead=ahead)
+    settings, limiter = driver["guidance_settings"], driver["limiter"]
+    own = for_car(GuidanceSettings(), CAR)
+    room = max(ahead - (CAR.length - CAR.rear_overhang - CAR.lidar_offset) - own.stop_margin, 0.0)
+    expected = math.sqrt(2.0 * own.profile_braking * limiter["braking"] * room)
+    scan_row, limiter, settings = (np.rec.array(row)[()] for row in (scan_record(scan)[0], limiter, settings))
+    assert _speed_to_stop(scan_row, scan.ranges, limiter, settings) == pytest.approx(expected, rel=1e-3)
