@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike
 import fg_mujoco as fg
 from fg_mujoco.racing.manoeuvres import GrowingSlalom
 from fg_mujoco.racing.run_folder import write_run
-from fg_mujoco.studies.identification.drive_log import Channel, Drive
+from fg_mujoco.studies.drives.channels import Channel
+from fg_mujoco.studies.identification.drive_log import Drive
 from fg_mujoco.studies.identification.identification import Identification, identify_drives
 from fg_mujoco.studies.identification.problem import PARAMETERS, DriveProblem
 from fg_mujoco.studies.identification.steering_response import Steering

@@ -25,6 +25,7 @@ from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
 from .racing.planner_texts import SCHEMES as _SCHEMES
+from .studies.drives import READERS as _READERS
 
 if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
@@ -253,8 +254,9 @@ _ELSEWHERE = {
     "ComparisonProgress": "fg_mujoco.studies.grid_study.StudyProgress", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
-    "maps": "track_names", "planners": "controller_names", "run": "race", "sim": "Simulation", "simulate": "Simulation",
-    "vehicles": "vehicle_names",
+    "maps": "track_names", "planners": "controller_names",
+    "read_drive": "fg_mujoco.studies.drives.reading.read_drive", "run": "race", "sim": "Simulation",
+    "simulate": "Simulation", "vehicles": "vehicle_names",
 }  # fmt: skip
 """What others call it -> what it is called here."""
 
@@ -324,6 +326,7 @@ class _OldNames:
 
 
 _SCHEMES["policy"] = "fg_mujoco.envs.policy_planner:POLICIES"
+_READERS["bag"] = "fg_mujoco.ros.bag_drive:read_bag_drive"
 _SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
 _sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
 _sys.meta_path.append(_OldNames)

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from fg_mujoco.studies.identification.drive_log import Channel, Drive
+from fg_mujoco.studies.drives.channels import Channel
+from fg_mujoco.studies.identification.drive_log import Drive
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SETS = {  # B, C, D, E front and rear; mass [kg], I_z [kg m^2], l_f, l_r, h [m]: ForzaETH, On-Track-SysID, models/

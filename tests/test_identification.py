@@ -17,7 +17,8 @@ from browsers import page_of  # noqa: F401
 
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
-from fg_mujoco.studies.identification.drive_log import Channel, Drive
+from fg_mujoco.studies.drives.channels import Channel
+from fg_mujoco.studies.identification.drive_log import Drive
 from fg_mujoco.studies.identification.fit import fitted_starts
 from fg_mujoco.studies.identification.identification import Estimate, identify_drives
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise

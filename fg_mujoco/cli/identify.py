@@ -19,12 +19,12 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
     """Add the command; `add_command` is the one that adds the others."""
     text = "find the tires and the steering of a car from its drives, and write the tires as a file"
     add = add_command(commands, "identify", _identify, text).add_argument
-    add("sources", metavar="RUN|BAG", nargs="+", help="run folders; .mcap, .db3 or .bag files, or folders of bags")
+    add("sources", metavar="DRIVE", nargs="+", help="run folders; .csv, .mcap, .db3 or .bag files, or folders of bags")
     add("--out", type=Path, required=True, metavar="FILE.toml", help="the tires, as --tires reads them")
     add("--report", type=Path, metavar="FILE.html", help="a page of data and fit; default: none")
     add(
         "--vehicle", metavar="NAME|FILE.xml",
-        help="whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with bags",
+        help="whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with others",
     )  # fmt: skip
     add("--linear", action="store_true", help="find the stiffness of each axle alone, which a gentle drive determines")
     add(
@@ -34,6 +34,10 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
     add(
         "--single-track", action="store_true",
         help="fit the single-track model: no load on outer tires, and driving takes nothing of the grip",
+    )  # fmt: skip
+    add(
+        "--columns", metavar="FILE.toml|LAYOUT",
+        help="which columns of a CSV file are what; default: a layout that is recognised",
     )  # fmt: skip
     add(
         "--pose-topic", metavar="TOPIC", help="of the poses in a bag; default: the only one there is, or the odometry's"
@@ -65,6 +69,7 @@ def _identify(options: argparse.Namespace) -> int:
             linear=options.linear,
             front_drive=options.front_drive,
             single_track=options.single_track,
+            columns=options.columns,
             pose_topic=options.pose_topic,
             drive_topic=options.drive_topic,
             imu_topic=options.imu_topic,

@@ -1,6 +1,6 @@
-"""The signals of a drive that a car recorded in a bag, for the identification of its tires.
+"""The signals of a drive that a car recorded in a bag, and the identification of its tires from them.
 
-    drive = read_drive("drive.mcap", vehicle="nuc2")
+    drive = read_bag_drive(Path("drive.mcap"), vehicle="nuc2")
 
 | what | type of message | topic, where there are several |
 | --- | --- | --- |
@@ -15,17 +15,22 @@ Times are those of the messages' headers, or of the recorder where a header has 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..course.files import file_sha256
-from ..errors import BagError, SettingsError
+from ..errors import BagError
 from ..messages import CarParameters
-from ..racing.run_folder import RECORDED, SUMMARY, read_run
-from ..studies.identification.drive_log import Channel, Drive
+from ..studies.drives.channels import Channel
+from ..studies.drives.drive_checks import check_drive
+from ..studies.drives.drive_columns import DriveColumns
+from ..studies.drives.reading import kind_of, read_measured_run, refuse_for_kind
+from ..studies.drives.reading import read_drive as recorded_drive
+from ..studies.drives.recorded import RecordedDrive
+from ..studies.identification.drive_log import Drive
 from ..studies.identification.fit import require_scipy
 from ..studies.identification.identification import Identification, check_front_drive, identify_drives
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -42,7 +47,6 @@ from .bag_messages import (
 )
 from .bag_reader import POSES, Clock, pose_of
 from .bag_recording import Recording, Topic
-from .bag_storage import is_storage
 
 ACCEPTED = (
     f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS} or {ODOMETRY}, yaw rate by {IMU} or {ODOMETRY}, and "
@@ -59,6 +63,7 @@ def identify(
     linear: bool = False,
     front_drive: float = 0.5,
     single_track: bool = False,
+    columns: DriveColumns | Mapping[str, Any] | str | Path | None = None,
     pose_topic: str | None = None,
     drive_topic: str | None = None,
     imu_topic: str | None = None,
@@ -68,11 +73,12 @@ def identify(
     """Return the tires and the steering of a car, identified from drives that it recorded.
 
     Args:
-      sources: run folders, or ROS bags: .mcap, .db3 or .bag files, or the folder of one.
-      vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with bags.
+      sources: run folders, CSV files, or ROS bags: .mcap, .db3 or .bag files, or the folder of one.
+      vehicle: whose mass, inertia and lengths are assumed; None: those of the runs' own car, or `f1tenth` with others.
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
+      columns: of CSV files: as `read_drive` of studies.drives takes them.
       pose_topic: of the poses in a bag; None: the only one there is, or that of the odometry.
       drive_topic: of the commands in a bag; None: /drive, or the only one there is.
       imu_topic: None: /imu, or the only one there is.
@@ -93,7 +99,7 @@ def identify(
     for count, source in enumerate(sources, start=1):
         if watch is not None:
             watch(f"reading drive {count}/{len(sources)}")
-        drives.append(read_drive(source, vehicle=vehicle, **topics))
+        drives.append(read_drive(source, vehicle=vehicle, columns=columns, **topics))
     return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track, watch=watch)
 
 
@@ -101,35 +107,42 @@ def read_drive(
     source: str | Path,
     *,
     vehicle: str | Path | Vehicle | None = None,
+    columns: DriveColumns | Mapping[str, Any] | str | Path | None = None,
     pose_topic: str | None = None,
     drive_topic: str | None = None,
     imu_topic: str | None = None,
     odometry_topic: str | None = None,
 ) -> Drive:
-    """Return the drive of a run folder or a bag; arguments and errors as in `identify`."""
+    """Return the drive of a run folder, a CSV file or a bag; arguments and errors as in `identify`."""
     path = Path(source)
-    car = None if vehicle is None else Vehicle.load(vehicle).parameters
-    if (path / SUMMARY).is_file() or (path.is_dir() and not _has_bag(path)):
-        for name, topic in (("pose", pose_topic), ("drive", drive_topic), ("imu", imu_topic), ("odom", odometry_topic)):
-            if topic is not None:
-                raise SettingsError(f"{name}_topic is {topic!r}, and {path} is a run; accepted: with bags")
-        run = read_run(path)
-        if run.summary.get("end_reason") == RECORDED:
-            raise SettingsError(f"{path}: is made of a bag's poses; accepted: the bag, which has what was measured")
-        return Drive.of_run(run, car)
+    topics = {
+        "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
+    }  # fmt: skip
+    assumed = Vehicle.load(vehicle or DEFAULT_VEHICLE)
+    if kind_of(path) == "run":
+        refuse_for_kind(path, "run", columns, topics)
+        return Drive.of_run(read_measured_run(path), None if vehicle is None else assumed.parameters)
+    recorded = recorded_drive(path, columns=columns, vehicle=assumed, **topics)
+    return Drive.of_recorded(recorded, assumed.parameters, assumed.name)
+
+
+def read_bag_drive(
+    path: Path,
+    *,
+    vehicle: str | Path | Vehicle | None = None,
+    pose_topic: str | None = None,
+    drive_topic: str | None = None,
+    imu_topic: str | None = None,
+    odometry_topic: str | None = None,
+) -> RecordedDrive:
+    """Return the drive of a bag; arguments and errors as of `studies.drives.reading.read_drive`, which calls this."""
     wanted = {DRIVE: drive_topic, IMU: imu_topic, ODOMETRY: odometry_topic}
-    return _bag_drive(path, Vehicle.load(vehicle or DEFAULT_VEHICLE), pose_topic, wanted)
-
-
-def _has_bag(folder: Path) -> bool:
-    return any(is_storage(path) for path in folder.iterdir())
-
-
-def _bag_drive(path: Path, vehicle: Vehicle, pose_topic: str | None, wanted: dict[str, str | None]) -> Drive:
+    car = Vehicle.load(vehicle or DEFAULT_VEHICLE).parameters
     with Recording(path) as bag, bag.blame():
-        channels = _channels(bag, vehicle.parameters, pose_topic, wanted)
-        return Drive(
-            name=str(path), sha256=_sha256(path), vehicle=vehicle.name, car=vehicle.parameters, **channels
+        channels = _channels(bag, car, pose_topic, wanted)
+        checked = {name: channels[name] for name in ("speed", "yaw_rate", "steering", "commanded", "pose")}
+        return RecordedDrive(
+            name=str(path), sha256=_sha256(path), layout="bag", beams=None, checks=check_drive(**checked), **channels
         )  # fmt: skip
 
 
@@ -156,7 +169,7 @@ def _channels(
         if heard.topic != topics.get(kind):
             continue
         if kind == DRIVE:
-            rows["drive"].append((time, message.drive.steering_angle))
+            rows["drive"].append((time, message.drive.steering_angle, message.drive.speed))
         elif kind == IMU:
             rows["gyro"].append((time, message.angular_velocity.z))
             rows["acceleration"].append((time, message.linear_acceleration.x, message.linear_acceleration.y))
@@ -177,19 +190,20 @@ def _channels(
             raise BagError(f"{bag.path}: has no {what}: it has {bag.held()}; accepted: {ACCEPTED}")
     first = min(values[0][0] for values in rows.values() if values)
 
-    def channel(name: str, *names: str) -> Channel | None:
+    def channel(name: str, *names: str, columns: slice = slice(None)) -> Channel | None:
         found = next((rows[each] for each in names if len(rows[each]) > 1), None)
         if found is None:
             return None
         stamps, order = np.unique([row[0] - first for row in found], return_index=True)  # sorted, each once
-        values = np.array([found[index][1:] for index in order], np.float64)
+        values = np.array([found[index][1:] for index in order], np.float64)[:, columns]
         return Channel(name=f"{bag.path}: {name}", time=stamps / 1e9, values=values)
 
     for (_, name), clock in clocks.items():
         for back, after in clock.set_back[:1]:
             bag.warn(f"the stamps on {name} go back by {back:.3g} s after {after:.1f} s; time goes on there")
     return {
-        "steering": channel("steering", "drive", "angle"),
+        "steering": channel("steering", "drive", "angle", columns=slice(0, 1)),
+        "speed_command": channel("speed command", "drive", columns=slice(1, 2)),
         "commanded": len(rows["drive"]) > 1,
         "speed": channel("wheel speed", "wheels", "speed"),
         "yaw_rate": channel("yaw rate", "gyro", "turn"),

@@ -2,6 +2,7 @@
 
     rollout/         thousands of worlds that differ in parameters drawn from seeds
     comparison/      every planner on every course with every seed
+    drives/          drives that a car recorded, from CSV files, bags and run folders
     friction_lab/    experiments on the tires and the speed laws, against closed forms
     identification/  the tires and the steering of a car, from a drive that it recorded
     overtaking/      every planner behind slower opponents

@@ -8,40 +8,18 @@ import numpy as np
 
 from ...display import brief
 from ...errors import SettingsError
-from ...messages import CarParameters, FloatArray
-from ...racing.resimulation import load_world, resimulate
-from ...racing.result import trajectory_sha256
+from ...messages import CarParameters
+from ...racing.resimulation import load_world
 from ...racing.run_folder import Run
+from ..drives.channels import Channel
+from ..drives.driven_runs import drive_of_run
+from ..drives.recorded import RecordedDrive
 
 SHORTEST = 5.0
 """[s] A drive that moved for less is refused."""
 
 SLOWEST = 1.0
 """[m/s] Below it nothing is identified: a slip angle is a ratio of two speeds."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Channel:
-    """What one sensor measured.
-
-    Raises:
-      SettingsError: on making it, times that do not increase, or values that are not finite.
-    """
-
-    name: str
-    time: FloatArray  # (n,) [s]
-    values: FloatArray  # (n, k)
-
-    def __post_init__(self) -> None:
-        if len(self.time) != len(self.values) or self.values.ndim != 2:
-            raise SettingsError(f"{self.name}: {len(self.time)} times of {self.values.shape}; accepted: a row each")
-        if not (np.isfinite(self.time).all() and np.isfinite(self.values).all()):
-            raise SettingsError(f"{self.name}: a time or value is not finite; accepted: finite numbers")
-        if not (np.diff(self.time) > 0.0).all():
-            raise SettingsError(f"{self.name}: its times do not increase; accepted: measurements in their order")
-
-    def __repr__(self) -> str:
-        return brief(self, self.name, f"{len(self.time)} measurements")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -95,6 +73,24 @@ class Drive:
         return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]
 
     @classmethod
+    def of_recorded(cls, recorded: RecordedDrive, car: CarParameters, vehicle: str) -> Drive:
+        """Return a recorded drive for identification.
+
+        Args:
+          recorded: as `read_drive` returns it.
+          car: whose constants are assumed.
+          vehicle: its name.
+
+        Raises:
+          SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
+        """
+        return cls(
+            name=recorded.name, sha256=recorded.sha256, vehicle=vehicle, car=car, steering=recorded.steering,
+            commanded=recorded.commanded, speed=recorded.speed, yaw_rate=recorded.yaw_rate,
+            acceleration=recorded.acceleration, pose=recorded.pose,
+        )  # fmt: skip
+
+    @classmethod
     def of_run(cls, run: Run, car: CarParameters | None = None) -> Drive:
         """Return what the sensors of a run's car measured, by simulating the run again.
 
@@ -107,22 +103,5 @@ class Drive:
           SettingsError: a run that is too short, or stands.
         """
         world = load_world(run)
-        commands = np.column_stack((run.column("time_s"), run.column("command_steering_rad")))
-        told = [tick.sensed.odometry for tick in resimulate(run, world) if tick.sensed is not None]
-        time = np.array([odometry.stamp for odometry in told])
-        return cls(
-            name=str(run.folder),
-            sha256=trajectory_sha256(run.states, run.ctrl),
-            vehicle=str(run.summary.get("vehicle", "unknown")),
-            car=car or world.parameters,
-            steering=Channel(name="commands", time=commands[:, 0], values=commands[:, 1:]),
-            commanded=True,
-            speed=_channel("wheel speed", time, [o.wheel_speeds[2:].mean() for o in told]),
-            yaw_rate=_channel("gyro", time, [o.yaw_rate for o in told]),
-            acceleration=_channel("accelerometer", time, [o.linear_acceleration[:2] for o in told]),
-            pose=_channel("pose", time, [o.pose for o in told]),
-        )
-
-
-def _channel(name: str, time: FloatArray, values: list[FloatArray] | list[float]) -> Channel:
-    return Channel(name=name, time=time, values=np.asarray(values, np.float64).reshape(len(time), -1))
+        recorded = drive_of_run(run, world, beams=False)
+        return cls.of_recorded(recorded, car or world.parameters, str(run.summary.get("vehicle", "unknown")))

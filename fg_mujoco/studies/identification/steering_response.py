@@ -11,7 +11,7 @@ import numpy as np
 
 from ...kernels import inlined, kernel
 from ...messages import FloatArray
-from .drive_log import Channel
+from ..drives.channels import Channel
 
 
 class Steering:

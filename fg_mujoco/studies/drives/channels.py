@@ -1,0 +1,68 @@
+"""The channels of a drive: what one sensor measured, or what was commanded, each at its own times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...display import brief
+from ...errors import SettingsError
+from ...messages import FloatArray, read_only
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Channel:
+    """What one sensor measured, or what was commanded; its arrays are read-only.
+
+    Raises:
+      SettingsError: on making it, times that do not increase, or values that are not finite.
+    """
+
+    name: str
+    time: FloatArray  # (n,) [s]
+    values: FloatArray  # (n, k)
+
+    def __post_init__(self) -> None:
+        for name in ("time", "values"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.values.ndim != 2 or len(self.time) != len(self.values):
+            raise SettingsError(f"{self.name}: {len(self.time)} times of {self.values.shape}; accepted: a row each")
+        if not (np.isfinite(self.time).all() and np.isfinite(self.values).all()):
+            raise SettingsError(f"{self.name}: a time or value is not finite; accepted: finite numbers")
+        back = np.flatnonzero(np.diff(self.time) <= 0.0)
+        if len(back):
+            before, after = self.time[back[0] : back[0] + 2]
+            raise SettingsError(
+                f"{self.name}: its times do not increase: {after:.9g} s follows {before:.9g} s; accepted: measurements "
+                "in their order"
+            )
+
+    def __repr__(self) -> str:
+        return brief(self, self.name, f"{len(self.time)} measurements")
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return the values at some times (m,), linear between two measurements. Shape (m, k)."""
+        return np.column_stack([np.interp(times, self.time, column) for column in self.values.T])
+
+    def held(self, times: FloatArray) -> FloatArray:
+        """Return the last values up to some times (m,), as of commands that hold. Shape (m, k)."""
+        places = np.searchsorted(self.time, times, side="right") - 1
+        found: FloatArray = self.values[np.maximum(places, 0)]
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Beams:
+    """The LiDAR's beams that were recorded, all or some of each scan; its arrays are read-only."""
+
+    time: FloatArray  # (n,) [s], increasing
+    ranges: FloatArray  # (n, b) [m]; inf: nothing was seen, NaN: the beam failed
+    bearings: FloatArray  # (b,) [rad] to the left of straight ahead, increasing
+
+    def __post_init__(self) -> None:
+        for name in ("time", "ranges", "bearings"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __repr__(self) -> str:
+        return brief(self, f"{len(self.time)} scans of {len(self.bearings)} beams")
