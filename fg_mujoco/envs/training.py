@@ -154,13 +154,15 @@ def _take_weights(model: Any, interface: PolicyInterface, file: Path) -> None:
     """Give an algorithm the weights of a policy.zip.
 
     Raises:
-      ControllerError: the policy sees or answers something else, or has another network; both are named.
+      ControllerError: the policy sees or answers something else, or has another network; both are named. One that
+        answers accelerations may have another range of speeds.
     """
     content = read_content(file)
     try:
         described = zip_description(content)
         trained, now = (each.described() for each in (PolicyInterface.read(described["interface"]), interface))
-        for name in (each for each in now if each not in ("privileged", "car") and now[each] != trained[each]):
+        free = {"privileged", "car"} | ({"speed_range"} if "acceleration" in str(now["action"]) else set())
+        for name in (each for each in now if each not in free and now[each] != trained[each]):
             raise SettingsError(f"its policy has {name} {trained[name]}, not {now[name]}; accepted: the same")
         model.policy.load_state_dict(load_model(content, described).policy.state_dict())
     except (SettingsError, RuntimeError, KeyError) as error:
