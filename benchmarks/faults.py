@@ -193,6 +193,18 @@ FAULTS = {
         tests="test_recovery.py",
     ),
     # simulation
+    "cars alone of another world's mass": Fault(
+        file="fg_mujoco/simulation/cars_alone.py",
+        old="values = getattr(physics.model, name) if own is None else own",
+        new="values = getattr(physics.model, name)",
+        tests="test_cars_alone.py",
+    ),
+    "cars alone that are stepped through walls": Fault(
+        file="fg_mujoco/simulation/compiled_tick.py",
+        old="if alone and not clear:",
+        new="if alone and not clear and step == 0:",
+        tests="test_cars_alone.py",
+    ),
     "no race that goes the wrong way": Fault(
         file="fg_mujoco/simulation/termination.py",
         old="    if back >= WRONG_WAY_LIMIT:",

@@ -123,7 +123,7 @@ class BuildPlan:
                 own = replace(own, patches=random_patches(course, count, rng, mu=mu, length=_PATCH_LENGTH))
         world = replace(own, track=course).make_world(self._agents)
         seen = (world.lidar, world.all_seen) if len(world.cars) > 1 else (world.lidar,)
-        assert all(seen) and world.distances  # worked out here, in the thread that builds ahead
+        assert all(seen) and world.distances and world.xml_of_cars  # worked out here, in the thread that builds ahead
         return Build(values=kept, world=world, grid=own.start_grid(world))
 
 

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from ..array_table import (
     ArrayTable,
     Table,
+    carray,
     corner_numbers,
     cube,
     flags,
     matrix,
     numbers,
+    pointer,
     rows,
     short_matrix,
     short_numbers,
@@ -44,7 +46,7 @@ from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_tires
 from ..vehicle.tire_slip import measure_slip
 from .clear_ground import ClearGround, touches_nothing
 from .clock import seconds
-from .physics import Batch, StateLayout, apply_to_states
+from .physics import BAD_STATE, STATE, Batch, StateLayout, apply_to_states
 from .telemetry import COMMAND, GREATEST_COMMAND, STATISTICS, add_row, begin_row, end_motion, end_row
 from .termination import END_REASONS, judge_cars
 from .world_step import (
@@ -74,7 +76,7 @@ NAMES = (
     "standing_since", "table", "tires", "tire_states",
     "patches", "wheels", "floor_mu", "pairs", "car_places", "links", "touch_places", "touched_at", "sizes", "span",
     "fields", "row_counts", "row_starts", "inertia_columns", "gears", "scratch",
-    "distances", "corner", "bodies", "state_numbers",
+    "distances", "corner", "bodies", "state_numbers", "alone", "copies",
 )  # fmt: skip
 """Of the arrays in a table, in the order of its rows.
 
@@ -85,7 +87,7 @@ cars: `car_places` (m, 6) see TREE, `touch_places` (m, m) where in the sensors t
 TIRE, `links` of LINK, `motions` (obstacles, 8) of `motion_table`, and how the LiDARs are fixed to the cars,
 `offset_positions` (m, 3) [m] and `offset_rotations` (m, 3, 3). Of the steps of a tick: `records` (n, steps,
 nsensordata) as of a Batch, `tire_states` (n, steps, k USERDATA), and `slip` (QUANTITIES, steps, 4), room in which that
-of the last car is left.
+of the last car is left. `alone` (2,) and `copies` (k, 4) are those of CarsAlone; empty: there is none.
 """
 
 (
@@ -95,7 +97,7 @@ of the last car is left.
     _FAILED, _MU, _SLIP, _CRASHED, _STATISTICS, _REASONS, _WARNINGS, _LAP_TIMES, _STANDING_SINCE, _TABLE, _TIRE_ROWS,
     _TIRE_STATES, _PATCHES, _WHEELS, _FLOOR_MU, _PAIRS, _CAR_PLACES, _LINKS, _TOUCH_PLACES, _TOUCHED_AT, _SIZES, _SPAN,
     _FIELDS, _ROW_COUNTS, _ROW_STARTS, _COLUMNS_OF_INERTIA, _GEARS, _SCRATCH,
-    _DISTANCES, _CORNER, _BODIES, _STATE_NUMBERS,
+    _DISTANCES, _CORNER, _BODIES, _STATE_NUMBERS, _ALONE, _COPIES,
 ) = range(len(NAMES))  # fmt: skip
 
 _ARRAYS = len(NAMES)
@@ -111,6 +113,7 @@ DRIVEN, LATE, NO_NUMBERS = range(3)
 command of a car that runs is no number."""
 
 _TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))
+_STATE, _FIRST_BAD, _BEHIND_BAD = int(STATE), BAD_STATE.start, BAD_STATE.stop  # in kernels, numbers
 _FAILED_REASON = END_REASONS.index("failed")
 
 _CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_STATE, _FIRST_OF_LAYOUT = range(5)
@@ -209,7 +212,7 @@ def sense(table: Table, which: Mask) -> None:
 def _fields_of(n: Any) -> Fields:
     return Fields(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
-        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24], n[25],
     )  # fmt: skip
 
 
@@ -228,7 +231,15 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
     forces and sensors.
     """
     table = table_at(address, _ARRAYS)
-    world -= whole_numbers(table[_PLACES])[_FIRST_STATE]
+    _do_steps(model, data, world - whole_numbers(table[_PLACES])[_FIRST_STATE], table, False)
+
+
+@kernel
+def _do_steps(model: int, data: int, world: int, table: Table, alone: bool) -> int:
+    """Do the physics steps of `span` in a model and its data; return the step before which they ended.
+
+    `alone`: the model is of CarsAlone; they end where a car may touch something.
+    """
     n, span = whole_numbers(table[_SIZES]), whole_numbers(table[_SPAN])
     sizes, found = Sizes(n[0], n[1], n[2], n[3], n[4], n[5]), _fields_of(whole_numbers(table[_FIELDS]))
     inertia = Inertia(
@@ -249,6 +260,8 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
         else:
             own = cars[world * len(car_places) : (world + 1) * len(car_places)]
             clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
+            if alone and not clear:
+                return step
             step_on_tires(
                 model, data, found, inertia, gears, tires, under, userdata, scratch, sizes.dofs, timestep,
                 span[_ADVANCE] != 0, clear, step == span[_END] - 1,
@@ -258,6 +271,47 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
         for k in range(sizes.userdata):
             tire_states[world, step, k] = userdata[k]
     place_obstacles(data, found, motions)
+    return int(span[_END])
+
+
+@kernel
+def _array_at(address: int, count: int) -> Any:
+    return carray(pointer(address), (count,), np.float64)
+
+
+@kernel
+def _has_warned(data: int, found: Fields) -> bool:
+    """Return whether MuJoCo has met a bad state in a mujoco.MjData since it was reset."""
+    warned = False
+    for kind in range(_FIRST_BAD, _BEHIND_BAD):
+        warned = warned or stages.whole_number_at(data + found.warnings + 8 * kind + 4)[0] > 0
+    return warned
+
+
+@kernel
+def _step_alone(table: Table, world: int) -> int:
+    """Do the physics steps of `span` in a world as long as its cars touch nothing; return as `_do_steps`.
+
+    They are done in the model and data of CarsAlone. Where MuJoCo meets a bad state there, none is done.
+    """
+    alone, copies, places = whole_numbers(table[_ALONE]), whole_matrix(table[_COPIES]), whole_numbers(table[_PLACES])
+    model, data, found = alone[0], alone[1], _fields_of(whole_numbers(table[_FIELDS]))
+    first, state = whole_numbers(table[_SPAN])[_FIRST], matrix(table[_STATES])[world]
+    (first_qpos, end_qpos), cars_per_world = _layout(places).qpos, places[_CARS_PER_WORLD]
+    ground = ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES]))
+    cars = rows(table[_CARS], CAR)[world * cars_per_world : (world + 1) * cars_per_world]
+    if not touches_nothing(state[first_qpos:end_qpos], cars, ground):
+        return int(first)
+    for k in range(len(copies)):
+        to, of, count, apart = copies[k]
+        _array_at(to, count)[:] = _array_at(of + world * apart, count)
+    stages.set_state(model, data, state.ctypes.data, _STATE)
+    end = _do_steps(model, data, world, table, True)
+    if _has_warned(data, found):
+        stages.reset(model, data)
+        return int(first)
+    stages.get_state(model, data, state.ctypes.data, _STATE)
+    return end
 
 
 _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
@@ -269,9 +323,17 @@ def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
     places, span = whole_numbers(table[_PLACES]), whole_numbers(table[_SPAN])
     span[_FIRST], span[_END], span[_ADVANCE] = first, end, advance
     ids, states = short_numbers(table[_IDS]), short_numbers(table[_STATE_NUMBERS])
-    for place in range(count):
-        states[place] = ids[place] + places[_FIRST_STATE]
-    apply_to_states(places[_BATCH], states, count, _step_world_in_c(), table.ctypes.data)
+    step_world, alone = _step_world_in_c(), advance and len(whole_numbers(table[_ALONE])) > 0
+    if not alone:
+        for place in range(count):
+            states[place] = ids[place] + places[_FIRST_STATE]
+    for place in range(count if alone else 1):
+        together = count
+        if alone:
+            span[_FIRST], states[0], together = first, ids[place] + places[_FIRST_STATE], 1
+            span[_FIRST] = _step_alone(table, ids[place])
+        if span[_FIRST] < end:
+            apply_to_states(places[_BATCH], states, together, step_world, table.ctypes.data)
 
 
 @kernel

@@ -42,6 +42,7 @@ from ..vehicle.motion import ground_speed, planar_pose
 from ..vehicle.sensors import CarState, Sampler, Sensor
 from ..vehicle.sensors.sensor import drift_odometry
 from .cars import car_prefix
+from .cars_alone import CarsAlone
 from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, read_times, sense_all
 from .physics import span_of
 from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
@@ -143,6 +144,7 @@ class Engine:
         self._ends_of_shares = _ends_of_shares(self.count, threads)
         self._slots: dict[tuple[int, World], Slots] = {}  # of each share
         self._in_slots: set[WorldBatch] = set()
+        self._alone: dict[tuple[int, str], CarsAlone] = {}  # of each share, by their text
         self.room = 1
         batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, self._ends_of_shares)]
         self._take_batches(batches)
@@ -172,7 +174,7 @@ class Engine:
     def __repr__(self) -> str:
         return brief(self, f"{self.count} worlds", f"tick {self.period:g} s of {self.substeps} steps", repr(self.world))
 
-    def _batch(self, world: World, worlds: slice, room: int = 1) -> WorldBatch:
+    def _batch(self, world: World, worlds: slice, room: int = 1, alone: CarsAlone | None = None) -> WorldBatch:
         """Return the batch of some consecutive worlds, see WorldBatch.
 
         Raises:
@@ -188,6 +190,7 @@ class Engine:
         return WorldBatch(
             world, worlds, self.cars_per_world, self._arrays, self.monitor, substeps=self.substeps, period=self.period,
             time_limit=self._time_limit, own_model=self._own_model, room=room,
+            alone=alone,
         )  # fmt: skip
 
     def _take_batches(self, batches: Sequence[WorldBatch]) -> None:
@@ -346,8 +349,7 @@ class Engine:
     def read(self, i: int, data: mujoco.MjData) -> None:
         """Write world i into a mujoco.MjData of its model, poses current."""
         batch, place = self._place_of(i)
-        batch.physics.read(place, data)
-        mujoco.mj_kinematics(batch.world.model, data)  # a step leaves poses one timestep behind the state
+        batch.read(place, data)
 
     def rebuild(self, i: int, world: World) -> None:
         """Put another world in the place of world i. Its cars are to be placed before it goes on.
@@ -389,10 +391,20 @@ class Engine:
         """Return a batch of one world; those of the same World share its model."""
         share = self._share_of(place)
         if (share, world) not in self._slots:
-            self._slots[share, world] = Slots(partial(self._batch, world), self.room)
+            alone = self._cars_alone(share, world)
+            self._slots[share, world] = Slots(partial(self._batch, world, alone=alone), self.room)
         batch = self._slots[share, world].take(place, self._arrays, self.monitor)
         self._in_slots.add(batch)
         return batch
+
+    def _cars_alone(self, share: int, world: World) -> CarsAlone | None:
+        """Return the cars of a world alone, for the thread of a share; None where no ground is known to be clear."""
+        if not world.distances[0].size:
+            return None
+        key = share, world.xml_of_cars
+        if key not in self._alone:
+            self._alone[key] = CarsAlone(world.xml_of_cars, world.cars)
+        return self._alone[key]
 
     def _share_of(self, worlds: slice) -> int:
         """Return the number of the share that some worlds are in."""

@@ -33,7 +33,7 @@ BAD_WARNINGS = slice(2 * BAD_STATE.start + 1, 2 * BAD_STATE.stop, 2)
 
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 
-_EXPANDED = (
+CHANGEABLE = (
     "body_mass", "body_inertia", "body_ipos", "body_subtreemass", "body_invweight0", "dof_M0", "dof_invweight0",
     "tendon_invweight0", "actuator_acc0", "pair_friction", "actuator_gainprm", "actuator_biasprm", "actuator_delay",
 )  # fmt: skip
@@ -210,7 +210,7 @@ class Batch:
     @contextmanager
     def as_model(self, i: int) -> Iterator[mujoco.MjModel]:
         """Give `model` the values that `expand` gave state i, for as long as the context lasts."""
-        own = {name: values for name in _EXPANDED if (values := self.expanded(name)) is not None}
+        own = {name: values for name in CHANGEABLE if (values := self.expanded(name)) is not None}
         plain = {name: getattr(self.model, name).copy() for name in own}
         try:
             for name, values in own.items():

@@ -48,6 +48,7 @@ from .cars import (
     make_visible,
     require_alike,
 )
+from .cars_alone import without_course
 from .clear_ground import distances_of
 from .course_loading import load_track
 
@@ -173,6 +174,11 @@ class World(Suggesting):
     def distances(self) -> tuple[FloatArray, FloatArray]:
         """Distances to everything that stands, see `clear_ground.distances_of`."""
         return distances_of(self.model)
+
+    @cached_property
+    def xml_of_cars(self) -> str:
+        """The MJCF text of the cars alone, see `cars_alone.without_course`."""
+        return without_course(self.xml)
 
     @cached_property
     def all_seen(self) -> ScanlineScene:

@@ -35,6 +35,7 @@ from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
+from .cars_alone import CarsAlone
 from .clear_ground import ClearGround, find_clear_ground
 from .clock import HAS_CLOCK
 from .physics import STATE, Batch, StateLayout
@@ -106,6 +107,7 @@ class WorldBatch:
       time_limit: of simulated time [s]; None: that of the course.
       own_model: step `world.model` itself, so that changes to it take effect; else a copy.
       room: for how many states there is to be room, for `another`; at least for those of these worlds.
+      alone: the cars of the world, which are stepped in the world's place where they touch nothing; None: never.
 
     Attributes:
       world, worlds: as given.
@@ -131,6 +133,7 @@ class WorldBatch:
         time_limit: float | None,
         own_model: bool,
         room: int = 1,
+        alone: CarsAlone | None = None,
     ) -> None:
         model, count = world.model, worlds.stop - worlds.start
         self.world = world
@@ -139,7 +142,8 @@ class WorldBatch:
         fit_timestep(model)
         if not own_model:
             model = copy(model)
-        self._on_own_tires = sum(take_over(model, car.prefix) for car in world.cars) > 0
+        taken_over = [take_over(model, car.prefix) for car in world.cars]
+        self._on_own_tires = any(taken_over)
         self._model = model
         self.all_physics = Batch(model, max(count, room), substeps)
         self.physics = self.all_physics.part(0, count)
@@ -165,6 +169,8 @@ class WorldBatch:
         self.floor = self._make_floor(substeps)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
         self._table = self._make_table(period, time_limit)
+        self._alone = alone if all(taken_over) and self.clear.distances.size else None
+        self._note_copies()
 
     def _take_rows(self, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> None:
         """Have the rows of some of the engine's worlds, and write to them what does not change while they race."""
@@ -191,7 +197,14 @@ class WorldBatch:
         new._table = self._table.with_others(new._engine_arrays() | new._physics_arrays() | {
             "places": compiled_tick.whole_places(self._cars_per_world, physics, monitor.laps, self.layout),
         })  # fmt: skip
+        new._note_copies()
         return new
+
+    def _note_copies(self) -> None:
+        """Put into the table what the cars alone have of these states, see CarsAlone."""
+        if self._alone is not None:
+            self._table.put("alone", self._alone.addresses)
+            self._table.put("copies", self._alone.copies(self.physics))
 
     def _physics_arrays(self) -> dict[str, Any]:
         """Return the arrays of the states of these worlds, by the names that the compiled tick has for them."""
@@ -318,6 +331,7 @@ class WorldBatch:
                 with self.physics.as_model(i) as model:
                     self.cars[row] = Car(model, self.world.cars[car].prefix)
                 self._arrays.constants[row] = self.cars[row].constants[0]
+        self._note_copies()
 
     def change_anew(self, changes: Sequence[CarChanges]) -> None:
         """Change each car, (r,), as `change`, after the last changes were taken back."""
@@ -426,6 +440,16 @@ class WorldBatch:
         pole = timers["place"][np.searchsorted(rows, rows // m * m)]
         timers["progress"] = (timers["place"] - pole + 0.5 * modulus) % modulus - 0.5 * modulus
         timers["mark"] = timers["progress"]
+
+    def read(self, i: int, data: mujoco.MjData) -> None:
+        """Write world i of them into a mujoco.MjData of its model, poses current."""
+        model = self.world.model
+        if self._alone is None:
+            self.physics.read(i, data)
+            mujoco.mj_kinematics(model, data)  # a step leaves poses one timestep behind the state
+        else:
+            mujoco.mj_setState(model, data, self.physics.states[i], int(STATE))
+            mujoco.mj_fwdPosition(model, data)
 
     def go_on_from(self, other: WorldBatch, places: slice) -> None:
         """Take over the states of worlds of another batch."""

@@ -76,6 +76,9 @@ body_accelerations = _stage("mj_rnePostConstraint")  # the sensors' own call bel
 sensors_of_acceleration = _stage("mj_sensorAcc")
 factor_inertia = _stage("mj_factorM")
 advance = _stage("mj_Euler")
+reset = _stage("mj_resetData")
+set_state = _function("mj_setState", "void", "uintp", "uintp", "uintp", "int32")
+get_state = _function("mj_getState", "void", "uintp", "uintp", "uintp", "int32")
 solve_inertia = _function("mj_solveM", "void", "uintp", "uintp", "uintp", "uintp", "int32")
 read_control = _function("mj_readCtrl", "uintp", "uintp", "uintp", "int32", "float64", "uintp", "int32")
 
@@ -110,6 +113,7 @@ class Fields(NamedTuple):
     actuator_length: int
     time: int
     contacts: int  # their number itself, 32 bits
+    warnings: int  # the mjWarningStat themselves, two numbers of 32 bits each
 
 
 _OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "pair_friction")
@@ -157,7 +161,10 @@ def fields() -> Fields:
     hits = np.flatnonzero(_words(data, before - _BEFORE, before).view(np.float64) == moment)
     if len(hits) != 1:
         raise _unknown("time")
-    return Fields(**found, time=8 * (before - _BEFORE + int(hits[0])), contacts=_place_of_contacts(found["qpos"]))
+    return Fields(
+        **found, time=8 * (before - _BEFORE + int(hits[0])), contacts=_place_of_contacts(found["qpos"]),
+        warnings=_place_of_warnings(model, found["qpos"]),
+    )  # fmt: skip
 
 
 def _place_of_contacts(end: int) -> int:
@@ -177,6 +184,18 @@ def _place_of_contacts(end: int) -> int:
     if not found:
         raise _unknown("ncon")
     return max(found)  # before it lies the greatest number so far
+
+
+def _place_of_warnings(model: mujoco.MjModel, end: int) -> int:
+    """Return where a mujoco.MjData keeps its warnings, before `end`."""
+    data, seen = mujoco.MjData(model), (123456789, 987654321)
+    data.warning[0].lastinfo, data.warning[0].number = seen
+    buffer: Any = (ctypes.c_int32 * (end // 4)).from_address(data._address)
+    numbers = np.frombuffer(buffer, np.int32)
+    hits = np.flatnonzero((numbers[:-1] == seen[0]) & (numbers[1:] == seen[1]))
+    if len(hits) != 1:
+        raise _unknown("warning")
+    return 4 * int(hits[0])
 
 
 def _words(structure: Any, first: int, end: int) -> NDArray[np.uintp]:

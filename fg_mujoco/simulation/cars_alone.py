@@ -1,0 +1,83 @@
+"""The cars of a world without its course, which are stepped in its place where they touch nothing.
+
+Each course has a model of its own, with its walls, and each world has data of its own. Where all worlds have another
+course, what a step reads of them has left the processor's cache before the world's next tick. But cars that touch
+nothing move the same without the walls. So for worlds that come and go (`Slots`) each thread has one model and one data
+of the cars alone, which stay in the cache. A world's state, and what is its own in the model (`CHANGEABLE`), is written
+to them before a tick, and the state is read from them afterwards. From the first step on in which a car may touch
+something, the world's own model and data are stepped.
+
+The states have the same bits, because the cars in both models are the same: their ids of bodies, joints, actuators and
+pairs, and all that a step reads of them. Ids of geoms differ.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..vehicle.bodywork import fit_timestep
+from ..vehicle.car import Car
+from ..vehicle.friction_patches import PREFIX
+from ..vehicle.tire_forces import take_over
+from .physics import CHANGEABLE, Batch
+
+
+def without_course(xml: str) -> str:
+    """Return the MJCF text of a world's cars alone: without what stands on its ground, patches and lights.
+
+    It is the same for all worlds whose cars are, on whichever course.
+    """
+    root = ElementTree.fromstring(xml)
+    root.set("model", "cars")
+    ground = root.find("worldbody")
+    assert ground is not None
+    for element in list(ground):
+        if element.tag in ("light", "site") or element.get("mesh") is not None:
+            ground.remove(element)
+    seen = {geom.get("mesh") for geom in root.iter("geom")}
+    for section in (*root.findall("asset"), *root.findall("custom")):
+        for element in list(section):
+            name = element.get("name", "")
+            if (element.tag == "mesh" and name not in seen) or (element.tag == "numeric" and name.startswith(PREFIX)):
+                section.remove(element)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class CarsAlone:
+    """A model of some cars without a course, and its data; for one thread.
+
+    Args:
+      xml: of `without_course`.
+      cars: that it holds.
+
+    Attributes:
+      addresses: of model and data, for kernels.
+    """
+
+    def __init__(self, xml: str, cars: Sequence[Car]) -> None:
+        self._model = mujoco.MjModel.from_xml_string(xml)
+        fit_timestep(self._model)
+        for car in cars:
+            take_over(self._model, car.prefix)
+        self._data = mujoco.MjData(self._model)
+        own = [getattr(self._model, name) for name in CHANGEABLE]
+        self._fields, self._sizes = [values.ctypes.data for values in own], [values.size for values in own]
+        self.addresses = np.array([self._model._address, self._data._address], np.int64)
+
+    def copies(self, physics: Batch) -> NDArray[np.int64]:
+        """Return what is to be copied to the model before states of a batch are stepped in it: fields of the model.
+
+        There is a row for each: address there, address of the first state's values, how many numbers, and how far apart
+        the values of two states are, in bytes; not at all where they are those of the batch's model.
+        """
+        rows = []
+        for name, address, size in zip(CHANGEABLE, self._fields, self._sizes, strict=True):
+            own = physics.expanded(name)
+            values = getattr(physics.model, name) if own is None else own
+            rows.append((address, values.ctypes.data, size, 0 if own is None else values.strides[0]))
+        return np.array(rows, np.int64)

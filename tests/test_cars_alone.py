@@ -1,0 +1,118 @@
+"""Worlds that come and go are stepped without their course where their cars touch nothing, to the same last bit."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.simulation.cars_alone import without_course
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.settings import Start
+from fg_mujoco.vehicle.changes import CarChanges
+from fg_mujoco.vehicle.friction_patches import Patch
+
+TICKS = 60
+BOX = Box(x=5.0, y=0.4, length=0.3, width=0.3)
+KINDS = ("body", "jnt", "dof", "actuator", "pair", "tendon", "eq", "sensor")
+PATCH = Patch(x=2.0, y=0.0, length=1.5, width=1.4, mu=0.4)
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    return [fg.World("oval"), fg.World("random:0", obstacles=(BOX,), patches=(PATCH,))]
+
+
+def rebuilt(worlds):
+    """Return an engine whose worlds have come in the places of others, with cars alone."""
+    engine = Engine(worlds[0], len(worlds))
+    engine.rebuild_worlds(dict(enumerate(worlds)))
+    return engine
+
+
+def alone(engine):
+    return engine._batches[0]._alone
+
+
+def driven(engine, changes=()):
+    """Drive to the left until the cars hit the walls, and on; return what is known of each tick."""
+    for i, change in enumerate(changes):
+        engine.change(i, [change] * engine.cars_per_world)
+    rows = len(engine.commands)
+    engine.place([Start(s=0.7 * row, speed=2.0) for row in range(rows)])
+    rng, seen = np.random.default_rng(4), []
+    for _ in range(TICKS):
+        engine.commands[:] = np.column_stack((rng.uniform(-0.1, 0.4, rows), np.full(rows, 6.0)))
+        engine.sense()
+        engine.drive()
+        engine.judge()
+        engine.running[:] = True  # who has crashed drives on
+        seen += [*(engine.state(i).copy() for i in range(engine.count)), engine.telemetry.copy(), engine.ranges.copy()]
+        seen.append(np.array([engine.records(i)[-1] for i in range(engine.count)]))
+    return seen, engine.crashed.copy()
+
+
+@pytest.mark.parametrize(
+    "changes", [(), (CarChanges(mu=0.5, mass=4.0), CarChanges(speed_gain=0.8, center_of_gravity_height=0.06))]
+)
+def test_cars_alone_move_as_in_their_worlds(worlds, changes):
+    """Oracle: the same worlds as batches of their own, which have no cars alone."""
+    engine, plain = rebuilt(worlds), Engine(worlds)
+    assert alone(engine) is engine._batches[1]._alone is not None
+    assert alone(plain) is None
+    (seen, crashed), (wanted, _) = driven(engine, changes), driven(plain, changes)
+    assert crashed.all()  # so that both ways were gone
+    for own, other in zip(seen, wanted, strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
+def test_cars_alone_are_what_is_stepped(worlds):
+    """Guard of the test above: it fails where the cars alone are others."""
+    engine, plain = rebuilt(worlds), Engine(worlds)
+    alone(engine)._model.opt.gravity[2] = -5.0
+    assert not np.array_equal(driven(engine)[0][0], driven(plain)[0][0])
+
+
+def test_bad_states_are_those_of_the_world(worlds):
+    engine, plain = rebuilt(worlds), Engine(worlds)
+    for each in (engine, plain):
+        each.place([Start(), Start()])
+        each.drive()
+        each.qvel(0)[3] = 1e11
+        each.drive()
+        assert each.unstable(0)
+        assert not each.unstable(1)
+        each.drive()
+    np.testing.assert_array_equal(engine.state(0), plain.state(0))
+    np.testing.assert_array_equal(engine.state(1), plain.state(1))
+
+
+def test_the_data_of_a_world_is_up_to_date(worlds):
+    engine = rebuilt(worlds)
+    engine.place([Start(speed=3.0), Start()])
+    engine.drive()
+    data, state = mujoco.MjData(worlds[0].model), np.empty(len(engine.state(0)))
+    engine.read(0, data)
+    mujoco.mj_getState(worlds[0].model, data, state, int(STATE))
+    np.testing.assert_array_equal(state, engine.state(0))
+    assert data.body("car/base_link").xpos[0] == engine.qpos(0)[0] > 0.0
+
+
+def test_cars_alone_are_the_cars_of_the_world(worlds):
+    """All that belongs to bodies, joints, actuators, pairs, tendons, equalities and sensors, but for ids of geoms."""
+    texts = [without_course(world.xml) for world in worlds]
+    assert texts[0] == texts[1] != without_course(fg.World("oval", mu=0.7).xml)
+    cars = mujoco.MjModel.from_xml_string(texts[0])
+    of_geoms = {"body_geomadr", "body_bvhadr", "pair_geom1", "pair_geom2", "sensor_objid"}
+    for world in worlds:
+        model, compared = world.model, 0
+        for name in dir(cars):
+            kind, value = name.partition("_")[0], getattr(cars, name)
+            if kind not in KINDS or name in of_geoms or not isinstance(value, np.ndarray):
+                continue
+            first = 1 if kind == "body" else 0  # body 0 is the ground with all that stands there
+            np.testing.assert_array_equal(value[first:], getattr(model, name)[first:], err_msg=name)
+            compared += 1
+        assert compared > 100
+        assert cars.stat.meaninertia == model.stat.meaninertia
