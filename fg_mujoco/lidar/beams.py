@@ -67,6 +67,11 @@ class Beams:
         return readings
 
     @cached_property
+    def in_plane(self) -> FloatArray:
+        """Cosine and sine of each beam's bearing, for a scanline: one array for all worlds. Shape (2, n), read-only."""
+        return read_only(np.ascontiguousarray(self.directions[:, :2].T))
+
+    @cached_property
     def geometry(self) -> ScanGeometry:
         """The constant part of all scans along these beams."""
         return ScanGeometry(

@@ -28,13 +28,12 @@ from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .body_poses import rotated
 from .lidar import Lidar, RaycastLidar
+from .random_numbers import draw_normals, draw_shares, generator_state, ziggurat
 
 GREATEST_NOISE = 10.0
 """[m] Greatest standard deviation of a range that is accepted."""
 
 _FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
-
-_TOGETHER = 8  # rows whose noise is drawn before it is used, which stays in the processor's cache meanwhile
 
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
@@ -146,19 +145,20 @@ class EffectsOfRows:
 
     def __init__(self, beams: Beams, rows: int) -> None:
         self._beams, count = beams, len(beams.bearings)
-        self._generators: dict[int, np.random.Generator] = {}
+        self._begun = np.zeros(rows, np.bool_)
+        self._states = np.zeros((rows, 4), np.int64)  # of the generator of each
         self._deviations, self._dropouts, self._no_returns = np.zeros(rows), np.zeros(rows), np.full(rows, math.inf)
         self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
-        self._noise, self._shares = np.zeros((_TOGETHER, count)), np.zeros((_TOGETHER, count))
+        self._noise, self._shares = np.zeros(count), np.zeros(count)  # room for those of one row
         self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
 
     def __bool__(self) -> bool:
-        return bool(self._generators)
+        return bool(self._begun.any())
 
     def begin(self, row: int, effects: LidarEffects, seed: int) -> None:
         """Have effects on a row from now on."""
         count = len(self._beams.bearings)
-        self._generators[row] = np.random.default_rng(seed)
+        self._begun[row], self._states[row] = True, generator_state(seed)
         self._deviations[row], self._dropouts[row] = effects.range_noise_std, effects.dropout_probability
         self._no_returns[row] = math.inf if effects.no_return == "inf" else self._beams.range_max
         self._lates[row], self._sweeps[row] = effects.sweeps_late(self._beams.period), 0
@@ -169,43 +169,41 @@ class EffectsOfRows:
 
     def end(self, row: int) -> None:
         """Have none on it."""
-        self._generators.pop(row, None)
+        self._begun[row] = False
 
     def apply(self, which: NDArray[np.bool_], ranges: FloatArray) -> None:
         """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
-        rows = [row for row in self._generators if which[row]]
-        for first in range(0, len(rows), _TOGETHER):
-            some = rows[first : first + _TOGETHER]
-            for place, row in enumerate(some):
-                if self._deviations[row] > 0.0:
-                    self._generators[row].standard_normal(out=self._noise[place])
-                if self._dropouts[row] > 0.0:
-                    self._generators[row].random(out=self._shares[place])
-            _disturb(
-                np.array(some, np.int64), ranges, self._deviations, self._noise, self._dropouts, self._shares,
-                self._no_returns, self._lates, self._sweeps, self._held, self._beams.range_min, self._beams.range_max,
-            )  # fmt: skip
+        _disturb(
+            np.flatnonzero(self._begun & which), ranges, self._states, *ziggurat(), self._deviations, self._noise,
+            self._dropouts, self._shares, self._no_returns, self._lates, self._sweeps, self._held,
+            self._beams.range_min, self._beams.range_max,
+        )  # fmt: skip
 
 
 @kernel
 def _disturb(
-    rows: NDArray[np.int64], ranges: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
+    rows: NDArray[np.int64], ranges: FloatArray, states: NDArray[np.int64], limits: NDArray[np.int64],
+    widths: FloatArray, heights: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
     shares: FloatArray, no_returns: FloatArray, lates: NDArray[np.int64], sweeps: NDArray[np.int64], held: FloatArray,
     range_min: float, range_max: float,
 ) -> None:  # fmt: skip
     """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
-    for drawn, row in enumerate(rows):
+    for row in rows:
         deviation, dropout, late = deviations[row], dropouts[row], lates[row]
+        if deviation > 0.0:
+            draw_normals(states[row], limits, widths, heights, noise)
+        if dropout > 0.0:
+            draw_shares(states[row], shares)
         place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
         for beam in range(ranges.shape[1]):
             distance = ranges[row, beam]
             if deviation > 0.0:
-                distance += deviation * noise[drawn, beam]
+                distance += deviation * noise[beam]
                 if not distance < range_max:
                     distance = math.inf
                 elif distance < range_min:
                     distance = -math.inf
-            if dropout > 0.0 and shares[drawn, beam] < dropout:
+            if dropout > 0.0 and shares[beam] < dropout:
                 distance = math.nan
             if distance == math.inf:
                 distance = no_returns[row]

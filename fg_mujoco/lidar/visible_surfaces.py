@@ -83,7 +83,7 @@ class ScanlineScene:
             edge, triangle = edge + own.edges.shape[1], triangle + len(own.triangles)
             cluster, plane, shape = behind
         self.arrays = SceneArrays(
-            beams=_fixed(beams.directions[:, :2].T),
+            beams=beams.in_plane,
             limits=_fixed([beams.angle_min, beams.angle_increment, beams.range_min, beams.range_max]),
             edges=_fixed(np.concatenate([own.edges for own in clusters], axis=1)),
             triangles=_fixed(np.concatenate([own.triangles for own in clusters]), np.uint16),

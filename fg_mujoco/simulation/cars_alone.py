@@ -14,12 +14,14 @@ pairs, and all that a step reads of them. Ids of geoms differ.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..lidar.visible_surfaces import Scratch
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import Car
 from ..vehicle.friction_patches import PREFIX
@@ -48,6 +50,14 @@ def without_course(xml: str) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+_OF_CARS = (
+    "tires", "gears", "row_counts", "row_starts", "inertia_columns", "wheels", "pairs", "car_places", "touch_places",
+    "links", "offset_positions", "offset_rotations", "bodies", "fields", "sizes",
+)  # fmt: skip
+_ROOM = ("scratch", *Scratch._fields)
+"""Of the arrays of a compiled tick: those that the same cars have in all worlds, and those that are calculated in."""
+
+
 class CarsAlone:
     """A model of some cars without a course, and its data; for one thread.
 
@@ -67,6 +77,7 @@ class CarsAlone:
         self._data = mujoco.MjData(self._model)
         own = [getattr(self._model, name) for name in CHANGEABLE]
         self._fields, self._sizes = [values.ctypes.data for values in own], [values.size for values in own]
+        self._shared: dict[str, NDArray[Any]] = {}
         self.addresses = np.array([self._model._address, self._data._address], np.int64)
 
     def copies(self, physics: Batch) -> NDArray[np.int64]:
@@ -81,3 +92,18 @@ class CarsAlone:
             values = getattr(physics.model, name) if own is None else own
             rows.append((address, values.ctypes.data, size, 0 if own is None else values.strides[0]))
         return np.array(rows, np.int64)
+
+    def share(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """Return the arrays of the compiled tick of some worlds, by name, where one serves all worlds, that one."""
+        found = dict(arrays)
+        for name in _OF_CARS:
+            first = self._shared.setdefault(name, found[name])
+            if first.shape == found[name].shape and first.tobytes() == found[name].tobytes():
+                found[name] = first
+        for name in _ROOM:
+            if name in found:
+                own = found[name]
+                if name not in self._shared or self._shared[name].size < own.size:
+                    self._shared[name] = own.ravel()
+                found[name] = self._shared[name][: own.size].reshape(own.shape)
+        return found

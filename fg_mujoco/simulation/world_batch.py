@@ -168,8 +168,9 @@ class WorldBatch:
         self._ids = np.empty(count, np.int32)
         self.floor = self._make_floor(substeps)
         self._motions, self._mover = motion_table(world.moving), make_mover(model)
-        self._table = self._make_table(period, time_limit)
+        self.clear = self._find_clear_ground()
         self._alone = alone if all(taken_over) and self.clear.distances.size else None
+        self._table = self._make_table(period, time_limit)
         self._note_copies()
 
     def _take_rows(self, worlds: slice, arrays: CarArrays, monitor: RaceMonitor) -> None:
@@ -272,7 +273,6 @@ class WorldBatch:
         """Return all arrays as the one argument of the compiled tick."""
         physics, drawn, course = self.physics, self.drawn, self.world.track
         model, moving, inertia = self.world.model, len(self._motions), Inertia.of(self.world.model)
-        self.clear = self._find_clear_ground()
         arrays: dict[str, Any] = {
             "places": compiled_tick.whole_places(self._cars_per_world, physics, self._monitor.laps, self.layout),
             "times": compiled_tick.course_numbers(
@@ -294,7 +294,7 @@ class WorldBatch:
             arrays["offset_positions"] = np.array([mount.offset_position for mount in self._mounts])
             arrays["offset_rotations"] = np.array([mount.offset_rotation for mount in self._mounts])
             arrays["links"] = make_links(model, scene.moving[moving:])
-        return ArrayTable(compiled_tick.NAMES, arrays)
+        return ArrayTable(compiled_tick.NAMES, arrays if self._alone is None else self._alone.share(arrays))
 
     def _find_clear_ground(self) -> ClearGround:
         """Return the clear ground of cars; empty for a model that its owner may change."""
