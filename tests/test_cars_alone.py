@@ -6,6 +6,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
+from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.cars_alone import without_course
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
@@ -63,6 +64,14 @@ def test_cars_alone_move_as_in_their_worlds(worlds, changes):
     assert alone(plain) is None
     (seen, crashed), (wanted, _) = driven(engine, changes), driven(plain, changes)
     assert crashed.all()  # so that both ways were gone
+    for own, other in zip(seen, wanted, strict=True):
+        np.testing.assert_array_equal(own, other)
+
+
+def test_two_cars_of_a_world_move_as_in_it():
+    worlds = [fg.World(track, others=(WorldCar(),)) for track in ("oval", "random:0")]
+    (seen, crashed), (wanted, _) = driven(rebuilt(worlds)), driven(Engine(worlds))
+    assert crashed.any()
     for own, other in zip(seen, wanted, strict=True):
         np.testing.assert_array_equal(own, other)
 
