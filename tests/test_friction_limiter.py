@@ -16,9 +16,13 @@ from fg_mujoco.controllers.safety.friction_limiter import (
     LIMITER_MEMORY,
     FrictionLimiter,
     FrictionLimiterSettings,
+    braking_exponent,
+    cornering_exponent,
+    evasive,
     limited,
     longitudinal_share,
 )
+from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
@@ -26,6 +30,7 @@ from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_abo
 TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 PERIOD = 0.025  # [s] of the LiDAR
 GRAVITY, WHEELBASE, HEIGHT, FRONT, REAR, MASS, INERTIA = 9.81, 0.3302, 0.074, 0.15875, 0.17145, 3.74, 0.04712
+TRACK = 0.236  # [m] width
 YAW_LAG = REAR + INERTIA / (MASS * REAR)  # [m] .245: Newton and Euler, moments about the rear axle
 DEFAULTS = for_car(FrictionLimiterSettings(), CAR)
 STEERING_RESPONSE = 0.022  # [s] the servo of models/f1tenth.xml: e / 100 rad/s, 3.2 rad/s at most
@@ -212,6 +217,30 @@ def test_the_more_grip_the_more_it_grants(mu, factor, reference, speed, now):
     assert slow.steering_angle <= fast.steering_angle + 1e-12
 
 
+def inner_rear_load(mu):
+    """The share of its load that the inner rear wheel keeps at half of the grip across, and at EVASIVE's braking."""
+    braking = EVASIVE.braking_use * GRAVITY * FRONT / (HEIGHT + WHEELBASE / (2.0 * mu))  # the rear axle just holds
+    rear_axle = (GRAVITY * FRONT - braking * HEIGHT) / WHEELBASE  # [N] of each kg of the car, moments about the front
+    inner_wheel = rear_axle * (0.5 - 0.5 * mu * HEIGHT / TRACK)  # moments about the outer wheel
+    return inner_wheel / (0.5 * GRAVITY * FRONT / WHEELBASE)
+
+
+def test_on_a_slippery_floor_less_load_moves_and_more_is_left_for_braking_and_turning_at_once():
+    mus = (0.3, 0.5, 0.66, 0.8, 0.95, MU, 1.3)
+    for mu in mus:
+        exponent, turn_in = braking_exponent(CAR, mu), evasive(EVASIVE, CAR, mu).turn_in_use
+        if mu >= MU:  # where the shares were found, to the bit, and no less on more friction
+            assert (exponent, turn_in) == (cornering_exponent(CAR), EVASIVE.turn_in_use)
+            continue
+        assert turn_in == pytest.approx(EVASIVE.turn_in_use * inner_rear_load(mu) / inner_rear_load(MU))
+        # (1/2)^p is what half of the grip in cornering leaves of the inner wheel's force, to the power that p has at MU
+        left = math.sqrt(0.75) * (1.0 - HEIGHT / TRACK * mu / MU)
+        power = 0.9 / -math.log2(math.sqrt(0.75) * (1.0 - HEIGHT / TRACK))
+        assert exponent == pytest.approx(max(-power * math.log2(left), 0.7))
+    exponents = [braking_exponent(CAR, mu) for mu in mus]
+    assert exponents == sorted(exponents) and exponents[0] == 0.7  # as on steady circles
+
+
 # -- a bicycle driven by any references
 
 
@@ -267,8 +296,10 @@ def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, directi
     assert (longitudinal_share(0.0, 0.8), longitudinal_share(1.0, 0.8)) == (1.0, 0.0)
     # of what the closed form says for straight ahead, .865 of which is used
     limiter = FrictionLimiter(CAR, mu)
-    greatest = limiter.braking if direction == "brake" else limiter.accelerating
-    shares = [longitudinal_share(use, limiter.exponent) for use in USES]
+    greatest, exponent = limiter.accelerating, limiter.exponent
+    if direction == "brake":
+        greatest, exponent = limiter.braking, limiter.braking_exponent
+    shares = [longitudinal_share(use, exponent) for use in USES]
     assert all(greatest * share <= most for share, most in zip(shares, MEASURED[mu, direction], strict=True))
 
 

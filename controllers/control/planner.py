@@ -52,7 +52,7 @@ from ..perception.intermediate_scans import IntermediateScans, keep
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN, scan_values, sees
 from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
-from ..safety.friction_limiter import FrictionLimiter
+from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
 from .driving import (
@@ -129,7 +129,7 @@ class Planner:
             raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
         self.settings: Any = for_car(given, car)
         evades = self.settings.speed_law == "minimum"
-        limiter = FrictionLimiter(car, mu, EVASIVE if evades else None) if math.isfinite(mu) else None
+        limiter = FrictionLimiter(car, mu, evasive(EVASIVE, car, mu) if evades else None) if math.isfinite(mu) else None
         self.driver = driver_record(car, max_speed, limiter, self.settings)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
         self.line = line

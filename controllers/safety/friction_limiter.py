@@ -13,8 +13,10 @@ acceleration that the tires can hold:
    braking and off the front axle in accelerating, so straight ahead the lighter axle slides first, at
    g (l / b) / (h / b + 1 / (2 mu)), with l = lf in braking and lr in accelerating. In a corner the lighter inner wheel
    slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
-   car p = .7 was measured on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
+   car p = .7 is enough on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
    at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
+   On a slippery floor no car corners so hard, less load moves, and `braking_exponent` is smaller. In accelerating p
+   stays: a car that turns in just after it accelerated still has the light front axle of that acceleration.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
    In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn in and
    brakes harder at once, the light inner rear wheel slides first.
@@ -27,7 +29,7 @@ the simulated car.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
@@ -53,6 +55,8 @@ from ..control.steering import saturate
 
 _CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
 _SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
+_STEADY_EXPONENT = 0.7  # the same on steady circles
+_FOUND_AT = 1.0489  # friction coefficient at which 0.9 and the shares for evading were found
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
 
@@ -94,11 +98,12 @@ LIMITER = np.dtype(
         ("settings", record_type(FrictionLimiterSettings)),
         ("car", CAR),
         ("mu", np.float64),
-        ("lateral", np.float64),  # [m/s^2] these five: see FrictionLimiter
+        ("lateral", np.float64),  # [m/s^2] these six: see FrictionLimiter
         ("braking", np.float64),  # [m/s^2]
         ("accelerating", np.float64),  # [m/s^2]
         ("yaw_lag", np.float64),  # [m]
         ("exponent", np.float64),
+        ("braking_exponent", np.float64),
         ("slip", SLIP),  # angles that the tires need
     ]
 )
@@ -121,11 +126,48 @@ def cornering_exponent(car: CarParameters) -> float:
     centre of gravity and w the track width.
     """
 
-    def exponent(load_moved: float) -> float:
-        return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(load_moved, 0.95))))
-
     moved = car.center_of_gravity_height / car.track_width
-    return max(_CORNERING_EXPONENT, _CORNERING_EXPONENT * exponent(moved) / exponent(_LOAD_MOVED))
+    scaled = _CORNERING_EXPONENT * _exponent_by_load(moved) / _exponent_by_load(_LOAD_MOVED)
+    return max(_CORNERING_EXPONENT, scaled)
+
+
+def braking_exponent(car: CarParameters, mu: float) -> float:
+    """Return the exponent p of braking on a floor of friction `mu`: `cornering_exponent` at 1.0489, and less below.
+
+    The load that cornering with half of the grip moves is proportional to mu, and p follows it by the same equation,
+    down to what steady circles leave. On floors of more friction p is not raised.
+    """
+    p, moved = cornering_exponent(car), car.center_of_gravity_height / car.track_width
+    if mu >= _FOUND_AT:
+        return p
+    return max(p * _exponent_by_load(moved * mu / _FOUND_AT) / _exponent_by_load(moved), _STEADY_EXPONENT)
+
+
+def _exponent_by_load(moved: float) -> float:
+    """Return the exponent that half of the grip in cornering demands of an inner wheel which lost the share `moved`."""
+    return math.log2(2.0 / (math.sqrt(3.0) * (1.0 - min(moved, 0.95))))
+
+
+def evasive(settings: FrictionLimiterSettings, car: CarParameters, mu: float) -> FrictionLimiterSettings:
+    """Return the settings of a car that evades, which were found at a friction of 1.0489, for a floor of friction `mu`.
+
+    It brakes and turns at once, which relieves the inner rear wheel. The wheels are turned in with a share of the grip
+    that is in proportion to the load which this wheel keeps. On floors of more friction the share is not lowered.
+    """
+    if mu >= _FOUND_AT:
+        return settings
+    more = _inner_rear_load(settings, car, mu) / _inner_rear_load(settings, car, _FOUND_AT)
+    return replace(settings, turn_in_use=min(settings.turn_in_use * more, 1.0))
+
+
+def _inner_rear_load(settings: FrictionLimiterSettings, car: CarParameters, mu: float) -> float:
+    """Return the share of its load at rest that the inner rear wheel keeps.
+
+    The car corners with half of the grip, and brakes as hard as it may straight ahead.
+    """
+    height = car.center_of_gravity_height / car.wheelbase
+    in_cornering = 1.0 - min(mu * car.center_of_gravity_height / car.track_width, 0.95)
+    return in_cornering * (1.0 - settings.braking_use * height / (height + 0.5 / mu))
 
 
 @kernel
@@ -261,7 +303,7 @@ def _approach(
     growth = period / limiter.settings.load_transfer_time
     reference = missing_speed / limiter.settings.speed_response
     if reference < 0.0:  # a power is what takes longest here, so only one of the two is worked out
-        share = longitudinal_share(in_braking, limiter.exponent)
+        share = longitudinal_share(in_braking, limiter.braking_exponent)
         grown = min(last, 0.0) - limiter.braking * max(share, _SLOWEST_GROWTH) * growth
         return float(max(reference, -limiter.braking * share, grown))
     share = longitudinal_share(in_accelerating, limiter.exponent)
@@ -281,7 +323,8 @@ class FrictionLimiter:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      exponent: of the share of braking and accelerating that cornering leaves, see `cornering_exponent`.
+      exponent: of the share of accelerating that cornering leaves, see `cornering_exponent`.
+      braking_exponent: of the share of braking, see `braking_exponent`.
       record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
@@ -300,9 +343,10 @@ class FrictionLimiter:
         self.accelerating = self.settings.accelerating_use * lever * car.rear_axle_distance
         self.yaw_lag = car.rear_axle_distance + car.yaw_inertia / (car.mass * car.rear_axle_distance)
         self.exponent = cornering_exponent(car)
+        self.braking_exponent = braking_exponent(car, mu)
         self.record = np.zeros(1, LIMITER)
         self.record["settings"], self.record["car"] = record_values(self.settings), astuple(car)
-        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):
+        for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent", "braking_exponent"):
             self.record[name] = getattr(self, name)
         self.record["slip"] = slip_row(car, self.lateral)
         self._memory = np.zeros(1, LIMITER_MEMORY)

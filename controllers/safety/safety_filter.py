@@ -41,7 +41,10 @@ from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
 
 EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
-"""Settings of the limiter of a car that evades: it brakes and turns out at once, and braking unloads the rear tires."""
+"""Settings of the limiter of a car that evades: it brakes and turns out at once, and braking unloads the rear tires.
+
+At a friction of 1.0489; for other floors see `friction_limiter.evasive`.
+"""
 
 _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's own first
 _FINE_TICKS = 8  # later ones are simulated two at a time

@@ -211,7 +211,8 @@ def _split(tires: Tires, mu: float, share: float, direction: int) -> tuple[Row, 
     along, across = then.acceleration.mean(axis=0) / gravity
     limiter = FrictionLimiter(car, mu)
     most = limiter.braking if direction < 0 else limiter.accelerating
-    allowed = longitudinal_share(abs(across), limiter.exponent) * most / gravity
+    exponent = limiter.braking_exponent if direction < 0 else limiter.exponent
+    allowed = longitudinal_share(abs(across), exponent) * most / gravity
     use = np.fmax.reduce(trace.slip.friction_utilisation.ravel())
     row: Row = {
         "mu": mu,

@@ -79,9 +79,12 @@ def draw_splits(figure: matplotlib.figure.Figure, splits: list[Row]) -> None:
     style.theory(axes, np.cos(half), np.sin(half), "mu g")
     for mu, colour in zip(dict.fromkeys(column(splits, "mu").tolist()), style.COLOURS, strict=False):
         limiter = FrictionLimiter(car, mu)
-        shares = np.array([longitudinal_share(share, limiter.exponent) for share in across]) / (mu * car.gravity)
-        style.theory(axes, -limiter.braking * shares, across, f"limiter, mu {mu:g}", colour=colour)
-        style.theory(axes, limiter.accelerating * shares, across, colour=colour)
+        for most, exponent, label in (
+            (-limiter.braking, limiter.braking_exponent, f"limiter, mu {mu:g}"),
+            (limiter.accelerating, limiter.exponent, ""),
+        ):
+            allowed = np.array([most * longitudinal_share(share, exponent) for share in across]) / (mu * car.gravity)
+            style.theory(axes, allowed, across, label, colour=colour)
         rows = [row for row in splits if row["mu"] == mu and not row["reason"]]
         label = f"first slide, mu {mu:g}"
         along, aside = column(rows, "longitudinal_share"), column(rows, "lateral_share")

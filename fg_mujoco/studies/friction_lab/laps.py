@@ -74,16 +74,17 @@ class LimitedCar(PointMass):
 
     def acceleration(self, curvature: float, squared_speed: float) -> float:
         """Return the lesser of the limiter's and the motor's greatest acceleration."""
-        share = self._share(curvature, squared_speed)
+        share = self._share(curvature, squared_speed, self.limiter.exponent)
         return min(float(self.limiter.accelerating * share), motor_acceleration(self.car, squared_speed))
 
     def braking(self, curvature: float, squared_speed: float) -> float:
         """Return the lesser of the limiter's and the motor's greatest deceleration."""
-        return min(float(self.limiter.braking * self._share(curvature, squared_speed)), self.car.max_acceleration)
+        share = self._share(curvature, squared_speed, self.limiter.braking_exponent)
+        return min(float(self.limiter.braking * share), self.car.max_acceleration)
 
-    def _share(self, curvature: float, squared_speed: float) -> float:
+    def _share(self, curvature: float, squared_speed: float, exponent: float) -> float:
         lateral_use = abs(curvature) * squared_speed / (self.mu * self.car.gravity)
-        return float(longitudinal_share(lateral_use, self.limiter.exponent))
+        return float(longitudinal_share(lateral_use, exponent))
 
 
 class LapsExperiment:
