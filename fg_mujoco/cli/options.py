@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
 from ..lidar.lidar import LIDAR_BACKENDS
+from ..lidar.measured_errors import effect_names
 from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
@@ -135,6 +136,11 @@ _SETUP: dict[str, dict[str, Any]] = {
         "help": "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each",
     },
     "lidar": {"metavar": "NAME", "help": f"{' or '.join(LIDAR_BACKENDS)}; default: raycast"},
+    "lidar_effects": {
+        "metavar": "NAME|FILE.toml",
+        "help": f"noise, bias and dropouts by range and bearing as measured: {', '.join(effect_names())}, or the file "
+        "that validate --beams wrote",
+    },
     "lidar_noise": {"type": number, "metavar": "M", "help": "standard deviation of each range"},
     "lidar_dropout": {"type": number, "metavar": "P", "help": "probability that a beam fails"},
     "lidar_latency": {"type": number, "metavar": "S", "help": "from measurement to delivery"},
@@ -181,8 +187,8 @@ for _field in fields(DriveSettings):
 
 CAR = (
     "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
-    "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_noise", "lidar_dropout",
-    "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
+    "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_effects", "lidar_noise",
+    "lidar_dropout", "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""
 

@@ -1,4 +1,4 @@
-"""Effects of a real LiDAR on a scan: noise, dropouts, latency, motion distortion. Off by default.
+"""Effects of a real LiDAR on a scan: noise, bias, dropouts, latency, motion distortion. Off by default.
 
     pipeline = ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(seed))
     for _ in range(substeps):
@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -28,6 +30,7 @@ from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .body_poses import rotated
 from .lidar import Lidar, RaycastLidar
+from .measured_errors import MeasuredErrors, error_at
 from .random_numbers import draw_normals, draw_shares, generator_state, ziggurat
 
 GREATEST_NOISE = 10.0
@@ -45,7 +48,8 @@ class LidarEffects:
     """Settings of a LiDAR's imperfections.
 
     A dropout reads NaN: so REP 117 marks a failed reading, and so the ROS driver urg_node reports the zero that the
-    UST-10LX sends for one.
+    UST-10LX sends for one. The errors of a measured LiDAR are independent of those of the two numbers, and both are
+    drawn where both are set.
 
     Raises:
       SettingsError: a value out of its range.
@@ -56,8 +60,12 @@ class LidarEffects:
     latency: float = 0.0  # [s] from measurement to delivery, rounded up to whole sweeps
     motion_distortion: bool = False  # each beam from the LiDAR's pose at its own time in the sweep
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
+    measured: MeasuredErrors | Mapping[str, Any] | str | Path | None = None  # noise, bias and dropouts by range and
+    # bearing: a bundled name, the path of a TOML file, or MeasuredErrors
 
     def __post_init__(self) -> None:
+        if self.measured is not None:
+            object.__setattr__(self, "measured", MeasuredErrors.load(self.measured))
         noise = f"0 to {GREATEST_NOISE:g} m, which is the range that the UST-10LX is made for"
         require(self, lambda value: 0.0 <= value <= GREATEST_NOISE, noise, ("range_noise_std",), SettingsError)
         latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"
@@ -69,6 +77,11 @@ class LidarEffects:
         if self.no_return not in NO_RETURN_READINGS:
             readings = accepted_names(self.no_return, NO_RETURN_READINGS)
             raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")
+
+    @property
+    def errors(self) -> MeasuredErrors | None:
+        """The measured errors, loaded."""
+        return cast("MeasuredErrors | None", self.measured)
 
     def sweeps_late(self, period: float) -> int:
         """Return the number of sweeps of a period [s] by which a scan is late."""
@@ -98,6 +111,7 @@ class ScanPipeline:
         self._lidar = lidar
         self._effects = effects
         self._rng = rng
+        self._tables = None if effects.errors is None else _tables(effects.errors, lidar.beams)
         self._held: deque[LaserScan] = deque(maxlen=effects.sweeps_late(lidar.beams.period) + 1)
         self._sweep: _Sweep | None = None
         if effects.motion_distortion:
@@ -124,6 +138,11 @@ class ScanPipeline:
         return self._held[0]
 
     def _disturb(self, beams: Beams, ranges: FloatArray) -> FloatArray:
+        if self._tables is not None:
+            noise, shares = self._rng.standard_normal(len(ranges)), self._rng.random(len(ranges))
+            effects, (knots, values) = self._effects, self._tables
+            own = effects.range_noise_std, effects.dropout_probability
+            return _misread(ranges, *own, noise, shares, knots, values, beams.range_min, beams.range_max)
         if self._effects.range_noise_std > 0.0:
             noisy = ranges + self._rng.normal(0.0, self._effects.range_noise_std, len(ranges))
             ranges = beams.readings(noisy)
@@ -151,6 +170,9 @@ class EffectsOfRows:
         self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
         self._noise, self._shares = np.zeros(count), np.zeros(count)  # room for those of one row
         self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
+        self._measured: list[MeasuredErrors] = []  # of which the tables are
+        self._table_of = np.full(rows, -1)  # of each row among them; -1: it has none
+        self._knots, self._values = np.zeros((0, 1)), np.zeros((0, count, 1, 3))
 
     def __bool__(self) -> bool:
         return bool(self._begun.any())
@@ -162,10 +184,23 @@ class EffectsOfRows:
         self._deviations[row], self._dropouts[row] = effects.range_noise_std, effects.dropout_probability
         self._no_returns[row] = math.inf if effects.no_return == "inf" else self._beams.range_max
         self._lates[row], self._sweeps[row] = effects.sweeps_late(self._beams.period), 0
+        self._table_of[row] = -1 if effects.errors is None else self._table(effects.errors)
         if self._lates[row] > self._held.shape[1]:
             held = np.zeros((len(self._held), int(self._lates[row]), count))
             held[:, : self._held.shape[1]] = self._held
             self._held = held
+
+    def _table(self, errors: MeasuredErrors) -> int:
+        """Return the place of the tables of measured errors."""
+        if errors not in self._measured:
+            self._measured.append(errors)
+            all_of = [_tables(each, self._beams) for each in self._measured]
+            most = max(len(knots) for knots, _ in all_of)
+            self._knots = np.full((len(all_of), most), math.inf)
+            self._values = np.zeros((len(all_of), len(self._beams.bearings), most, 3))
+            for place, (knots, values) in enumerate(all_of):
+                self._knots[place, : len(knots)], self._values[place, :, : len(knots)] = knots, values
+        return self._measured.index(errors)
 
     def end(self, row: int) -> None:
         """Have none on it."""
@@ -175,9 +210,46 @@ class EffectsOfRows:
         """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
         _disturb(
             np.flatnonzero(self._begun & which), ranges, self._states, *ziggurat(), self._deviations, self._noise,
-            self._dropouts, self._shares, self._no_returns, self._lates, self._sweeps, self._held,
-            self._beams.range_min, self._beams.range_max,
+            self._dropouts, self._shares, self._no_returns, self._lates, self._sweeps, self._held, self._table_of,
+            self._knots, self._values, self._beams.range_min, self._beams.range_max,
         )  # fmt: skip
+
+
+def _tables(errors: MeasuredErrors, beams: Beams) -> tuple[FloatArray, FloatArray]:
+    """Return the ranges (k,) [m] of measured errors, and noise, bias and dropout of each beam at them (n, k, 3)."""
+    return np.array(errors.ranges), np.ascontiguousarray(errors.at(beams.bearings))
+
+
+@kernel
+def _misread(
+    ranges: FloatArray, deviation: float, dropout: float, noise: FloatArray, shares: FloatArray, knots: FloatArray,
+    values: FloatArray, range_min: float, range_max: float,
+) -> FloatArray:  # fmt: skip
+    """Return ranges (n,) [m] with errors by range and bearing, `values` (n, k, 3) at `knots` (k,), and those of all."""
+    readings = np.empty(len(ranges))
+    for beam in range(len(ranges)):
+        readings[beam] = _reading(
+            ranges[beam], deviation, dropout, noise[beam], shares[beam], knots, values[beam], range_min, range_max
+        )
+    return readings
+
+
+@kernel
+def _reading(
+    distance: float, deviation: float, dropout: float, noise: float, share: float, knots: FloatArray,
+    values: FloatArray, range_min: float, range_max: float,
+) -> float:  # fmt: skip
+    """Return what a beam reads at a distance [m]: noise and bias at that distance, then its failure."""
+    failure = dropout + (1.0 - dropout) * error_at(knots, values, 2, distance)
+    if share < failure:
+        return math.nan
+    if not -math.inf < distance < math.inf:
+        return distance
+    deviation = math.sqrt(deviation * deviation + error_at(knots, values, 0, distance) ** 2)
+    distance += error_at(knots, values, 1, distance) + deviation * noise
+    if not distance < range_max:
+        return math.inf
+    return -math.inf if distance < range_min else distance
 
 
 @kernel
@@ -185,25 +257,30 @@ def _disturb(
     rows: NDArray[np.int64], ranges: FloatArray, states: NDArray[np.int64], limits: NDArray[np.int64],
     widths: FloatArray, heights: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
     shares: FloatArray, no_returns: FloatArray, lates: NDArray[np.int64], sweeps: NDArray[np.int64], held: FloatArray,
-    range_min: float, range_max: float,
+    table_of: NDArray[np.int64], knots: FloatArray, values: FloatArray, range_min: float, range_max: float,
 ) -> None:  # fmt: skip
     """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
     for row in rows:
-        deviation, dropout, late = deviations[row], dropouts[row], lates[row]
-        if deviation > 0.0:
+        deviation, dropout, late, table = deviations[row], dropouts[row], lates[row], table_of[row]
+        if table >= 0 or deviation > 0.0:
             draw_normals(states[row], limits, widths, heights, noise)
-        if dropout > 0.0:
+        if table >= 0 or dropout > 0.0:
             draw_shares(states[row], shares)
         place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
         for beam in range(ranges.shape[1]):
             distance = ranges[row, beam]
-            if deviation > 0.0:
+            if table >= 0:
+                distance = _reading(
+                    distance, deviation, dropout, noise[beam], shares[beam], knots[table], values[table, beam],
+                    range_min, range_max,
+                )  # fmt: skip
+            elif deviation > 0.0:
                 distance += deviation * noise[beam]
                 if not distance < range_max:
                     distance = math.inf
                 elif distance < range_min:
                     distance = -math.inf
-            if dropout > 0.0 and shares[beam] < dropout:
+            if table < 0 and dropout > 0.0 and shares[beam] < dropout:
                 distance = math.nan
             if distance == math.inf:
                 distance = no_returns[row]

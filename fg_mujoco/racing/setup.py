@@ -61,7 +61,8 @@ RENAMED = {
 
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
-    "lidar_latency": ("effects", "latency"), "motion_distortion": ("effects", "motion_distortion"),
+    "lidar_effects": ("effects", "measured"), "lidar_latency": ("effects", "latency"),
+    "motion_distortion": ("effects", "motion_distortion"),
     "start_s": ("start", "s"), "start_offset": ("start", "offset"), "start_heading": ("start", "heading"),
     "start_speed": ("start", "speed"), "mass": ("changes", "mass"),
     "cog_height": ("changes", "center_of_gravity_height"), "steering_gain": ("changes", "steering_gain"),

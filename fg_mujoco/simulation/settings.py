@@ -21,6 +21,7 @@ from ..display import brief, changed
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import lidar_of
 from ..lidar.effects import LidarEffects
+from ..lidar.measured_errors import MeasuredErrors
 from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
@@ -284,6 +285,7 @@ class CarKeywords(TypedDict, total=False):
     effects: LidarEffects | Mapping[str, Any]
     odometry_drift: float
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
+    lidar_effects: MeasuredErrors | Mapping[str, Any] | str | Path | None
     lidar_noise: float
     lidar_dropout: float
     lidar_latency: float
