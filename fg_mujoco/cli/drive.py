@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _DONE, _NOT_DONE = 0, 1
 _SETTINGS = (
-    "vehicle", "tires", "mu", "start_s", "start_offset", "start_heading", "start_speed", "mass", "cog_height",
+    "vehicle", "tires", "mu", "floor", "start_s", "start_offset", "start_heading", "start_speed", "mass", "cog_height",
     "steering_gain", "speed_gain", "command_delay",
 )  # fmt: skip
 
@@ -117,5 +117,5 @@ def _table(result: RaceResult, out: str | None) -> str:
         rows.append(("written to", out))
         if (Path(out) / PAGE).is_file():
             rows.append(("report", str(Path(out) / PAGE)))
-    heading = f"{car.controller}, {car.vehicle}, mu {car.mu:.4g}"
+    heading = f"{car.controller}, {car.vehicle}, mu {car.mu:.4g}" + (f" on floor {car.floor}" if car.floor else "")
     return "\n".join([heading, *(f"  {name:<22}{value}" for name, value in rows)])

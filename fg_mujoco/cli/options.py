@@ -18,6 +18,7 @@ from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
 from ..racing.setup import CAR_KEYWORDS, Setup
 from ..simulation.settings import FASTEST, DriveSettings
+from ..vehicle.floors import floor_names
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
@@ -116,6 +117,11 @@ _SETUP: dict[str, dict[str, Any]] = {
         "type": number, "metavar": "MU",
         "help": "friction coefficient of the tires, or their greatest peak; default: as published",
     },
+    "floor": {
+        "metavar": "NAME|FILE.toml",
+        "help": "a floor that was measured, whose friction the tires have, in place of --mu: "
+        f"{', '.join(floor_names())}, or the file of one",
+    },
     "planner_mu": {
         "type": number_or_off, "metavar": "MU",
         "help": "friction coefficient that the planner assumes; off: no friction limits; default: that of --mu",
@@ -186,8 +192,8 @@ for _field in fields(DriveSettings):
         _SETUP[_field.name] = _TYPES[type(_field.default)] | {"help": _field.metadata["help"]}
 
 CAR = (
-    "vehicle", "tires", "mu", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading", "start_speed",
-    "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_effects", "lidar_noise",
+    "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading",
+    "start_speed", "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_effects", "lidar_noise",
     "lidar_dropout", "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""

@@ -12,7 +12,7 @@ from .drive_study import add_study_options, drive_study, names_in, seeds_in
 from .options import add_setup_options, number, setup_of
 
 _DRIVE = (
-    "vehicle", "tires", "mu", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
+    "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
     "command_delay",
 )  # fmt: skip
 

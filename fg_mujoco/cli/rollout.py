@@ -164,7 +164,8 @@ def _table(result: RolloutResult, out: str | None) -> str:
 def _friction(result: RolloutResult) -> str:
     drawn, base = result.randomization.ranges, result.base
     return friction_text(
-        None if "mu" in drawn else base.tires_mu, None if "planner_mu" in drawn else base.assumed_mu
+        None if "mu" in drawn else base.tires_mu, None if "planner_mu" in drawn else base.assumed_mu,
+        base.ground_name,
     )  # fmt: skip
 
 

@@ -54,7 +54,8 @@ def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
 
 
 def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
-    same: dict[str, Any] = {name: getattr(own, name) for name in ("vehicle", "tires", "mu", "changes", "sensors")}
+    alike = ("vehicle", "tires", "mu", "floor", "changes", "sensors")
+    same: dict[str, Any] = {name: getattr(own, name) for name in alike}
     if isinstance(opponent, Mapping):
         given = known_settings(opponent, Entry, f"opponent {number}")
         entry = Entry(**(given if "vehicle" in given else same | given))

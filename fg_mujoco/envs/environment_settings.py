@@ -211,7 +211,7 @@ class EnvironmentSettings(CarSettings):
         boxes = self.obstacles
         if isinstance(boxes, int):
             boxes = random_boxes(course, boxes, self.obstacle_seed, car=car, start=(self.fixed_start or Start()).s)
-        learner = WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
+        learner = WorldCar(vehicle=self.car, mu=self.set_mu, changes=self.changes, tires=self.tire_set)
         others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
         return self.world(course, obstacles=tuple(boxes), others=others)
 
@@ -247,7 +247,7 @@ def _settings_of(setup: Setup) -> dict[str, Any]:
     """
     setup.require_usable("an environment", *_UNUSABLE)
     first, usual = setup.first, Setup()
-    own = {name: getattr(first, name) for name in ("vehicle", "tires", "mu", "changes", "effects")}
+    own = {name: getattr(first, name) for name in ("vehicle", "tires", "mu", "floor", "changes", "effects")}
     of_race = ("track", "laps", "time_limit", "obstacles", "obstacle_seed", "patches", "grid")
     own |= {name: getattr(setup, name) for name in of_race if getattr(setup, name) != getattr(usual, name)}
     return own | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {}) | (

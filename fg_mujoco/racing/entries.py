@@ -71,7 +71,7 @@ class Entry(DriveSettings):
 
     def world_car(self) -> WorldCar:
         """Return the car as World takes it."""
-        return WorldCar(vehicle=self.car, mu=self.mu, changes=self.changes, tires=self.tire_set)
+        return WorldCar(vehicle=self.car, mu=self.set_mu, changes=self.changes, tires=self.tire_set)
 
 
 def require_entries(entries: Sequence[Entry]) -> tuple[Entry, ...]:

@@ -102,6 +102,11 @@ class CarResult(Suggesting):
         return self.entry.tire_set.sha256
 
     @property
+    def floor(self) -> str | None:
+        """Name of the floor whose friction the tires had; None: it is of none, but of `mu` or of the tires' file."""
+        return self.entry.ground_name
+
+    @property
     def planner_mu(self) -> float:
         """Friction coefficient that the planner assumed."""
         return float(self.entry.assumed_mu)
@@ -173,7 +178,7 @@ _OF_A_CAR = (
     "controller_origin", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s", "wrong_way", "crash",
     "planner_failure", "collisions_wall", "collisions_car", "max_slide_m_s", "max_lateral_slide_m_s",
     "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "decision_times", "clamped_commands", "seed", "mu",
-    "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",
+    "floor", "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",
 )  # fmt: skip
 """Keys of a car's row in the JSON summary, in their order."""
 
@@ -261,7 +266,7 @@ class RaceResult(Shown):
             *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
             ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),
             ("greatest sliding", f"{car.max_slide_m_s:.3f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
-            ("friction coefficient", friction_text(car.mu, car.planner_mu)),
+            ("friction coefficient", friction_text(car.mu, car.planner_mu, car.floor)),
         ]
         ends = (("crashed here", car.crash), ("turned here", car.wrong_way), ("rolled over here", car.rollover))
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]

@@ -185,6 +185,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "grid": (" or ".join(GRIDS), lambda value: value in GRIDS),
     "rules": (" or ".join(RULES), lambda value: isinstance(value, str) and value in RULES),
     "winner": _TEXT,
+    "floor": _TEXT,
     **{
         name: (f"a list of {kind.__name__}, as a race wrote it", _are(kind))
         for name, kind in (("overtakes", Overtake), ("contacts", Contact), ("warnings", Warned), ("restarts", Restart))

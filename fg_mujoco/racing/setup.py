@@ -239,7 +239,7 @@ class Setup:
         """Return the compiled world of all cars on a course; errors as of World."""
         first, *others = self.entries
         return World(
-            course, first.car, mu=first.mu, lidar=self.lidar, obstacles=tuple(obstacles), changes=first.changes,
+            course, first.car, mu=first.set_mu, lidar=self.lidar, obstacles=tuple(obstacles), changes=first.changes,
             tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
         )  # fmt: skip
 

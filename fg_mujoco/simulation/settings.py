@@ -25,6 +25,7 @@ from ..lidar.measured_errors import MeasuredErrors
 from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
+from ..vehicle.floors import Floor
 from ..vehicle.friction_patches import Patch
 from ..vehicle.sensors import Sensor, as_sensors
 from ..vehicle.tires import Tires
@@ -53,9 +54,16 @@ GREATEST_LAPS = 1000
 """Greatest number of laps that is accepted: a race keeps about 0.5 MB for each lap of the oval."""
 
 
-def friction_text(mu: float | None, assumed: float | None) -> str:
-    """Return in words the friction coefficient of the tires, and the one that their planner assumes; None: drawn."""
+def friction_text(mu: float | None, assumed: float | None, floor: str | None = None) -> str:
+    """Return in words the friction coefficient of the tires, and the one that their planner assumes; None: drawn.
+
+    Args:
+      mu: of the tires, or their greatest peak.
+      assumed: by the planner.
+      floor: name of the floor that the friction is of; None: of none.
+    """
     tires, planner = ("as drawn" if value is None else f"{value:.4g}" for value in (mu, assumed))
+    tires += f" on floor {floor}" if floor else ""
     return f"mu {tires}; the planner {'has no limit' if assumed == math.inf else f'assumes {planner}'}"
 
 
@@ -170,6 +178,8 @@ class CarSettings:
     tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
     sensors: Sequence[Sensor | str | Mapping[str, Any]] = ()  # besides LiDAR and odometry, as `as_sensors` takes them
+    floor: Floor | str | Path | Mapping[str, Any] | None = None  # whose friction the tires have, in place of `mu`: a
+    # bundled name, the path of a TOML file, or Floor; None: that of `mu`
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
@@ -184,6 +194,12 @@ class CarSettings:
             raise SettingsError(
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
+        if self.floor is not None:
+            object.__setattr__(self, "floor", Floor.load(self.floor))
+            given = next((value for value in (self.mu, self.changes.mu) if value is not None), None)
+            if given is not None:
+                said = f"floor is {self.ground_name!r} and mu {given!r}"
+                raise SettingsError(f"{said}; accepted: one of them, the floor has a friction of its own")
 
     def __repr__(self) -> str:
         plain = type(self)()  # its vehicle is loaded, too
@@ -214,9 +230,24 @@ class CarSettings:
         return self.all_changes.mu or self.tire_set.peak or self.car.reliable_mu(self.tire_set)
 
     @property
+    def ground(self) -> Floor | None:
+        """The floor, loaded; None: the friction is of none."""
+        return cast("Floor | None", self.floor)
+
+    @property
+    def ground_name(self) -> str | None:
+        """Name of the floor; None: the friction is of none."""
+        return None if self.ground is None else self.ground.name
+
+    @property
+    def set_mu(self) -> float | None:
+        """The friction that `mu` or the floor sets; None: as in the file of the tires."""
+        return self.mu if self.ground is None else self.ground.mu_of(self.tire_set)
+
+    @property
     def all_changes(self) -> CarChanges:
         """What differs from the vehicle's MJCF, the friction included."""
-        return self.changes if self.mu is None else replace(self.changes, mu=self.mu)
+        return self.changes if self.set_mu is None else replace(self.changes, mu=self.set_mu)
 
     def world(
         self,
@@ -228,8 +259,8 @@ class CarSettings:
     ) -> World:
         """Return a compiled world with this car; arguments and errors as in World."""
         return World(
-            course, self.car, mu=self.mu, lidar=lidar, obstacles=obstacles, changes=self.changes, tires=self.tire_set,
-            patches=self.patches, others=others,
+            course, self.car, mu=self.set_mu, lidar=lidar, obstacles=obstacles, changes=self.changes,
+            tires=self.tire_set, patches=self.patches, others=others,
         )  # fmt: skip
 
     def described(self) -> dict[str, Any]:
@@ -242,7 +273,7 @@ class CarSettings:
                 continue
             if isinstance(value, Vehicle):
                 found |= {name: value.source, "vehicle_sha256": value.sha256}
-            elif isinstance(value, Tires):
+            elif isinstance(value, (Tires, Floor)):
                 found[name] = value.described()
             elif name == "sensors":
                 found[name] = [sensor.described() for sensor in value]
@@ -278,6 +309,7 @@ class CarKeywords(TypedDict, total=False):
     vehicle: Vehicle | str | Path
     tires: Tires | str | Path | None
     mu: float | None
+    floor: Floor | str | Path | Mapping[str, Any] | None
     changes: CarChanges | Mapping[str, Any]
     planner_mu: float | None
     planner_settings: Mapping[str, Any]
@@ -365,7 +397,7 @@ class DriveSettings(CarSettings):
     @property
     def friction(self) -> str:
         """What `friction_text` says of these settings."""
-        return friction_text(self.tires_mu, self.assumed_mu)
+        return friction_text(self.tires_mu, self.assumed_mu, self.ground_name)
 
     def described(self) -> dict[str, Any]:
         """Return those that differ from the defaults as they can stand in JSON, and what `mu` tells the planner."""

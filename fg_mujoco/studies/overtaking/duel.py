@@ -72,8 +72,8 @@ class DuelSettings(CarSettings):
     def drive(self) -> DriveSettings:
         """Return the context of the planner."""
         return DriveSettings(
-            vehicle=self.vehicle, tires=self.tires, mu=self.mu, changes=self.changes, planner_mu=self.planner_mu,
-            max_speed=self.max_speed,
+            vehicle=self.vehicle, tires=self.tires, mu=self.mu, floor=self.floor, changes=self.changes,
+            planner_mu=self.planner_mu, max_speed=self.max_speed,
         )  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
@@ -248,11 +248,11 @@ def _world(track: str, settings: DuelSettings, cars: int) -> World:
     """Return a world of so many alike cars."""
     course = _track(track, settings.car.parameters)
     others = [
-        WorldCar(vehicle=settings.car, mu=settings.mu, changes=settings.changes, tires=settings.tires)
+        WorldCar(vehicle=settings.car, mu=settings.set_mu, changes=settings.changes, tires=settings.tires)
         for _ in range(cars - 1)
     ]
     return World(
-        course, settings.car, mu=settings.mu, changes=settings.changes, tires=settings.tire_set, others=others
+        course, settings.car, mu=settings.set_mu, changes=settings.changes, tires=settings.tire_set, others=others
     )  # fmt: skip
 
 

@@ -99,8 +99,9 @@ def overtake(
     base.require_usable("overtake", *_UNUSABLE, alone=True)
     first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(
-        vehicle=first.vehicle, tires=first.tires, mu=first.mu, changes=first.changes, planner_mu=first.planner_mu,
-        max_speed=first.max_speed, laps=2 if base.laps is None else base.laps, slowest=slowest, fastest=fastest,
+        vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,
+        planner_mu=first.planner_mu, max_speed=first.max_speed, laps=2 if base.laps is None else base.laps,
+        slowest=slowest, fastest=fastest,
     )  # fmt: skip
     planners, tracks, opponents, seeds = map(as_axis, (controller, track, opponents, seed))
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)

@@ -102,6 +102,7 @@ class Tires:
     front: AxleTires | None = None  # None: of the model `contact`, whose friction is in the vehicle's MJCF
     rear: AxleTires | None = None
     name: str = field(default="contact", compare=False)
+    floor: str = field(default="", compare=False)  # on which it was measured: a name of `floors`, or in words
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -217,7 +218,7 @@ class Tires:
 
     def described(self) -> dict[str, Any]:
         """Return the set as its TOML file has it, as it can stand in JSON; `load` reads it."""
-        found: dict[str, Any] = {"name": self.name, "model": self.model}
+        found: dict[str, Any] = {"name": self.name, "model": self.model} | ({"floor": self.floor} if self.floor else {})
         if not self.is_contact:
             for name, axle in zip(_AXLES, self.axles, strict=True):
                 found[name] = _values(axle.lateral) | {key: getattr(axle, key) for key in AXLE_KEYS}
@@ -228,7 +229,8 @@ class Tires:
     @property
     def sha256(self) -> str:
         """Hash of all its numbers."""
-        return hashlib.sha256(json.dumps(self.described(), sort_keys=True).encode()).hexdigest()
+        numbers = {name: value for name, value in self.described().items() if name != "floor"}
+        return hashlib.sha256(json.dumps(numbers, sort_keys=True).encode()).hexdigest()
 
 
 def _rubbed(curve: Any, friction: float) -> Any:
@@ -311,8 +313,10 @@ def _parsed(text: str, where: str, name: str) -> Tires:
 
 def _of(table: Mapping[str, Any], where: str) -> Tires:
     """Return the tires of a table as TOML has it."""
-    _known(table, ("name", "model", *_AXLES), where)
-    model = table.get("model")
+    _known(table, ("name", "model", "floor", *_AXLES), where)
+    model, floor = table.get("model"), table.get("floor", "")
+    if not isinstance(floor, str):
+        raise SettingsError(f"{where}: floor is {floor!r}; accepted: the name of a floor, or where it was, in words")
     if model not in MODELS:
         raise SettingsError(f"{where}: model is {model!r}; {accepted_names(model, MODELS)}")
     axles: dict[str, AxleTires] = {}
@@ -322,7 +326,7 @@ def _of(table: Mapping[str, Any], where: str) -> Tires:
                 raise SettingsError(f"{where}: has a table [{axle}]; accepted: none with the model {CONTACT!r}")
             continue
         axles[axle] = _axle(_table(table, axle, where), model, f"{where}, [{axle}]")
-    return Tires(model=model, name=str(table.get("name", "tires")), **axles)
+    return Tires(model=model, name=str(table.get("name", "tires")), floor=floor, front=axles.get("front"), rear=axles.get("rear"))
 
 
 def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:

@@ -274,7 +274,7 @@ class LiveSession:
 
     def _change(self, name: str, value: Any) -> None:
         if name == "mu":
-            settings = replace(self.settings, mu=value, changes=replace(self.settings.changes, mu=None))
+            settings = replace(self.settings, mu=value, floor=None, changes=replace(self.settings.changes, mu=None))
             changed = settings.assumed_mu != self.settings.assumed_mu
             planner = self._make_planner(self.planner_settings, settings) if changed else self._planner
             self._change_mu(settings)
