@@ -48,6 +48,31 @@ class Fault:
 
 
 FAULTS = {
+    # floors, and the LiDAR of real cars
+    "tires on another floor with the ratio of the floors turned over": Fault(
+        file="fg_mujoco/vehicle/floors.py",
+        old="own * self.mu / Floor.load(tires.floor).mu",
+        new="own * Floor.load(tires.floor).mu / self.mu",
+        tests="test_floors.py",
+    ),
+    "the friction of a floor that reaches the planner and not the car": Fault(
+        file="fg_mujoco/racing/setup.py",
+        old="course, first.car, mu=first.set_mu,",
+        new="course, first.car, mu=first.mu,",
+        tests="test_floors.py",
+    ),
+    "a LiDAR's bias with the wrong sign": Fault(
+        file="fg_mujoco/lidar/effects.py",
+        old="distance += error_at(knots, values, 1, distance) + deviation * noise",
+        new="distance += deviation * noise - error_at(knots, values, 1, distance)",
+        tests="test_measured_errors.py",
+    ),
+    "the noise of pairs of scans without the root of two": Fault(
+        file="fg_mujoco/studies/drives/beam_comparison.py",
+        old="np.diff(left, axis=0)[same] / math.sqrt(2.0)",
+        new="np.diff(left, axis=0)[same]",
+        tests="test_beam_comparison.py",
+    ),
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(
         file="fg_mujoco/vehicle/tire_forces.py",

@@ -26,7 +26,7 @@ A bias that all beams share at all ranges looks like walls that lie deeper than 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -181,13 +181,20 @@ class _Part:
             return np.asarray(self.rows & self.returns & (np.abs(self.rest) <= FURTHEST))
 
 
-def compare_beams(drives: Sequence[RecordedBeams], walls: MapWalls, *, map_name: str = "map") -> BeamComparison:
+def compare_beams(
+    drives: Sequence[RecordedBeams],
+    walls: MapWalls,
+    *,
+    map_name: str = "map",
+    watch: Callable[[str], object] | None = None,
+) -> BeamComparison:
     """Return how far the recorded beams of drives are from those cast in a map.
 
     Args:
       drives: with poses in the map's frame.
       walls: of the map.
       map_name: for texts.
+      watch: called with what is done, in words.
 
     Raises:
       SettingsError: no drive, one without a return, or one that is not in the map.
@@ -195,14 +202,19 @@ def compare_beams(drives: Sequence[RecordedBeams], walls: MapWalls, *, map_name:
     if not drives:
         raise SettingsError("no drive with beams and poses; accepted: one or more")
     pieces = list(drives) if len(drives) > 1 else _halves(drives[0])
-    parts = [_part(piece, walls) for piece in pieces]
+    tell = watch or str
+    parts = []
+    for number, piece in enumerate(pieces, start=1):
+        tell(f"the mount of the LiDAR, {number} of {len(pieces)}")
+        parts.append(_part(piece, walls))
     mounts = np.array([part.own_mount.as_array() for part in parts])
     for index, part in enumerate(parts):
         part.mount = LidarMount.of(np.delete(mounts, index, axis=0).mean(axis=0))
         part.fit = fit_poses(part.drive, walls, part.mount)
-    for _ in range(_ROUNDS):
+    for turn in range(1, _ROUNDS + 1):
         _learn_map(parts, walls)
-        for part in parts:
+        for number, part in enumerate(parts, start=1):
+            tell(f"poses and the map, round {turn} of {_ROUNDS}, {number} of {len(parts)}")
             part.fit = fit_poses(part.drive, walls, part.mount, offsets=part.offsets)
     by_range = _bands(parts, walls, RANGE_EDGES, of_range=True)
     by_bearing = _bands(parts, walls, BEARING_EDGES, of_range=False)

@@ -15,20 +15,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import SettingsError
 from ...messages import FloatArray
 
 if TYPE_CHECKING:
     from ...course.maps.wall_rays import MapWalls, RayHits
+    from .recorded import RecordedDrive
 
 BoolArray = NDArray[np.bool_]
 
 SCALE = 0.05
 """[m] square to the wall, from which on a difference counts less and less: the pixel of most maps."""
+
+MOST_BEAMS = 60
+"""Of a scan: neighbours see the same wall, and say nothing more of the pose."""
 
 PERIOD = 0.025
 """[s] in which the mirror of a UST-10LX turns once."""
@@ -49,6 +55,30 @@ class RecordedBeams:
     yaw_rate: FloatArray  # (n,) [rad/s]
     ranges: FloatArray  # (n, m) [m]; inf: no return
     bearings: FloatArray  # (m,) [rad] from straight ahead, left positive
+
+    @classmethod
+    def of(cls, drive: RecordedDrive) -> RecordedBeams:
+        """Return the beams of a drive, at most MOST_BEAMS of each scan, evenly taken.
+
+        Raises:
+          SettingsError: it has no beams, or no poses.
+        """
+        lacking = [name for name in ("beams", "pose") if getattr(drive, name) is None]
+        if drive.beams is None or drive.pose is None:
+            what = " and no ".join(lacking)
+            raise SettingsError(f"{drive.name}: has no {what}; accepted: drives with beams of a LiDAR and with poses")
+        time = drive.beams.time
+        within = (time >= drive.start) & (time <= drive.end)
+        if not within.any():
+            raise SettingsError(f"{drive.name}: has no scan while all else was measured; accepted: clocks that agree")
+        rows = drive.rows_at(time[within])
+        assert rows.pose is not None
+        step = math.ceil(len(drive.beams.bearings) / MOST_BEAMS)
+        return cls(
+            name=Path(drive.name).stem, time=rows.time, poses=np.array(rows.pose), speed=rows.speed,
+            yaw_rate=rows.yaw_rate, ranges=np.array(drive.beams.ranges[within][:, ::step]),
+            bearings=drive.beams.bearings[::step],
+        )  # fmt: skip
 
     def rows(self, which: NDArray[np.intp] | BoolArray | slice, name: str | None = None) -> RecordedBeams:
         """Return some of its rows as a drive."""

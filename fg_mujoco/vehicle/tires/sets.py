@@ -275,7 +275,7 @@ def tires_of(model: mujoco.MjModel, prefix: str = "") -> Tires:
         )  # fmt: skip
         rest = dict(zip(AXLE_KEYS, values[1 + 2 * len(keys) :], strict=True))
         axles[name] = AxleTires(lateral=lateral, longitudinal=longitudinal, **rest)
-    return Tires(model=law.model, name="of the model", **axles)
+    return Tires(model=law.model, name="of the model", front=axles["front"], rear=axles["rear"])
 
 
 def tire_names() -> tuple[str, ...]:
@@ -326,7 +326,8 @@ def _of(table: Mapping[str, Any], where: str) -> Tires:
                 raise SettingsError(f"{where}: has a table [{axle}]; accepted: none with the model {CONTACT!r}")
             continue
         axles[axle] = _axle(_table(table, axle, where), model, f"{where}, [{axle}]")
-    return Tires(model=model, name=str(table.get("name", "tires")), floor=floor, front=axles.get("front"), rear=axles.get("rear"))
+    name = str(table.get("name", "tires"))
+    return Tires(model=model, name=name, floor=floor, front=axles.get("front"), rear=axles.get("rear"))
 
 
 def _axle(table: Mapping[str, Any], model: str, where: str) -> AxleTires:
