@@ -141,7 +141,8 @@ def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     assert repr(track).endswith(f"m, {points} points)")
     best = min(lap.car.lap_times_s)
     assert repr(lap) == (
-        f"RaceResult('gap_finder' on 'oval': 1 of 1 laps in {lap.sim_time_s:.1f} s, best {best:.2f} s, no collision)"
+        f"RaceResult('gap_finder' on 'oval': 1 of 1 laps in {lap.sim_time_s:.1f} s, best {best:.2f} s at mu 1.049, "
+        "no collision)"
     )
     assert str(crashed.car.crash) in repr(crashed) and crashed.car.crash is not None
     assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)

@@ -61,6 +61,8 @@ def test_rollouts_and_environments_have_it_too(tmp_path) -> None:
     gymnasium.make("fg_mujoco/F1Tenth-v0", track="oval", floor="ipz8").reset(seed=0)
     settings = EnvironmentSettings.of({"track": "oval", "floor": "ipz8", "opponents": ["wall_follow"]})
     assert [car.mu for car in settings.make_world().cars] == [mu, mu]
+    with pytest.raises(SettingsError, match="randomize has mu, and floor is 'ipz8'; accepted: one of them"):
+        EnvironmentSettings.of({"floor": "ipz8", "randomize": {"mu": (0.5, 0.9)}})
 
 
 def test_a_file_of_a_floor_is_read_and_written_with_a_setup(tmp_path) -> None:

@@ -115,6 +115,9 @@ class EnvironmentSettings(CarSettings):
             object.__setattr__(self, "track", tuple(self.track))
         opponents: Any = as_entries(self.opponents, self)
         drawn = read_randomization(self.randomize, self.track, self, laps=self.laps, opponents=len(opponents))
+        if self.floor is not None and "mu" in drawn.ranges:
+            said = f"randomize has mu, and floor is {self.ground_name!r}"
+            raise SettingsError(f"{said}; accepted: one of them, the floor has a friction of its own")
         object.__setattr__(self, "randomize", drawn)
         if drawn.ranges:
             opponents = as_entries(all_opponents(drawn, opponents), self)

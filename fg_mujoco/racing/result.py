@@ -252,7 +252,7 @@ class RaceResult(Shown):
         car = self.car
         best = f", best {min(car.lap_times_s):.2f} s" if car.lap_times_s else ""
         laps = f"{car.laps_completed} of {self.laps_requested} laps in " if self.laps_requested else ""
-        laps += f"{self.sim_time_s:.1f} s{best}"
+        laps += f"{self.sim_time_s:.1f} s{best} at mu {car.mu:.4g}" + (f" on floor {car.floor}" if car.floor else "")
         others = f" among {len(self.cars)} cars" if len(self.cars) > 1 else ""
         return brief(self, f"{quoted(car.controller)} on {quoted(self.track)}{others}: {laps}, {car.end}")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,11 @@ NOT_KNOWN = note("Not known: a car recorded this run, and nobody measured its ti
 _MOST_EVENTS = 200  # rows of the list of sliding
 
 
+def _floor(summary: Mapping[str, Any]) -> str:
+    """Return the end of a label that says on which floor a race was driven."""
+    return f" on floor {summary['floor']}" if summary.get("floor") else ""
+
+
 def head(run: RecordedRun, notes: Sequence[object]) -> Html:
     """Return the title, the result line, notes and the figures."""
     summary, lap_times = run.summary, run.lap_times
@@ -46,7 +51,7 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
         *sliding,
         (f"{summary['max_speed_m_s']:.2f} m/s", "top speed"),
         (f"{summary['mean_speed_m_s']:.2f} m/s", "mean speed"),
-        (f"{run.mu:g}", "μ of the tires, assumed" if recorded else "μ of the tires"),
+        (f"{run.mu:g}", "μ of the tires, assumed" if recorded else f"μ of the tires{_floor(summary)}"),
     ]
     if clamped is not None and not recorded:
         figures.append((f"{clamped}", "commands clamped"))
