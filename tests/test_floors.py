@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import gymnasium
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.settings import friction_text
@@ -71,6 +74,17 @@ def test_a_file_of_a_floor_is_read_and_written_with_a_setup(tmp_path) -> None:
     setup = fg.Setup.of(floor=str(file))
     assert setup.first.ground == Floor(name="garage", mu=0.72, where="our garage")
     assert fg.Setup.read(setup.write(tmp_path / "race.toml")) == setup
+
+
+def test_floors_and_those_of_tires_are_listed(capsys) -> None:
+    assert main(["vehicles", "--floors"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"\n{name} " in f"\n{said}" for name in floor_names())
+    assert all(f"  {name} " in said for name in tire_names())
+    assert main(["vehicles", "--floors", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [Floor.load(floor) for floor in listed["floors"]] == [Floor.load(name) for name in floor_names()]
+    assert listed["tires"]["f1tenth_gym"] == "f1tenth_gym"
 
 
 @pytest.mark.parametrize(

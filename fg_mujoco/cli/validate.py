@@ -15,7 +15,7 @@ _DONE = 0
 def add_validate(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     add = add_command(commands, "validate", _validate, "compare recorded drives with what is simulated").add_argument
-    add("sources", metavar="DRIVE", nargs="+", help="run folders; .csv, .mcap, .db3 or .bag files, or folders of bags")
+    add("drives", metavar="DRIVE", nargs="+", help="run folders; .csv, .mcap, .db3 or .bag files, or folders of bags")
     add_beam_options(add)
     add(
         "--columns", metavar="FILE.toml|LAYOUT",

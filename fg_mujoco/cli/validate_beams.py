@@ -24,7 +24,7 @@ def add_beam_options(add: Callable[..., Any]) -> None:
 
 
 def validate_beams(options: argparse.Namespace) -> str:
-    """Compare the beams of the drives `options.sources` with the map, and return the tables as a text.
+    """Compare the beams of `options.drives` with the map, and return the tables as a text.
 
     Raises:
       SettingsError: no map, a drive without beams or poses, or one that was not driven in the map.
@@ -42,11 +42,11 @@ def validate_beams(options: argparse.Namespace) -> str:
         require_new(options.effects, force=options.force)
     walls = MapWalls.of(options.map)
     with shown_as(str, "reading drives") as watch:
-        drives = []
-        for number, source in enumerate(options.sources, start=1):
-            watch(f"reading {number} of {len(options.sources)} drives")
-            drives.append(RecordedBeams.of(read_drive(source, columns=options.columns)))
-        found = compare_beams(drives, walls, map_name=options.map.stem, watch=watch)
+        recorded = []
+        for number, source in enumerate(options.drives, start=1):
+            watch(f"reading {number} of {len(options.drives)} drives")
+            recorded.append(RecordedBeams.of(read_drive(source, columns=options.columns)))
+        found = compare_beams(recorded, walls, map_name=options.map.stem, watch=watch)
     text = comparison_text(found)
     if options.effects is not None:
         write_file(options.effects, found.errors.toml.encode())

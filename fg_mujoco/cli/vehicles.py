@@ -1,4 +1,4 @@
-"""The command `fg-mujoco vehicles`: which vehicles there are, one line each; of a file, whether it is one."""
+"""The command `fg-mujoco vehicles`: the vehicles, one line each, and the floors; of a file, whether it is a vehicle."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from ..errors import SettingsError
+from ..vehicle.floors import Floor, floor_names
+from ..vehicle.tires import Tires, tire_names
 from ..vehicle.vehicle import Vehicle, vehicle_names
 
 _DONE = 0
@@ -17,10 +20,13 @@ def add_vehicles(add_command: Callable[..., argparse.ArgumentParser], commands: 
     """Add the command; `add_command` is the one that adds the others."""
     add = add_command(commands, "vehicles", _vehicles, "list the vehicles, and what they are like").add_argument
     add("names", metavar="NAME|FILE.xml", nargs="*", help="of a vehicle, or its MJCF file; default: the bundled ones")
+    add("--floors", action="store_true", help="list the floors that were measured, and those of each set of tires")
     add("--json", action="store_true", help="print one JSON array and nothing else")
 
 
 def _vehicles(options: argparse.Namespace) -> int:
+    if options.floors:
+        return _floors(options)
     rows = [described(Vehicle.load(name)) for name in options.names or vehicle_names()]
     if options.json:
         print(json.dumps(rows, indent=2))
@@ -32,6 +38,25 @@ def _vehicles(options: argparse.Namespace) -> int:
             f"width {row['width_m']:.2f} m, mu {row['mu']:.5g}, LiDAR {lidar['beams']} beams over "
             f"{math.degrees(lidar['field_of_view_rad']):.0f} deg, {lidar['range_max_m']:g} m, {lidar['rate_hz']:.0f} Hz"
         )
+    return _DONE
+
+
+def _floors(options: argparse.Namespace) -> int:
+    if options.names:
+        raise SettingsError(f"floors of {options.names[0]!r}; accepted: --floors alone")
+    floors = [Floor.load(name) for name in floor_names()]
+    tires = {name: Tires.load(name).floor or "none: the vehicle's friction, or a floor's" for name in tire_names()}
+    if options.json:
+        print(json.dumps({"floors": [floor.described() for floor in floors], "tires": tires}, indent=2))
+        return _DONE
+    for floor in floors:
+        known = "" if floor.least is None or floor.greatest is None else f" ({floor.least:g} to {floor.greatest:g})"
+        print(f"{floor.name:<12} mu {floor.mu:.5g}{known}: {floor.ground}; {floor.where}")
+        for what in ("how", "car", "source"):
+            print(f"  {what:<7} {getattr(floor, what)}")
+    print("\nTires, and the floor that they were measured on:")
+    for name, where in tires.items():
+        print(f"  {name:<16} {where}")
     return _DONE
 
 
