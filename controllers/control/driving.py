@@ -32,6 +32,7 @@ from fg_mujoco.messages import CarParameters, FloatArray, require
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
+from ..safety.friction_learning import LEARNED, LEARNING, learn, learning_row, use_friction
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
@@ -105,6 +106,7 @@ class DrivingSettings(Settings):
         True,
         text="with speed_law minimum: the way back is closed, and the car is led round where the planner turns back",
     )
+    learn: bool = setting(False, text="the planner is not told the friction: it starts at 0.4 and learns it")
     safe_distance: float = setting_of_car(
         0.2, "m", "forward_distance: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )
@@ -141,10 +143,11 @@ DRIVER = np.dtype(
         ("guidance", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
+        ("learning", LEARNING),  # inactive where the planner is told the friction
         ("filter_settings", record_type(SafetyFilterSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
         ("guidance_settings", record_type(GuidanceSettings)),
-        ("trajectories", np.int64),  # which table of braking trajectories is its own
+        ("trajectories", np.int64),  # which table of braking trajectories is its own; of one that learns, the first
         ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
         ("line_end", np.int64),  # and the one behind the last
     ]
@@ -154,6 +157,7 @@ DRIVER = np.dtype(
 DRIVING_MEMORY = np.dtype(
     [
         ("limiter", LIMITER_MEMORY),
+        ("learned", LEARNED),
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
@@ -197,6 +201,8 @@ def driver_record(
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
         row["limiter"] = limiter.record
+        if settings.learn:
+            row["learning"] = learning_row(car)
     return row
 
 
@@ -306,6 +312,11 @@ def drive(
     """
     reasons = memory.reasons
     forget_reasons(reasons)
+    if driver.learning.active:
+        learn(driver.learning, memory.learned, driver.car, odometry, period_of(scan))
+        row = trajectories[driver.trajectories + memory.learned.level].limiter
+        driver.limiter = row
+        use_friction(driver.limiter, row, memory.learned.mu)
     slip, course = driver.limiter.slip, memory.course
     if slip.soft:
         memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
@@ -333,7 +344,7 @@ def drive(
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.stopping:
-        table = trajectories[driver.trajectories]
+        table = trajectories[driver.trajectories + memory.learned.level]
         widened = widen_all(valid, scan.angle_increment, table.radius)
         _extend_history(scan, odometry, driver, memory)
         in_sight = safe_speed(

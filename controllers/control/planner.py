@@ -51,7 +51,8 @@ from fg_mujoco.messages import (
 from ..perception.intermediate_scans import IntermediateScans, keep
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN, scan_values, sees
-from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories
+from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories, trajectories_of
+from ..safety.friction_learning import levels
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
@@ -129,7 +130,10 @@ class Planner:
             raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
         self.settings: Any = for_car(given, car)
         evades = self.settings.speed_law == "minimum"
-        limiter = FrictionLimiter(car, mu, evasive(EVASIVE, car, mu) if evades else None) if math.isfinite(mu) else None
+        learns = self.settings.learn and math.isfinite(mu)
+        frictions = tuple(levels().tolist()) if learns else (mu,)
+        shares = tuple(evasive(EVASIVE, car, each) if evades and math.isfinite(mu) else None for each in frictions)
+        limiter = FrictionLimiter(car, frictions[0], shares[0]) if math.isfinite(mu) else None
         self.driver = driver_record(car, max_speed, limiter, self.settings)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
         self.line = line
@@ -137,6 +141,8 @@ class Planner:
         self.trajectories = (
             BrakingTrajectories(car, limiter, max_speed).record if limiter is not None and stops else None
         )
+        if limiter is not None and learns:
+            self.trajectories = trajectories_of(car, frictions, shares, max_speed)
         self._alone = PlannerBatch(type(self), [self])
         self._ranges, self._odometry = np.empty((1, 0)), np.zeros(1, ODOMETRY)
         self._running = np.ones(1, np.bool_)
@@ -358,7 +364,8 @@ class PlannerBatch:
                 )
         count = len(planners)
         tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
-        places = {table: place for place, table in enumerate(tables)}
+        ends_of_tables = np.cumsum([len(table) for table in tables.values()]).tolist()
+        places = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
         self._scans = 2 if planner_class.hides_cars else 1

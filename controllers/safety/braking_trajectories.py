@@ -35,7 +35,7 @@ from ..control.planner_settings import (
     setting_of_car,
 )
 from ..control.slip import path_lag
-from .friction_limiter import FrictionLimiter, FrictionLimiterSettings, longitudinal_share
+from .friction_limiter import LIMITER, FrictionLimiter, FrictionLimiterSettings, longitudinal_share
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
@@ -67,6 +67,7 @@ class BrakingSettings(Settings):
 TRAJECTORIES = np.dtype(
     [
         ("radius", np.float64),  # [m] of the disc that covers the car's front
+        ("limiter", LIMITER),  # that they were planned with
         ("lateral", np.float64),  # [m/s^2] that may be used in cornering
         ("wheelbase", np.float64),  # [m]
         ("speeds", np.float64, (_SPEEDS,)),  # [m/s] slowest first
@@ -170,6 +171,20 @@ def _nearest(grid: FloatArray, value: float) -> int:
     return best
 
 
+@lru_cache(maxsize=4)
+def trajectories_of(
+    car: CarParameters, mus: tuple[float, ...], shares: tuple[FrictionLimiterSettings | None, ...], max_speed: float
+) -> NDArray[np.void]:
+    """Return the tables of one car at several frictions, shape (len(mus),), of type TRAJECTORIES, read-only.
+
+    `shares` are the settings of the limiter of each friction; None: the defaults.
+    """
+    settings, limiters = for_car(BrakingSettings(), car), map(FrictionLimiter, [car] * len(mus), mus, shares)
+    tables = np.concatenate([_table(car, each.mu, each.settings, max_speed, settings) for each in limiters])
+    tables.flags.writeable = False
+    return tables
+
+
 @lru_cache(maxsize=8)
 def _table(
     car: CarParameters,
@@ -183,7 +198,7 @@ def _table(
     table = np.zeros(1, TRAJECTORIES)
     # a disc over the car's front corners, its centre a quarter of the width behind the bumper
     table["radius"] = math.hypot(0.5 * car.width, 0.25 * car.width) + settings.clearance
-    table["lateral"], table["wheelbase"] = limiter.lateral, car.wheelbase
+    table["limiter"], table["lateral"], table["wheelbase"] = limiter.record, limiter.lateral, car.wheelbase
     table["speeds"] = np.linspace(settings.least_speed, max(max_speed, settings.least_speed), _SPEEDS)
     row = np.array([record_values(settings)], record_type(BrakingSettings))
     table["bearings"], table["distances"] = _all_trajectories(limiter.record[0], row[0], table["speeds"][0])

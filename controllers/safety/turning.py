@@ -1,7 +1,7 @@
 """Turning in several moves: a slow car in a place that is tighter than its turning circle turns as in a parking lot.
 
-Where the car has been slow for `_PATIENCE` and there is a frontier, a motion is searched for that may reverse
-(motion_search). It is followed move by move: the car stops before it changes its direction, turns its wheels, and
+Where the car has been slow for `_PATIENCE`, or for as long as the tires take to start it, and there is a frontier, a
+motion is searched for that may reverse (motion_search). It is followed move by move: the car stops before it changes its direction, turns its wheels, and
 drives on. A motion that is no longer free, or on which the car stands still for a second, is given up.
 """
 
@@ -30,6 +30,7 @@ from .motion_search import (
 
 _SLOW = 0.7  # [m/s]
 _PATIENCE = 14  # ticks
+_TICK = 0.025  # [s]
 _GIVE_UP = 40  # ticks without moving
 _SPEED = 0.8  # [m/s]
 _BRAKING = 1.5  # [m/s^2] before a change of direction
@@ -103,7 +104,9 @@ def turn_in_moves(way: Record, limiter: Record, memory: Record, steering_angle: 
 def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float, speed: float) -> bool:
     """Return whether the car begins to turn now."""
     memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
-    if memory.slow < _PATIENCE or not way.found:
+    settings = limiter.settings
+    start = _SLOW / limiter.accelerating + 0.5 * settings.load_transfer_time  # [s] of a standing start to _SLOW
+    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) or not way.found:
         return False
     memory.slow = 0
     car, world = limiter.car, way.map

@@ -1,0 +1,420 @@
+"""Friction learned while driving: from how much wheels slip that carry different loads.
+
+An open differential gives all wheels the same torque, so each tire pulls with the same force F. The lighter axle slips
+more for it. The speeds of the wheels say how much more, at any acceleration, long before a tire lets go:
+
+    mean speed of the front wheels - that of the rear wheels, where they would roll
+        = V (slip of the front tires - slip of the rear tires)
+          + c1 V + c2 V (load moved to the front axle) + c3 (yaw rate) (steering angle)
+
+The slip of a tire is read backwards off its curve at the share of the friction that its force uses. This is the slip
+slope of Gustafsson (Automatica 33(6), 1997) and of Mueller, Uchanski and Hedrick (J. Dyn. Sys. Meas. Control 125,
+2003), with the other axle in the place of the undriven wheels. c1 to c3 are unknown: wheels of unequal radius, tires
+that are pressed flatter, a steering gain. c1 also takes up what the speeds have in common, such as a drift.
+
+1. A bank of friction coefficients, 6 % apart. For each the sums of a least-squares fit of c1 to c3 are kept, with
+   exponential forgetting. What a fit leaves is the likelihood of its friction, of which a mean and a standard deviation
+   follow.
+2. A bound. The friction that is used is at most two standard deviations below the mean, and at most `step` above the
+   acceleration that the tires were seen to hold. It rises by at most `rise` a second, and falls at once. It begins at
+   `start`, whatever the planner is told.
+3. A trip. Wheels that turn faster or slower than this friction explains are sliding. The used friction then falls to
+   the acceleration that the tires hold while they slide, what was learned is forgotten, and what is learned then is
+   held below a ceiling, which rises slowly.
+
+The shape of the curve, where its peak lies in slip, is that of the car's parameters, as identified on some floor: only
+its scale is learned. Tires without such parameters are taken to be those of the set `coulomb`. On a car whose tires are
+stiffer than that, friction is overestimated until the tires slide. Without four wheel speeds and an accelerometer
+nothing is learned, and the car is driven at `start`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import CarParameters, FloatArray
+
+from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, record_type, record_values, setting
+from ..control.slip import slip_angle, slip_row
+
+_RATIO = 1.06  # of neighbours in the bank
+_BELOW = 5  # of the bank lie below the start
+_BANK = 25
+_POINTS = 64  # of the curves
+_WIDEST = 2.0  # [-] use of the friction that the curves reach to: what is above 1 has not happened
+_MOST_USE = 0.97  # [-] of an axle's peak, from which on its curve is continued steeply
+_STEEPNESS = 20.0  # [-] of that, over the curve's mean slope up to there
+_LEAST_LOAD = 0.05  # [-] of a tire over the car's weight: lighter ones are not asked
+_UNKNOWNS = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionLearningSettings(Settings):
+    """How friction is learned, and how far it is trusted.
+
+    Raises:
+      SettingsError: a value that its field does not accept.
+    """
+
+    start: float = setting(0.4, "", "friction coefficient that is used before anything is known", POSITIVE)
+    step: float = setting(0.5, "", "used at most this share above the force over load that a tire has held", POSITIVE)
+    rise: float = setting(0.1, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
+    deviations: float = setting(2.0, "", "standard deviations below the mean that are used", FROM_ZERO)
+    memory: float = setting(15.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
+    stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
+    relaxation_length: float = setting(0.045, "m", "of tires whose car says none", FROM_ZERO)
+    age: float = setting(0.005, "s", "of the accelerometer's reading", FROM_ZERO)
+    resolution: float = setting(3e-4, "m/s", "of wheel speeds: no fit is taken for better", POSITIVE)
+    independent: float = setting(20.0, "", "readings in a row that say as much as one", POSITIVE)
+    least_speed: float = setting(1.5, "m/s", "slower, nothing is learned", POSITIVE)
+    most_steering: float = setting(0.3, "rad", "beyond it nothing is learned", POSITIVE)
+    sliding: float = setting(0.015, "m/s", "of a wheel that is not explained: the least that counts as sliding", POSITIVE)
+    deviations_sliding: float = setting(8.0, "", "standard deviations of what is not explained, that do", POSITIVE)
+    known: float = setting(2.0, "s", "of learning, before which only ten times `sliding` counts", FROM_ZERO)
+    kept: float = setting(0.95, "", "share of the acceleration that sliding tires hold, used then", SHARE)
+    pause: float = setting(1.0, "s", "after the tires slid, in which nothing is learned", FROM_ZERO)
+    ceiling_rise: float = setting(0.003, "1/s", "of the ceiling after the tires slid, as a share of it", FROM_ZERO)
+
+
+LEARNING = np.dtype(
+    [
+        ("active", np.bool_),
+        ("settings", record_type(FrictionLearningSettings)),
+        ("mus", np.float64, (_BANK,)),
+        ("front_slip", np.float64, (_POINTS,)),  # [-] by the use of the friction, from 0 to _WIDEST
+        ("rear_slip", np.float64, (_POINTS,)),
+        ("compliance", np.float64),  # [-] mean slip of both axles by use, at none
+        ("relaxation_length", np.float64),  # [m]
+    ]
+)
+"""Type of what `learn` reads of a planner."""
+
+LEARNED = np.dtype(
+    [
+        ("begun", np.bool_),
+        ("mu", np.float64),  # that is used
+        ("level", np.int64),  # of the bank: the greatest that is not above it
+        ("mean", np.float64),  # of the learned friction, and its standard deviation; 0: nothing is learned yet
+        ("deviation", np.float64),
+        ("weight", np.float64),  # readings, the older ones for less
+        ("squares", np.float64, (_UNKNOWNS, _UNKNOWNS)),  # sums of the fits
+        ("products", np.float64, (_BANK, _UNKNOWNS)),
+        ("rests", np.float64, (_BANK,)),
+        ("turning", np.float64, (2, 3)),  # of each axle: sums of yaw rate^2, of it times what is left, of that squared
+        ("acceleration", np.float64),  # [-] over g, in the mean of the last tenth of a second
+        ("use", np.float64),  # [-] likewise: greatest force of a tire over its load
+        ("held", np.float64),  # [-] greatest of that
+        ("ceiling", np.float64),  # [-] after the tires slid; 0: there is none
+        ("pause", np.float64),  # [s] that is left of it
+        ("slides", np.int64),  # how often they slid
+    ]
+)
+"""Type of what is kept from tick to tick; zero at the beginning."""
+
+_HELD_TIME = 0.1  # [s] of the mean acceleration
+
+
+def levels(settings: FrictionLearningSettings | None = None) -> FloatArray:
+    """Return the friction coefficients of the bank, the least first."""
+    return (settings or FrictionLearningSettings()).start * _RATIO ** (np.arange(_BANK, dtype=np.float64) - _BELOW)
+
+
+def learning_row(car: CarParameters, settings: FrictionLearningSettings | None = None) -> NDArray[np.void]:
+    """Return a row of type LEARNING, shape (1,), of a planner that learns."""
+    settings = settings or FrictionLearningSettings()
+    row = np.zeros(1, LEARNING)
+    row["active"], row["settings"], row["mus"] = True, record_values(settings), levels(settings)
+    slip = slip_row(car, car.gravity)[0]
+    least = min(car.front_peak, car.rear_peak)
+    uses = np.linspace(0.0, _WIDEST, _POINTS)
+    for axle in ("front", "rear"):
+        if slip["soft"] and math.isfinite(least):
+            row[f"{axle}_slip"] = [_slip_at(slip[axle], use * least) for use in uses.tolist()]
+        elif slip["soft"]:  # linear: the friction that is told is the set's, and there is no peak
+            row[f"{axle}_slip"] = uses / float(slip[axle]["B"])
+        else:
+            beyond = np.maximum(uses - 1.0, 0.0)
+            row[f"{axle}_slip"] = (uses + (_STEEPNESS - 1.0) * beyond) / settings.stiffness
+    row["compliance"] = 0.5 * (row["front_slip"][:, 1] + row["rear_slip"][:, 1]) / uses[1]
+    row["relaxation_length"] = car.relaxation_length if slip["soft"] else settings.relaxation_length
+    return row
+
+
+def _slip_at(axle: Record, force: float) -> float:
+    """Return the slip at which an axle has a force over its load, continued steeply behind most of its peak."""
+    most = _MOST_USE * float(axle["D"])
+    greatest = float(slip_angle(axle, most))
+    if force <= most:
+        return float(slip_angle(axle, force))
+    return greatest * (1.0 + _STEEPNESS * (force - most) / most)
+
+
+@kernel
+def learn(learning: Record, learned: Record, car: Record, odometry: Record, period: float) -> None:
+    """Take what the car's sensors say into what is learned, once in every tick.
+
+    Args:
+      learning: of type LEARNING.
+      learned: of type LEARNED, written to.
+      car: of type CAR.
+      odometry: of type ODOMETRY.
+      period: since the last tick [s].
+    """
+    settings = learning.settings
+    if not learned.begun:
+        learned.begun, learned.mu, learned.level = True, settings.start, _BELOW
+    learned.pause = max(learned.pause - period, 0.0)
+    learned.ceiling *= 1.0 + settings.ceiling_rise * period
+    total = odometry.speed + odometry.steering_angle + odometry.angular_velocity[2]
+    for wheel in range(4):
+        total += odometry.wheel_speeds[wheel]
+    forward, left = odometry.linear_acceleration[0] / car.gravity, odometry.linear_acceleration[1] / car.gravity
+    if not math.isfinite(total + forward + left):
+        return
+    share = min(period / _HELD_TIME, 1.0)
+    learned.acceleration += share * (math.hypot(forward, left) - learned.acceleration)
+    use = 0.0
+    if odometry.speed > settings.least_speed and abs(odometry.steering_angle) < settings.most_steering:
+        use = _compare(learning, learned, car, odometry, forward, left, period)
+    learned.use += share * (use - learned.use)
+    if learned.pause == 0.0:
+        learned.held = max(learned.held, learned.use)
+    _bound(learning, learned, period)
+
+
+@kernel
+def _compare(
+    learning: Record, learned: Record, car: Record, odometry: Record, forward: float, left: float, period: float
+) -> float:
+    """Compare the speeds of the wheels with those by every friction of the bank, and see whether wheels slide.
+
+    `forward` and `left` are the acceleration over g. Returned is the greatest force of a tire over its load; 0 where
+    wheels slide.
+    """
+    settings = learning.settings
+    speeds, yaw_rate, angle = odometry.wheel_speeds, odometry.angular_velocity[2], odometry.steering_angle
+    half, slope = 0.5 * yaw_rate * car.track_width, math.tan(angle)
+    lever = 0.5 * car.track_width / car.wheelbase
+    rear = 0.5 * (speeds[2] + speeds[3])
+    rolling, loads, at_rest = np.empty(4), np.empty(4), np.empty(4)  # [m/s], and of the car's weight
+    sines = np.zeros(4)
+    on_front, on_rear = 0.5 * car.rear_axle_distance / car.wheelbase, 0.5 * car.front_axle_distance / car.wheelbase
+    along = 0.5 * car.center_of_gravity_height / car.wheelbase * forward
+    across = car.center_of_gravity_height / car.track_width * left
+    for wheel in range(4):
+        side = 1.0 if wheel % 2 == 1 else -1.0  # the right wheels are the odd ones
+        at_rest[wheel] = on_front if wheel < 2 else on_rear
+        moved = 2.0 * side * across * at_rest[wheel] + (-along if wheel < 2 else along)
+        loads[wheel] = max(at_rest[wheel] + moved, _LEAST_LOAD)
+        rolling[wheel] = rear + side * half
+        if wheel < 2:
+            turned = math.atan2(slope, 1.0 + side * lever * slope)
+            sines[wheel] = math.sin(turned)
+            rolling[wheel] = rolling[wheel] * math.cos(turned) + car.wheelbase * yaw_rate * sines[wheel]
+    force = 0.25 * (forward + 2.0 * on_front * left * math.sin(angle))  # of a tire, over the car's weight
+    regressors = np.empty(_UNKNOWNS)
+    regressors[0], regressors[2] = odometry.speed, yaw_rate * angle
+    regressors[1] = _between_axles(rolling * (loads - at_rest))
+    excess = np.empty(4)
+    for wheel in range(4):
+        excess[wheel] = speeds[wheel] - rolling[wheel]
+    seen = _between_axles(excess)
+
+    slips = np.empty(4)
+    _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, learned.mu, slips)
+    if _slides(learning, learned, regressors, seen, excess, slips, yaw_rate, period):
+        return 0.0
+    use = math.hypot(force / loads.min(), left)
+    if learned.pause > 0.0:
+        return use
+    forget = math.exp(-period / settings.memory)
+    learned.weight = learned.weight * forget + 1.0
+    for i in range(_UNKNOWNS):
+        for j in range(_UNKNOWNS):
+            learned.squares[i, j] = learned.squares[i, j] * forget + regressors[i] * regressors[j]
+    for level in range(_BANK):
+        mu = learning.mus[level]
+        _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, mu, slips)
+        rest = seen - _between_axles(slips)
+        for i in range(_UNKNOWNS):
+            learned.products[level, i] = learned.products[level, i] * forget + regressors[i] * rest
+        learned.rests[level] = learned.rests[level] * forget + rest * rest
+    _weigh(learning, learned)
+    return use
+
+
+@kernel
+def _between_axles(values: FloatArray) -> float:
+    """Return the mean of the front wheels less that of the rear wheels."""
+    return 0.5 * (values[0] + values[1] - values[2] - values[3])
+
+
+@kernel
+def _slip_speeds(
+    learning: Record,
+    car: Record,
+    speed: float,
+    rolling: FloatArray,
+    loads: FloatArray,
+    sines: FloatArray,
+    force: float,
+    left: float,
+    mu: float,
+    slips: FloatArray,
+) -> None:
+    """Write by how much each wheel turns faster than it would roll [m/s], at a friction.
+
+    The motor's servo lets the force fall over its time constant between two commands, and the slip of a tire whose
+    force falls is less, by its relaxation length. The wheels of soft tires turn faster for the same force, so that the
+    servo takes longer.
+    """
+    lasting = car.speed_time_constant + speed * learning.compliance / (car.gravity * mu)
+    falling = 1.0 - (learning.settings.age + learning.relaxation_length / speed) / lasting
+    sideways = math.copysign(_slip_of(learning.rear_slip, abs(left) / mu), left) * speed
+    for wheel in range(4):
+        along = force / loads[wheel]
+        used = math.hypot(along, left)
+        slip = _slip_of(learning.front_slip if wheel < 2 else learning.rear_slip, used / mu)
+        slips[wheel] = max(falling, 0.0) * rolling[wheel] * slip * along / max(used, 1e-9) - sideways * sines[wheel]
+
+
+@kernel
+def _slip_of(curve: FloatArray, use: float) -> float:
+    """Return the slip of a curve at a use of the friction, which may lie beyond its end."""
+    place = use * (_POINTS - 1) / _WIDEST
+    at = min(int(place), _POINTS - 2)
+    return float(curve[at] + (place - at) * (curve[at + 1] - curve[at]))
+
+
+@kernel
+def _slides(
+    learning: Record,
+    learned: Record,
+    regressors: FloatArray,
+    seen: float,
+    excess: FloatArray,
+    slips: FloatArray,
+    yaw_rate: float,
+    period: float,
+) -> bool:
+    """Return whether wheels turn as the used friction does not explain; then what was learned is forgotten."""
+    settings = learning.settings
+    known = learned.weight * period > settings.known
+    unknowns, load_gain = np.zeros(_UNKNOWNS), 0.0
+    deviation = 0.0
+    if known:
+        _solve(learned.squares, learned.products[learned.level], unknowns)
+        deviation = math.sqrt(_left(learned, unknowns, learned.level) / learned.weight)
+        load_gain = unknowns[1]
+    least = settings.sliding if known else 10.0 * settings.sliding
+    rest = seen - _between_axles(slips)
+    for i in range(_UNKNOWNS):
+        rest -= unknowns[i] * regressors[i]
+    sliding = abs(rest) > max(least, settings.deviations_sliding * deviation)
+    forget = math.exp(-period / settings.memory)
+    for axle in range(2):
+        right, sums = 2 * axle + 1, learned.turning[axle]
+        between = excess[right] - excess[right - 1] - slips[right] + slips[right - 1]
+        gain = sums[1] / max(sums[0], 1e-9) if known else 0.0
+        spread = math.sqrt(max(sums[2] - gain * sums[1], 0.0) / max(learned.weight, 1.0)) if known else 0.0
+        limit = max(2.0 * least, settings.deviations_sliding * spread)
+        sliding = sliding or abs(between - gain * yaw_rate) > limit
+        sums[0] = sums[0] * forget + yaw_rate * yaw_rate
+        sums[1] = sums[1] * forget + yaw_rate * between
+        sums[2] = sums[2] * forget + between * between
+    if not sliding:
+        return False
+    if learned.pause == 0.0:
+        learned.slides += 1
+    mu = learned.mu
+    learned.mu = min(max(settings.kept * learned.acceleration, 0.5 * mu), settings.kept * mu)
+    learned.mu = max(learned.mu, min(learning.mus[0], mu))
+    learned.ceiling, learned.held = learned.mu, learned.mu / (1.0 + settings.step)
+    learned.pause = settings.pause
+    learned.weight = learned.mean = learned.deviation = 0.0
+    learned.squares[:], learned.products[:], learned.rests[:], learned.turning[:] = 0.0, 0.0, 0.0, 0.0
+    return True
+
+
+@kernel
+def _weigh(learning: Record, learned: Record) -> None:
+    """Work out mean and standard deviation of the friction by what each friction of the bank leaves unexplained."""
+    settings = learning.settings
+    unknowns, left = np.empty(_UNKNOWNS), np.empty(_BANK)
+    for level in range(_BANK):
+        _solve(learned.squares, learned.products[level], unknowns)
+        left[level] = _left(learned, unknowns, level) + learned.weight * settings.resolution**2
+    least = left.min()
+    total, first, second = 0.0, 0.0, 0.0
+    for level in range(_BANK):
+        mu = learning.mus[level]
+        likelihood = (left[level] / least) ** (-0.5 * learned.weight / settings.independent)
+        total += likelihood
+        first += likelihood * mu
+        second += likelihood * mu * mu
+    learned.mean = first / total
+    learned.deviation = math.sqrt(max(second / total - learned.mean**2, 0.0))
+
+
+@kernel
+def _left(learned: Record, unknowns: FloatArray, level: int) -> float:
+    """Return the sum of squares that the fit of a level leaves."""
+    left = learned.rests[level]
+    for i in range(_UNKNOWNS):
+        left -= unknowns[i] * learned.products[level, i]
+    return max(left, 0.0)
+
+
+@kernel
+def _solve(squares: FloatArray, products: FloatArray, unknowns: FloatArray) -> None:
+    """Write the unknowns of a least-squares fit from its sums: Cramer's rule, for three."""
+    a, b, c = squares[0, 0] + 1e-9, squares[0, 1], squares[0, 2]
+    d, e, f = squares[1, 1] + 1e-9, squares[1, 2], squares[2, 2] + 1e-9
+    m0, m1, m2 = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * m0 + b * m1 + c * m2
+    if not determinant > 0.0:
+        unknowns[:] = 0.0
+        return
+    x, y, z = products[0], products[1], products[2]
+    unknowns[0] = (m0 * x + m1 * y + m2 * z) / determinant
+    unknowns[1] = (m1 * x + (a * f - c * c) * y + (b * c - a * e) * z) / determinant
+    unknowns[2] = (m2 * x + (b * c - a * e) * y + (a * d - b * b) * z) / determinant
+
+
+@kernel
+def _bound(learning: Record, learned: Record, period: float) -> None:
+    """Move the used friction towards what is learned, within its bounds."""
+    settings = learning.settings
+    if learned.mean > 0.0:
+        sure = learned.mean - settings.deviations * learned.deviation
+        wanted = max(sure, min(settings.start, learned.mean + settings.deviations * learned.deviation))
+        wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))
+        if learned.ceiling > 0.0:
+            wanted = min(wanted, learned.ceiling)
+        learned.mu = min(wanted, learned.mu * (1.0 + settings.rise * period))
+    learned.mu = max(learned.mu, learning.mus[0])
+    level = 0
+    while level < _BANK - 1 and learning.mus[level + 1] <= learned.mu:
+        level += 1
+    learned.level = level
+
+
+@kernel
+def use_friction(limiter: Record, row: Record, mu: float) -> None:
+    """Write the limiter of a friction from that of the level below it.
+
+    Args:
+      limiter: of type LIMITER, written to; it has the values of `row` but for those that depend on friction.
+      row: of type LIMITER, of the level.
+      mu: that is used.
+    """
+    car, share = row.car, mu / row.mu
+    height = car.center_of_gravity_height / car.wheelbase
+    gained = (height + 0.5 / row.mu) / (height + 0.5 / mu)
+    limiter.mu, limiter.lateral = mu, row.lateral * share
+    limiter.braking, limiter.accelerating = row.braking * gained, row.accelerating * gained
