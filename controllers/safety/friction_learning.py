@@ -15,7 +15,7 @@ that are pressed flatter, a steering gain. c1 also takes up what the speeds have
 1. A bank of friction coefficients, 6 % apart. For each the sums of a least-squares fit of c1 to c3 are kept, with
    exponential forgetting. What a fit leaves is the likelihood of its friction, of which a mean and a standard deviation
    follow.
-2. A bound. The friction that is used is at most two standard deviations below the mean, and at most `step` above the
+2. A bound. The friction that is used is at most the mean less `deviations` standard deviations, and at most `step` above the
    acceleration that the tires were seen to hold. It rises by at most `rise` a second, and falls at once. It begins at
    `start`, whatever the planner is told.
 3. A trip. Wheels that turn faster or slower than this friction explains are sliding. The used friction then falls to
@@ -64,16 +64,19 @@ class FrictionLearningSettings(Settings):
     start: float = setting(0.4, "", "friction coefficient that is used before anything is known", POSITIVE)
     step: float = setting(0.5, "", "used at most this share above the force over load that a tire has held", POSITIVE)
     rise: float = setting(0.1, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
-    deviations: float = setting(2.0, "", "standard deviations below the mean that are used", FROM_ZERO)
+    deviations: float = setting(1.0, "", "standard deviations below the mean that is used", FROM_ZERO)
+    least_deviation: float = setting(0.03, "", "of the mean: what the model itself is wrong by", FROM_ZERO)
     memory: float = setting(15.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
     stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
     relaxation_length: float = setting(0.045, "m", "of tires whose car says none", FROM_ZERO)
-    age: float = setting(0.005, "s", "of the accelerometer's reading", FROM_ZERO)
+    age: float = setting(0.0025, "s", "of the accelerometer's reading: half a physics step", FROM_ZERO)
     resolution: float = setting(3e-4, "m/s", "of wheel speeds: no fit is taken for better", POSITIVE)
     independent: float = setting(20.0, "", "readings in a row that say as much as one", POSITIVE)
     least_speed: float = setting(1.5, "m/s", "slower, nothing is learned", POSITIVE)
     most_steering: float = setting(0.3, "rad", "beyond it nothing is learned", POSITIVE)
-    sliding: float = setting(0.015, "m/s", "of a wheel that is not explained: the least that counts as sliding", POSITIVE)
+    sliding: float = setting(0.02, "m/s", "of wheels that is not explained: the least that counts as sliding", POSITIVE)
+    unexplained: float = setting(1.0, "", "the same, as a share of the greatest slip that is explained, added", POSITIVE)
+    ticks: float = setting(2.0, "", "in a row, that wheels slide", POSITIVE)
     deviations_sliding: float = setting(8.0, "", "standard deviations of what is not explained, that do", POSITIVE)
     known: float = setting(2.0, "s", "of learning, before which only ten times `sliding` counts", FROM_ZERO)
     kept: float = setting(0.95, "", "share of the acceleration that sliding tires hold, used then", SHARE)
@@ -106,17 +109,17 @@ LEARNED = np.dtype(
         ("products", np.float64, (_BANK, _UNKNOWNS)),
         ("rests", np.float64, (_BANK,)),
         ("turning", np.float64, (2, 3)),  # of each axle: sums of yaw rate^2, of it times what is left, of that squared
-        ("acceleration", np.float64),  # [-] over g, in the mean of the last tenth of a second
-        ("use", np.float64),  # [-] likewise: greatest force of a tire over its load
+        ("use", np.float64),  # [-] greatest force of a tire over its load, in the mean of the last tenth of a second
         ("held", np.float64),  # [-] greatest of that
         ("ceiling", np.float64),  # [-] after the tires slid; 0: there is none
+        ("unexplained", np.int64),  # ticks in a row in which wheels slid
         ("pause", np.float64),  # [s] that is left of it
         ("slides", np.int64),  # how often they slid
     ]
 )
 """Type of what is kept from tick to tick; zero at the beginning."""
 
-_HELD_TIME = 0.1  # [s] of the mean acceleration
+_HELD_TIME = 0.1  # [s] of the mean use
 
 
 def levels(settings: FrictionLearningSettings | None = None) -> FloatArray:
@@ -177,7 +180,6 @@ def learn(learning: Record, learned: Record, car: Record, odometry: Record, peri
     if not math.isfinite(total + forward + left):
         return
     share = min(period / _HELD_TIME, 1.0)
-    learned.acceleration += share * (math.hypot(forward, left) - learned.acceleration)
     use = 0.0
     if odometry.speed > settings.least_speed and abs(odometry.steering_angle) < settings.most_steering:
         use = _compare(learning, learned, car, odometry, forward, left, period)
@@ -193,8 +195,7 @@ def _compare(
 ) -> float:
     """Compare the speeds of the wheels with those by every friction of the bank, and see whether wheels slide.
 
-    `forward` and `left` are the acceleration over g. Returned is the greatest force of a tire over its load; 0 where
-    wheels slide.
+    `forward` and `left` are the acceleration over g. Returned is the greatest force of a tire over its load.
     """
     settings = learning.settings
     speeds, yaw_rate, angle = odometry.wheel_speeds, odometry.angular_velocity[2], odometry.steering_angle
@@ -204,7 +205,8 @@ def _compare(
     rolling, loads, at_rest = np.empty(4), np.empty(4), np.empty(4)  # [m/s], and of the car's weight
     sines = np.zeros(4)
     on_front, on_rear = 0.5 * car.rear_axle_distance / car.wheelbase, 0.5 * car.front_axle_distance / car.wheelbase
-    along = 0.5 * car.center_of_gravity_height / car.wheelbase * forward
+    spins = 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)  # [m] what turns the wheels faster, pitches the car
+    along = 0.5 * (car.center_of_gravity_height + spins) / car.wheelbase * forward
     across = car.center_of_gravity_height / car.track_width * left
     for wheel in range(4):
         side = 1.0 if wheel % 2 == 1 else -1.0  # the right wheels are the odd ones
@@ -219,7 +221,8 @@ def _compare(
     force = 0.25 * (forward + 2.0 * on_front * left * math.sin(angle))  # of a tire, over the car's weight
     regressors = np.empty(_UNKNOWNS)
     regressors[0], regressors[2] = odometry.speed, yaw_rate * angle
-    regressors[1] = _between_axles(rolling * (loads - at_rest))
+    pressed = rolling * (loads - at_rest)
+    regressors[1] = _between_axles(pressed)
     excess = np.empty(4)
     for wheel in range(4):
         excess[wheel] = speeds[wheel] - rolling[wheel]
@@ -227,9 +230,9 @@ def _compare(
 
     slips = np.empty(4)
     _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, learned.mu, slips)
-    if _slides(learning, learned, regressors, seen, excess, slips, yaw_rate, period):
-        return 0.0
     use = math.hypot(force / loads.min(), left)
+    if _slides(learning, learned, regressors, seen, excess, slips, pressed, yaw_rate, max(use, learned.use), period):
+        return use
     if learned.pause > 0.0:
         return use
     forget = math.exp(-period / settings.memory)
@@ -299,10 +302,15 @@ def _slides(
     seen: float,
     excess: FloatArray,
     slips: FloatArray,
+    pressed: FloatArray,
     yaw_rate: float,
+    use: float,
     period: float,
 ) -> bool:
-    """Return whether wheels turn as the used friction does not explain; then what was learned is forgotten."""
+    """Return whether wheels turn as the used friction does not explain; if they go on, what was learned is forgotten.
+
+    `use` is the greatest force of a tire over its load: of tires that slide, their friction.
+    """
     settings = learning.settings
     known = learned.weight * period > settings.known
     unknowns, load_gain = np.zeros(_UNKNOWNS), 0.0
@@ -311,7 +319,10 @@ def _slides(
         _solve(learned.squares, learned.products[learned.level], unknowns)
         deviation = math.sqrt(_left(learned, unknowns, learned.level) / learned.weight)
         load_gain = unknowns[1]
-    least = settings.sliding if known else 10.0 * settings.sliding
+    greatest = 0.0  # [m/s] of the slips that are explained
+    for wheel in range(4):
+        greatest = max(greatest, abs(slips[wheel]))
+    least = (settings.sliding if known else 10.0 * settings.sliding) + settings.unexplained * greatest
     rest = seen - _between_axles(slips)
     for i in range(_UNKNOWNS):
         rest -= unknowns[i] * regressors[i]
@@ -320,19 +331,22 @@ def _slides(
     for axle in range(2):
         right, sums = 2 * axle + 1, learned.turning[axle]
         between = excess[right] - excess[right - 1] - slips[right] + slips[right - 1]
+        between -= load_gain * (pressed[right] - pressed[right - 1])
         gain = sums[1] / max(sums[0], 1e-9) if known else 0.0
         spread = math.sqrt(max(sums[2] - gain * sums[1], 0.0) / max(learned.weight, 1.0)) if known else 0.0
-        limit = max(2.0 * least, settings.deviations_sliding * spread)
+        limit = max(least, settings.deviations_sliding * spread)
         sliding = sliding or abs(between - gain * yaw_rate) > limit
         sums[0] = sums[0] * forget + yaw_rate * yaw_rate
         sums[1] = sums[1] * forget + yaw_rate * between
         sums[2] = sums[2] * forget + between * between
-    if not sliding:
-        return False
+    learned.unexplained = learned.unexplained + 1 if sliding else 0
+    if not sliding or (learned.pause == 0.0 and learned.unexplained < settings.ticks):
+        return sliding
+    mu = learned.mu
     if learned.pause == 0.0:
         learned.slides += 1
-    mu = learned.mu
-    learned.mu = min(max(settings.kept * learned.acceleration, 0.5 * mu), settings.kept * mu)
+        learned.mu = settings.kept * mu
+    learned.mu = max(min(learned.mu, settings.kept * use), 0.5 * mu)
     learned.mu = max(learned.mu, min(learning.mus[0], mu))
     learned.ceiling, learned.held = learned.mu, learned.mu / (1.0 + settings.step)
     learned.pause = settings.pause
@@ -358,7 +372,7 @@ def _weigh(learning: Record, learned: Record) -> None:
         first += likelihood * mu
         second += likelihood * mu * mu
     learned.mean = first / total
-    learned.deviation = math.sqrt(max(second / total - learned.mean**2, 0.0))
+    learned.deviation = math.sqrt(max(second / total - learned.mean**2, (settings.least_deviation * learned.mean) ** 2))
 
 
 @kernel
