@@ -32,7 +32,15 @@ from fg_mujoco.messages import CarParameters, FloatArray, require
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.friction_learning import LEARNED, LEARNING, learn, learning_row, use_friction
+from ..safety.friction_learning import (
+    LEARNED,
+    LEARNING,
+    commanded_steering,
+    learn,
+    learning_row,
+    true_steering,
+    use_friction,
+)
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
@@ -296,7 +304,7 @@ def drive(
     memory: Record,
     trajectories: NDArray[np.void],
 ) -> tuple[float, float]:
-    """Return the command for a reference: steering angle [rad] and speed [m/s].
+    """Return the command for a reference: steering angle [rad] and speed [m/s]; of one that learns, as learned now.
 
     Without a reference, and without odometry, the car brakes.
 
@@ -310,13 +318,33 @@ def drive(
       memory: of type DRIVING_MEMORY, written to.
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
+    if not driver.learning.active:
+        return _drive(scan, valid, guiding, odometry, driver, reference, memory, trajectories)
+    learned = memory.learned
+    learn(driver.learning, learned, driver.car, odometry, period_of(scan))
+    row = trajectories[driver.trajectories + learned.level].limiter
+    driver.limiter = row
+    use_friction(driver.limiter, row, learned.mu)
+    learned.odometry = odometry
+    learned.odometry.steering_angle = true_steering(learned, odometry.steering_angle)
+    steering, speed = _drive(scan, valid, guiding, learned.odometry, driver, reference, memory, trajectories)
+    return saturate(commanded_steering(learned, steering), driver.car.max_steering_angle), speed
+
+
+@kernel
+def _drive(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    odometry: Record,
+    driver: Record,
+    reference: Record,
+    memory: Record,
+    trajectories: NDArray[np.void],
+) -> tuple[float, float]:
+    """Return the command for a reference, see `drive`."""
     reasons = memory.reasons
     forget_reasons(reasons)
-    if driver.learning.active:
-        learn(driver.learning, memory.learned, driver.car, odometry, period_of(scan))
-        row = trajectories[driver.trajectories + memory.learned.level].limiter
-        driver.limiter = row
-        use_friction(driver.limiter, row, memory.learned.mu)
     slip, course = driver.limiter.slip, memory.course
     if slip.soft:
         memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)

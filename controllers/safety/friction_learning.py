@@ -1,4 +1,4 @@
-"""Friction learned while driving: from how much wheels slip that carry different loads.
+"""Friction learned while driving, from how much wheels slip that carry different loads.
 
 An open differential gives all wheels the same torque, so each tire pulls with the same force F. The lighter axle slips
 more for it. The speeds of the wheels say how much more, at any acceleration, long before a tire lets go:
@@ -15,17 +15,20 @@ that are pressed flatter, a steering gain. c1 also takes up what the speeds have
 1. A bank of friction coefficients, 6 % apart. For each the sums of a least-squares fit of c1 to c3 are kept, with
    exponential forgetting. What a fit leaves is the likelihood of its friction, of which a mean and a standard deviation
    follow.
-2. A bound. The friction that is used is at most the mean less `deviations` standard deviations, and at most `step` above the
-   acceleration that the tires were seen to hold. It rises by at most `rise` a second, and falls at once. It begins at
-   `start`, whatever the planner is told.
+2. A bound. The friction that is used begins at `start`, whatever the planner is told. It is at most a standard
+   deviation below the mean, and at most `step` above the force over load that a tire has held. It rises by at most
+   `rise` a second, and falls at once.
 3. A trip. Wheels that turn faster or slower than this friction explains are sliding. The used friction then falls to
-   the acceleration that the tires hold while they slide, what was learned is forgotten, and what is learned then is
-   held below a ceiling, which rises slowly.
+   what the sliding tires hold, what was learned is forgotten, and what is learned then is held below a ceiling, which
+   rises slowly.
+4. Gain and offset of the steering, by least squares, from yaw rate over speed. They are corrected for where they are
+   farther from 1 and 0 than the geometry of the car leaves in doubt.
 
-The shape of the curve, where its peak lies in slip, is that of the car's parameters, as identified on some floor: only
-its scale is learned. Tires without such parameters are taken to be those of the set `coulomb`. On a car whose tires are
-stiffer than that, friction is overestimated until the tires slide. Without four wheel speeds and an accelerometer
-nothing is learned, and the car is driven at `start`.
+Limits: the shape of the curve is that of the car's parameters, as identified on some floor, and only its scale is
+learned. So stiffness and peak are taken to fall together on a slippery floor, as they do in this simulator; a real
+tire's stiffness falls less, and then only 2 and 3 keep the car from sliding. Tires without such parameters are taken
+to be those of the set `coulomb`. Tires whose slip does not depend on their load (`contact`), and cars without four
+wheel speeds and an accelerometer, tell nothing: they are driven at `start`.
 """
 
 from __future__ import annotations
@@ -37,20 +40,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, record_type, record_values, setting
 from ..control.slip import slip_angle, slip_row
 
 _RATIO = 1.06  # of neighbours in the bank
 _BELOW = 5  # of the bank lie below the start
-_BANK = 25
+_BANK = 30
+_USED = 25  # of the bank may be used: more friction than that is no floor's
 _POINTS = 64  # of the curves
 _WIDEST = 2.0  # [-] use of the friction that the curves reach to: what is above 1 has not happened
 _MOST_USE = 0.97  # [-] of an axle's peak, from which on its curve is continued steeply
 _STEEPNESS = 20.0  # [-] of that, over the curve's mean slope up to there
 _LEAST_LOAD = 0.05  # [-] of a tire over the car's weight: lighter ones are not asked
 _UNKNOWNS = 3
+_LINEAR = 0.6  # of the used friction, up to which understeer is taken to grow with the lateral acceleration
+_MOST_GAIN = 0.4  # of a steering gain from 1: others are not believed
+_MOST_OFFSET = 0.1  # [rad]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +70,8 @@ class FrictionLearningSettings(Settings):
 
     start: float = setting(0.4, "", "friction coefficient that is used before anything is known", POSITIVE)
     step: float = setting(0.5, "", "used at most this share above the force over load that a tire has held", POSITIVE)
-    rise: float = setting(0.1, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
-    deviations: float = setting(1.0, "", "standard deviations below the mean that is used", FROM_ZERO)
+    rise: float = setting(0.2, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
+    deviations: float = setting(1.0, "", "standard deviations below the mean", FROM_ZERO)
     least_deviation: float = setting(0.03, "", "of the mean: what the model itself is wrong by", FROM_ZERO)
     memory: float = setting(15.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
     stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
@@ -75,12 +82,15 @@ class FrictionLearningSettings(Settings):
     least_speed: float = setting(1.5, "m/s", "slower, nothing is learned", POSITIVE)
     most_steering: float = setting(0.3, "rad", "beyond it nothing is learned", POSITIVE)
     sliding: float = setting(0.02, "m/s", "of wheels that is not explained: the least that counts as sliding", POSITIVE)
-    unexplained: float = setting(1.0, "", "the same, as a share of the greatest slip that is explained, added", POSITIVE)
+    unexplained: float = setting(1.0, "", "added to it: this share of the greatest slip that is explained", POSITIVE)
     ticks: float = setting(2.0, "", "in a row, that wheels slide", POSITIVE)
     deviations_sliding: float = setting(8.0, "", "standard deviations of what is not explained, that do", POSITIVE)
     known: float = setting(2.0, "s", "of learning, before which only ten times `sliding` counts", FROM_ZERO)
-    kept: float = setting(0.95, "", "share of the acceleration that sliding tires hold, used then", SHARE)
+    kept: float = setting(0.95, "", "share of the friction of sliding tires, used then", SHARE)
     pause: float = setting(1.0, "s", "after the tires slid, in which nothing is learned", FROM_ZERO)
+    steering_deviation: float = setting(0.06, "", "of the steering gain from 1: less is left alone", FROM_ZERO)
+    offset_deviation: float = setting(0.006, "rad", "of the steering, likewise", FROM_ZERO)
+    steering_known: float = setting(5.0, "s", "of learning, before which the steering is left alone", FROM_ZERO)
     ceiling_rise: float = setting(0.003, "1/s", "of the ceiling after the tires slid, as a share of it", FROM_ZERO)
 
 
@@ -109,9 +119,16 @@ LEARNED = np.dtype(
         ("products", np.float64, (_BANK, _UNKNOWNS)),
         ("rests", np.float64, (_BANK,)),
         ("turning", np.float64, (2, 3)),  # of each axle: sums of yaw rate^2, of it times what is left, of that squared
+        ("steering_weight", np.float64),  # readings, the older ones for less
+        ("steering_squares", np.float64, (_UNKNOWNS, _UNKNOWNS)),  # sums of the fit of the steering
+        ("steering_products", np.float64, (_UNKNOWNS,)),
+        ("gain", np.float64),  # of the steering that is corrected for, less 1
+        ("offset", np.float64),  # [rad] likewise
+        ("odometry", ODOMETRY),  # as the car's, with the true steering angle
         ("use", np.float64),  # [-] greatest force of a tire over its load, in the mean of the last tenth of a second
         ("held", np.float64),  # [-] greatest of that
         ("ceiling", np.float64),  # [-] after the tires slid; 0: there is none
+        ("floor", np.float64),  # [-] below which sliding does not bring it
         ("unexplained", np.int64),  # ticks in a row in which wheels slid
         ("pause", np.float64),  # [s] that is left of it
         ("slides", np.int64),  # how often they slid
@@ -123,15 +140,19 @@ _HELD_TIME = 0.1  # [s] of the mean use
 
 
 def levels(settings: FrictionLearningSettings | None = None) -> FloatArray:
-    """Return the friction coefficients of the bank, the least first."""
-    return (settings or FrictionLearningSettings()).start * _RATIO ** (np.arange(_BANK, dtype=np.float64) - _BELOW)
+    """Return the friction coefficients of the bank that may be used, the least first."""
+    return _bank(settings or FrictionLearningSettings())[:_USED]
+
+
+def _bank(settings: FrictionLearningSettings) -> FloatArray:
+    return settings.start * _RATIO ** (np.arange(_BANK, dtype=np.float64) - _BELOW)
 
 
 def learning_row(car: CarParameters, settings: FrictionLearningSettings | None = None) -> NDArray[np.void]:
     """Return a row of type LEARNING, shape (1,), of a planner that learns."""
     settings = settings or FrictionLearningSettings()
     row = np.zeros(1, LEARNING)
-    row["active"], row["settings"], row["mus"] = True, record_values(settings), levels(settings)
+    row["active"], row["settings"], row["mus"] = True, record_values(settings), _bank(settings)
     slip = slip_row(car, car.gravity)[0]
     least = min(car.front_peak, car.rear_peak)
     uses = np.linspace(0.0, _WIDEST, _POINTS)
@@ -183,6 +204,7 @@ def learn(learning: Record, learned: Record, car: Record, odometry: Record, peri
     use = 0.0
     if odometry.speed > settings.least_speed and abs(odometry.steering_angle) < settings.most_steering:
         use = _compare(learning, learned, car, odometry, forward, left, period)
+        _learn_steering(learning, learned, car, odometry, left, period)
     learned.use += share * (use - learned.use)
     if learned.pause == 0.0:
         learned.held = max(learned.held, learned.use)
@@ -249,6 +271,50 @@ def _compare(
         learned.rests[level] = learned.rests[level] * forget + rest * rest
     _weigh(learning, learned)
     return use
+
+
+@kernel
+def _learn_steering(
+    learning: Record, learned: Record, car: Record, odometry: Record, left: float, period: float
+) -> None:
+    """Fit gain and offset of the steering: curvature times wheelbase = offset + gain tan(angle) + understeer.
+
+    Understeer grows with the lateral acceleration, `left` over g. The curvature is the yaw rate over the speed, which
+    a drift of both does not change.
+    """
+    settings, squares, products = learning.settings, learned.steering_squares, learned.steering_products
+    if abs(left) > _LINEAR * learned.mu or learned.pause > 0.0:
+        return
+    regressors = np.empty(_UNKNOWNS)
+    regressors[0], regressors[1], regressors[2] = 1.0, math.tan(odometry.steering_angle), left
+    turned = car.wheelbase * odometry.angular_velocity[2] / odometry.speed
+    forget = math.exp(-period / settings.memory)
+    learned.steering_weight = learned.steering_weight * forget + 1.0
+    for i in range(_UNKNOWNS):
+        for j in range(_UNKNOWNS):
+            squares[i, j] = squares[i, j] * forget + regressors[i] * regressors[j]
+        products[i] = products[i] * forget + regressors[i] * turned
+    learned.gain = learned.offset = 0.0
+    if learned.steering_weight * period > settings.steering_known:
+        _solve(squares, products, regressors)
+        gain = regressors[1] - 1.0
+        if abs(gain) > settings.steering_deviation and abs(gain) < _MOST_GAIN:
+            learned.gain = gain
+        offset = math.atan(regressors[0])
+        if abs(offset) > settings.offset_deviation and abs(offset) < _MOST_OFFSET:
+            learned.offset = offset
+
+
+@kernel
+def true_steering(learned: Record, angle: float) -> float:
+    """Return the steering angle [rad] of a car that says another."""
+    return math.atan((1.0 + learned.gain) * math.tan(angle) + math.tan(learned.offset))
+
+
+@kernel
+def commanded_steering(learned: Record, angle: float) -> float:
+    """Return the steering angle [rad] to command, so that the true one becomes `angle`."""
+    return math.atan((math.tan(angle) - math.tan(learned.offset)) / (1.0 + learned.gain))
 
 
 @kernel
@@ -345,8 +411,8 @@ def _slides(
     mu = learned.mu
     if learned.pause == 0.0:
         learned.slides += 1
-        learned.mu = settings.kept * mu
-    learned.mu = max(min(learned.mu, settings.kept * use), 0.5 * mu)
+        learned.mu, learned.floor = settings.kept * mu, 0.5 * mu
+    learned.mu = max(min(learned.mu, settings.kept * use), learned.floor)
     learned.mu = max(learned.mu, min(learning.mus[0], mu))
     learned.ceiling, learned.held = learned.mu, learned.mu / (1.0 + settings.step)
     learned.pause = settings.pause
@@ -410,10 +476,12 @@ def _bound(learning: Record, learned: Record, period: float) -> None:
         wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))
         if learned.ceiling > 0.0:
             wanted = min(wanted, learned.ceiling)
+        if learned.mean > learning.mus[_USED]:  # tires that show no slip tell nothing
+            wanted = min(wanted, settings.start)
         learned.mu = min(wanted, learned.mu * (1.0 + settings.rise * period))
-    learned.mu = max(learned.mu, learning.mus[0])
+    learned.mu = min(max(learned.mu, learning.mus[0]), learning.mus[_USED - 1])
     level = 0
-    while level < _BANK - 1 and learning.mus[level + 1] <= learned.mu:
+    while level < _USED - 1 and learning.mus[level + 1] <= learned.mu:
         level += 1
     learned.level = level
 

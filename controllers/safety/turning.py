@@ -1,8 +1,9 @@
 """Turning in several moves: a slow car in a place that is tighter than its turning circle turns as in a parking lot.
 
 Where the car has been slow for `_PATIENCE`, or for as long as the tires take to start it, and there is a frontier, a
-motion is searched for that may reverse (motion_search). It is followed move by move: the car stops before it changes its direction, turns its wheels, and
-drives on. A motion that is no longer free, or on which the car stands still for a second, is given up.
+motion is searched for that may reverse (motion_search). It is followed move by move: the car stops before it changes
+its direction, turns its wheels, and drives on. A motion that is no longer free, or on which the car stands still for a
+second, is given up.
 """
 
 from __future__ import annotations
