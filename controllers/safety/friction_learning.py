@@ -73,7 +73,7 @@ class FrictionLearningSettings(Settings):
     rise: float = setting(0.2, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
     deviations: float = setting(1.0, "", "standard deviations below the mean", FROM_ZERO)
     least_deviation: float = setting(0.03, "", "of the mean: what the model itself is wrong by", FROM_ZERO)
-    memory: float = setting(15.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
+    memory: float = setting(8.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
     stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
     relaxation_length: float = setting(0.045, "m", "of tires whose car says none", FROM_ZERO)
     age: float = setting(0.0025, "s", "of the accelerometer's reading: half a physics step", FROM_ZERO)
@@ -87,6 +87,8 @@ class FrictionLearningSettings(Settings):
     deviations_sliding: float = setting(8.0, "", "standard deviations of what is not explained, that do", POSITIVE)
     known: float = setting(2.0, "s", "of learning, before which only ten times `sliding` counts", FROM_ZERO)
     kept: float = setting(0.95, "", "share of the friction of sliding tires, used then", SHARE)
+    least_kept: float = setting(0.7, "", "share of what was used, that is used then at least", SHARE)
+    fall: float = setting(0.1, "1/s", "of the used friction while they slide on, as a share of it", FROM_ZERO)
     pause: float = setting(1.0, "s", "after the tires slid, in which nothing is learned", FROM_ZERO)
     steering_deviation: float = setting(0.06, "", "of the steering gain from 1: less is left alone", FROM_ZERO)
     offset_deviation: float = setting(0.006, "rad", "of the steering, likewise", FROM_ZERO)
@@ -128,7 +130,6 @@ LEARNED = np.dtype(
         ("use", np.float64),  # [-] greatest force of a tire over its load, in the mean of the last tenth of a second
         ("held", np.float64),  # [-] greatest of that
         ("ceiling", np.float64),  # [-] after the tires slid; 0: there is none
-        ("floor", np.float64),  # [-] below which sliding does not bring it
         ("unexplained", np.int64),  # ticks in a row in which wheels slid
         ("pause", np.float64),  # [s] that is left of it
         ("slides", np.int64),  # how often they slid
@@ -411,8 +412,9 @@ def _slides(
     mu = learned.mu
     if learned.pause == 0.0:
         learned.slides += 1
-        learned.mu, learned.floor = settings.kept * mu, 0.5 * mu
-    learned.mu = max(min(learned.mu, settings.kept * use), learned.floor)
+        learned.mu = min(max(settings.kept * use, settings.least_kept * mu), settings.kept * mu)
+    else:
+        learned.mu = mu * (1.0 - settings.fall * period)
     learned.mu = max(learned.mu, min(learning.mus[0], mu))
     learned.ceiling, learned.held = learned.mu, learned.mu / (1.0 + settings.step)
     learned.pause = settings.pause
@@ -471,8 +473,9 @@ def _bound(learning: Record, learned: Record, period: float) -> None:
     """Move the used friction towards what is learned, within its bounds."""
     settings = learning.settings
     if learned.mean > 0.0:
-        sure = learned.mean - settings.deviations * learned.deviation
-        wanted = max(sure, min(settings.start, learned.mean + settings.deviations * learned.deviation))
+        doubt = settings.deviations * learned.deviation
+        seen = learned.mu if learned.ceiling > 0.0 else settings.start  # kept while nothing is known that is against it
+        wanted = max(learned.mean - doubt, min(seen, learned.mean + doubt))
         wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))
         if learned.ceiling > 0.0:
             wanted = min(wanted, learned.ceiling)
