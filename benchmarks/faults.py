@@ -199,6 +199,24 @@ FAULTS = {
         new="unused = max(limiter.lateral + math.copysign(cornering, turn * cornering), 0.0)",
         tests="test_friction_limiter.py test_mission.py",
     ),
+    "load moved to the wrong axle where friction is learned": Fault(
+        file="controllers/safety/friction_learning.py",
+        old="(-along if wheel < 2 else along)",
+        new="(along if wheel < 2 else -along)",
+        tests="test_friction_learning.py",
+    ),
+    "a learned friction above its bound": Fault(
+        file="controllers/safety/friction_learning.py",
+        old="wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
+        new="wanted = max(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
+        tests="test_friction_learning.py",
+    ),
+    "a steering gain that is learned upside down": Fault(
+        file="controllers/safety/friction_learning.py",
+        old="gain = regressors[1] - 1.0",
+        new="gain = 1.0 / regressors[1] - 1.0",
+        tests="test_friction_learning.py",
+    ),
     "a braking distance in the speed, not in its square": Fault(
         file="controllers/safety/guidance.py",
         old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",

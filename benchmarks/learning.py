@@ -53,17 +53,18 @@ def compare(tracks: list[str], tires: str, mus: list[float], laps: int, keywords
             if learning.end_reason != "finished":
                 unfinished.append((Path(track).stem, mu, told.end_reason, learning.end_reason))
             ends = f"{told.end_reason}, {learning.end_reason}"
-            row = f"{Path(track).stem:15} {mu:4.2f}  {told.max_slide_m_s:6.3f}  {learning.max_slide_m_s:6.3f}      {ends:22}"
-            print(row, " ".join(f"{ratio:.3f}" for ratio in over), flush=True)
+            greatest = f"{told.max_slide_m_s:6.3f}  {learning.max_slide_m_s:6.3f}"
+            each_lap = " ".join(f"{ratio:.3f}" for ratio in over)
+            print(f"{Path(track).stem:15} {mu:4.2f}  {greatest}      {ends:22} {each_lap}", flush=True)
     within = sum(ratio <= ASKED for ratio in ratios)
-    print(f"from lap 2 on: {within} of {len(ratios)} laps within {ASKED:g}, median {np.median(ratios):.3f}", end="")
-    print(f", greatest {max(ratios):.3f}; {sum(s > SLIDES for s in slides)} of {len(slides)} races with a slide")
+    print(f"from lap 2 on: {within} of {len(ratios)} laps within {ASKED:g}, median {np.median(ratios):.3f}, ", end="")
+    print(f"greatest {max(ratios):.3f}; {sum(s > SLIDES for s in slides)} of {len(slides)} races with a slide")
     for each in unfinished:
         print("not finished:", *each)
 
 
 def step(tracks: list[str], tires: str, mus: list[float]) -> None:
-    """Drive on a floor that loses friction in mid-race, told of the first friction and learning, and print what slides."""
+    """Drive on a floor that loses friction in mid-race, told of the first friction and learning; print what slides."""
     print("circuit          mu     planner    touched  greatest slide [m/s]  sliding [s]  found out after [s]  mu used")
     for track in tracks:
         for mu in mus:
@@ -96,7 +97,8 @@ def _stepped(track: str, tires: str, mu: float, learns: bool, time: float) -> st
             break
     used = planner._alone.memory[0]["learned"]["mu"] if learns else mu
     name = "learning" if learns else "told"
-    return f"{Path(track).stem:15} {mu:4.2f}   {name:10} {touched:8} {greatest:20.3f} {sliding:12.2f} {found:20.2f} {used:8.3f}"
+    slid = f"{touched:8} {greatest:20.3f} {sliding:12.2f}"
+    return f"{Path(track).stem:15} {mu:4.2f}   {name:10} {slid} {found:20.2f} {used:8.3f}"
 
 
 def main() -> None:

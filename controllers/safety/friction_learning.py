@@ -73,7 +73,7 @@ class FrictionLearningSettings(Settings):
     rise: float = setting(0.2, "1/s", "greatest rise of the used friction, as a share of it", POSITIVE)
     deviations: float = setting(1.0, "", "standard deviations below the mean", FROM_ZERO)
     least_deviation: float = setting(0.03, "", "of the mean: what the model itself is wrong by", FROM_ZERO)
-    memory: float = setting(8.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
+    memory: float = setting(15.0, "s", "of driving, after which what was seen counts as 1 / e", POSITIVE)
     stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
     relaxation_length: float = setting(0.045, "m", "of tires whose car says none", FROM_ZERO)
     age: float = setting(0.0025, "s", "of the accelerometer's reading: half a physics step", FROM_ZERO)
@@ -253,7 +253,7 @@ def _compare(
 
     slips = np.empty(4)
     _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, learned.mu, slips)
-    use = math.hypot(force / loads.min(), left)
+    use: float = math.hypot(force / loads.min(), left)
     if _slides(learning, learned, regressors, seen, excess, slips, pressed, yaw_rate, max(use, learned.use), period):
         return use
     if learned.pause > 0.0:
@@ -321,7 +321,7 @@ def commanded_steering(learned: Record, angle: float) -> float:
 @kernel
 def _between_axles(values: FloatArray) -> float:
     """Return the mean of the front wheels less that of the rear wheels."""
-    return 0.5 * (values[0] + values[1] - values[2] - values[3])
+    return float(0.5 * (values[0] + values[1] - values[2] - values[3]))
 
 
 @kernel
@@ -408,7 +408,7 @@ def _slides(
         sums[2] = sums[2] * forget + between * between
     learned.unexplained = learned.unexplained + 1 if sliding else 0
     if not sliding or (learned.pause == 0.0 and learned.unexplained < settings.ticks):
-        return sliding
+        return bool(sliding)
     mu = learned.mu
     if learned.pause == 0.0:
         learned.slides += 1
@@ -449,7 +449,7 @@ def _left(learned: Record, unknowns: FloatArray, level: int) -> float:
     left = learned.rests[level]
     for i in range(_UNKNOWNS):
         left -= unknowns[i] * learned.products[level, i]
-    return max(left, 0.0)
+    return float(max(left, 0.0))
 
 
 @kernel
