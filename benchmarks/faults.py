@@ -334,6 +334,24 @@ FAULTS = {
         new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
         tests="test_comparison.py",
     ),
+    "a gyro whose delay goes the wrong way": Fault(
+        file="fg_mujoco/studies/drives/drive_csv.py",
+        old='yaw_rate = channel("yaw_rate", late=columns.yaw_rate.late + gyro_late, scale=gyro)',
+        new='yaw_rate = channel("yaw_rate", late=columns.yaw_rate.late - gyro_late, scale=gyro)',
+        tests="test_recorded_drives.py",
+    ),
+    "a clock's scale that is turned over": Fault(
+        file="fg_mujoco/studies/drives/drive_csv.py",
+        old="time=first + clock * (found.time - first), values=found.values)",
+        new="time=first + (found.time - first) / clock, values=found.values)",
+        tests="test_recorded_drives.py",
+    ),
+    "a window that starts with its lateral speed to the other side": Fault(
+        file="fg_mujoco/studies/validation/car_model.py",
+        old="forward * cos - lateral * sin, forward * sin + lateral * cos",
+        new="forward * cos + lateral * sin, forward * sin - lateral * cos",
+        tests="test_validation.py",
+    ),
     # envs
     "a crash that is rewarded": Fault(
         file="fg_mujoco/envs/reward_kernels.py",

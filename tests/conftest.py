@@ -60,6 +60,7 @@ SLOW_FILES = frozenset({
     "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",
     "test_report_pages.py", "test_rollout_cli.py", "test_rollout_ray.py", "test_slides.py", "test_tight_tracks.py",
     "test_training_example.py", "test_tutorial.py", "test_two_policies_example.py",
+    "test_validation.py",
 })  # fmt: skip
 
 

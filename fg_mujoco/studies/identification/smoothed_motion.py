@@ -72,6 +72,9 @@ def smooth(drive: Drive) -> Motion:
         for axis, (x, y) in enumerate(((cos, sin), (-sin, cos))):
             values = drive.acceleration.values[:, axis]
             moving.measure(drive.acceleration.time, values, {4: x, 5: y}, NOISE["accelerometer"], bias=axis)
+    else:
+        for axis in (0, 1):  # nothing measures them, and they must not leave the problem singular
+            moving.assume(moving.bias(axis), 0.0, 0.1)
     if drive.pose is not None:
         for axis, turn in enumerate((cos, sin)):
             shift = ahead * np.interp(drive.pose.time, time, turn)
