@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import fg_mujoco as fg
+from fg_mujoco.cli.main import main
 from fg_mujoco.studies.drives.drive_columns import LAYOUTS, DriveColumns
 from fg_mujoco.studies.drives.reading import read_drive, read_drives
 
@@ -151,6 +153,24 @@ def test_a_run_gives_what_its_car_measured(tmp_path):
     rows = drive.rows
     assert drive.layout == "run" and rows.beams.shape[1] == 1081 and len(drive.steering.time) == len(run.ctrl)
     assert rows.pose[-1, 0] - rows.pose[0, 0] != 0.0 and abs(rows.speed).max() > 1.0
+
+
+def test_the_commands_of_bags_read_csv_files(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = motion(8.0)
+    header = f"{HEADER},{','.join(f'beam_{number:04d}_m' for number in range(40, 1040, 25))}"
+    names = ("time", "speed", "yaw_rate", "steering", "speed", "x", "y", "yaw")
+    rows = np.column_stack([made[name] for name in names] + [np.full((len(made["time"]), 40), 3.0)])
+    np.savetxt("drive.csv", rows, delimiter=",", header=header, comments="", fmt="%.5f")
+    columns = DriveColumns.of({name: LAYOUTS["plain"][name] for name in ("time", "speed", "yaw_rate", "steering")}).toml
+    Path("columns.toml").write_text(columns + 'beams = {columns = "beam_{}_m", count = 1080}\n')
+    assert main(["bag", "drive.csv", "--columns", "columns.toml"]) == 0
+    assert "beams               350 times, 50 Hz, 3 to 3" in capsys.readouterr().out
+    assert main(["replay-scans", "drive.csv", "--columns", "columns.toml", "--out", "out.csv"]) == 0
+    assert len(Path("out.csv").read_text().splitlines()) == 351
+    capsys.readouterr()
+    assert "with bags" in refused(tmp_path, capsys, "bag", "drive.csv", "--map", "map.yaml")
+    assert "has no beams" in refused(tmp_path, capsys, "replay-scans", "drive.csv", "--out", "other.csv")
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")

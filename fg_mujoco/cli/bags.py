@@ -20,6 +20,7 @@ from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from ..ros.occupancy_grid import RESOLUTION
 from ..simulation.course_loading import load_track
+from ..studies.drives.reading import kind_of, read_drive, refuse_for_kind
 from .options import add_setup_options, in_one_line, number, setup_of
 from .out import RUN, require_new
 from .progress import ProgressLine
@@ -28,13 +29,15 @@ from .report import report_race
 if TYPE_CHECKING:
     from ..course.course import Course
     from ..ros.bag_recording import Recording
+    from ..ros.bag_replay import PlannedCommand
     from ..ros.mapping.poses import Sweeps
     from ..ros.mapping.recorded_map import RecordedMap
     from ..vehicle.vehicle import Vehicle
 
 FORMATS = ("mcap",)
 
-_BAG = ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1"
+_BAG = ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1; or a drive's .csv"
+_COLUMNS = "which columns of a CSV file are what; default: a layout that is recognised"
 _ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
 
 
@@ -74,6 +77,7 @@ def add_bags(add: Any, commands: Any) -> None:
     )  # fmt: skip
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
+    command.add_argument("--columns", metavar="FILE.toml|LAYOUT", help=_COLUMNS)
     add_setup_options(command.add_argument, "vehicle")
     command.add_argument("--force", action="store_true", help="replace files that exist, and the run that DIR has")
 
@@ -91,6 +95,7 @@ def add_bags(add: Any, commands: Any) -> None:
         help="of odometry, poses or a VESC; default: /odom, or the only one with odometry",
     )
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
+    command.add_argument("--columns", metavar="FILE.toml|LAYOUT", help=_COLUMNS)
     add_setup_options(
         command.add_argument, "vehicle", "tires", "planner_mu", "max_speed", "track",
         track="whose line a planner with a map follows, as race takes it; default: it has no map",
@@ -118,6 +123,12 @@ def _bag(options: argparse.Namespace) -> int:
     from ..ros.mapping.poses import read_sweeps
     from ..ros.mapping.recorded_map import make_map, map_files, write_map
 
+    if _is_csv(options):
+        if options.map is not None or options.out is not None:
+            what = "map" if options.map is not None else "out"
+            raise SettingsError(f"{what} is given, and {options.bag} is a CSV file; accepted: with bags")
+        print("\n".join(read_drive(options.bag, columns=options.columns).lines))
+        return 0
     require_ros_extra()
     if options.map is not None or options.out is not None:
         require_maps_extra()
@@ -174,11 +185,25 @@ def _course_of(path: Path) -> str:
         return f"no course yet: {in_one_line(str(error))}"
 
 
+def _is_csv(options: argparse.Namespace) -> bool:
+    """Return whether a command is given a CSV file, and refuse columns with anything else."""
+    path = Path(options.bag)
+    kind = kind_of(path)
+    refuse_for_kind(path, kind, options.columns, {})
+    if kind == "csv":
+        names = ("scan_topic", "drive_topic", "odom_topic")
+        refuse_for_kind(path, kind, None, {name: getattr(options, name) for name in names})
+    return kind == "csv"
+
+
 def _replay_scans(options: argparse.Namespace) -> int:
     from ..ros.bag_reader import ScanBag
-    from ..ros.bag_replay import check_commands_file, planned, write_commands
+    from ..ros.bag_replay import check_commands_file, planned
+    from ..ros.drive_scans import deliveries
 
-    require_ros_extra()
+    from_csv = _is_csv(options)
+    if not from_csv:
+        require_ros_extra()
     out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
     check_commands_file(out)
     require_new(out, force=options.force)
@@ -188,6 +213,14 @@ def _replay_scans(options: argparse.Namespace) -> int:
     course = load_track(setup.track if mapped else _ANY_TRACK, car=drive.car.parameters)
     context = drive.context(drive.world(course).parameters, course.map_line if mapped else None)
     planner = make_controller(choice.source, context, settings=dict(choice.settings))
+    if from_csv:
+        recorded = read_drive(options.bag, columns=options.columns)
+        with contextlib.redirect_stdout(sys.stderr):
+            written = _write(planned(planner, deliveries(recorded, context.car)), out)
+        if written is None:
+            return 1
+        print(f"{out}: {written} commands to the beams of {options.bag}")
+        return 0
     bag = ScanBag(
         options.bag,
         context.car,
@@ -205,13 +238,22 @@ def _replay_scans(options: argparse.Namespace) -> int:
                 yield delivery
                 watch(count, bag.scans)
 
-        try:
-            count = write_commands(planned(planner, watched()), out)
-        except PlannerError as error:
-            print("fg-mujoco:", in_one_line(f"{error}; {out} has the commands up to there"), file=sys.stderr)
-            return 1
+        count = _write(planned(planner, watched()), out)
+    if count is None:
+        return 1
     print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
     return 0
+
+
+def _write(commands: Iterator[PlannedCommand], out: Path) -> int | None:
+    """Write commands and return how many there are; None: the planner failed, which is said."""
+    from ..ros.bag_replay import write_commands
+
+    try:
+        return write_commands(commands, out)
+    except PlannerError as error:
+        print("fg-mujoco:", in_one_line(f"{error}; {out} has the commands up to there"), file=sys.stderr)
+        return None
 
 
 @contextlib.contextmanager

@@ -67,6 +67,30 @@ class RecordedDrive:
         always = [self.speed, self.yaw_rate]
         return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]
 
+    @property
+    def lines(self) -> list[str]:
+        """What it has, a line for each channel, and what its sensors say of each other."""
+        channels = {
+            "speed": self.speed, "yaw rate": self.yaw_rate,
+            "steering, commanded" if self.commanded else "steering, measured": self.steering,
+            "speed command": self.speed_command, "acceleration": self.acceleration, "pose": self.pose,
+            "beams": self.beams,
+        }  # fmt: skip
+        made = [f"{self.name}: layout {self.layout}, {self.end - self.start:.1f} s"]
+        for name, channel in channels.items():
+            if channel is None:
+                made.append(f"  {name:<20}-")
+                continue
+            count, lasts = len(channel.time), float(channel.time[-1] - channel.time[0])
+            rate = f"{(count - 1) / lasts:.3g} Hz" if lasts > 0.0 else "once"
+            values = channel.values if isinstance(channel, Channel) else channel.ranges
+            seen = values[np.isfinite(values)]
+            if name == "pose":
+                seen = seen[:0]
+            limits = f", {seen.min():.3g} to {seen.max():.3g}" if len(seen) else ""
+            made.append(f"  {name:<20}{count} times, {rate}{limits}")
+        return [*made, *(f"  {line}" for line in self.checks.lines)]
+
     @cached_property
     def rows(self) -> DriveRows:
         """All channels at the times of the speed at which all sensors measure."""
