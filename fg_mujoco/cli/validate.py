@@ -24,7 +24,7 @@ def add_validate(add_command: Callable[..., argparse.ArgumentParser], commands: 
     text = "drive the recorded commands of a real car from its recorded states, and say how far a model is off"
     add = add_command(commands, "validate", _validate, text).add_argument
     add("drives", metavar="DRIVE", nargs="+", help="CSV files, folders of them, bags, or run folders")
-    add_setup_options(add, "vehicle", "tires", "mu")
+    add_setup_options(add, "vehicle", "tires", "mu", "floor")
     add(
         "--columns", metavar="FILE.toml|LAYOUT",
         help="which columns of a CSV file are what; default: a layout that is recognised",
@@ -68,7 +68,7 @@ def _validate(options: argparse.Namespace) -> int:
         raise SettingsError(f"tires is {setup.tires!r} with --scoreboard, which has every bundled set; accepted: none")
     with shown_as(str, "reading drives") as watch:
         given: dict[str, Any] = {
-            "vehicle": setup.car, "mu": setup.mu, "columns": options.columns, "threads": options.threads, "watch": watch
+            "vehicle": setup.car, "mu": setup.set_mu, "columns": options.columns, "threads": options.threads, "watch": watch
         }  # fmt: skip
         if options.scoreboard:
             board = scoreboard(options.drives, **given)

@@ -1,8 +1,8 @@
 """The page of a validation: overlays of recordings and model, and residuals over speed and steering.
 
 Cross plots of steady states over the lateral acceleration are laid out as ISO 19364:2016 describes for passenger cars:
-the simulation defines boundaries, and the measurements are laid over them. Overlays over time are what ISO 22140:2021
-compares for lateral transients. The widths of the bands are ours (BANDS), because neither standard's tables are public.
+the simulation defines boundaries, and the measurements are laid over them. Overlays over time are in the manner of ISO
+22140:2021. The widths of the bands are ours (BANDS): the tables of the standards are not public.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from bokeh.plotting import figure as Figure  # noqa: N812 - a class, whatever its name
 
 BANDS = {"yaw rate": 0.08, "lateral acceleration": 0.03, "slip angle": 0.08}
-"""Widths of the bands over steady states, of the model's value: the goals of issue 29, which are no numbers of a
+"""Widths of the bands over steady states, of the model's value: goals of this project, which are no numbers of a
 standard."""
 _TRANSIENT = 0.12  # of the rms of a recorded signal: the band of overlays over time, likewise
 
