@@ -217,6 +217,18 @@ FAULTS = {
         new="gain = 1.0 / regressors[1] - 1.0",
         tests="test_friction_learning.py",
     ),
+    "braking in a corner by a share that knows no friction": Fault(
+        file="controllers/safety/friction_limiter.py",
+        old="return max(p * _exponent_by_load(moved * mu / _FOUND_AT) / _exponent_by_load(moved), _STEADY_EXPONENT)",
+        new="return p",
+        tests="test_friction_limiter.py",
+    ),
+    "an evading car that turns in as if braking moved no load": Fault(
+        file="controllers/safety/friction_limiter.py",
+        old="return in_cornering * (1.0 - settings.braking_use * height / (height + 0.5 / mu))",
+        new="return in_cornering",
+        tests="test_friction_limiter.py",
+    ),
     "a braking distance in the speed, not in its square": Fault(
         file="controllers/safety/guidance.py",
         old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",

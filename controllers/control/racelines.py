@@ -180,13 +180,12 @@ def limit_speeds(
     rounds = 2 * count if closed else count - 1
     for direction in (-1, 1):
         most = braking_use * (limiter.braking if direction < 0 else limiter.accelerating)
-        exponent = limiter.braking_exponent if direction < 0 else limiter.exponent
         point = count - 1 if direction < 0 else 0
         for _ in range(rounds):
             near = (point + direction) % count
             if direction < 0 or point > 0 or closed:
                 known = table[point, SPEED]
-                share = longitudinal_share(known * known * abs(bend[point]) / grip, exponent)
+                share = longitudinal_share(known * known * abs(bend[point]) / grip, limiter.exponent)
                 reached = math.sqrt(known * known + 2.0 * most * share * step)
                 table[near, SPEED] = min(table[near, SPEED], reached)
             point = near

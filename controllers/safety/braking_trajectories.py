@@ -240,7 +240,7 @@ def _stop(limiter: Record, settings: Record, speed: float, present: float, turni
                 lag += path_lag(limiter.slip, speed)
             curvature += (wanted - curvature) * (1.0 - math.exp(-speed * _STEP / lag))
             used = min(abs(curvature) * speed**2 / limiter.lateral, 0.999)  # below 1, or it never stops
-            speed = max(speed - braking * longitudinal_share(used, limiter.braking_exponent) * _STEP, 0.0)
+            speed = max(speed - braking * longitudinal_share(used, limiter.exponent) * _STEP, 0.0)
         distance = speed * _STEP
         heading += curvature * distance
         x += distance * math.cos(heading)

@@ -15,8 +15,9 @@ acceleration that the tires can hold:
    slides first: at a share u of the lateral grip a share (1 - u)^p of the straight-line limit is left. For the F1TENTH
    car p = .7 is enough on steady circles, at mu .6 and 1.0489, and p = .9 is used, because turning in and braking
    at once is not a steady circle. `cornering_exponent` scales p for cars that move more load to the outer wheels.
-   On a slippery floor no car corners so hard, less load moves, and `braking_exponent` is smaller. In accelerating p
-   stays: a car that turns in just after it accelerated still has the light front axle of that acceleration.
+   On a slippery floor no car corners so hard, less load moves, and the car brakes by a smaller p, `braking_exponent`.
+   Stops and motions are planned with p all the same: what they leave is a reserve. In accelerating p stays, too: a
+   car that turns in just after it accelerated still has the light front axle of that acceleration.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
    In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn in and
    brakes harder at once, the light inner rear wheel slides first.
@@ -323,8 +324,8 @@ class FrictionLimiter:
       braking: greatest deceleration straight ahead [m/s^2].
       accelerating: greatest acceleration straight ahead [m/s^2].
       yaw_lag: distance c over which the path's curvature follows the steering at the limit [m].
-      exponent: of the share of accelerating that cornering leaves, see `cornering_exponent`.
-      braking_exponent: of the share of braking, see `braking_exponent`.
+      exponent: of the share of accelerating that cornering leaves, and of planned braking, see `cornering_exponent`.
+      braking_exponent: of the share of braking as it is commanded, see `braking_exponent`.
       record: the row that `limited` reads, shape (1,), of type LIMITER.
 
     Raises:
