@@ -68,7 +68,8 @@ def _validate(options: argparse.Namespace) -> int:
         raise SettingsError(f"tires is {setup.tires!r} with --scoreboard, which has every bundled set; accepted: none")
     with shown_as(str, "reading drives") as watch:
         given: dict[str, Any] = {
-            "vehicle": setup.car, "mu": setup.set_mu, "columns": options.columns, "threads": options.threads, "watch": watch
+            "vehicle": setup.car, "mu": setup.set_mu, "columns": options.columns, "threads": options.threads,
+            "watch": watch,
         }  # fmt: skip
         if options.scoreboard:
             board = scoreboard(options.drives, **given)
