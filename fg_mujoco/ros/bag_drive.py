@@ -27,9 +27,9 @@ from ..messages import CarParameters
 from ..studies.drives.channels import Channel
 from ..studies.drives.drive_checks import check_drive
 from ..studies.drives.drive_columns import DriveColumns
+from ..studies.drives.drive_recording import RecordedDrive
 from ..studies.drives.reading import kind_of, read_measured_run, refuse_for_kind
 from ..studies.drives.reading import read_drive as recorded_drive
-from ..studies.drives.recorded import RecordedDrive
 from ..studies.identification.drive_log import Drive
 from ..studies.identification.fit import require_scipy
 from ..studies.identification.identification import Identification, check_front_drive, identify_drives

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import CarParameters, LaserScan, Odometry
-from ..studies.drives.recorded import RecordedDrive
+from ..studies.drives.drive_recording import RecordedDrive
 from .bag_reader import Delivery
 
 _RANGE_MIN, _RANGE_MAX = 0.02, 30.0

@@ -15,7 +15,7 @@ from ...messages import FloatArray
 from .channels import Beams, Channel
 from .drive_checks import DriveChecks, check_drive
 from .drive_columns import LAYOUTS, MEASURED, QUANTITIES, REQUIRED, UNITS, Column, DriveColumns, recognised
-from .recorded import RecordedDrive
+from .drive_recording import RecordedDrive
 from .wrong_units import disagreement, wrong_unit
 
 _LARGEST = 2**30  # bytes of a file

@@ -13,7 +13,7 @@ from ...racing.run_folder import Run
 from ...simulation.world import World
 from .channels import Beams, Channel
 from .drive_checks import check_drive
-from .recorded import RecordedDrive
+from .drive_recording import RecordedDrive
 
 
 def drive_of_run(run: Run, world: World | None = None, *, beams: bool = True) -> RecordedDrive:

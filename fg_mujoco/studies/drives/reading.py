@@ -11,7 +11,7 @@ from ...racing.run_folder import RECORDED, SUMMARY, Run, read_run
 from . import READERS
 from .drive_columns import DriveColumns
 from .drive_csv import read_csv_drive
-from .recorded import RecordedDrive
+from .drive_recording import RecordedDrive
 
 if TYPE_CHECKING:
     from ...vehicle.vehicle import Vehicle

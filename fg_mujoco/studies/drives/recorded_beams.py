@@ -26,7 +26,7 @@ from ...messages import FloatArray
 
 if TYPE_CHECKING:
     from ...course.maps.wall_rays import MapWalls, RayHits
-    from .recorded import RecordedDrive
+    from .drive_recording import RecordedDrive
 
 BoolArray = NDArray[np.bool_]
 

@@ -12,8 +12,8 @@ from ...messages import CarParameters
 from ...racing.resimulation import load_world
 from ...racing.run_folder import Run
 from ..drives.channels import Channel
+from ..drives.drive_recording import RecordedDrive
 from ..drives.driven_runs import drive_of_run
-from ..drives.recorded import RecordedDrive
 
 SHORTEST = 5.0
 """[s] A drive that moved for less is refused."""

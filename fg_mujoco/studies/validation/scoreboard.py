@@ -12,7 +12,7 @@ from ...messages import CarParameters
 from ...vehicle.tires import Tires, tire_names
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.pages.table import Table
-from ..drives.recorded import RecordedDrive
+from ..drives.drive_recording import RecordedDrive
 from .car_model import CarModel
 from .planar_models import PlanarModel
 from .validation import COMMANDS, HELD, STEADY, DriveModel, Validation, motions_of, read, validate_model

@@ -16,8 +16,8 @@ from ...messages import CarParameters, FloatArray
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.pages.table import Table
+from ..drives.drive_recording import RecordedDrive
 from ..drives.reading import read_drives
-from ..drives.recorded import RecordedDrive
 from ..identification.fit import require_scipy
 from .agreement import UNITS, Agreement, agreements, joined, rms, steady_task, task_of
 from .car_model import CarModel, Task

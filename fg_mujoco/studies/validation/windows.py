@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...errors import SettingsError
 from ...messages import CarParameters, FloatArray
-from ..drives.recorded import RecordedDrive
+from ..drives.drive_recording import RecordedDrive
 from ..identification.drive_log import Drive
 from ..identification.smoothed_motion import Motion, smooth
 
