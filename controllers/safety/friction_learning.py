@@ -88,7 +88,7 @@ class FrictionLearningSettings(Settings):
     known: float = setting(2.0, "s", "of learning, before which only ten times `sliding` counts", FROM_ZERO)
     kept: float = setting(0.95, "", "share of the friction of sliding tires, used then", SHARE)
     least_kept: float = setting(0.7, "", "share of what was used, that is used then at least", SHARE)
-    fall: float = setting(0.1, "1/s", "of the used friction while they slide on, as a share of it", FROM_ZERO)
+    fall: float = setting(0.1, "1/s", "of the used friction while they slide on, or tell nothing", FROM_ZERO)
     pause: float = setting(1.0, "s", "after the tires slid, in which nothing is learned", FROM_ZERO)
     steering_deviation: float = setting(0.06, "", "of the steering gain from 1: less is left alone", FROM_ZERO)
     offset_deviation: float = setting(0.006, "rad", "of the steering, likewise", FROM_ZERO)
@@ -480,7 +480,7 @@ def _bound(learning: Record, learned: Record, period: float) -> None:
         if learned.ceiling > 0.0:
             wanted = min(wanted, learned.ceiling)
         if learned.mean > learning.mus[_USED]:  # tires that show no slip tell nothing
-            wanted = min(wanted, settings.start)
+            wanted = min(wanted, max(learned.mu * (1.0 - settings.fall * period), settings.start))
         learned.mu = min(wanted, learned.mu * (1.0 + settings.rise * period))
     learned.mu = min(max(learned.mu, learning.mus[0]), learning.mus[_USED - 1])
     level = 0
