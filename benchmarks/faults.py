@@ -105,6 +105,18 @@ FAULTS = {
         new="ctrl[limits.steering_ctrl] = steering_angle",
         tests="test_car.py test_car_dynamics.py test_huge_commands.py",
     ),
+    "a steering that does not end where its joint does": Fault(
+        file="fg_mujoco/vehicle/tire_forces.py",
+        old="if angle < gear.steering_range[0] or angle > gear.steering_range[1]:",
+        new="if angle > 1e9:",
+        tests="test_car.py",
+    ),
+    "a delay of the speed's commands that goes the wrong way": Fault(
+        file="fg_mujoco/studies/identification/speed_response.py",
+        old="held(motion.time - delay)",
+        new="held(motion.time + delay)",
+        tests="test_identification.py",
+    ),
     # sensors
     "readings that are delivered a step late": Fault(
         file="fg_mujoco/vehicle/sensors/sampling.py",

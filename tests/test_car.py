@@ -10,6 +10,7 @@ from car_worlds import flat_world, run, tire_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import fg_mujoco as fg
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters
@@ -55,6 +56,18 @@ NUC2 = COMMUNITY | {
 }
 
 
+IPZ = COMMUNITY | {
+    # of its owners: F1Tenth-INI/f1tenth_development_gym
+    "mass": 4.0,
+    "front_axle_distance": 0.162,
+    "rear_axle_distance": 0.145,
+    "wheelbase": 0.307,
+    # identified, docs/identification.md
+    "yaw_inertia": 0.0955,
+    "lidar_offset": 0.27,
+}
+
+
 @pytest.fixture(scope="module")
 def flat():
     return flat_world()
@@ -68,6 +81,21 @@ def test_compiled_car_has_the_community_constant(flat, name, value):
 @pytest.mark.parametrize(("name", "value"), NUC2.items())
 def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, value):
     assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
+
+
+@pytest.mark.parametrize(("name", "value"), IPZ.items())
+def test_compiled_ipz_has_its_identified_constant_or_the_community_one(name, value):
+    found = getattr(Vehicle.load("ipz").parameters, name)
+    assert found == pytest.approx(value, rel=1e-4)
+
+
+def test_ipz_turns_its_wheels_by_the_identified_gain_and_offset_up_to_the_end_of_its_steering():
+    def angle(command):
+        commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, command), speed=np.full(2, 1.0))
+        return fg.drive(commands, vehicle="ipz").car.column("steering_angle_rad")[-1]
+
+    assert angle(0.2) == pytest.approx(1.287 * 0.2 + 0.0064, abs=1e-4)
+    assert angle(-0.4) == pytest.approx(-0.439, abs=1e-6)
 
 
 def test_the_default_vehicle_is_the_communitys():

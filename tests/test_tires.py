@@ -44,7 +44,7 @@ relaxation_length = 0.05
 def test_the_published_sets_are_there():
     assert set(NAMES) == {
         "coulomb", "f1tenth_gym", "forzaeth_nuc2", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_nuc7", "forzaeth_sim",
-        "slipx_reference",
+        "ipz", "slipx_reference",
     }  # fmt: skip
     nuc2 = Tires.load("forzaeth_nuc2")
     front, rear = nuc2.axles

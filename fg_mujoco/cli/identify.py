@@ -1,4 +1,4 @@
-"""The command `fg-mujoco identify`: the tires and the steering of a car, from drives that it recorded."""
+"""The command `fg-mujoco identify`: the tires, the steering and the drive of a car, from drives that it recorded."""
 
 from __future__ import annotations
 
@@ -17,10 +17,19 @@ _DONE = 0
 
 def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
-    text = "find the tires and the steering of a car from its drives, and write the tires as a file"
+    text = "find the tires, the steering and the drive of a car from its drives, and write them as files"
     add = add_command(commands, "identify", _identify, text).add_argument
     add("sources", metavar="DRIVE", nargs="+", help="run folders; .csv, .mcap, .db3 or .bag files, or folders of bags")
-    add("--out", type=Path, required=True, metavar="FILE.toml", help="the tires, as --tires reads them")
+    add(
+        "--out", type=Path, required=True, metavar="FOLDER|FILE.toml",
+        help="FOLDER: the car, its tires and a page, NAME.xml, NAME_tires.toml and NAME.html, NAME that of the folder; "
+        "FILE.toml: the tires alone",
+    )  # fmt: skip
+    add(
+        "--hold-out", metavar="DRIVE", nargs="+", default=[],
+        help="drives that nothing is fitted to, to validate on; default: every third second of each drive",
+    )  # fmt: skip
+    add("--budget", type=number, metavar="S", help="time for the fit, after which the best so far counts; default: 120")
     add("--report", type=Path, metavar="FILE.html", help="a page of data and fit; default: none")
     add(
         "--vehicle", metavar="NAME|FILE.xml",
@@ -51,17 +60,26 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
 def _identify(options: argparse.Namespace) -> int:
     from ..ros.bag_drive import identify
     from ..studies.identification.fit import require_scipy
+    from ..studies.identification.identification import BUDGET
     from ..studies.identification.identification_page import write_identification_report
     from ..studies.identification.tire_file import check_tire_file, write_tires
+    from ..studies.identification.vehicle_file import write_vehicle
+    from ..vehicle.vehicle import Vehicle
     from ..viz.pages.bokeh_plots import require_bokeh
 
     require_scipy()
-    check_tire_file(options.out, force=options.force)
-    if options.report is not None:
+    folder = None if options.out.suffix else options.out
+    tires, report = options.out, options.report
+    if folder is not None:
+        name = folder.absolute().name
+        tires, report = folder / f"{name}_tires.toml", report or folder / f"{name}.html"
+        require_new(folder / f"{name}.xml", force=options.force)
+    check_tire_file(tires, force=options.force)
+    if report is not None:
         require_bokeh()
-        if options.report.suffix.lower() not in (".html", ".htm"):
-            raise SettingsError(f"{options.report}: is no name for a page; accepted: one that ends in .html")
-        require_new(options.report, force=options.force)
+        if report.suffix.lower() not in (".html", ".htm"):
+            raise SettingsError(f"{report}: is no name for a page; accepted: one that ends in .html")
+        require_new(report, force=options.force)
     with shown_as(str, "reading drives") as watch:
         found = identify(
             *options.sources,
@@ -74,11 +92,20 @@ def _identify(options: argparse.Namespace) -> int:
             drive_topic=options.drive_topic,
             imu_topic=options.imu_topic,
             odometry_topic=options.odom_topic,
+            hold_out=options.hold_out,
+            budget=BUDGET if options.budget is None else options.budget,
             watch=watch,
         )
-    write_tires(found, options.out, force=options.force)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    write_tires(found, tires, force=options.force)
     print(found.summary())
-    print(f"written to {options.out}")
-    if options.report is not None:
-        print(f"report: {write_identification_report(found, options.report)}")
+    print(f"written to {tires}")
+    if folder is not None:
+        vehicle = Vehicle.load(options.vehicle or found.drives[0].vehicle)
+        car = write_vehicle(found, vehicle, folder / f"{folder.absolute().name}.xml", tires=tires.name)
+        Vehicle.load(car)
+        print(f"car: {car}; drive it with --vehicle {car}")
+    if report is not None:
+        print(f"report: {write_identification_report(found, report)}")
     return _DONE

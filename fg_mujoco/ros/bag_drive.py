@@ -15,7 +15,7 @@ Times are those of the messages' headers, or of the recorder where a header has 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from ..studies.drives.reading import kind_of, read_measured_run, refuse_for_kind
 from ..studies.drives.reading import read_drive as recorded_drive
 from ..studies.identification.drive_log import Drive
 from ..studies.identification.fit import require_scipy
-from ..studies.identification.identification import Identification, check_front_drive, identify_drives
+from ..studies.identification.identification import BUDGET, Identification, check_front_drive, identify_drives
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .bag_messages import (
     DRIVE,
@@ -68,6 +68,8 @@ def identify(
     drive_topic: str | None = None,
     imu_topic: str | None = None,
     odometry_topic: str | None = None,
+    hold_out: Sequence[str | Path] = (),
+    budget: float = BUDGET,
     watch: Callable[[str], None] | None = None,
 ) -> Identification:
     """Return the tires and the steering of a car, identified from drives that it recorded.
@@ -83,6 +85,9 @@ def identify(
       drive_topic: of the commands in a bag; None: /drive, or the only one there is.
       imu_topic: None: /imu, or the only one there is.
       odometry_topic: None: /odom, or the only one there is.
+      hold_out: sources of drives of the same car that nothing is fitted to, which the result is validated on; without,
+        every third second of `sources` is held back.
+      budget: [s] for the fit, after which the best so far is returned.
       watch: called with the progress in words.
 
     Raises:
@@ -96,11 +101,14 @@ def identify(
         "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
     }  # fmt: skip
     drives = []
-    for count, source in enumerate(sources, start=1):
+    for count, source in enumerate((*sources, *hold_out), start=1):
         if watch is not None:
-            watch(f"reading drive {count}/{len(sources)}")
+            watch(f"reading drive {count}/{len(sources) + len(hold_out)}")
         drives.append(read_drive(source, vehicle=vehicle, columns=columns, **topics))
-    return identify_drives(drives, linear=linear, front_drive=front_drive, single_track=single_track, watch=watch)
+    return identify_drives(
+        drives[: len(sources)], hold_out=drives[len(sources) :], linear=linear, front_drive=front_drive,
+        single_track=single_track, budget=budget, watch=watch,
+    )  # fmt: skip
 
 
 def read_drive(

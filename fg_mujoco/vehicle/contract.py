@@ -340,7 +340,8 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
     for side, track_width in (("left", car.track_width), ("right", -car.track_width)):
         kingpin = f"front_{side}_kingpin"
         angle = float(data.joint(kingpin).qpos[0])
-        exact = float(ackermann_angle(car.max_steering_angle, car.wheelbase, track_width))
+        steered = float(data.joint("steering").qpos[0])  # not what is commanded, of a servo with a gain or an offset
+        exact = float(ackermann_angle(steered, car.wheelbase, track_width))
         if not abs(angle - exact) <= _STEERING_TOLERANCE:
             warnings.warn(
                 f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, where Ackermann's angle is "

@@ -132,6 +132,7 @@ GEAR = np.dtype(
         ("steering_dof", np.int64),
         ("steering_damping", np.float64),  # [N m s/rad] of it and its kingpins
         ("steering_inertia", np.float64),  # [kg m^2] likewise
+        ("steering_range", np.float64, (2,)),  # [rad] at which its joint ends; infinite: nowhere
         ("kingpin_qpos", np.int64, (2,)),
         ("kingpin_dof", np.int64, (2,)),
         ("ackermann", np.float64, (2, 5)),  # their angles as polynomials of the steering angle
@@ -363,6 +364,8 @@ def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
     gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
     gear["steering_damping"] = model.dof_damping[dofs].sum()
+    limited = bool(model.jnt_limited[steering])
+    gear["steering_range"] = model.jnt_range[steering] if limited else (-np.inf, np.inf)
     gear["steering_inertia"] = six_digits(float(model.dof_M0[dofs].sum()))  # rounded for the same reason as damping
     gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
 
@@ -731,6 +734,8 @@ def steer(
         force = min(max(gain + bias[0] + bias[1] * middle + bias[2] * rate, least), most)
         before, rate = rate, (rate * (1.0 - slowed) + push * force) / (1.0 + slowed)
         angle += 0.5 * short * (before + rate)
+        if angle < gear.steering_range[0] or angle > gear.steering_range[1]:  # the joint ends there, and it stops
+            angle, rate = min(max(angle, gear.steering_range[0]), gear.steering_range[1]), 0.0
     return angle, rate
 
 

@@ -40,6 +40,7 @@ class Drive:
     yaw_rate: Channel  # [rad/s] gyro
     acceleration: Channel | None  # [m/s^2] ahead and to the left, in the centre of gravity; None: no accelerometer
     pose: Channel | None  # x [m], y [m], heading [rad] of base_link; None: no odometry of a LiDAR
+    speed_command: Channel | None = None  # [m/s], or [m/s^2] of a car that is driven by accelerations
 
     def __post_init__(self) -> None:
         lasts = self.end - self.start
@@ -87,7 +88,7 @@ class Drive:
         return cls(
             name=recorded.name, sha256=recorded.sha256, vehicle=vehicle, car=car, steering=recorded.steering,
             commanded=recorded.commanded, speed=recorded.speed, yaw_rate=recorded.yaw_rate,
-            acceleration=recorded.acceleration, pose=recorded.pose,
+            acceleration=recorded.acceleration, pose=recorded.pose, speed_command=recorded.speed_command,
         )  # fmt: skip
 
     @classmethod

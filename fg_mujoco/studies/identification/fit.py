@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,19 +21,23 @@ from numpy.typing import NDArray
 from ...errors import missing_extra
 from ...messages import FloatArray
 from ...vehicle.single_track import STATES, axle_loads, friction_curve
-from .problem import PARAMETERS, DriveProblem, assumed_noise, huber, measured_noise
+from .problem import INERTIA, LIMIT, PARAMETERS, ROLL, DriveProblem, assumed_noise, huber, measured_noise
 
-_LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1))
-_GREATEST = np.array((150.0, 5.0, 3.0, 1.5) * 2 + (1.5, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1))
-_EXPECTED = np.array((12.0, 1.5, 1.0, 0.5) * 2 + (1.0, 0.0, 0.05, 0.0, 0.045, 0.0, 0.0, 1.0, 0.0, 0.0))
-# How far from that (a standard deviation). Of the tires no more is assumed than that their curves are of a usual shape.
-# The steering's gain is known to a tenth: at one speed, gain and front stiffness look the same.
-_SPREAD = np.array((100.0, 0.7, 10.0, 0.7) * 2 + (0.1, 0.5, 1.0, 1.0, 0.02, 0.02, 0.5, 0.05, 0.01, 0.02))
+_LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1, 0.3, 0.7))
+_GREATEST = np.array((100.0, 3.0, 3.0, 1.5) * 2 + (1.6, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1, 3.0, 1.3))
+_EXPECTED = np.array((12.0, 1.5, 1.0, 0.5) * 2 + (1.0, 0.0, 0.05, 0.0, 0.045, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0))
+# How far from that (a standard deviation). Of the tires no more is assumed than that their curves are of a usual shape:
+# the published sets have stiffnesses of 3 to 20. At one speed, gain and front stiffness look the same.
+_SPREAD = np.array((20.0, 0.5, 1.0, 0.7) * 2 + (0.3, 0.5, 1.0, 1.0, 0.02, 0.02, 0.5, 0.05, 0.02, 0.02, 0.3, 0.1))
 _LINEAR = np.array((1.0, 1e4, 0.0))  # C, D, E with which the formula is a straight line
 _SHARES = (1.0, 0.3, 0.0)  # of a segment's step of its start, of which the best is taken
 _SETTLING = 5  # steps of Gauss and Newton to find the starts alone
 _STEPS = 60  # of Gauss and Newton, at most
 _CONVERGED = 0.02  # of the cost, a sum of squares over their noise: a seventh of a standard deviation
+_CONVERGED_SHARES = (1e-3, 1e-3, 1e-4)  # of the cost, by fit: many residuals, not independent, make it large
+_NEAR_LIMIT = 0.8  # of the steering's greatest angle: commands below it do not tell where the steering ends
+_RESERVED = 2.5  # steps' time that is kept for one more, and for the intervals
+_FIRST_SEGMENTS = 60  # spread over the drives, on which the first two fits are made
 
 
 def require_scipy() -> None:
@@ -52,14 +58,18 @@ class Fit:
     covariance: FloatArray  # of them; 0 for those at a bound or held fixed
     at_bound: NDArray[np.bool_]  # which of them are
     noise: FloatArray  # (4,) of the residuals: gyro, accelerometer, position, heading
+    free: NDArray[np.bool_]  # which were looked for
+    seconds: float  # [s] of the drives that it is to
+    stopped: str  # why it ended before it converged; empty: it converged
 
 
 def force_points(problem: DriveProblem, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return slip angles [rad] and F_y / F_z [-] of both axles by inverse dynamics, each (2, n), of moving nodes."""
     mass, inertia, front, rear, height, gravity, share, _ = problem.car
+    inertia = inertia * parameters[INERTIA]
     motion = problem.motion
     nodes = np.concatenate([np.arange(*segment) for segment in problem.segments])
-    angle = problem.steering.angles(*parameters[8:12])[nodes]
+    angle = problem.angles(parameters)[nodes]
     vx, vy, r = motion.forward_speed[nodes], motion.lateral_speed[nodes], motion.yaw_rate[nodes]
     ay, ax, turn = (
         array[nodes] for array in (motion.lateral_acceleration, motion.forward_acceleration, motion.yaw_acceleration)
@@ -128,14 +138,19 @@ def output_error(
     *,
     linear: bool = False,
     watch: Callable[[str], None] | None = None,
+    deadline: float = math.inf,
 ) -> Fit:
     """Return the parameters at which the simulated drives come closest to the measured ones.
+
+    The first two fits are to some segments alone, spread over the drives; the third one is to all that are not held
+    back. At the deadline the best parameters so far are returned, with the intervals that the segments so far give.
 
     Args:
       problems: of the drives.
       parameters: to start from, such as those of `inverse_dynamics`.
       linear: find of each axle the stiffness alone.
       watch: told in words how far it is.
+      deadline: of `time.monotonic` [s].
     """
 
     def told(fit: int) -> Callable[[int], None]:
@@ -146,19 +161,47 @@ def output_error(
         free[1:4] = free[5:8] = False
     if problems[0].single_track:
         free[12] = False
+    if all(problem.drive.acceleration is None for problem in problems):  # which tells both
+        free[[PARAMETERS.index("lateral_bias"), ROLL]] = False
+    greatest = max(float(np.abs(problem.drive.steering.values).max()) for problem in problems)
+    if greatest < _NEAR_LIMIT * problems[0].drive.car.max_steering_angle:
+        free[LIMIT] = False
     commanded = problems[0].drive.commanded
     if not commanded:  # an angle that was measured is late by what the sensor is
         free[10] = False
         parameters = parameters.copy()
         parameters[10] = 0.0
     noise = assumed_noise()
-    starts = [fitted_starts(problem, parameters, noise) for problem in problems]
-    for fit in (1, 2):
-        parameters, starts = _minimise(problems, parameters, starts, noise, free, told(fit))
-        noise = measured_noise(problems, parameters, starts)
-    parameters, starts = _minimise(problems, parameters, starts, noise, free, told(3))
-    covariance, at_bound = _covariance(problems, parameters, starts, noise, free)
-    return Fit(parameters=parameters, covariance=covariance, at_bound=at_bound, noise=noise)
+    fitted = [problem.only(~problem.held_back) for problem in problems]
+    used = _spread(fitted, _FIRST_SEGMENTS)
+    starts = [fitted_starts(problem, parameters, noise) for problem in used]
+    stopped = ""
+    for fit in (1, 2, 3):
+        if fit == 3:
+            every = sum(len(problem.segments) for problem in fitted)
+            if every > sum(len(problem.segments) for problem in used):
+                used, starts = fitted, [fitted_starts(problem, parameters, noise) for problem in fitted]
+        parameters, starts, ended_by = _minimise(
+            used, parameters, starts, noise, free, told(fit), deadline, _CONVERGED_SHARES[fit - 1]
+        )
+        noise = measured_noise(used, parameters, starts) if fit < 3 else noise
+        if ended_by:
+            part = sum(len(problem.segments) for problem in used)
+            stopped = f"ended by {ended_by} in fit {fit} of 3, to {part} s of the drives"
+            break
+    covariance, at_bound = _covariance(used, parameters, starts, noise, free)
+    seconds = sum(float(np.diff(problem.segments, axis=1).sum()) * problem.step for problem in used)
+    return Fit(
+        parameters=parameters, covariance=covariance, at_bound=at_bound, noise=noise, free=free, seconds=seconds,
+        stopped=stopped,
+    )  # fmt: skip
+
+
+def _spread(problems: Sequence[DriveProblem], most: int) -> list[DriveProblem]:
+    """Return the problems with every so-manieth segment, at most about `most` of them in all."""
+    every = sum(len(problem.segments) for problem in problems)
+    step = max(1, round(every / most))
+    return [problem.only(np.arange(len(problem.segments)) % step == 0) for problem in problems]
 
 
 def fitted_starts(problem: DriveProblem, parameters: FloatArray, noise: FloatArray) -> FloatArray:
@@ -206,12 +249,7 @@ def _reduce(
     for problem, begun in zip(problems, starts, strict=True):
         lines = problem.linearise(parameters, begun, noise, free)
         kept = []
-        for segment, (residual, by_parameter, by_start) in enumerate(
-            zip(lines.residuals, lines.parameters, lines.starts, strict=True)
-        ):
-            if problem.held_back[segment]:
-                kept.append((np.zeros(STATES), np.zeros((STATES, int(free.sum())))))
-                continue
+        for residual, by_parameter, by_start in zip(lines.residuals, lines.parameters, lines.starts, strict=True):
             values, weights = huber(residual)
             cost += float(values.sum())
             residual = residual * weights
@@ -253,7 +291,7 @@ def _stepped(
             costs = problem.costs(parameters, tried, noise)
             better = costs < least
             best, least = np.where(better[:, np.newaxis], tried, best), np.where(better, costs, least)
-        cost += float(least[~problem.held_back].sum())
+        cost += float(least.sum())
         stepped.append(best)
     return cost, stepped
 
@@ -265,40 +303,53 @@ def _minimise(
     noise: FloatArray,
     free: NDArray[np.bool_],
     watch: Callable[[int], None],
-) -> tuple[FloatArray, list[FloatArray]]:
-    """Return parameters and starts of the least cost: damped steps of Gauss and Newton within the bounds."""
+    deadline: float,
+    converged: float,
+) -> tuple[FloatArray, list[FloatArray], str]:
+    """Return parameters and starts of the least cost, by damped steps of Gauss and Newton within the bounds.
+
+    Last is by what the search was ended before it converged, if it was: its next step would have gone beyond the
+    deadline, or Ctrl-C.
+    """
     from scipy.optimize import lsq_linear
 
-    damping = 1e-3
-    reduced = _reduce(problems, parameters, starts, noise, free)
-    for number in range(1, _STEPS + 1):
-        watch(number)
-        triangle = np.asarray(np.linalg.qr(np.column_stack((reduced.rows, reduced.wanted)), mode="r"))
-        square, wanted = triangle[:-1, :-1], triangle[:-1, -1]
-        size = np.linalg.norm(square, axis=0)
-        accepted = False
-        while not accepted and damping < 1e8:
-            stacked = np.vstack((square / size, np.sqrt(damping) * np.eye(len(size))))
-            low, high = ((bound[free] - parameters[free]) * size for bound in (_LEAST, _GREATEST))
-            solved = lsq_linear(
-                stacked, -np.concatenate((wanted, np.zeros(len(size)))),
-                (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls",
-            )  # fmt: skip
-            step = solved.x / size
-            tried = parameters.copy()
-            tried[free] = np.clip(parameters[free] + step, _LEAST[free], _GREATEST[free])
-            cost, begun = _stepped(problems, reduced, tried, step, starts, noise, free)
-            accepted = cost < reduced.cost
-            damping = damping / 5.0 if accepted else damping * 5.0
-        if not accepted:
-            break
-        fell = reduced.cost - cost
-        parameters, starts = tried, begun
-        damping = max(damping, 1e-9)
+    damping, begun_at, longest = 1e-3, time.monotonic(), 0.0
+    try:
         reduced = _reduce(problems, parameters, starts, noise, free)
-        if fell < _CONVERGED:
-            break
-    return parameters, starts
+        for number in range(1, _STEPS + 1):
+            longest = max(longest, time.monotonic() - begun_at)
+            begun_at = time.monotonic()
+            if begun_at + _RESERVED * longest > deadline:
+                return parameters, starts, "the time budget"
+            watch(number)
+            triangle = np.asarray(np.linalg.qr(np.column_stack((reduced.rows, reduced.wanted)), mode="r"))
+            square, wanted = triangle[:-1, :-1], triangle[:-1, -1]
+            size = np.linalg.norm(square, axis=0)
+            accepted = False
+            while not accepted and damping < 1e8:
+                stacked = np.vstack((square / size, np.sqrt(damping) * np.eye(len(size))))
+                low, high = ((bound[free] - parameters[free]) * size for bound in (_LEAST, _GREATEST))
+                solved = lsq_linear(
+                    stacked, -np.concatenate((wanted, np.zeros(len(size)))),
+                    (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls",
+                )  # fmt: skip
+                step = solved.x / size
+                tried = parameters.copy()
+                tried[free] = np.clip(parameters[free] + step, _LEAST[free], _GREATEST[free])
+                cost, begun = _stepped(problems, reduced, tried, step, starts, noise, free)
+                accepted = cost < reduced.cost
+                damping = damping / 5.0 if accepted else damping * 5.0
+            if not accepted:
+                break
+            fell = reduced.cost - cost
+            parameters, starts = tried, begun
+            damping = max(damping, 1e-9)
+            reduced = _reduce(problems, parameters, starts, noise, free)
+            if fell < max(_CONVERGED, converged * reduced.cost):
+                break
+    except KeyboardInterrupt:
+        return parameters, starts, "Ctrl-C"
+    return parameters, starts, ""
 
 
 def _covariance(

@@ -23,18 +23,20 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 4000  # of a drive that are drawn, of each axle
 _WIDEST = 0.6  # [rad] of slip angles that are drawn
-_SMOOTHED = 9  # nodes of 5 ms over which the points are averaged
+_SMOOTHED = 8  # nodes of 6.25 ms over which the points are averaged
+_EVERY_THIRD = "Every third stretch of 1 s was kept from the fit."
 _BODY = """<h1>{title}</h1><p class="note">Identified from {names}.</p>
 {figures}
 <h2>Lateral force over load</h2>
-<p class="note">Points: by inverse dynamics from the smoothed motion, averaged over 45 ms.
+<p class="note">Points: by inverse dynamics from the smoothed motion, averaged over 50 ms.
 Line: the fit by output error, with its 95 % band. Dashed: slip angles that the drive exceeds for 1 % of its time.</p>
 <div class="halves"><div><h3>Front axle</h3>{front}</div><div><h3>Rear axle</h3>{rear}</div></div>
-<h2>Yaw rate of what was held back</h2>
-<p class="note">Every third stretch of 1 s was kept from the fit. There the model is simulated from the commands and the
+<h2>Yaw rate of what was not used</h2>
+<p class="note">{unused} There the model is simulated from the commands and the
 measured speed, from the state at the start of the stretch that fits best.</p>
 {yaw_rates}
 <h2>Parameters</h2>{parameters}
+<h2>Not told by the drives</h2>{untold}
 <h2>Sources</h2>{sources}"""
 
 
@@ -47,23 +49,28 @@ def write_identification_report(found: Identification, path: str | Path) -> Path
     """
     require_bokeh()
     plots = {f"axle_{axle}": _axle_plot(found, axle) for axle in (0, 1)}
-    plots |= {f"yaw_{index}": _yaw_plot(found, index) for index in range(len(found.problems))}
+    plots |= {f"yaw_{index}": _yaw_plot(found, index) for index in range(len(found.others))}
     script, places = embed(plots)
     names = [drive.name for drive in found.drives]
     title = f"Tires of {found.drives[0].vehicle}"
     figures = [(_figure(axle.stiffness), f"{name} stiffness [1/rad]") for name, axle in found.axles]
     figures += [(_figure(axle.peak), f"{name} peak [-]") for name, axle in found.axles if not found.linear]
-    figures.append((_figure(_lateness(found)), "steering lag and delay [ms]"))
+    figures.append((_figure(_times_1000(found.lateness)), "steering lag and delay [ms]"))
     relative = 100.0 * found.validation.yaw_rate_relative
     body = html(
         _BODY,
         title=title,
         names=", ".join(names),
-        figures=boxes([*figures, (f"{relative:.2g} %", "rms of the yaw rate, held back")]),
+        figures=boxes([*figures, (f"{relative:.2g} %", "rms of the yaw rate, not used")]),
         front=places["axle_0"],
         rear=places["axle_1"],
-        yaw_rates=[[note(name), element("div", places[f"yaw_{i}"], class_="plots")] for i, name in enumerate(names)],
+        yaw_rates=[
+            [note(name), element("div", places[f"yaw_{i}"], class_="plots")]
+            for i, (name, _) in enumerate(found.of_each)
+        ],
         parameters=_parameters(found),
+        unused="These drives were held out of the fit." if found.hold_out else _EVERY_THIRD,
+        untold=names_and_values([*found.untold.items(), *([("the fit", found.fit.stopped)] * bool(found.fit.stopped))]),
         sources=_sources(found),
     )
     return write_page(path, title, body, plots=script)
@@ -94,7 +101,7 @@ def _axle_plot(found: Identification, axle: int) -> Figure:
 
 
 def _yaw_plot(found: Identification, index: int) -> Figure:
-    time, simulated, measured = held_back(found.problems[index], found.fit.parameters, found.fit.noise)
+    time, simulated, measured = held_back(found.others[index], found.fit.parameters, found.fit.noise)
     # a gap between two stretches is no line
     gaps = np.flatnonzero(np.diff(time) > 0.5) + 1
     time, simulated, measured = (np.insert(values, gaps, np.nan) for values in (time, simulated, measured))
@@ -112,10 +119,8 @@ def _averaged(values: FloatArray) -> FloatArray:
     return np.asarray(values[:whole].reshape(-1, _SMOOTHED).mean(axis=1))
 
 
-def _lateness(found: Identification) -> Estimate:
-    lag, delay = found.steering_lag, found.steering_delay
-    covariance = found.fit.covariance[10:12, 10:12]
-    return Estimate(value=1e3 * (lag.value + delay.value), half=1.96e3 * float(np.sqrt(max(covariance.sum(), 0.0))))
+def _times_1000(estimate: Estimate) -> Estimate:
+    return Estimate(value=1e3 * estimate.value, half=1e3 * estimate.half)
 
 
 def _figure(estimate: Estimate) -> str:
@@ -133,6 +138,7 @@ def _parameters(found: Identification) -> Html:
     rows += [
         ("steering gain", found.steering_gain, "-"), ("steering offset", found.steering_offset, "rad"),
         ("steering lag, first order", found.steering_lag, "s"), ("steering delay", found.steering_delay, "s"),
+        ("steering limit", found.steering_limit, "rad"), ("yaw inertia over the vehicle's", found.inertia_ratio, "-"),
         ("bias of the gyro", found.gyro_bias, "rad/s"), ("gain of the accelerometer", found.lateral_gain, "-"),
         ("delay of the pose after the gyro", found.pose_delay, "s"),
     ]  # fmt: skip
@@ -141,8 +147,11 @@ def _parameters(found: Identification) -> Html:
     return Table(
         header=("parameter", "value", "half of the 95 % interval", "unit"),
         rows=[
-            (name, f"{each.value:.5g}", f"{each.half:.2g}" if np.isfinite(each.half) else "at the bound", unit)
-            for name, each, unit in rows
+            *(
+                (name, f"{each.value:.5g}", f"{each.half:.2g}" if np.isfinite(each.half) else "at the bound", unit)
+                for name, each, unit in rows
+            ),
+            *((name, *text.split(" +- ", 1)[:1], text.split(" +- ", 1)[-1], "") for name, text in found.speed_lines()),
         ],
     ).html()
 

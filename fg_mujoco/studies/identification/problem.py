@@ -8,6 +8,7 @@ are unknowns beside the parameters, and are eliminated segment by segment (varia
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,12 +26,14 @@ SEGMENT = 1.0
 PARAMETERS = (
     *(f"front_{name}" for name in TIRE), *(f"rear_{name}" for name in TIRE),
     "steering_gain", "steering_offset", "steering_lag", "steering_delay", "relaxation_length",
-    "gyro_bias", "lateral_bias", "lateral_gain", "heading_offset", "pose_delay",
+    "gyro_bias", "lateral_bias", "lateral_gain", "heading_offset", "pose_delay", "inertia_ratio",
+    "limit_ratio",
 )  # fmt: skip
 """What is found: stiffness [1/rad], C, D, E [-] of both axles; gain [-], offset [rad], lag [s] and delay [s] of the
 steering; the relaxation length of the tires [m]; and of the sensors the gyro's bias [rad/s], the accelerometer's bias
 [m/s^2] and gain [-] (a car that rolls measures a part of gravity, and by that part the two-track model rolls), the
-angle between the pose's heading and the car's [rad], and the delay of the pose [s]."""
+angle between the pose's heading and the car's [rad], and the delay of the pose [s]; last, over those of the vehicle
+that is assumed [-], the yaw inertia at its mass (motion tells their ratio), and the greatest angle of the wheels."""
 
 SIMULATED = 13
 """The first of PARAMETERS, which change the motion; the others but ROLL change what the sensors say of it."""
@@ -38,10 +41,17 @@ SIMULATED = 13
 ROLL = PARAMETERS.index("lateral_gain")
 """Of the parameter that says how far a car rolls, which moves its wheels, too."""
 
+INERTIA = PARAMETERS.index("inertia_ratio")
+"""Of the parameter that the yaw inertia is multiplied by."""
+
+LIMIT = PARAMETERS.index("limit_ratio")
+"""Of the parameter that the greatest angle of the front wheels is multiplied by."""
+
 _SHORTEST_SEGMENT = 0.5  # [s]
 _SPIN = 0.5  # [rad] of sideslip, beyond which a car spins: far behind the peak, where tires are not what a formula says
 _AROUND_SPIN = 0.2  # [s] before and after it that are left out, too: wheels spin and lock there
 _START_NOISE = np.array((0.3, 0.1, 0.05, 0.05, 0.03))  # of the smoothed states that segments start at, as STATES
+_PLACE, _HEADING = 2, 4  # of the states: x, y and heading, with which the motion only moves and turns
 _DIFFERENCE = 1e-6
 _CHANNELS = ("gyro", "accelerometer", "position", "heading")
 _HUBER = 2.0  # standard deviations beyond which a residual counts linearly
@@ -97,9 +107,22 @@ class DriveProblem:
             held=drive.commanded,
         )
         self.step = STEP
+        self._sort_rows()
+
+    def only(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> DriveProblem:
+        """Return the problem of some of its segments, in their order."""
+        part = copy(self)
+        part.segments, part.held_back = self.segments[chosen], self.held_back[chosen]
+        part.smoothed = self.smoothed[chosen]
+        part._sort_rows()
+        return part
+
+    def _sort_rows(self) -> None:
         self._rows = [self._of(channel) for channel in range(len(_CHANNELS))]
-        self._order = np.argsort(np.concatenate([rows.segment for rows in self._rows]), kind="stable")
-        self._counts = np.bincount(np.concatenate([rows.segment for rows in self._rows]), minlength=len(self.segments))
+        self._channels = np.concatenate([np.full(len(rows.node), rows.channel) for rows in self._rows])
+        self._segment_of = np.concatenate([rows.segment for rows in self._rows])
+        self._order = np.argsort(self._segment_of, kind="stable")
+        self._counts = np.bincount(self._segment_of, minlength=len(self.segments))
 
     def _of(self, channel: int) -> Rows:
         drive, motion = self.drive, self.motion
@@ -107,7 +130,9 @@ class DriveProblem:
         time = source.time if source is not None else np.empty(0)
         node = np.floor((time - motion.time[0]) / STEP + 1e-9).astype(np.int64)
         segment = np.searchsorted(self.segments[:, 0], node, side="right") - 1
-        inside = (segment >= 0) & (node < self.segments[np.maximum(segment, 0), 1] - 1)
+        inside = segment >= 0
+        if len(self.segments):
+            inside &= node < self.segments[np.maximum(segment, 0), 1] - 1
         node, segment, time = node[inside], segment[inside], time[inside]
         values = source.values[inside] if source is not None else np.empty((0, 3))
         if channel == 3:  # the turn that is nearest to the smoothed heading
@@ -116,20 +141,26 @@ class DriveProblem:
         part = (time - motion.time[node]) / STEP
         return Rows(channel=channel, node=node, part=part, segment=segment, values=values, time=time)
 
+    def angles(self, parameters: FloatArray) -> FloatArray:
+        """Return the angle of the front wheels on the grid (n,) [rad]."""
+        return self.steering.angles(*parameters[8:12], limit=parameters[LIMIT] * self.drive.car.max_steering_angle)
+
     def run(self, parameters: FloatArray, starts: FloatArray) -> FloatArray:
         """Return the simulated nodes (n, STATES + 1) of all segments, each from its start."""
         motion = self.motion
         out = np.full((len(motion.time), STATES + 1), np.nan)
-        angles = self.steering.angles(*parameters[8:12])
+        angles = self.angles(parameters)
+        car = self.car.copy()
+        car[1] *= parameters[INERTIA]
         simulate(
-            np.ascontiguousarray(parameters[:8]), self.car, parameters[12], parameters[ROLL], angles,
+            np.ascontiguousarray(parameters[:8]), car, parameters[12], parameters[ROLL], angles,
             motion.forward_speed, motion.forward_acceleration, STEP, self.segments, np.ascontiguousarray(starts), out,
         )  # fmt: skip
         return out
 
     def measured(self, parameters: FloatArray, nodes: FloatArray) -> FloatArray:
         """Return what the sensors would measure, less what they did, in the channels' order."""
-        gyro_bias, lateral_bias, _, heading_offset, pose_delay = parameters[SIMULATED:]
+        gyro_bias, lateral_bias, _, heading_offset, pose_delay = parameters[SIMULATED:INERTIA]
         ahead = self.drive.car.rear_axle_distance
         found = []
         for rows in self._rows:
@@ -158,16 +189,26 @@ class DriveProblem:
 
     def channels(self) -> NDArray[np.int64]:
         """Return the channel of each residual of `measured`."""
-        return np.concatenate([np.full(len(rows.node), rows.channel) for rows in self._rows])
+        return self._channels
 
     def segment_of(self) -> NDArray[np.int64]:
         """Return the segment of each residual of `measured`."""
-        return np.concatenate([rows.segment for rows in self._rows])
+        return self._segment_of
 
     @property
     def gyro(self) -> Rows:
         """The measurements of the gyro."""
         return self._rows[0]
+
+    def _moved(self, nodes: FloatArray, starts: FloatArray, state: int) -> FloatArray:
+        """Return simulated nodes after a small change of where the segments start; the motion stays the same."""
+        moved = nodes.copy()
+        moved[:, state] += _DIFFERENCE
+        if state == _HEADING:
+            for (first, end), start in zip(self.segments, starts, strict=True):
+                moved[first:end, _PLACE] -= _DIFFERENCE * (nodes[first:end, _PLACE + 1] - start[_PLACE + 1])
+                moved[first:end, _PLACE + 1] += _DIFFERENCE * (nodes[first:end, _PLACE] - start[_PLACE])
+        return moved
 
     def linearise(
         self, parameters: FloatArray, starts: FloatArray, noise: FloatArray, free: NDArray[np.bool_]
@@ -189,13 +230,17 @@ class DriveProblem:
             moved = parameters.copy()
             step = _DIFFERENCE * max(1.0, abs(moved[index]))
             moved[index] += step
-            again = self.run(moved, starts) if index < SIMULATED or index == ROLL else nodes
+            again = self.run(moved, starts) if index < SIMULATED or index in (ROLL, INERTIA, LIMIT) else nodes
             columns[:, index] = (self.measured(moved, again) - here) / step
         begun = np.empty((len(here), STATES))
         for state in range(STATES):
-            shifted = starts.copy()
-            shifted[:, state] += _DIFFERENCE
-            begun[:, state] = (self.measured(parameters, self.run(parameters, shifted)) - here) / _DIFFERENCE
+            if state < _PLACE:
+                shifted = starts.copy()
+                shifted[:, state] += _DIFFERENCE
+                again = self.run(parameters, shifted)
+            else:
+                again = self._moved(nodes, starts, state)
+            begun[:, state] = (self.measured(parameters, again) - here) / _DIFFERENCE
         ends = np.cumsum(self._counts)[:-1]
         order = self._order
         start_rows = (starts - self.smoothed) / _START_NOISE
@@ -230,9 +275,8 @@ def measured_noise(
     """Return the standard deviation of each channel by the residuals' median; a tenth of the assumed one at least."""
     residuals, channels = [], []
     for problem, begun in zip(problems, starts, strict=True):
-        fitted = ~problem.held_back[problem.segment_of()]
-        residuals.append(problem.measured(parameters, problem.run(parameters, begun))[fitted])
-        channels.append(problem.channels()[fitted])
+        residuals.append(problem.measured(parameters, problem.run(parameters, begun)))
+        channels.append(problem.channels())
     values, kinds = np.concatenate(residuals), np.concatenate(channels)
     noise = assumed_noise()
     for channel in range(len(noise)):

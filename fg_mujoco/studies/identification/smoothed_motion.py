@@ -21,7 +21,7 @@ import numpy as np
 from ...messages import FloatArray
 from .drive_log import Drive
 
-STEP = 0.005
+STEP = .00625
 """[s] of the grid that drives are smoothed and simulated on."""
 
 NOISE = {"gyro": 0.01, "accelerometer": 0.2, "position": 0.02, "heading": 0.01, "wheel speed": 0.2, "sideways": 0.5}

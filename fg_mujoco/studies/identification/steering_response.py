@@ -20,15 +20,15 @@ class Steering:
     Args:
       commands: [rad].
       time: (n,) [s] of the grid.
-      limit: greatest angle that is commanded [rad].
+      limit: greatest angle that the front wheels reach [rad], whatever is commanded.
       rate: greatest of the servo [rad/s].
       held: whether a command holds until the next one; else, as for measured angles, it is linear in between.
     """
 
     def __init__(self, commands: Channel, time: FloatArray, *, limit: float, rate: float, held: bool) -> None:
-        angles = np.clip(commands.values[:, 0], -limit, limit)
+        angles = commands.values[:, 0]
         steps = np.diff(commands.time)
-        self._time, self._rate = time, rate
+        self._time, self._rate, self._limit = time, rate, limit if held else np.inf
         before = min(commands.time[0], time[0]) - 1.0  # [s]: the first one holds from long ago
         self._knots = np.concatenate(([before], commands.time))
         self._values = np.concatenate((angles[:1], angles))
@@ -36,10 +36,13 @@ class Steering:
         if not held:
             self._slopes[1:-1] = np.diff(angles) / steps
 
-    def angles(self, gain: float, offset: float, lag: float, delay: float) -> FloatArray:
-        """Return the angle of the front wheels on the grid (n,) [rad]."""
+    def angles(
+        self, gain: float, offset: float, lag: float, delay: float, *, limit: float | None = None
+    ) -> FloatArray:
+        """Return the angle of the front wheels on the grid (n,) [rad]; `limit` in place of the own one [rad]."""
+        limit = self._limit if limit is None or math.isinf(self._limit) else limit
         out = np.empty(len(self._time))
-        targets = gain * self._values + offset
+        targets = np.clip(gain * self._values + offset, -limit, limit)
         _follow(self._knots + delay, targets, gain * self._slopes, self._time, lag, self._rate, out)
         return out
 

@@ -17,7 +17,7 @@ def tire_text(found: Identification) -> str:
     """Return identified tires as TOML, in the format of models/tires/."""
     car = found.drives[0].car
     sources = [f"{drive.name} (sha256 {drive.sha256[:12]})" for drive in found.drives]
-    source = _comment(sources[0] if len(sources) == 1 else "the drives above")
+    source = comment(sources[0] if len(sources) == 1 else "the drives above")
     steering = (
         ("gain", found.steering_gain, ""), ("offset", found.steering_offset, " rad"),
         ("lag, first order", found.steering_lag, " s"), ("delay", found.steering_delay, " s"),
@@ -31,9 +31,11 @@ def tire_text(found: Identification) -> str:
         f"{car.center_of_gravity_height:.4g} m over the ground.",
         f"Yaw rate of what was held back: within {relative:.3g} % rms, over {found.validation.seconds:.3g} s.",
         *(f"Steering, {name}: {estimate}{unit}" for name, estimate, unit in steering),
-        "In brackets: the unit, then 95 % intervals, from the spread between segments of the drive.",
+        "In brackets: the unit, then 95 % intervals, from the spread between segments and the model's errors.",
+        *(f"Not told by the drives, and so no more than usual: {name}: {why}" for name, why in found.untold.items()),
+        *([f"Partial: {found.fit.stopped}"] if found.fit.stopped else []),
     ]
-    lines = [f"# {_comment(line)}" for line in heading]
+    lines = [f"# {comment(line)}" for line in heading]
     lines += [f'model = "{"linear" if found.linear else "magic_formula"}"', ""]
     load = 0.25 * car.mass * car.gravity
     for name, axle in found.axles:
@@ -42,6 +44,7 @@ def tire_text(found: Identification) -> str:
             _relaxation(found.relaxation_length, source),
             "load_sensitivity = 0.0  # [-] not identified: the model has none",
             f"nominal_load = {load:.4g}  # [N] a tire of this car at rest; without effect",
+            *_rolling(found, source),
             "",
         ]
     return "\n".join(lines)
@@ -54,7 +57,7 @@ def check_tire_file(path: Path, *, force: bool = False) -> None:
       SettingsError: another suffix, or a file that exists, unless it may be replaced.
     """
     if path.suffix.lower() != ".toml":
-        raise SettingsError(f"{path}: is no name for a file of tires; accepted: one that ends in .toml")
+        raise SettingsError(f"{path}: is no name for a file of tires; accepted: one that ends in .toml, or a folder's")
     if path.exists() and not force:
         raise SettingsError(f"{path}: exists; accepted: a new file, or --force to replace it")
 
@@ -102,14 +105,25 @@ def _linear(axle: Axle, source: str) -> list[str]:
 def _relaxation(found: Estimate, source: str) -> str:
     if math.isfinite(found.half) and found.value > found.half:
         return f"relaxation_length = {found.value:.6g}  # [m] {_half(found)}, of both axles; {source}"
+    if math.isinf(found.half):  # the steering's lag was found with it
+        return f"relaxation_length = {found.value:.6g}  # [m] at the bound of the search, of both axles; {source}"
     what = "not identified: SlipX, docs/reference/tyre-model.md, provisional"
     return f"relaxation_length = {_RELAXATION_LENGTH}  # [m] {what}"
+
+
+def _rolling(found: Identification, source: str) -> list[str]:
+    if isinstance(found.speed, str):
+        return []
+    value, half = found.speed.rolling
+    if not value > half:  # no more than 0 is told
+        return []
+    return [f"rolling_resistance = {value:.4g}  # [-] +- {half:.2g}; {source}"]
 
 
 def _half(estimate: Estimate) -> str:
     return f"+- {estimate.half:.2g}" if math.isfinite(estimate.half) else "at the bound of the search"
 
 
-def _comment(text: str) -> str:
+def comment(text: str) -> str:
     """Return a text as it can stand behind a # of TOML: in one line, without control characters."""
     return "".join(character if character.isprintable() else " " for character in text)
