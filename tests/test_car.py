@@ -2,6 +2,7 @@
 
 import math
 from importlib.resources import files
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -83,16 +84,19 @@ def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, valu
     assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
 
 
+IPZ_FILE = Path(__file__).parents[1] / "examples" / "vehicles" / "ipz.xml"
+
+
 @pytest.mark.parametrize(("name", "value"), IPZ.items())
 def test_compiled_ipz_has_its_identified_constant_or_the_community_one(name, value):
-    found = getattr(Vehicle.load("ipz").parameters, name)
+    found = getattr(Vehicle.load(IPZ_FILE).parameters, name)
     assert found == pytest.approx(value, rel=1e-4)
 
 
 def test_ipz_turns_its_wheels_by_the_identified_gain_and_offset_up_to_the_end_of_its_steering():
     def angle(command):
         commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, command), speed=np.full(2, 1.0))
-        return fg.drive(commands, vehicle="ipz").car.column("steering_angle_rad")[-1]
+        return fg.drive(commands, vehicle=IPZ_FILE).car.column("steering_angle_rad")[-1]
 
     assert angle(0.2) == pytest.approx(1.287 * 0.2 + 0.0064, abs=1e-4)
     assert angle(-0.4) == pytest.approx(-0.439, abs=1e-6)

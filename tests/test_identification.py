@@ -1,7 +1,9 @@
 """What identification finds in the drives of an independent single-track car, and what it refuses."""
 
+import itertools
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from browsers import page_of  # noqa: F401
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.studies.drives.channels import Channel
+from fg_mujoco.studies.identification import fit, identification
 from fg_mujoco.studies.identification.drive_log import Drive
 from fg_mujoco.studies.identification.fit import fitted_starts
 from fg_mujoco.studies.identification.identification import Estimate, identify_drives
@@ -477,7 +480,10 @@ def test_it_is_told_how_far_it_is(gently_found):
     assert any(text.startswith("output error: fit 3/3, step ") for text in said)
 
 
-def test_a_fit_that_may_not_take_its_time_is_partial_and_says_so(exciting_drive):
+def test_a_fit_that_may_not_take_its_time_is_partial_and_says_so(exciting_drive, monkeypatch):
+    seconds = itertools.count()  # a clock that is a second later whenever it is looked at
+    for module in (fit, identification):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: float(next(seconds))))
     found = identify_drives([exciting_drive], front_drive=0.0, single_track=True, budget=1.0)
     assert found.fit.stopped.startswith("ended by the time budget in fit 1 of 3, to ")
     assert f"partial: {found.fit.stopped}" in found.summary()

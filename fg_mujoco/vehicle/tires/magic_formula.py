@@ -102,6 +102,8 @@ class MagicFormula(Law):
     @cached_property
     def hold_slip(self) -> float:
         """Slip from which on the curve is constant, because it would fall below `sliding_share` of its peak [-]."""
+        if not self.falls:
+            return GREATEST_SLIP
         least, low = self.sliding_share * self.peak, self.peak_slip
         while low < GREATEST_SLIP and self._formula(low + _STEP) >= least:
             low += _STEP
