@@ -310,7 +310,10 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
     table = tomllib.loads(text)
     assert table["model"] == "magic_formula"
     for name, axle in (("front", found.front), ("rear", found.rear)):
-        assert set(table[name]) == {"B", "C", "D", "E", "relaxation_length", "load_sensitivity", "nominal_load"}
+        untold = {"sliding_share"} if axle.reached <= 2.0 * axle.peak_slip else set()
+        assert set(table[name]) == untold | {
+            "B", "C", "D", "E", "relaxation_length", "load_sensitivity", "nominal_load",
+        }  # fmt: skip
         for letter in "BCDE":
             estimate = getattr(axle, letter)
             assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
@@ -556,3 +559,11 @@ def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, 
     assert angle == pytest.approx(0.2 * gain + offset, abs=1e-3)
     assert "Not told by the drives, and so the vehicle's: speed response." in car.text
     assert "<!-- " in car.text and car.parameters.mass == base.parameters.mass
+    again = write_vehicle(found, car, tmp_path / "again.xml", tires="f1tenth_gym")  # a car that was identified before
+    assert fg.drive(commands, vehicle=again).car.column("steering_angle_rad")[-1] == pytest.approx(angle, abs=1e-6)
+
+
+def test_a_fall_behind_the_peak_is_written_where_the_drives_tell_it(found):
+    for reached, share in ((1.5, 1.0), (2.5, None)):
+        front = replace(found.front, reached=reached * found.front.peak_slip)
+        assert tomllib.loads(tire_text(replace(found, front=front)))["front"].get("sliding_share") == share

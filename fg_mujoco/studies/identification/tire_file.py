@@ -10,6 +10,7 @@ from pathlib import Path
 from ...errors import SettingsError
 from .identification import Axle, Estimate, Identification
 
+_SEEN_BEHIND = 2.0  # times the slip of the peak, that a drive must exceed to say how the force falls behind it
 _RELAXATION_LENGTH = 0.045  # [m] SlipX, docs/reference/tyre-model.md, provisional
 
 
@@ -91,7 +92,18 @@ def _formula(axle: Axle, source: str) -> list[str]:
     return [
         heading,
         *(f"{name} = {value.value:.6g}  # [{unit}] {_half(value)}; {source}" for name, value, unit in values),
+        *_behind(axle),
     ]
+
+
+def _behind(axle: Axle) -> list[str]:
+    """Return the line that keeps the force of a peak behind it, where the drives say nothing of its fall.
+
+    A fall that is made up spins a car at its limit.
+    """
+    if axle.reached > _SEEN_BEHIND * axle.peak_slip:
+        return []
+    return ["sliding_share = 1.0  # [-] no fall behind the peak: the drives reach less than twice its slip angle"]
 
 
 def _linear(axle: Axle, source: str) -> list[str]:

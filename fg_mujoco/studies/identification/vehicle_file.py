@@ -5,7 +5,8 @@ Changed are, each only where the drives told it:
 - the steering servo, which then turns the wheels to gain * command + offset, with the delay and the lag that were
   found, up to the greatest angle of the vehicle;
 - the moments of inertia of the chassis, by the ratio that was found for the yaw inertia of the whole car;
-- the speed servo's gain, time constant and delay, for a car that is commanded speeds;
+- the speed servo's gain, time constant and delay, for a car that is commanded speeds; that of a car that is commanded
+  accelerations is the vehicle's, and not late, because it closes its loop in the car;
 - the damping of the wheels, by the drag that was found, for a car that is commanded accelerations;
 - the text `tires`, which names the file of the identified tires.
 
@@ -91,8 +92,10 @@ def _steering(root: ElementTree.Element, found: Identification, vehicle: Vehicle
     told = {name: f"steering {name}" in found.told for name in ("gain", "offset", "delay")}
     gain = found.steering_gain.value if told["gain"] else 1.0
     offset = found.steering_offset.value if told["offset"] else 0.0
-    element = _element(root, "actuator/position[@name='steering']", vehicle)
-    stiffness = float(element.get("kp", "1"))
+    element = _servo(root, "steering", "position", vehicle)
+    # a servo with a gain of its own, as of a car that was identified before, has its stiffness in its second bias
+    own = element.get("biasprm", "").split()
+    stiffness = -float(own[1]) if element.tag == "general" and len(own) > 1 else float(element.get("kp", "1"))
     lag, delay = found.steering_lag.value, found.steering_delay.value
     car = found.drives[0].car
     if told["delay"] and lag > _SHORTEST_LAG:
@@ -142,8 +145,8 @@ def _speed(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -
         return []
     car = found.drives[0].car
     effective_mass = car.mass + 4.0 * car.wheel_inertia / car.wheel_radius**2
-    element = _element(root, "actuator/velocity[@name='speed']", vehicle)
-    if speed.delay[0] > 0.5 * _STEP:
+    element = _servo(root, "speed", "velocity", vehicle)
+    if speed.delay[0] > 0.5 * _STEP and not speed.accelerations:
         _delayed(element, speed.delay[0])
     if speed.accelerations:
         drag = max(speed.drag[0], 0.0)
@@ -152,7 +155,7 @@ def _speed(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -
             _element(root, f".//joint[@name='{wheel}_wheel']", vehicle).set("damping", f"{damping:.6g}")
         return [
             f"Drive: of accelerations that were commanded it made {_said(speed.gain)}, {_said(speed.delay)} s late. "
-            f"The speed servo keeps its gain. Drag {_said(speed.drag)} 1/s, as damping of the wheels."
+            f"The speed servo is the vehicle's. Drag {_said(speed.drag)} 1/s, as damping of the wheels."
         ]
     if speed.time_constant[0] > 0.0:
         stiffness = effective_mass / speed.time_constant[0]
@@ -172,6 +175,12 @@ def _said(value: tuple[float, float]) -> str:
 def _delayed(element: ElementTree.Element, delay: float) -> None:
     element.set("delay", f"{delay:.4g}")
     element.set("nsample", str(_SAMPLES))
+
+
+def _servo(root: ElementTree.Element, name: str, kind: str, vehicle: Vehicle) -> ElementTree.Element:
+    """Return an actuator of its usual kind, or a `general` one, as this module writes it."""
+    general = root.find(f"actuator/general[@name='{name}']")
+    return _element(root, f"actuator/{kind}[@name='{name}']", vehicle) if general is None else general
 
 
 def _element(root: ElementTree.Element, place: str, vehicle: Vehicle) -> ElementTree.Element:

@@ -157,6 +157,8 @@ def _write_history(engine: Engine, number: int, world: World, steering: FloatArr
     mujoco.mj_setState(model, data, engine.state(number), int(STATE))
     for servo, values in ((int(car["steering_ctrl"]), steering), (int(car["speed_ctrl"]), speed)):
         count = int(model.actuator_history[servo, 0])
+        if count == 0:  # this one is not late
+            continue
         times = -model.opt.timestep * np.arange(count, 0, -1)
         places = np.clip(BEFORE + np.floor(times / PERIOD + 1e-9).astype(int), 0, BEFORE - 1)
         mujoco.mj_initCtrlHistory(model, data, servo, times[:, np.newaxis], values[places][:, np.newaxis])
