@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -110,14 +110,14 @@ def recorded(result: Any) -> Drive:
         return Drive.of_run(fg.read_run(write_run(result, Path(folder) / "run")))
 
 
-def slaloms(case: Case) -> tuple[list[Drive], float]:
+def slaloms(case: Case, drives: Sequence[tuple[float, float, float]] = DRIVES) -> tuple[list[Drive], float]:
     """Return the drives of a car, and how late its steering is [s].
 
-    Each slalom is driven to the greatest angle at which the car does not spin. The steering is late by the lag and the
-    delay of the first-order model that comes closest to the true angle.
+    Each slalom, by speed, frequency and angle at its end, is driven to the greatest angle at which the car does not
+    spin. The steering is late by the lag and the delay of the first-order model that comes closest to the true angle.
     """
     found, late = [], []
-    for speed, frequency, angle in DRIVES:
+    for speed, frequency, angle in drives:
         for _ in range(TRIES):
             slalom = GrowingSlalom(speed=speed, frequency=frequency, angle=angle)
             result = fg.drive(slalom, vehicle=case.vehicle, tires=case.tires)

@@ -21,10 +21,8 @@ from typing import Any
 
 import numpy as np
 from common import parser, report, stay_on_cores, table
-from identification import SLIPS, SPINS, TRIES, Case, _lateness, random_tires, recorded, with_noise
+from identification import SLIPS, Case, random_tires, slaloms, with_noise
 
-import fg_mujoco as fg
-from fg_mujoco.racing.manoeuvres import GrowingSlalom
 from fg_mujoco.studies.identification.drive_log import Drive
 from fg_mujoco.studies.identification.identification import Identification, identify_drives
 from fg_mujoco.vehicle.single_track import car_array
@@ -41,24 +39,15 @@ def made_up(seed: int) -> tuple[list[Drive], dict[str, float]]:
     rng = np.random.default_rng((seed, 7))
     gain, offset, delay, ratio = (float(rng.uniform(*ends)) for ends in (GAIN, OFFSET, DELAY, INERTIA))
     case = Case(name=f"car {seed}", vehicle=("f1tenth", "nuc2")[seed % 2], tires=random_tires(seed), seed=seed)
-    drives, late = [], []
-    for speed, frequency, angle in DRIVES:
-        for _ in range(TRIES):
-            slalom = GrowingSlalom(speed=speed, frequency=frequency, angle=angle)
-            result = fg.drive(slalom, vehicle=case.vehicle, tires=case.tires)
-            spun = np.flatnonzero(np.abs(result.car.column("sideslip_rad")) > SPINS)
-            if not len(spun):
-                break
-            share = (result.car.column("time_s")[spun[0]] - slalom.begin) / slalom.seconds
-            angle = round(0.9 * angle * min(share, 1.0), 3)
-        drive = recorded(result)
-        late.append(_lateness(drive, result))
+    drives = []
+    driven, late = slaloms(case, DRIVES)
+    for drive in driven:
         steering = drive.steering
         commands = replace(steering, time=steering.time - delay, values=(steering.values - offset) / gain)
         assumed = replace(drive.car, yaw_inertia=drive.car.yaw_inertia / ratio)
         drives.append(replace(drive, steering=commands, car=assumed))
         true_inertia = car_array(drive.car, 0.5)[1] / car_array(assumed, 0.5)[1]
-    truth = {"steering gain": gain, "steering offset": offset, "steering lag and delay": delay + float(np.median(late))}
+    truth = {"steering gain": gain, "steering offset": offset, "steering lag and delay": delay + late}
     truth["yaw inertia"] = float(true_inertia)
     for name, tires in zip(("front", "rear"), case.tires.axles, strict=True):
         truth[f"{name} stiffness"] = tires.lateral.slope

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import SettingsError
+
 MOST_BYTES = 64 * 2**20
 """Of a file that is read whole as text."""
 
@@ -65,6 +67,25 @@ def read_text(path: str | Path, most: int = MOST_BYTES) -> str:
       UnicodeDecodeError: it is not UTF-8.
     """
     return read_bytes(path, most).decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_setting(path: str | Path, said: str, accepted: str, most: int = MOST_BYTES) -> str:
+    """Return the text of a file that a setting names.
+
+    Args:
+      path: of the file.
+      said: what the file is, and as what it was given.
+      accepted: in its place.
+      most: bytes that it has.
+
+    Raises:
+      SettingsError: it cannot be read, for a reason of `read_text`.
+    """
+    try:
+        return read_text(path, most)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise SettingsError(f"{said}: {reason}; accepted: {accepted}") from error
 
 
 def read_arrays(path: str | Path, names: Sequence[str], most: int) -> dict[str, Any]:

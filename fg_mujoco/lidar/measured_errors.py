@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import explain_class
-from ..course.files import read_text
+from ..course.files import read_setting
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..kernels import kernel
@@ -102,12 +102,8 @@ class MeasuredErrors:
             raise SettingsError(f"LidarEffects.measured is {source!r}; accepted: {accepted}")
         if isinstance(source, str) and not source.endswith(".toml") and "/" not in source:
             return _bundled(source)
-        try:
-            text = read_text(Path(source).expanduser(), _MOST_BYTES)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise SettingsError(f"LiDAR effects {source}: {reason}; accepted: a TOML file") from error
-        return _parsed(text, f"LiDAR effects {source}")
+        said = f"LiDAR effects {source}"
+        return _parsed(read_setting(Path(source).expanduser(), said, "a TOML file", _MOST_BYTES), said)
 
     @property
     def toml(self) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import explain_class
-from ..course.files import read_text
+from ..course.files import read_setting
 from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..messages import require
@@ -87,11 +87,7 @@ class Floor:
         if isinstance(source, str) and not source.endswith(".toml") and "/" not in source:
             return _bundled(source)
         path = Path(source).expanduser()
-        try:
-            text = read_text(path, _MOST_BYTES)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise SettingsError(f"floor file {source}: {reason}; accepted: a TOML file") from error
+        text = read_setting(path, f"floor file {source}", "a TOML file", _MOST_BYTES)
         return _parsed(text, f"floor file {source}", path.stem)
 
     def mu_of(self, tires: Tires) -> float | None:

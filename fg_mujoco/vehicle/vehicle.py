@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ..arguments import explain_class
-from ..course.files import read_text
+from ..course.files import read_setting
 from ..course.mjcf import MOST_MJCF
 from ..errors import SettingsError
 from ..lidar.beams import LidarModel
@@ -96,11 +96,7 @@ class Vehicle:
         if isinstance(source, str) and not source.endswith(".xml") and "/" not in source:
             return _bundled(source)
         path = Path(source).expanduser()
-        try:
-            text = read_text(path, MOST_MJCF)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise SettingsError(f"vehicle file {source}: {reason}; accepted: an MJCF file") from error
+        text = read_setting(path, f"vehicle file {source}", "an MJCF file", MOST_MJCF)
         return _checked(path.stem, str(path), text, path.parent.absolute())
 
     @property

@@ -66,3 +66,28 @@ class Beams:
 
     def __repr__(self) -> str:
         return brief(self, f"{len(self.time)} scans of {len(self.bearings)} beams")
+
+
+class Measured:
+    """What was measured in a drive: its channels, and the time that all sensors measured."""
+
+    speed: Channel
+    yaw_rate: Channel
+    acceleration: Channel | None
+    pose: Channel | None
+
+    @property
+    def start(self) -> float:
+        """The time from which on all of its sensors measure [s]."""
+        return max(float(channel.time[0]) for channel in self._needed)
+
+    @property
+    def end(self) -> float:
+        """The time until which all of its sensors measure [s]."""
+        return min(float(channel.time[-1]) for channel in self._needed)
+
+    @property
+    def _needed(self) -> list[Channel]:
+        """The channels that a drive is cut to. Commands hold until the next one, and may be sparse."""
+        always = [self.speed, self.yaw_rate]
+        return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]

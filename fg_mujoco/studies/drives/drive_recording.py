@@ -9,7 +9,7 @@ import numpy as np
 
 from ...display import brief
 from ...messages import FloatArray, read_only
-from .channels import Beams, Channel
+from .channels import Beams, Channel, Measured
 from .drive_checks import DriveChecks
 
 
@@ -29,7 +29,7 @@ class DriveRows:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class RecordedDrive:
+class RecordedDrive(Measured):
     """A drive as a car recorded it. The frame is base_link's: rear axle, x forward, y left.
 
     Channels have their own times. `rows` has all at the times of the speed.
@@ -50,22 +50,6 @@ class RecordedDrive:
 
     def __repr__(self) -> str:
         return brief(self, self.name, self.layout, f"{self.end - self.start:.3g} s")
-
-    @property
-    def start(self) -> float:
-        """The time from which on all of its sensors measure [s]."""
-        return max(float(channel.time[0]) for channel in self._needed)
-
-    @property
-    def end(self) -> float:
-        """The time until which all of its sensors measure [s]."""
-        return min(float(channel.time[-1]) for channel in self._needed)
-
-    @property
-    def _needed(self) -> list[Channel]:
-        """The channels that a drive is cut to. Commands hold until the next one, and may be sparse."""
-        always = [self.speed, self.yaw_rate]
-        return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]
 
     @property
     def lines(self) -> list[str]:

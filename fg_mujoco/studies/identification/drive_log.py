@@ -11,7 +11,7 @@ from ...errors import SettingsError
 from ...messages import CarParameters
 from ...racing.resimulation import load_world
 from ...racing.run_folder import Run
-from ..drives.channels import Channel
+from ..drives.channels import Channel, Measured
 from ..drives.drive_recording import RecordedDrive
 from ..drives.driven_runs import drive_of_run
 
@@ -23,7 +23,7 @@ SLOWEST = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Drive:
+class Drive(Measured):
     """A drive as the car's own sensors recorded it. The frame is base_link's: rear axle, x forward, y left.
 
     Raises:
@@ -56,22 +56,6 @@ class Drive:
 
     def __repr__(self) -> str:
         return brief(self, self.name, self.vehicle, f"{self.end - self.start:.3g} s")
-
-    @property
-    def start(self) -> float:
-        """When all of its sensors measure [s]."""
-        return max(float(channel.time[0]) for channel in self._needed)
-
-    @property
-    def end(self) -> float:
-        """Until when all of its sensors measure [s]."""
-        return min(float(channel.time[-1]) for channel in self._needed)
-
-    @property
-    def _needed(self) -> list[Channel]:
-        """Channels that a drive is cut to. Commands hold until the next one, and may be sparse."""
-        always = [self.speed, self.yaw_rate]
-        return always + [channel for channel in (self.acceleration, self.pose) if channel is not None]
 
     @classmethod
     def of_recorded(cls, recorded: RecordedDrive, car: CarParameters, vehicle: str) -> Drive:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ...arguments import explain_class
-from ...course.files import read_text
+from ...course.files import read_setting
 from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
@@ -142,11 +142,7 @@ class Tires:
         if isinstance(source, str) and not source.endswith(".toml") and "/" not in source:
             return _bundled(source)
         path = Path(source).expanduser()
-        try:
-            text = read_text(path, _MOST_BYTES)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
-            raise SettingsError(f"tire file {source}: {reason}; accepted: a TOML file") from error
+        text = read_setting(path, f"tire file {source}", "a TOML file", _MOST_BYTES)
         return _parsed(text, f"tire file {source}", path.stem)
 
     @property
