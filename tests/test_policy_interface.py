@@ -66,8 +66,9 @@ class Driven:
                 "effects": {"latency": 0.05}, "sensors": ["imu"],
             },
         ),
+        ((0.0, 1.5), {"observation": "beams:20,friction:history=2,speed,flat", "action_repeat": 2, "mu": 0.7}),
     ],
-    ids=["default", "issue", "rates"],
+    ids=["default", "issue", "rates", "friction"],
 )  # fmt: skip
 def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, settings):
     env = F1TenthEnv(track="hairpins", start="line", **settings)
@@ -84,7 +85,7 @@ def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, setting
     assert interface == env.policy_interface
     policy, seen_in_race = weaving(action)
     planner = Driven(interface, policy)
-    of_car = {name: settings[name] for name in ("effects", "sensors") if name in settings}
+    of_car = {name: settings[name] for name in ("effects", "sensors", "mu") if name in settings}
     fg.race("hairpins", planner, time_limit=0.74, **of_car)
     driven = np.array([[command.steering_angle, command.speed] for command in planner.commands])
     assert len(driven) == 30 and driven.tobytes() == np.array(commands[:30]).tobytes()

@@ -30,7 +30,7 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add = command.add_argument
     add(
         "settings", metavar="SETTINGS.toml", nargs="?",
-        help="a file with steps, worlds, seed and the tables [environment], [ppo] and [self_play]; options win",
+        help="a file with steps, worlds, seed and the tables [environment], [ppo], [teacher], [self_play]; options win",
     )  # fmt: skip
     add(
         "--track", type=names_in, metavar="LIST",
@@ -56,6 +56,11 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
         help="race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
         "planners=[\"gap_finder\"]; again for each",
     )  # fmt: skip
+    add(
+        "--teacher", action="append", default=[], metavar="NAME=VALUE",
+        help="a planner that is told the friction teaches the policy first: planner=gap_finder, steps=2000000; again "
+        "for each",
+    )  # fmt: skip
     add("--out", metavar="DIR", required=True, help="folder; the same command goes on with a training that is there")
     add("--json", action="store_true", help="print one JSON object and nothing else")
 
@@ -68,6 +73,9 @@ def _train(options: argparse.Namespace) -> int:
 
     def text(progress: TrainingProgress) -> str:
         figures = progress.figures
+        if "teacher/loss" in figures:
+            done = f"taught {progress.steps}/{progress.total} steps, {progress.rate:.0f}/s"
+            return f"{done}, loss {figures['teacher/loss']:.3f}" + to_go(progress.remaining_s)
         shown = [f"{figures[name]:.2f} {unit}" for name, unit in _SHOWN.items() if name in figures]
         done = f"{progress.steps}/{progress.total} steps, {progress.rate:.0f}/s"
         return ", ".join([done, *shown]) + to_go(progress.remaining_s)
@@ -106,8 +114,8 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
         found = _with_underscores(read_toml(options.settings).values)
     found |= {name: value for name in _OWN if (value := getattr(options, name)) is not None}
     given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
-    if options.self_play or "self_play" in found:
-        given["self_play"] = "--self-play", options.self_play
+    optional = {"self_play": ("--self-play", options.self_play), "teacher": ("--teacher", options.teacher)}
+    given |= {name: each for name, each in optional.items() if each[1] or name in found}
     for table, (option, texts) in given.items():
         own = found.get(table, {})
         if not isinstance(own, dict):

@@ -54,6 +54,7 @@ class Episodes:
     Attributes:
       interface: what a policy sees and answers.
       observer: of the cars that learn.
+      actions: what converts their actions to commands.
       commands: of the last tick (n, 2) [rad, m/s].
       rewards: of the last step (n,).
       terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
@@ -81,7 +82,7 @@ class Episodes:
         self.observer = self.interface.observer(
             count, car=car, beams=beams, sensors=settings.sensed, privileged=settings.privileged
         )
-        self._actions, self._repeats = self.interface.actions(count), settings.action_repeat
+        self.actions, self._repeats = self.interface.actions(count), settings.action_repeat
         # a scan and odometry that nothing changes from tick to tick need to be sensed in the last one only
         self._senses_every_tick = (
             self.observer.needs_every_tick or settings.effects != LidarEffects() or bool(settings.sensed)
@@ -154,7 +155,7 @@ class Episodes:
             seeds += [int(rng.integers(2**63)) for _ in range(self.worlds.cars)]
         self.worlds.begin(which, starts, seeds, draws)
         agents = np.repeat(which, self.worlds.agents)
-        self._actions.begin(agents)
+        self.actions.begin(agents)
         self.observer.begin(agents, [seed for i, seed in enumerate(seeds) if i % self.worlds.cars < self.worlds.agents])
         self.rewards[agents] = 0.0
         self._terms[:, :, agents] = 0.0
@@ -203,8 +204,8 @@ class Episodes:
           MessageError: an action that is no number.
         """
         self._driven[:] = self.running
-        self._actions.read(actions, self._driven, self.commands, self.clipped)
-        self.worlds.act(self._actions)
+        self.actions.read(actions, self._driven, self.commands, self.clipped)
+        self.worlds.act(self.actions)
 
     def reward(self) -> None:
         """End the episodes that a condition ends, and reward the tick that was driven.
@@ -237,7 +238,7 @@ class Episodes:
           which: see above.
           step: whether a step is over, and not only a tick.
         """
-        worlds, actions = self.worlds, self._actions
+        worlds, actions = self.worlds, self.actions
         worlds.sense(which)
         odometry = worlds.odometry
         actions.sense(odometry, which)
@@ -257,7 +258,7 @@ class Episodes:
                 self.observe(self._driven.copy(), step=False)
             else:
                 self.worlds.skip(self._driven)
-            self._actions.again(self._driven, self.commands)
+            self.actions.again(self._driven, self.commands)
             self.worlds.drive(self.commands)
             self.reward()
             rewards += np.where(self._driven, self.rewards, 0.0)

@@ -50,6 +50,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 
     Attributes:
       policy_interface: what a policy sees and answers; a planner made of the policy needs it.
+      episodes: of the worlds.
 
     Raises:
       TrackError, SettingsError: what cannot be driven.
@@ -75,15 +76,15 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         self._mode = _autoreset_mode(autoreset_mode)
         chosen = EnvironmentSettings.of(settings)
         self._worlds = Worlds(chosen, num_envs, threads or min(usable_cores(), num_envs))
-        self._episodes = Episodes(chosen, self._worlds)
-        self.policy_interface = self._episodes.interface
-        self.privileged_parts, self.present = self._episodes.observer.privileged_parts, self._episodes.observer.present
+        self.episodes = Episodes(chosen, self._worlds)
+        self.policy_interface = self.episodes.interface
+        self.privileged_parts, self.present = self.episodes.observer.privileged_parts, self.episodes.observer.present
         self.metadata = F1TenthEnv.metadata | {
             "autoreset_mode": self._mode, "render_modes": ["rgb_array"],
             "render_fps": frames_per_second(self.policy_interface),
         }  # fmt: skip
-        self.single_observation_space = observation_space(self._episodes.observer)
-        self.single_action_space = action_space(self._episodes.interface.bounds)
+        self.single_observation_space = observation_space(self.episodes.observer)
+        self.single_action_space = action_space(self.episodes.interface.bounds)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._max_steps = max_episode_steps
@@ -114,7 +115,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
             if seeds[i] is not None or self._generators[i] is None:
                 self._generators[i], self._seeds[i] = seeding.np_random(seeds[i])
         self._begin(mask, start, given)
-        return self._episodes.observe(mask), self._infos(mask)
+        return self.episodes.observe(mask), self._infos(mask)
 
     def step(
         self, actions: NDArray[np.float32]
@@ -127,7 +128,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
           MessageError: a NaN, or actions of another shape. A value out of bounds is clipped and counted.
           gymnasium.error.ResetNeeded: a world was never reset; without autoreset, an episode is over.
         """
-        episodes = self._episodes
+        episodes = self.episodes
         anew = None if self._all_run() else ~episodes.running
         if anew is not None and not (self._mode is AutoresetMode.NEXT_STEP and self._begun.all()):
             waiting = np.flatnonzero(anew).tolist()
@@ -163,7 +164,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 
     def set_randomization(self, ranges: Mapping[str, Any]) -> None:
         """Draw from other ranges from the next reset of each world on; see F1TenthEnv.set_randomization."""
-        self._episodes.randomize(ranges)
+        self.episodes.randomize(ranges)
 
     def call(self, name: str, *args: Any, **settings: Any) -> tuple[Any, ...]:
         """Call a method of this environment, which speaks for all its worlds; return what it returns, once for each.
@@ -192,16 +193,16 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
         return tuple(self._seeds)
 
     def _all_run(self) -> bool:
-        return int(np.count_nonzero(self._episodes.running)) == self.num_envs  # sooner said than all()
+        return int(np.count_nonzero(self.episodes.running)) == self.num_envs  # sooner said than all()
 
     def _begin(self, which: Flags, start: Any = None, given: Any = None) -> None:
-        self._episodes.begin(which, self._generators, start, given)  # type: ignore[arg-type]
+        self.episodes.begin(which, self._generators, start, given)  # type: ignore[arg-type]
         self._steps[which] = 0
         self._begun |= which
 
     def _begin_over(self, over: Flags, observation: Observation) -> tuple[Observation, dict[str, Any]]:
         """Reset finished worlds; return their first observation and info, with the final ones under `final_*`."""
-        episodes, facts = self._episodes, self._episodes.facts()
+        episodes, facts = self.episodes, self.episodes.facts()
         final: dict[str, Any] = {}
         for i in map(int, np.flatnonzero(over)):
             known = {name: values.item(i) for name, values in facts.items()}
@@ -214,7 +215,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
 
     def _infos(self, which: Flags | None = None) -> dict[str, Any]:
         """Return the facts of the worlds `which`, or of all, in Gymnasium's form: an array and its mask by name."""
-        infos: dict[str, Any] = self._episodes.facts()
+        infos: dict[str, Any] = self.episodes.facts()
         if which is not None:
             infos = {name: np.where(which, values, _nothing_like(values)) for name, values in infos.items()}
         mask = (self._every if which is None else which).copy()

@@ -19,6 +19,7 @@ from ..errors import SettingsError
 from ..kernels import kernel
 from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
 from .actions import CarLimits
+from .learned_friction import LearnedFriction
 from .observation_description import Observation, Part, even_beams
 from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
 from .reward_kernels import read_sensors
@@ -32,6 +33,7 @@ Seen = Observed | Values
 FLAT, PRIVILEGED = "observation", "privileged"
 """Names of the flat vector beside a privileged one, and of that one."""
 
+_MOST_FRICTION = 10.0  # as that of `mu`
 _OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be commanded
 
 
@@ -63,7 +65,7 @@ class Observer:
 
     Args:
       observation: what is observed.
-      car: its limits; where there are ObservationTerms, CarParameters.
+      car: its limits; to read ObservationTerms, CarParameters.
       beams: of its LiDAR.
       period: of a tick [s].
       count: of cars, n.
@@ -71,13 +73,14 @@ class Observer:
       sensors: that the car has besides; what each delivered last is a part of its name.
       privileged: terms that are read into a second vector.
       actions: bounds of an action (2,), least and greatest.
+      parameters: of the car, by which it learns the `friction`; needed where that is observed.
 
     Attributes:
       count: as given.
       bounds: name -> Bounds, of one car's observation in its order; where it is one vector, Bounds.
       privileged_parts: name of each privileged term -> where its numbers are in the second vector.
       present: of a flat observation, where the numbers are that are not the past of a part with a history of its own.
-      needs_every_tick: whether delays or noise go on from tick to tick, and not from step to step.
+      needs_every_tick: whether delays, noise or learning go on from tick to tick, and not from step to step.
       bearings: of the beams that are seen (beams,) [rad].
 
     Raises:
@@ -97,12 +100,14 @@ class Observer:
         sensors: Sequence[SensorSize] = (),
         privileged: Sequence[ObservationTerm] = (),
         actions: tuple[Values, Values],
+        parameters: CarParameters | None = None,
     ) -> None:
         self.observation, self.count = observation, count
         self._beams, self._range_max = _seen_beams(observation, len(beams.bearings), beam_step), beams.range_max
         self.bearings = beams.bearings[self._beams]
         limits = _limits(car)
-        self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}
+        self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}  # None: see `_read`
+        self._friction: LearnedFriction | None = None
         raw: dict[str, Bounds] = {}
         columns: list[int] = []
         for part in observation.parts:
@@ -112,6 +117,10 @@ class Observer:
             elif name == "scan":
                 self._range_max = min(self._range_max, part.greatest or math.inf)
                 raw[name], self._parts[name] = _bounds(0.0, self._range_max, len(self._beams)), None
+            elif name == "friction":
+                raw[name], self._parts[name] = _bounds(0.0, _MOST_FRICTION, LearnedFriction.SIZE), None
+                assert parameters is not None
+                self._friction = LearnedFriction(parameters, count, period)
             else:
                 columns += _COLUMNS[name]
                 self._parts[name] = slice(first, len(columns))
@@ -142,10 +151,14 @@ class Observer:
             if observation.flat:
                 self.present = self._frames.present()
         self.bounds: dict[str, Bounds] | Bounds = self._bounds_of(raw)
-        self.needs_every_tick = any(part.delay > 0.0 or part.noise > 0.0 for part in observation.parts)
+        self.needs_every_tick = any(
+            part.delay > 0.0 or part.noise > 0.0 or part.name == "friction" for part in observation.parts
+        )
 
     def begin(self, which: Mask, seeds: Sequence[int]) -> None:
         """Forget everything that the cars `which` (n,) have seen; one seed of the noise for each of them."""
+        if self._friction is not None:
+            self._friction.begin(which)
         if self._frames is not None:
             self._frames.begin(which, seeds)
 
@@ -171,7 +184,7 @@ class Observer:
           actions: last ones of the policies (n, 2); needed for `previous_action`.
           step: whether a step of the environment is over; else only the sensors have gone on for a tick.
         """
-        seen: Seen = self._read(ranges, odometry, state, readings, actions)
+        seen: Seen = self._read(which, ranges, odometry, state, readings, actions)
         if self._frames is not None:
             assert isinstance(seen, dict)
             seen = self._frames.read(which, seen, step)
@@ -186,6 +199,7 @@ class Observer:
 
     def _read(
         self,
+        which: Mask,
         ranges: FloatArray,
         odometry: NDArray[np.void],
         state: SensedState | None,
@@ -204,8 +218,11 @@ class Observer:
         for name, part in self._parts.items():
             if isinstance(part, slice):
                 found[name] = values[:, part]
-            elif part is None:
+            elif part is None and name == "scan":
                 found[name] = scan
+            elif part is None:
+                assert self._friction is not None
+                found[name] = self._friction.read(which, odometry)
             elif isinstance(part, ObservationTerm):
                 assert state is not None
                 found[name] = part.read(state, self._own[name])

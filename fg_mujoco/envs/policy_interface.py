@@ -93,11 +93,17 @@ class PolicyInterface:
     period: float  # [s] of a tick
     beams: LidarBeams
     car: CarLimits
+    parameters: CarParameters | None = None  # of the car, where it observes `friction`; None: it does not
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "observation", Observation.of(self.observation))
         object.__setattr__(self, "privileged", tuple(self.privileged))
         object.__setattr__(self, "car", as_part(self.car, CarLimits, "car"))
+        if self.parameters is not None:
+            object.__setattr__(self, "parameters", _read_parameters(self.parameters))
+        if (self.parameters is not None) != _observes_friction(self.observation):
+            said = f"the observation {str(self.observation)!r} with parameters {self.parameters}"
+            raise SettingsError(f"{said}; accepted: the car's parameters where friction is observed, and only there")
         object.__setattr__(self, "beams", as_part(self.beams, LidarBeams, "beams"))
         object.__setattr__(self, "speed_range", checked_speeds(self.car, self.speed_range))
         object.__setattr__(self, "sensors", tuple(as_part(each, SensorReadings, "sensors") for each in self.sensors))
@@ -133,6 +139,7 @@ class PolicyInterface:
                 count=len(bearings), angle_min=beams.angle_min, angle_max=beams.angle_max, range_max=beams.range_max
             ),
             car=CarLimits(**{each.name: getattr(car, each.name) for each in fields(CarLimits)}),
+            parameters=car if _observes_friction(settings.observation) else None,
         )  # fmt: skip
 
     @classmethod
@@ -147,6 +154,11 @@ class PolicyInterface:
     def described(self) -> dict[str, Any]:
         """Return the interface as numbers, texts and lists by name, which JSON takes."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.parameters is None:
+            del own["parameters"]
+        else:
+            numbers = asdict(self.parameters)
+            own["parameters"] = {name: v if math.isfinite(v) else str(v) for name, v in numbers.items()}
         return own | {
             "observation": str(self.observation), "privileged": list(self.privileged),
             "speed_range": list(self.speed_range), "beams": asdict(self.beams), "car": asdict(self.car),
@@ -182,7 +194,7 @@ class PolicyInterface:
         return Observer(
             self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
             sensors=self.sensors if sensors is None else sensors, privileged=privileged,
-            actions=(self.bounds.low, self.bounds.high),
+            actions=(self.bounds.low, self.bounds.high), parameters=self.parameters,
         )  # fmt: skip
 
     def actions(self, count: int = 1) -> ActionReader:
@@ -250,12 +262,14 @@ class PolicyDriver:
             action = one_action(policy(seen), "the policy answered", self.interface.bounds)
             self._reader.read(action[np.newaxis], self._one, self._commands, self._clipped)
         else:
+            if self._observer.needs_every_tick:
+                self.observe(scan, odometry, step=False)
             self._reader.again(self._one, self._commands)
         steering, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering, speed=speed)
 
-    def observe(self, scan: LaserScan, odometry: Odometry) -> Any:
-        """Return the observation of a step, as the environment has it.
+    def observe(self, scan: LaserScan, odometry: Odometry, *, step: bool = True) -> Any:
+        """Return the observation of a step, or of a tick between two, as the environment has it.
 
         Raises:
           MessageError: a scan of another LiDAR, or a sensor that is missing.
@@ -266,7 +280,7 @@ class PolicyDriver:
         self._reader.sense(self._row, self._one)
         state: Any = OwnState(time=np.zeros(1), command=self._commands)
         seen = self._observer.read(
-            self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous
+            self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous, step=step
         )
         return row_of(seen, 0)
 
@@ -304,6 +318,21 @@ def check_actions(settings: Any) -> None:
     if not isinstance(settings.normalised_actions, bool):
         value = settings.normalised_actions
         raise SettingsError(f"normalised_actions is {value!r}; {accepted_names(value, ('True', 'False'))}")
+
+
+def _observes_friction(observation: Observation) -> bool:
+    return any(part.name == "friction" for part in observation.parts)
+
+
+def _read_parameters(given: Any) -> CarParameters:
+    """Return the parameters of a car, of which a file has what is not finite as text.
+
+    Raises:
+      SettingsError: they are none.
+    """
+    if isinstance(given, Mapping):
+        given = {name: float(v) if v in ("inf", "-inf", "nan") else v for name, v in given.items()}
+    return as_part(given, CarParameters, "parameters")
 
 
 def row_of(seen: Seen, row: int) -> Any:
