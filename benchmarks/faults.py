@@ -48,6 +48,31 @@ class Fault:
 
 
 FAULTS = {
+    # policies that learn the friction, and planners that teach them
+    "a policy that learns nothing of the friction between its steps": Fault(
+        file="fg_mujoco/envs/policy_interface.py",
+        old="if self._observer.needs_every_tick:",
+        new="if False:",
+        tests="test_policy_interface.py",
+    ),
+    "what a car has learned of the friction that the next episode begins with": Fault(
+        file="fg_mujoco/envs/learned_friction.py",
+        old="self._learned[which] = np.zeros((), LEARNED)",
+        new="self._learned[which][\"use\"] = 0.0",
+        tests="test_teaching.py",
+    ),
+    "actions towards a command that are not held within a tick's reach": Fault(
+        file="fg_mujoco/envs/actions.py",
+        old="found: FloatArray = np.clip((asked - at_0) / more_at_1, least, greatest)",
+        new="found: FloatArray = np.clip(asked - at_0, least, greatest)",
+        tests="test_teaching.py",
+    ),
+    "a teacher that is not told of the commands' delay in its world": Fault(
+        file="fg_mujoco/envs/worlds.py",
+        old="return late + (self._own_delay if command_delay is None else command_delay)",
+        new="return late + self._own_delay",
+        tests="test_teaching.py",
+    ),
     # floors, and the LiDAR of real cars
     "tires on another floor with the ratio of the floors turned over": Fault(
         file="fg_mujoco/vehicle/floors.py",

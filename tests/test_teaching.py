@@ -97,6 +97,17 @@ def test_a_teacher_that_cannot_teach_is_refused(options, said, tmp_path, capsys)
     assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
 
 
+def test_the_latency_of_a_world_is_that_of_its_lidar_and_of_its_servos():
+    env = F1TenthVectorEnv(4, randomize={"command_delay": (0.0, 0.02), "lidar_latency": (0.0, 0.06)})
+    env.reset(seed=3)
+    facts, found = env.episodes.facts(), env.episodes.worlds.latencies
+    late = np.ceil(facts["drawn_lidar_latency"] / 0.025 - 1e-9) * 0.025
+    np.testing.assert_allclose(found, late + facts["drawn_command_delay"])
+    assert len(np.unique(found)) == 4
+    fixed = F1TenthVectorEnv(1, effects={"latency": 0.03}, changes={"command_delay": 0.01})
+    np.testing.assert_allclose(fixed.episodes.worlds.latencies, [0.06])
+
+
 @pytest.fixture
 def teaching():
     pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
