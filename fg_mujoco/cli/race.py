@@ -14,6 +14,7 @@ from typing import Any
 
 from ..errors import FgMujocoError, RunFolderError
 from ..racing.decision_times import decision_limit_text
+from ..racing.fault import NO_FAULT
 from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race_setup
@@ -186,5 +187,6 @@ def _field_table(result: RaceResult) -> list[str]:
     for contact in result.contacts:
         cars = " and ".join(contact.cars)
         hit = f"{contact.impulse_Ns:.2f} N s at {contact.closing_speed_m_s:.1f} m/s"
-        lines.append(f"  {contact.time_s:7.2f} s  {cars} touch: {hit}, at fault {contact.at_fault}")
+        fault = contact.at_fault if contact.at_fault == NO_FAULT else f"at fault {contact.at_fault}"
+        lines.append(f"  {contact.time_s:7.2f} s  {cars} touch: {hit}, {fault}: {contact.reason}")
     return lines + [f"  {warned.time_s:7.2f} s  warning to {warned.car}: {warned.reason}" for warned in result.warnings]

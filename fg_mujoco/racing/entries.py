@@ -22,6 +22,7 @@ from ..messages import CarParameters, Controller, FloatArray, MapLine, shown
 from ..simulation.cars import GREATEST_CARS, WorldCar, first_overlap
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
+from .fault import BOTH, NO_FAULT
 from .planner_choice import split_controller
 from .planner_loading import build_controller, make_controller
 
@@ -59,6 +60,8 @@ class Entry(DriveSettings):
             raise SettingsError(f"Entry.planner_settings is {shown(settings)}; accepted: settings by name")
         if name is not None and not (isinstance(name, str) and 0 < len(name) <= _LONGEST_NAME and name.isprintable()):
             raise SettingsError(f"Entry.name is {shown(name)}; accepted: a text of 1 to {_LONGEST_NAME} characters")
+        if name in (BOTH, NO_FAULT):
+            raise SettingsError(f"Entry.name is {shown(name)}, a verdict of race control; accepted: another name")
         if self.patches:
             raise SettingsError("Entry.patches is set; accepted: `patches` of the race, whose floor it is")
 

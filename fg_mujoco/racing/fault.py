@@ -1,48 +1,334 @@
-"""Assigns the fault for a contact of two cars by a fixed rule."""
+"""Judges who is at fault for a touch of two cars, from how both moved in the second before it.
+
+    verdict = judge(incident)
+    verdict.at_fault, verdict.reason
+
+RoboRacer's rules leave fault to referees, forbid crowding and any abnormal change of direction, and let cars be passed
+on either side. The rest is what racing rules have in common: who passes has to pass safely, who is beside is left room,
+and who is ahead chooses the line. Here these are rules of geometry, in the frame of the course: along it and across it.
+
+Two cars are apart while they are apart along the course, or across it. The one of the two gaps that closes last says
+how they met. Where it is the gap across, they met side to side, and the car that moved over is at fault. Where it is
+the gap along, they met end to end, and the car behind is at fault, unless the one ahead cut in, braked hard without
+cause, or drove against the direction of the race. A share of a third or more of the motion is a share of the fault.
+
+`judge` reads its argument only: mirrored, with the cars swapped, or elsewhere on the map, its verdict is the same.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from ..messages import CarParameters, FloatArray
-from ..simulation.telemetry import TELEMETRY
+from ..errors import SettingsError
+from ..messages import FloatArray, read_only
 
-ALIKE = 0.1
-"""[m/s] by less than which two cars came nearer alike."""
+BOTH, NO_FAULT = "both", "no fault"
+"""Stand in results where the name of the car at fault would."""
 
-_X, _Y, _HEADING, _YAW_RATE = (TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"))
-_VX, _VY = (TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s"))
+LOOK_BACK = 1.0
+"""[s] before a touch that are judged."""
+
+NOTICEABLE = 0.02
+"""[m] by which a car has to move over; less is nobody's fault."""
+
+SHARE = 1.0 / 3.0
+"""Of the motion towards each other, that makes a car share the fault."""
+
+BESIDE = 0.5
+"""Of the shorter car's length by which the car behind has to be beside the other to be left room. RoboRacer's rules
+count a pass by half a length, too."""
+
+REACTION = 0.15
+"""[s] within which a car need not have reacted to what another does: six scans of 40 Hz."""
+
+BRAKING = 0.5
+"""Of what friction allows: deceleration that is expected of a car that has to give way."""
+
+HARD = 0.4
+"""Of what friction allows: mean deceleration from which braking is hard."""
+
+AGAINST = 0.3
+"""[m/s] against the direction of the race from which a car is at fault for it; slower is manoeuvring."""
+
+STANDS = 0.1
+"""[m/s] below which a car stands."""
+
+LINE_SLOPE = math.tan(math.radians(20.0))
+"""Greatest way across the course per way along it of a car that follows a line through a bend."""
+
+_CREEP = 0.05  # [m/s] at which a gap has to close; slower, it is held
+_SPAN = 0.1  # [s] over which speeds are measured
+_BRAKED = 1.0  # [m/s] that hard braking takes off at least
+
+RAN_INTO = "ran into the car ahead"
+RAN_INTO_STANDING = "ran into a car that stands"
+MOVED_OVER = "moved into the car beside it"
+BOTH_MOVED = "both moved over"
+NOT_BESIDE = "was not far enough beside to be left room"
+CUT_IN = "cut in"
+BRAKED = "braked hard without cause"
+AGAINST_RACE = "drove against the direction of the race"
+BOTH_CLOSED = "both drove into each other"
+NOBODY_MOVED = "nobody moved over"
+PUSHED = "was pushed by another car"
+REASONS = (
+    RAN_INTO, RAN_INTO_STANDING, MOVED_OVER, BOTH_MOVED, NOT_BESIDE, CUT_IN, BRAKED, AGAINST_RACE, BOTH_CLOSED,
+    NOBODY_MOVED, PUSHED,
+)  # fmt: skip
+"""Of verdicts."""
 
 
-def approach(
-    first: FloatArray, second: FloatArray, parameters: tuple[CarParameters, CarParameters], *, lead: float
-) -> tuple[int, float]:
-    """Return the car at fault for a contact, 0 the first or 1 the second, and the speed of approach [m/s].
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Approach:
+    """How a car moved until a touch. Arrays have one value a sample, (k,), the last of them at the touch.
 
-    At fault is the car that came nearer faster, along the line between the middles of both chassis; where both came
-    nearer alike, the one behind. So it is the car behind that runs into one ahead, the one that comes over into one
-    beside it, and the one that reverses into one that stands.
-
-    Args:
-      first: a car's row of telemetry of the tick in which they first touch, (len(TELEMETRY),).
-      second: the other's.
-      parameters: of both cars.
-      lead: how far the first is ahead along the course [m]; negative: behind.
+    Raises:
+      SettingsError: arrays of other shapes, a value that is not finite, or a size that is not positive.
     """
-    (own, own_velocity), (other, other_velocity) = map(_middle, (first, second), parameters)
-    apart = other - own
-    towards = apart / max(float(np.hypot(*apart)), 1e-9)
-    nearer = (float(own_velocity @ towards), float(-other_velocity @ towards))  # of each towards the other [m/s]
-    alike = abs(nearer[0] - nearer[1]) <= ALIKE
-    first_is = lead < 0.0 if alike else nearer[0] > nearer[1]
-    return 0 if first_is else 1, nearer[0] + nearer[1]
+
+    length: float  # [m] of the chassis
+    width: float  # [m]
+    along: FloatArray  # [m] of the chassis' middle along the course, from anywhere, the same for both cars
+    across: FloatArray  # [m] to the left of the course's line
+    heading: FloatArray  # [rad] from the direction of the course there
+    grip: float  # [m/s^2] greatest deceleration that friction allows
+    cause: bool = True  # whether there was something to brake for: a bend, an obstacle, a car ahead
+    pushed: bool = False  # whether another car has pushed it here, and is at fault for that
+
+    def __post_init__(self) -> None:
+        for name in ("along", "across", "heading"):
+            values = read_only(np.array(getattr(self, name), dtype=np.float64))
+            if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+                raise SettingsError(f"{name} of an approach has shape {values.shape}; accepted: finite numbers, (k,)")
+            object.__setattr__(self, name, values)
+        if not (len(self.along) == len(self.across) == len(self.heading)):
+            raise SettingsError("the arrays of an approach differ in length; accepted: one value a sample in each")
+        for name in ("length", "width", "grip"):
+            value = getattr(self, name)
+            if not 0.0 < value < math.inf:
+                raise SettingsError(f"{name} of an approach is {value!r}; accepted: a positive number")
+
+    @cached_property
+    def half_along(self) -> FloatArray:
+        """Half of what the chassis takes up along the course [m]. Shape (k,)."""
+        cos, sin = np.abs(np.cos(self.heading)), np.abs(np.sin(self.heading))
+        return np.asarray(0.5 * (self.length * cos + self.width * sin))
+
+    @cached_property
+    def half_across(self) -> FloatArray:
+        """Half of what the chassis takes up across the course [m]. Shape (k,)."""
+        cos, sin = np.abs(np.cos(self.heading)), np.abs(np.sin(self.heading))
+        return np.asarray(0.5 * (self.length * sin + self.width * cos))
 
 
-def _middle(row: FloatArray, car: CarParameters) -> tuple[FloatArray, FloatArray]:
-    """Return position [m] and velocity [m/s] of the middle of a car's chassis at the start of a tick, (2,) each."""
-    ahead = 0.5 * car.length - car.rear_overhang  # of base_link
-    cos, sin = math.cos(row[_HEADING]), math.sin(row[_HEADING])
-    vx, vy = row[_VX], row[_VY] + row[_YAW_RATE] * ahead
-    return row[[_X, _Y]] + ahead * np.array([cos, sin]), np.array([vx * cos - vy * sin, vx * sin + vy * cos])
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Incident:
+    """A touch of two cars, and the time before it.
+
+    Raises:
+      SettingsError: times that do not go on, or are not one for each sample; a normal that is no direction.
+    """
+
+    time: FloatArray  # (k,) [s] of the samples
+    cars: tuple[Approach, Approach]
+    normal: tuple[float, float]  # of the contact, from the first car to the second: along the course, and to its left
+    bend: bool = False  # whether the course bends there, so that a line through the bend goes across it
+
+    def __post_init__(self) -> None:
+        time = read_only(np.array(self.time, dtype=np.float64))
+        if any(len(car.along) != len(time) for car in self.cars) or np.any(np.diff(time) < 0.0):
+            raise SettingsError("the times of an incident are not one for each sample, in order; accepted: such times")
+        if not 0.5 < math.hypot(*self.normal) < 1.5:
+            raise SettingsError(f"the normal of an incident is {self.normal}; accepted: a unit vector")
+        object.__setattr__(self, "time", time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Who is at fault for an incident, and why."""
+
+    at_fault: tuple[int, ...]  # of the incident's cars: neither, one, or both
+    reason: str  # one of REASONS
+
+
+def judge(incident: Incident) -> Verdict:
+    """Return who is at fault for an incident."""
+    at_fault, reason = _Meeting(incident).verdict()
+    guilty = tuple(car for car in at_fault if not incident.cars[car].pushed)
+    return Verdict(at_fault=guilty, reason=reason if guilty == at_fault else PUSHED)
+
+
+class _Meeting:
+    """How two cars met, sample by sample.
+
+    Attributes:
+      gap_along, gap_across: between the cars (k,) [m], negative where they overlap.
+    """
+
+    def __init__(self, incident: Incident) -> None:
+        self.incident, self.cars, self.time = incident, incident.cars, incident.time
+        first, second = incident.cars
+        self.gap_along = np.abs(first.along - second.along) - first.half_along - second.half_along
+        self.gap_across = np.abs(first.across - second.across) - first.half_across - second.half_across
+        self.last = len(self.time) - 1
+
+    def verdict(self) -> tuple[tuple[int, ...], str]:
+        """Return the cars at fault and the reason."""
+        sideways, met = self._closed_last()
+        found = self._side_to_side(met) if sideways else self._end_to_end()
+        return self._with_those_against_the_race(found, sideways, met)
+
+    def _closed_last(self) -> tuple[bool, int]:
+        """Return whether the gap across closed after the one along, and the sample in which the later had closed."""
+        if max(self.gap_along[-1], self.gap_across[-1]) > 0.0:  # by less than the last sample is uncertain
+            return bool(self.gap_across[-1] > self.gap_along[-1]), self.last
+        for i in range(self.last - 1, -1, -1):
+            along, across = float(self.gap_along[i]), float(self.gap_across[i])
+            if along <= 0.0 and across <= 0.0:
+                continue
+            shares = [gap[i] / (gap[i] - gap[i + 1]) for gap in (self.gap_along, self.gap_across) if gap[i] > 0.0]
+            if len(shares) == 2 and shares[0] != shares[1]:  # both closed between two samples
+                return bool(shares[1] > shares[0]), i + 1
+            if len(shares) == 1:
+                return across > 0.0, i + 1
+            break
+        along, across = self.incident.normal
+        return abs(across) > abs(along), self.last
+
+    def _side_to_side(self, met: int) -> tuple[tuple[int, ...], str]:
+        """Judge cars that met side to side: who moved over."""
+        began = self._nearer_since(met)
+        moved = self._moved_over(began, self.last)
+        if max(moved) < NOTICEABLE:
+            return (), NOBODY_MOVED
+        guilty = _shared(moved)
+        behind = self._behind(began)
+        if 1 - behind in guilty and self._had_to_give_way(behind, began, moved[1 - behind]):
+            return (behind,), NOT_BESIDE
+        return guilty, MOVED_OVER if len(guilty) == 1 else BOTH_MOVED
+
+    def _end_to_end(self) -> tuple[tuple[int, ...], str]:
+        """Judge cars that met end to end: who drove into whom, and whether the one ahead let it come to that."""
+        behind = self._behind(self.last)
+        ahead = 1 - behind
+        nose = self._speed(self.cars[behind].along + self.cars[behind].half_along, self.last)
+        tail = self._speed(self.cars[ahead].along - self.cars[ahead].half_along, self.last)
+        closing = [0.0, 0.0]
+        closing[behind], closing[ahead] = max(nose, 0.0), max(-tail, 0.0)
+        if tail < -STANDS or nose <= 0.0:
+            guilty = _shared(closing)
+            reason = {(behind,): RAN_INTO_STANDING, (ahead,): AGAINST_RACE, (): NOBODY_MOVED}.get(guilty, BOTH_CLOSED)
+            return guilty, reason
+        if self._cut_in(behind):
+            return (ahead,), CUT_IN
+        if self._braked(behind):
+            return (ahead,), BRAKED
+        return (behind,), RAN_INTO if self._speed(self.cars[ahead].along, self.last) > STANDS else RAN_INTO_STANDING
+
+    def _with_those_against_the_race(
+        self, found: tuple[tuple[int, ...], str], sideways: bool, met: int
+    ) -> tuple[tuple[int, ...], str]:
+        """Return a verdict with the car that drove against the direction of the race, if it is only one.
+
+        The other one stays at fault if it made more than two thirds of the motion towards each other.
+        """
+        speeds = [self._speed(car.along, self.last) for car in self.cars]
+        wrong = [car for car in (0, 1) if speeds[car] < -AGAINST]
+        if len(wrong) != 1:
+            return found
+        guilty, reason = found
+        if guilty == (1 - wrong[0],):
+            return (0, 1), BOTH_CLOSED
+        return (wrong[0],), AGAINST_RACE if not sideways or guilty != (wrong[0],) else reason
+
+    def _cut_in(self, behind: int) -> bool:
+        """Return whether the car ahead came into the way of the one behind, which did not have to give way."""
+        lanes = np.flatnonzero(self.gap_across[:-1] > 0.0)
+        if not len(lanes):
+            return False
+        entered = int(lanes[-1]) + 1
+        began = self._nearer_since(entered)
+        moved = self._moved_over(began, entered)
+        ahead = 1 - behind
+        if max(moved) < NOTICEABLE or ahead not in _shared(moved):
+            return False
+        return len(_shared(moved)) == 1 and not self._had_to_give_way(behind, began, moved[ahead])
+
+    def _braked(self, behind: int) -> bool:
+        """Return whether the car ahead braked hard without cause, and left the one behind no way to avoid it."""
+        car = self.cars[1 - behind]
+        if car.cause:
+            return False
+        speeds = [self._speed(car.along, i) for i in range(self.last + 1)]
+        fastest = max(speeds)
+        began = max(i for i in range(self.last + 1) if speeds[i] >= fastest - _CREEP)
+        taken, slower = float(self.time[-1] - self.time[began]), fastest - speeds[-1]
+        hard = slower >= _BRAKED and slower >= HARD * car.grip * taken
+        return hard and not self._could_avoid(behind, began)
+
+    def _had_to_give_way(self, behind: int, began: int, moved: float) -> bool:
+        """Return whether the car behind had to give way to one ahead that moved over since a sample, by so much [m].
+
+        It need not if it was beside by half a length. If it was not, the car ahead chooses its line through a bend;
+        elsewhere the car behind has to give way if braking would have been enough.
+        """
+        car, ahead = self.cars[behind], self.cars[1 - behind]
+        level = ahead.along[began] == car.along[began]
+        if level or -self.gap_along[began] >= BESIDE * min(car.length, ahead.length):
+            return False
+        driven = float(ahead.along[-1] - ahead.along[began])
+        return (self.incident.bend and moved <= LINE_SLOPE * driven) or self._could_avoid(behind, began)
+
+    def _could_avoid(self, behind: int, began: int) -> bool:
+        """Return whether the car behind would be clear of the one ahead had it braked since a sample.
+
+        It brakes after REACTION with BRAKING of its friction. At the touch, it has to be so far behind that it can go
+        on braking down to the speed of the car ahead.
+        """
+        car, ahead = self.cars[behind], self.cars[1 - behind]
+        lasted = float(self.time[-1] - self.time[began])
+        speed, slowing = max(self._speed(car.along, began), 0.0), BRAKING * car.grip
+        slowed = max(speed - slowing * max(lasted - REACTION, 0.0), 0.0)
+        driven = speed * min(REACTION, lasted) + (speed * speed - slowed * slowed) / (2.0 * slowing)
+        gap = float(self.gap_along[began] + ahead.along[-1] - ahead.along[began]) - driven
+        too_fast = max(slowed - max(self._speed(ahead.along, self.last), 0.0), 0.0)
+        return gap > too_fast * too_fast / (2.0 * slowing)
+
+    def _behind(self, i: int) -> int:
+        """Return which car is behind in a sample."""
+        return 0 if self.cars[0].along[i] < self.cars[1].along[i] else 1
+
+    def _nearer_since(self, met: int) -> int:
+        """Return the sample since which the gap across has closed without a pause until it was closed in another."""
+        began = met
+        while began > 0:
+            taken = float(self.time[began] - self.time[began - 1])
+            if self.gap_across[began - 1] - self.gap_across[began] < _CREEP * taken:
+                break
+            began -= 1
+        return began
+
+    def _moved_over(self, began: int, met: int) -> list[float]:
+        """Return how far the near side of each car moved towards the other between two samples [m]."""
+        left = 0 if self.cars[0].across[met] > self.cars[1].across[met] else 1
+        moved = [0.0, 0.0]
+        for car, sign in ((left, 1.0), (1 - left, -1.0)):
+            side = self.cars[car].across - sign * self.cars[car].half_across
+            moved[car] = sign * float(side[began] - side[met])
+        return moved
+
+    def _speed(self, values: FloatArray, end: int) -> float:
+        """Return how fast a length (k,) grew in the last tenth of a second before a sample [m/s]."""
+        first = min(int(np.searchsorted(self.time, self.time[end] - _SPAN - 1e-9)), max(end - 1, 0))
+        taken = float(self.time[end] - self.time[first])
+        return float(values[end] - values[first]) / taken if taken > 0.0 else 0.0
+
+
+def _shared(parts: list[float]) -> tuple[int, ...]:
+    """Return which of two cars have a share in their motion towards each other; neither where there is none."""
+    toward = [max(part, 0.0) for part in parts]
+    return tuple(car for car in (0, 1) if toward[car] > 0.0 and toward[car] >= SHARE * sum(toward))

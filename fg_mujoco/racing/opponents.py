@@ -36,7 +36,7 @@ class AmongCars:
     overtakes: int  # by car 0
     overtaken: int  # how often car 0 was overtaken
     contacts: int  # of car 0 with other cars
-    contacts_at_fault: int  # those that were its fault
+    contacts_at_fault: int  # those that were its fault, alone or with the other car
     winner: str  # name of the car that finished first; empty: none has
 
     @classmethod
@@ -49,7 +49,7 @@ class AmongCars:
             overtakes=sum(overtake.by == FIRST for overtake in overtakes),
             overtaken=sum(overtake.of == FIRST for overtake in overtakes),
             contacts=sum(FIRST in contact.cars for contact in contacts),
-            contacts_at_fault=sum(contact.at_fault == FIRST for contact in contacts),
+            contacts_at_fault=sum(contact.blames(FIRST) for contact in contacts),
             winner=winner or "",
         )
 

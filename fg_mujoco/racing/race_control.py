@@ -14,7 +14,7 @@ A referee judges by eye. Here fixed rules take his place; each is given with its
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,7 +28,8 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
-from .fault import approach
+from .fault import BOTH, NO_FAULT, judge
+from .recent_motion import RecentMotion
 
 OVERTAKE_LEAD = 0.5
 """Of the passing car's length by which it has to lead: RoboRacer rules 3.2026."""
@@ -36,11 +37,17 @@ OVERTAKE_LEAD = 0.5
 OVERTAKE_HELD = 1.0
 """[s] for which it has to lead by that; the rules name no time, so that a nose ahead in one bend would count."""
 
-CONTACT_ENDS = 0.2
-"""[s] without touching after which a contact is over; cars that push each other bounce."""
+CONTACT_ENDS = 1.0
+"""[s] without touching after which a contact is over: cars that push each other again and again have one contact."""
+
+APART = 0.2
+"""[s] without touching after which race control intervenes, where there are rules; cars that push each other bounce."""
 
 LONGEST_PUSH = 1.0
-"""[s] after which cars that still touch are judged, where there are rules: one that pushes another on and on."""
+"""[s] after which it intervenes where cars still touch: one that pushes another on and on."""
+
+PUSHED_ON = 0.5
+"""[s] after a touch for which a car that was pushed is not at fault for what it drives into."""
 
 _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("progress_m", "command_speed_m_s"))
 _FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
@@ -72,11 +79,16 @@ class Contact:
     time_s: float  # of the first touch, at the start of its tick
     cars: tuple[str, str]
     impulse_Ns: float  # noqa: N815  # of the one on the other, summed over all touches
-    closing_speed_m_s: float  # of the middles of the cars before it, along the line between them
+    closing_speed_m_s: float  # before it, where they first touched, along the contact's normal
     displacement_m: float  # how far the force would have pushed the more easily pushed of them, standing, tires sliding
-    at_fault: str  # see racing.fault
+    at_fault: str  # name of the car, "both" or "no fault", see racing.fault
     x_m: float  # where they first touched
     y_m: float
+    reason: str = ""  # why it is at fault, of fault.REASONS; empty in older runs
+
+    def blames(self, name: str) -> bool:
+        """Return whether a car is at fault, alone or with the other."""
+        return self.at_fault == name or (self.at_fault == BOTH and name in self.cars)
 
 
 @explain_class
@@ -119,7 +131,8 @@ class _Touching:
     impulse: float
     pushed: dict[int, tuple[float, float]]  # of each car, how fast [m/s] and how far [m] it would have been pushed
     closing: float
-    fault: int
+    at_fault: tuple[int, ...]
+    reason: str
     place: tuple[float, float]
 
 
@@ -166,6 +179,7 @@ class RaceControl:
         self._lengths = [car.length for car in self._parameters]
         self._masses = [car.mass for car in self._parameters]
         self._grips = [car.mu * car.parameters.gravity for car in engine.cars[self._rows]]
+        self._recent = RecentMotion(engine, world)
         self._tick = 0
         progress = self._timers["progress"].tolist()
         for (a, b), order in self._orders.items():
@@ -174,6 +188,7 @@ class RaceControl:
     def after_tick(self) -> None:
         """Look at the tick that was driven and judged; put cars back, and end the race of one that is disqualified."""
         self._tick += 1
+        self._recent.keep()
         time = self._engine.time(self._world)
         self._look_for_touches(time)
         self._look_for_overtakes(time)
@@ -207,26 +222,50 @@ class RaceControl:
             return
         records, begun = self._engine.records(self._world), float(self._engine.telemetry[self._rows.start, 0])
         touched: list[bool] = np.any(records[:, self._found] > 0.0, axis=0).tolist()
-        for pair, touches in zip(self._pairs, touched, strict=True):
-            if not touches and pair not in self._open:
-                continue
-            first = int(self._places[pair])
-            found = records[:, first : first + TOUCH_READINGS]
-            touching = found[:, 0] > 0.0
+        readings = {
+            pair: records[:, self._places[pair] : self._places[pair] + TOUCH_READINGS]
+            for pair, touches in zip(self._pairs, touched, strict=True)
+            if touches or pair in self._open
+        }
+        self._open_contacts({pair: found for pair, found in readings.items() if pair not in self._open}, begun)
+        for pair, found in readings.items():
+            contact, touching = self._open[pair], found[:, 0] > 0.0
             if touching.any():
-                if pair not in self._open:
-                    closing, fault = self._approach(*pair)
-                    where = found[int(touching.argmax()), 4:6]
-                    self._open[pair] = _Touching(
-                        time=begun, last=time, impulse=0.0, closing=closing, fault=fault,
-                        place=(float(where[0]), float(where[1])), pushed=dict.fromkeys(pair, (0.0, 0.0)),
-                    )  # fmt: skip
-                self._open[pair].last = time
-            if pair in self._open:
-                self._push(self._open[pair], np.where(touching, np.linalg.norm(found[:, 1:4], axis=1), 0.0))
-                pushes = math.isfinite(self._rules.free_displacement) and time - self._open[pair].time >= LONGEST_PUSH
-                if pushes or time - self._open[pair].last >= CONTACT_ENDS:
-                    self._judge(self._close(pair), pair, time)
+                contact.last = time
+            self._push(contact, np.where(touching, np.linalg.norm(found[:, 1:4], axis=1), 0.0))
+            settled = time - contact.last >= APART or time - contact.time >= LONGEST_PUSH
+            if (settled and self._is_crash(contact)) or time - contact.last >= CONTACT_ENDS:
+                self._intervene(self._close(pair), pair, time)
+
+    def _open_contacts(self, readings: Mapping[tuple[int, int], FloatArray], begun: float) -> None:
+        """Judge the touches that begin in a tick, each by the sensor's readings (substeps, TOUCH_READINGS)."""
+        steps = {pair: int((found[:, 0] > 0.0).argmax()) for pair, found in readings.items()}
+        verdicts = {pair: judge(self._recent.incident(pair, step)) for pair, step in steps.items()}
+        pushed = self._pushed_on(begun) | {
+            (car, pair) for pair, verdict in verdicts.items() for car in _innocent(pair, verdict.at_fault)
+        }
+        for pair, step in steps.items():
+            by_others = tuple(any(own == car and by != pair for own, by in pushed) for car in pair)
+            verdict = verdicts[pair]
+            if any(by_others):
+                verdict = judge(self._recent.incident(pair, step, (by_others[0], by_others[1])))
+            where = readings[pair][step, 4:6]
+            place = (float(where[0]), float(where[1]))
+            self._open[pair] = _Touching(
+                time=begun, last=begun, impulse=0.0, closing=self._recent.closing_speed(pair, step, place),
+                at_fault=tuple(pair[car] for car in verdict.at_fault), reason=verdict.reason, place=place,
+                pushed=dict.fromkeys(pair, (0.0, 0.0)),
+            )  # fmt: skip
+
+    def _pushed_on(self, time: float) -> set[tuple[int, tuple[int, int]]]:
+        """Return the cars that others pushed shortly before a time without fault of theirs, each with the pair."""
+        return {
+            (car, pair)
+            for pair, contact in self._open.items()
+            if contact.at_fault and time - contact.last <= PUSHED_ON
+            for car in pair
+            if car not in contact.at_fault
+        }
 
     def _push(self, touching: _Touching, forces: FloatArray) -> None:
         """Add what the forces of a tick's steps do [N]: to a block of each car's mass and friction, which stood."""
@@ -237,44 +276,48 @@ class RaceControl:
                 way += speed * self._timestep
             touching.pushed[car] = (speed, way)
 
-    def _approach(self, a: int, b: int) -> tuple[float, int]:
-        """Return the speed of approach of two cars at the start of the tick [m/s], and the car at fault."""
-        rows = self._engine.telemetry[self._rows]
-        lead = float(rows[a, _PROGRESS] - rows[b, _PROGRESS])
-        fault, closing = approach(rows[a], rows[b], (self._parameters[a], self._parameters[b]), lead=lead)
-        return closing, (a, b)[fault]
+    def _is_crash(self, contact: _Touching) -> bool:
+        """Return whether the rules ask for something after a contact, of a car that still races."""
+        at_fault = any(self._engine.running[self._rows][car] for car in contact.at_fault)
+        return at_fault and self._displacement(contact) >= self._rules.free_displacement
+
+    def _displacement(self, contact: _Touching) -> float:
+        """Return how far the more easily pushed of two cars would have been pushed [m], see Contact."""
+        return max(way + speed * speed / (2.0 * self._grips[car]) for car, (speed, way) in contact.pushed.items())
 
     def _close(self, pair: tuple[int, int]) -> Contact:
         """Keep a contact that is over, and return it."""
         touching = self._open.pop(pair)
-        a, b = pair
-        displacement = max(
-            way + speed * speed / (2.0 * self._grips[car]) for car, (speed, way) in touching.pushed.items()
-        )
+        names = [self._names[car] for car in touching.at_fault]
         contact = Contact(
-            time_s=touching.time, cars=(self._names[a], self._names[b]), impulse_Ns=touching.impulse,
-            closing_speed_m_s=touching.closing, displacement_m=displacement, at_fault=self._names[touching.fault],
+            time_s=touching.time, cars=(self._names[pair[0]], self._names[pair[1]]), impulse_Ns=touching.impulse,
+            closing_speed_m_s=touching.closing, displacement_m=self._displacement(touching),
+            at_fault=BOTH if len(names) == 2 else (names or [NO_FAULT])[0], reason=touching.reason,
             x_m=touching.place[0], y_m=touching.place[1],
         )  # fmt: skip
         self.contacts.append(contact)
         return contact
 
-    def _judge(self, contact: Contact, pair: tuple[int, int], time: float) -> None:
-        """Do what the rules ask for after a contact."""
+    def _intervene(self, contact: Contact, pair: tuple[int, int], time: float) -> None:
+        """Do what the rules ask for after a contact: warn who is at fault, and put one of them behind the other."""
         rules, engine = self._rules, self._engine
         if contact.displacement_m < rules.free_displacement:
             return
-        fault = self._names.index(contact.at_fault)
+        guilty = [car for car in pair if contact.blames(self._names[car]) and engine.running[self._rows][car]]
+        for car in guilty:
+            other = pair[1] if car == pair[0] else pair[0]
+            said = f"contact with {self._names[other]}, displaced by {100.0 * contact.displacement_m:.0f} cm"
+            self.warnings.append(Warned(time_s=time, car=self._names[car], reason=said))
+        for car in list(guilty):
+            if sum(warned.car == self._names[car] for warned in self.warnings) >= rules.most_warnings:
+                which = np.zeros(len(engine.running), np.bool_)
+                which[self._rows.start + car] = True
+                engine.monitor.end(which, _DISQUALIFIED)
+                guilty.remove(car)
+        if not guilty:
+            return
+        fault = min(guilty, key=lambda car: (float(self._timers["progress"][car]), car))  # of both the one behind
         other = pair[1] if fault == pair[0] else pair[0]
-        if not engine.running[self._rows][fault]:
-            return
-        said = f"contact with {self._names[other]}, displaced by {100.0 * contact.displacement_m:.0f} cm"
-        self.warnings.append(Warned(time_s=time, car=contact.at_fault, reason=said))
-        if sum(warned.car == contact.at_fault for warned in self.warnings) >= rules.most_warnings:
-            which = np.zeros(len(engine.running), np.bool_)
-            which[self._rows.start + fault] = True
-            engine.monitor.end(which, _DISQUALIFIED)
-            return
         row = self._rows.start + other
         drove_on = bool(engine.running[row]) and float(engine.telemetry[row, _COMMANDED]) > 0.5  # [m/s], not pushed
         behind = rules.restart_behind_driving if drove_on else rules.restart_behind
@@ -292,6 +335,7 @@ class RaceControl:
         s = at - back - (course.origin or 0.0)
         start = Start(s=s if course.closed else max(s, 0.0))
         engine.put(self._rows.start + car, start)
+        self._recent.forget(car)
         self.restarts.append(
             Restart(time_s=engine.time(self._world), tick=self._tick, car=car, s_m=start.s, offset_m=start.offset)
         )
@@ -331,6 +375,11 @@ def find_rules(name: str) -> Rules:
     if not isinstance(name, str) or name not in RULES:
         raise SettingsError(f"rules is {shown(name)}; {accepted_names(name, RULES)}")
     return RULES[name]
+
+
+def _innocent(pair: tuple[int, int], at_fault: Sequence[int]) -> list[int]:
+    """Return the cars of a pair that are not at fault, where one is: `at_fault` counts within the pair."""
+    return [car for place, car in enumerate(pair) if at_fault and place not in at_fault]
 
 
 def _apart(one: float, other: float, modulus: float) -> float:

@@ -9,7 +9,7 @@ Each raises a ValueError that says what is wrong and what is accepted.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import PurePath
 from typing import Any
 
@@ -65,12 +65,13 @@ def _are(kind: type) -> Accepts:
     """Return a test of whether a value is a list of the fields of a dataclass: numbers, texts and pairs of texts."""
     of_type: dict[str, Accepts] = {"float": is_figure, "int": is_figure, "str": lambda value: isinstance(value, str)}
     checks = {field.name: of_type.get(str(field.type), _are_texts) for field in fields(kind)}
+    required = {field.name for field in fields(kind) if field.default is MISSING}  # older runs have only these
 
     def accepts(value: Any) -> bool:
         return isinstance(value, list) and all(
             isinstance(row, dict)
-            and set(row) == set(checks)
-            and all(check(row[name]) for name, check in checks.items())
+            and required <= set(row) <= set(checks)
+            and all(checks[name](value) for name, value in row.items())
             for row in value
         )
 

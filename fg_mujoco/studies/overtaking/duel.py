@@ -4,7 +4,7 @@ Both stand on the centreline at a place that the seed draws, the opponent ahead 
 it draws, too. An overtake counts when the planner's car has been half a length ahead along the centreline for 1 s. The
 first touch of the cars ends a duel, and so does whatever ends the race of the planner's car.
 
-Who is to blame for a touch is decided as by race control, see racing.fault.
+Who is to blame for a touch is decided by race control, see racing.fault.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ import numpy as np
 from ...course.track import Track
 from ...errors import ControllerError, PlannerError, SettingsError, TrackError
 from ...messages import CarParameters
-from ...racing.fault import approach
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_loading import make_controller
+from ...racing.race_control import RULES, RaceControl
 from ...simulation.cars import WorldCar
 from ...simulation.course_loading import load_track
 from ...simulation.engine import Engine
@@ -105,7 +105,8 @@ class DuelFigures:
     time_s: float | None  # until the end; of an overtake, until its second was over
     progress_m: float | None  # of the planner's car until then
     time_lost_s: float | None  # of an overtake: against the planner alone from the same start to the same place
-    to_blame: str | None  # of a touch: planner or opponent
+    to_blame: str | None  # of a touch: planner, opponent, both or no fault
+    blame_reason: str | None  # of fault.REASONS
     touch_ahead_m: float | None  # at the touch: how far the planner's car was ahead along the centreline
     closing_speed_m_s: float | None  # of a touch: how fast the cars approached
     opponent_end: str | None  # why the race of the opponent ended, where it did
@@ -199,7 +200,8 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     engine.place([Start(s=start), Start(s=start + headway)])
     half = 0.5 * world.parameters.length
     timers, since = engine.monitor.timers, math.nan
-    outcome, blame, closing = "", None, None
+    outcome = ""
+    control = RaceControl(engine, names=("planner", "opponent"), rules=RULES["none"])
     progress = timers["progress"]  # of both, from the planner's start
     ahead = float(progress[_PLANNER] - progress[_OPPONENT])
     while not outcome:
@@ -209,29 +211,31 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
         if watch is not None:
             watch(engine)
         engine.tick()
+        control.after_tick()
         touched = engine.touched_at[_PLANNER, _OPPONENT] > now
         ahead = float(progress[_PLANNER] - progress[_OPPONENT])
         if math.isnan(since) or ahead < half:
             since = engine.time(0) if ahead >= half else math.nan
         if touched:
             outcome = "touch"
-            own, other = engine.telemetry[[_PLANNER, _OPPONENT]]
-            fault, closing = approach(own, other, (world.parameters, world.parameters), lead=ahead)
-            blame = ("planner", "opponent")[fault]
         elif not engine.running[_PLANNER]:
             outcome = "wall" if engine.crashed[_PLANNER] else "stopped"
         elif engine.time(0) - since >= AHEAD_FOR:
             outcome = "overtaken"
         elif progress[_PLANNER] >= settings.laps * track.length:
             outcome = "behind"
+    control.finish()
+    touch = control.contacts[0] if control.contacts else None
     taken, driven = engine.time(0), float(progress[_PLANNER])
     lost = taken - time_alone(duel, start, driven) if outcome == "overtaken" else None
     ends = [END_REASONS[reason] or None for reason in engine.monitor.reasons.tolist()]
     failure = timed.failures.get(0)
     return DuelFigures(
         outcome=outcome, message=str(failure) if failure else ends[_PLANNER], ratio=ratio, headway_m=headway,
-        start_s_m=start, time_s=taken, progress_m=driven, time_lost_s=lost, to_blame=blame,
-        touch_ahead_m=ahead if outcome == "touch" else None, closing_speed_m_s=closing, opponent_end=ends[_OPPONENT],
+        start_s_m=start, time_s=taken, progress_m=driven, time_lost_s=lost,
+        to_blame=touch.at_fault if touch else None, blame_reason=touch.reason if touch else None,
+        touch_ahead_m=ahead if touch else None, closing_speed_m_s=touch.closing_speed_m_s if touch else None,
+        opponent_end=ends[_OPPONENT],
         decision_median_s=float(np.median(timed.times)), decision_longest_s=float(np.max(timed.times)),
     )  # fmt: skip
 

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...racing.fault import BOTH
 from ...viz.pages.figure_kit import COLOURS, picture
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
@@ -60,7 +61,7 @@ class DuelCell(GridCell):
     high: float
     behind: int
     touches: int
-    touches_planner: int  # that the planner is to blame for
+    touches_planner: int  # that the planner is to blame for, alone or with the opponent
     touches_planner_low: float  # share of all duels, lower end of its interval
     touches_planner_high: float
     others: int  # walls, races that ended otherwise, and duels that failed
@@ -102,7 +103,7 @@ def make_cells(rows: Sequence[DuelRow]) -> tuple[DuelCell, ...]:
 def _cell(planner: str, track: str, opponent: str, duels: Sequence[DuelFigures]) -> DuelCell:
     outcomes = [duel.outcome for duel in duels]
     overtaken, touches = outcomes.count("overtaken"), outcomes.count("touch")
-    to_blame = sum(duel.to_blame == "planner" for duel in duels)
+    to_blame = sum(duel.to_blame in ("planner", BOTH) for duel in duels)
     low, high = wilson(overtaken, len(duels))
     blame_low, blame_high = wilson(to_blame, len(duels))
     won = [duel for duel in duels if duel.outcome == "overtaken"]

@@ -29,16 +29,22 @@ class Clip:
     missing: str = ""  # why there is none
 
 
+def followed(contact: Mapping[str, Any]) -> str:
+    """Return the name of the car that pictures of a contact follow: the one at fault, or the first of the two."""
+    cars = contact.get("cars") or (contact["at_fault"],)
+    return str(contact["at_fault"] if contact["at_fault"] in cars else cars[0])
+
+
 def clip_of_several(
     seconds: float, end: float, contacts: Sequence[Mapping[str, Any]], overtakes: Sequence[Mapping[str, Any]]
 ) -> tuple[float, str] | None:
     """Return when a clip of so many seconds begins [s], and the name of the car that it follows.
 
-    It follows the car at fault to the hardest contact, or else the car of the first overtake. None: there is neither.
+    It follows the car at fault for the hardest contact, or else the car of the first overtake. None: there is neither.
     """
     if contacts:
         hardest = max(contacts, key=lambda contact: float(contact["impulse_Ns"]))
-        time, who = hardest["time_s"], hardest["at_fault"]
+        time, who = hardest["time_s"], followed(hardest)
     elif overtakes:
         time, who = overtakes[0]["time_s"], overtakes[0]["by"]
     else:

@@ -21,6 +21,7 @@ from ...simulation.telemetry import TELEMETRY
 from ..pages.bokeh_plots import ALERT, mark, new_panel, put_legend_above, stacked
 from ..pages.page import data_url, note, scroll
 from ..pages.table import Table
+from .clip import followed
 from .recorded import RecordedRun
 from .sections import missing
 
@@ -121,12 +122,12 @@ def contacts_table(field: Field) -> Html:
         (
             f"{each['time_s']:.2f}", escaped([[_named(field, name), " "] for name in each["cars"]]),
             f"{each['impulse_Ns']:.2f}", f"{each['closing_speed_m_s']:.2f}", f"{100.0 * each['displacement_m']:.1f}",
-            _named(field, each["at_fault"]),
+            _named(field, each["at_fault"]), escaped(each.get("reason", "")),
         )
         for each in field.contacts[:_MOST_ROWS]
     ]  # fmt: skip
-    header = ("time [s]", "cars", "impulse [Ns]", "closing speed [m/s]", "displaced by [cm]", "at fault")
-    return _moments("Contacts", header, ("cars", "at fault"), rows, field.contacts)
+    header = ("time [s]", "cars", "impulse [Ns]", "closing speed [m/s]", "displaced by [cm]", "at fault", "reason")
+    return _moments("Contacts", header, ("cars", "at fault", "reason"), rows, field.contacts)
 
 
 def _moments(
@@ -143,7 +144,7 @@ def _moments(
 
 
 def contact_pictures(field: Field, source: RaceResult | Run | str | Path) -> Html:
-    """Return pictures of the contacts, from behind the car at fault.
+    """Return pictures of the contacts, from behind the car at fault, or the first of those that touched.
 
     Where the extra `render` or OpenGL is missing, it says what installs it.
     """
@@ -159,7 +160,7 @@ def contact_pictures(field: Field, source: RaceResult | Run | str | Path) -> Htm
             '<figure><img src="{data}" width="{width}" height="{height}" alt="contact at {time} s">'
             '<figcaption class="note">{time} s, from behind {car}</figcaption></figure>',
             data=data, width=PICTURE_SIZE[0], height=PICTURE_SIZE[1], time=f"{contact['time_s']:.2f}",
-            car=_named(field, contact["at_fault"]),
+            car=_named(field, followed(contact)),
         )
         for contact, data in zip(shown, pictures, strict=True)
     ]  # fmt: skip
@@ -172,7 +173,7 @@ def _pictures(field: Field, contacts: Sequence[dict[str, Any]], source: RaceResu
     from ..rendering import Film, Overlays
 
     found = [""] * len(contacts)
-    faults = [field.index(contact["at_fault"]) for contact in contacts]
+    faults = [field.index(followed(contact)) for contact in contacts]
     for car in sorted(set(faults)):
         with Film(source, camera="chase", car=car, size=PICTURE_SIZE, overlays=Overlays()) as film:
             for place, contact in enumerate(contacts):

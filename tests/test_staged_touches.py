@@ -1,0 +1,130 @@
+"""Touches staged in the simulator: race control comes to the verdicts of the table, wherever the course lies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from fault_cases import CASES, MIDDLE, Case, Drive, staged
+
+import fg_mujoco as fg
+from fg_mujoco.racing import fault
+from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.simulation.engine import Engine
+
+STRAIGHT, LENGTH, RADIUS, WIDTH, SPACING = 20.0, 40.0, 6.0, 6.0, 0.25  # [m]
+BEFORE_BEND = LENGTH - 2.5  # [m]
+
+
+def stadium(turned: float) -> fg.Track:
+    """Return a course of two straights and two bends that lies in another direction on the map [rad]."""
+    x = np.arange(0.0, LENGTH, SPACING)
+    angle = np.arange(0.0, math.pi, SPACING / RADIUS) - 0.5 * math.pi
+    bend = RADIUS * np.column_stack((np.cos(angle), np.sin(angle)))
+    bends, top = (bend + np.array((LENGTH, RADIUS)), np.array((0.0, RADIUS)) - bend), 2.0 * RADIUS
+    line = np.vstack((
+        np.column_stack((x, 0.0 * x)), bends[0], np.column_stack((LENGTH - x, 0.0 * x + top)), bends[1]
+    ))  # fmt: skip
+    cos, sin = math.cos(turned), math.sin(turned)
+    half = np.full(len(line), 0.5 * WIDTH)
+    return fg.Track(name="stadium", centreline=line @ [[cos, sin], [-sin, cos]], width_left=half, width_right=half)
+
+
+def drive(engine: Engine, drives: list[Drive], controls: list[RaceControl], ticks: int) -> None:
+    """Drive the cars of all worlds as they are commanded."""
+    for tick in range(ticks):
+        engine.commands[:] = [each.command(tick * engine.period) for each in drives]
+        engine.sense()
+        engine.drive()
+        engine.judge()
+        for control in controls:
+            control.after_tick()
+        if all(control.contacts for control in controls):
+            break
+    for control in controls:
+        control.finish()
+
+
+def starts(drives: tuple[Drive, ...], s: float) -> list[fg.Start]:
+    """Return where the rear axles of cars stand whose middles are counted from a place of the course [m]."""
+    return [
+        fg.Start(
+            s=s + each.s - MIDDLE * math.cos(each.heading), offset=each.offset - MIDDLE * math.sin(each.heading),
+            heading=each.heading, speed=each.speed,
+        )
+        for each in drives
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("turned", "swapped"), [(0.0, False), (2.0, True)])
+def test_race_control_judges_staged_touches_as_the_table_does(turned: float, swapped: bool) -> None:
+    cases = [case for case in CASES if case.simulated]
+    engine = Engine(fg.World(stadium(turned), others=[WorldCar()]), len(cases), laps=5)
+    drives = [staged(case, mirrored=swapped, swapped=swapped)[0] for case in cases]
+    engine.place([
+        start
+        for case, pair in zip(cases, drives, strict=True)
+        for start in starts(pair, BEFORE_BEND if case.bend or case.cause else STRAIGHT)
+    ])  # fmt: skip
+    controls = [RaceControl(engine, names=("ba" if swapped else "ab"), rules=RULES["none"], world=world)
+                for world in range(len(cases))]  # fmt: skip
+    drive(engine, [each for pair in drives for each in pair], controls, ticks=60)
+    found = {case.name: control.contacts[:1] for case, control in zip(cases, controls, strict=True)}
+    assert {name: (contact.at_fault, contact.reason) for name, (contact,) in found.items()} == {
+        case.name: (case.fault, case.reason) for case in cases
+    }
+
+
+def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that() -> None:
+    world = fg.World(stadium(0.0), others=[WorldCar(), WorldCar()])
+    drives = (Drive(s=0.7), Drive(), Drive(s=-1.5, speed=5.0))
+    engine = Engine(world, laps=5)
+    engine.place(starts(drives, STRAIGHT))
+    control = RaceControl(engine, names=("first", "between", "last"), rules=RULES["none"])
+    drive(engine, list(drives), [control], ticks=40)
+    found = {contact.cars: (contact.at_fault, contact.reason) for contact in control.contacts}
+    assert found["between", "last"] == ("last", fault.RAN_INTO_STANDING)
+    assert found["first", "between"] == (fault.NO_FAULT, fault.PUSHED)
+
+
+def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_passed() -> None:
+    """It drives into one that stands, backs off, and does so again 0.5 s and 1.5 s after they last touched."""
+    pushes = ((0.0, 0.0, 1.0), (0.5, 0.0, -1.0), (0.75, 0.0, 1.0), (1.5, 0.0, -1.0), (2.2, 0.0, 0.0), (3.0, 0.0, 1.5))
+    drives = (Drive(s=0.75), Drive(speed=1.0, commands=pushes))
+    engine = Engine(fg.World(stadium(0.0), others=[WorldCar()]), laps=5)
+    engine.place(starts(drives, STRAIGHT))
+    control = RaceControl(engine, names="ab", rules=RULES["none"])
+    touched = []
+    for tick in range(200):
+        engine.commands[:] = [each.command(tick * engine.period) for each in drives]
+        engine.sense()
+        engine.drive()
+        engine.judge()
+        control.after_tick()
+        touched.append(engine.touched_at[0, 1] == engine.time(0))
+    control.finish()
+    begins = np.flatnonzero(np.diff(np.array(touched, int), prepend=0) == 1) * engine.period
+    pauses = np.diff(begins)
+    assert len(begins) >= 3
+    assert np.any(pauses < 1.0)
+    assert [contact.time_s for contact in control.contacts] == pytest.approx([begins[0], begins[-1]])
+
+
+@pytest.mark.parametrize(
+    ("case", "warned"),
+    [
+        ("both drift towards each other alike", ["a", "b"]),
+        ("side by side 1 cm apart, neither holds its line to the centimetre", []),
+    ],
+)
+def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case: str, warned: list[str]) -> None:
+    found: Case = next(each for each in CASES if each.name == case)
+    engine = Engine(fg.World(stadium(0.0), others=[WorldCar()]), laps=5)
+    engine.place(starts((found.a, found.b), STRAIGHT))
+    rules = RULES["roboracer_2026"].__class__(name="any touch", free_displacement=0.0)
+    control = RaceControl(engine, names="ab", rules=rules)
+    drive(engine, [found.a, found.b], [control], ticks=80)
+    assert [warning.car for warning in control.warnings][: len(warned)] == warned
+    assert len(control.restarts) == bool(warned)
