@@ -316,11 +316,35 @@ FAULTS = {
         tests="test_race.py",
     ),
     # racing
-    "the fault of the car that was hit": Fault(
+    "the fault of the car that was moved into": Fault(
         file="fg_mujoco/racing/fault.py",
-        old="return 0 if first_is else 1, nearer[0] + nearer[1]",
-        new="return 1 if first_is else 0, nearer[0] + nearer[1]",
-        tests="test_fault.py test_race_control.py",
+        old="moved[car] = sign * float(side[began] - side[met])",
+        new="moved[1 - car] = sign * float(side[began] - side[met])",
+        tests="test_fault.py",
+    ),
+    "a car beside another that is left room only where it is wholly beside": Fault(
+        file="fg_mujoco/racing/fault.py",
+        old="BESIDE * min(car.length for car in self.cars)",
+        new="2.0 * BESIDE * min(car.length for car in self.cars)",
+        tests="test_fault.py",
+    ),
+    "the heading of a car on the map taken for that from the course": Fault(
+        file="fg_mujoco/racing/recent_motion.py",
+        old="turned = poses[:, 2] - np.array([self._direction(s) for s in along.tolist()])",
+        new="turned = poses[:, 2]",
+        tests="test_staged_touches.py",
+    ),
+    "a car that was pushed and is at fault": Fault(
+        file="fg_mujoco/racing/race_control.py",
+        old="by_others = tuple(any(own == car and by != pair for own, by in pushed) for car in pair)",
+        new="by_others = (False, False)",
+        tests="test_staged_touches.py",
+    ),
+    "a contact for each push of a car that pushes again and again": Fault(
+        file="fg_mujoco/racing/race_control.py",
+        old="if (settled and self._is_crash(contact)) or time - contact.last >= CONTACT_ENDS:",
+        new="if settled or time - contact.last >= CONTACT_ENDS:",
+        tests="test_staged_touches.py",
     ),
     "a car put back without the cars' lengths": Fault(
         file="fg_mujoco/racing/race_control.py",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,6 +26,14 @@ def test_the_verdict_of_a_staged_touch_whichever_car_is_first_and_on_whichever_s
             found = judge(incident(case, mirrored=mirrored, swapped=swapped))
             assert found.at_fault == staged(case, mirrored=mirrored, swapped=swapped)[1]
             assert found.reason == case.reason
+
+
+def test_the_page_has_the_cases_with_the_verdicts_that_are_tested():
+    page = (Path(__file__).parent.parent / "docs" / "race_control.md").read_text("utf-8")
+    said = {"a": "A", "b": "B"}
+    for number, case in enumerate(CASES, start=1):
+        name = f"{case.name}, in a bend" if case.bend else case.name
+        assert f"| {number} | {name} | {said.get(case.fault, case.fault)} | {case.reason} |\n" in page
 
 
 def touching(draw):

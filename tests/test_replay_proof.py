@@ -149,7 +149,7 @@ RECORDS = {"wrong_way": PLACE, "crash": PLACE | {"into": "obstacle 0", "geom": "
 CONTACT = {"impulse_Ns": 1.0, "closing_speed_m_s": 1.0, "displacement_m": 0.0, "x_m": 0.0, "y_m": 0.0}
 RECORDS |= {
     "overtakes": [{"time_s": 1.0, "by": "car_0", "of": "car_1", "s_m": 1.0}],
-    "contacts": [{"time_s": 1.0, "cars": ["car_0", "car_1"], "at_fault": "car_0", **CONTACT}],
+    "contacts": [{"time_s": 1.0, "cars": ["car_0", "car_1"], "at_fault": "car_0", "reason": "", **CONTACT}],
     "warnings": [{"time_s": 1.0, "car": "car_0", "reason": "contact"}],
     "restarts": [{"time_s": 1.0, "tick": 40, "car": 0, "s_m": 1.0, "offset_m": 0.0}],
 }

@@ -42,6 +42,15 @@ BESIDE = 0.5
 """Of the shorter car's length by which the car behind has to be beside the other to be left room. RoboRacer's rules
 count a pass by half a length, too."""
 
+LEFT_ROOM = 0.1
+"""[m] that a car that passes has to leave beside the other, which may stray by as much where it is left less."""
+
+PASSES = 0.5
+"""[m/s] by which a car that was behind has to be faster to pass."""
+
+ALIKE = math.radians(45.0)
+"""Between the headings of two cars up to which their sides are those across the mean of both; else of the course."""
+
 REACTION = 0.15
 """[s] within which a car need not have reacted to what another does: six scans of 40 Hz."""
 
@@ -60,6 +69,7 @@ STANDS = 0.1
 LINE_SLOPE = math.tan(math.radians(20.0))
 """Greatest way across the course per way along it of a car that follows a line through a bend."""
 
+_OVERLAPPING = 0.1  # [s] for which both gaps may have been closed, as cars are no boxes along the course
 _CREEP = 0.05  # [m/s] at which a gap has to close; slower, it is held
 _SPAN = 0.1  # [s] over which speeds are measured
 _BRAKED = 1.0  # [m/s] that hard braking takes off at least
@@ -68,16 +78,18 @@ RAN_INTO = "ran into the car ahead"
 RAN_INTO_STANDING = "ran into a car that stands"
 MOVED_OVER = "moved into the car beside it"
 BOTH_MOVED = "both moved over"
+PASSED_CLOSE = "passed without leaving room"
 NOT_BESIDE = "was not far enough beside to be left room"
-CUT_IN = "cut in"
+CROWDED = "one came beside late, the other went on moving over"
+CUT_IN = "came into the way of a car behind it"
 BRAKED = "braked hard without cause"
 AGAINST_RACE = "drove against the direction of the race"
 BOTH_CLOSED = "both drove into each other"
 NOBODY_MOVED = "nobody moved over"
 PUSHED = "was pushed by another car"
 REASONS = (
-    RAN_INTO, RAN_INTO_STANDING, MOVED_OVER, BOTH_MOVED, NOT_BESIDE, CUT_IN, BRAKED, AGAINST_RACE, BOTH_CLOSED,
-    NOBODY_MOVED, PUSHED,
+    RAN_INTO, RAN_INTO_STANDING, MOVED_OVER, BOTH_MOVED, PASSED_CLOSE, NOT_BESIDE, CROWDED, CUT_IN, BRAKED,
+    AGAINST_RACE, BOTH_CLOSED, NOBODY_MOVED, PUSHED,
 )  # fmt: skip
 """Of verdicts."""
 
@@ -112,17 +124,20 @@ class Approach:
             if not 0.0 < value < math.inf:
                 raise SettingsError(f"{name} of an approach is {value!r}; accepted: a positive number")
 
+    def half_size(self, turned: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return half of what the chassis takes up along and across a direction it is turned from [rad]. (k,) [m]."""
+        cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
+        return 0.5 * (self.length * cos + self.width * sin), 0.5 * (self.length * sin + self.width * cos)
+
     @cached_property
     def half_along(self) -> FloatArray:
         """Half of what the chassis takes up along the course [m]. Shape (k,)."""
-        cos, sin = np.abs(np.cos(self.heading)), np.abs(np.sin(self.heading))
-        return np.asarray(0.5 * (self.length * cos + self.width * sin))
+        return self.half_size(self.heading)[0]
 
     @cached_property
     def half_across(self) -> FloatArray:
         """Half of what the chassis takes up across the course [m]. Shape (k,)."""
-        cos, sin = np.abs(np.cos(self.heading)), np.abs(np.sin(self.heading))
-        return np.asarray(0.5 * (self.length * sin + self.width * cos))
+        return self.half_size(self.heading)[1]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,32 +198,51 @@ class _Meeting:
         return self._with_those_against_the_race(found, sideways, met)
 
     def _closed_last(self) -> tuple[bool, int]:
-        """Return whether the gap across closed after the one along, and the sample in which the later had closed."""
-        if max(self.gap_along[-1], self.gap_across[-1]) > 0.0:  # by less than the last sample is uncertain
-            return bool(self.gap_across[-1] > self.gap_along[-1]), self.last
+        """Return whether the gap between the cars' sides closed last, and the sample in which the one across had."""
+        along, across = self._gaps_between()
+        opened = np.flatnonzero(self.gap_across[:-1] > 0.0)
+        met = int(opened[-1]) + 1 if len(opened) else self.last
+        if max(along[-1], across[-1]) > 0.0:  # by less than the last sample is uncertain
+            return bool(across[-1] > along[-1]), met
         for i in range(self.last - 1, -1, -1):
-            along, across = float(self.gap_along[i]), float(self.gap_across[i])
-            if along <= 0.0 and across <= 0.0:
-                continue
-            shares = [gap[i] / (gap[i] - gap[i + 1]) for gap in (self.gap_along, self.gap_across) if gap[i] > 0.0]
-            if len(shares) == 2 and shares[0] != shares[1]:  # both closed between two samples
-                return bool(shares[1] > shares[0]), i + 1
-            if len(shares) == 1:
-                return across > 0.0, i + 1
-            break
-        along, across = self.incident.normal
-        return abs(across) > abs(along), self.last
+            if self.time[-1] - self.time[i] > _OVERLAPPING:
+                break
+            shares = [float(gap[i] / (gap[i] - gap[i + 1])) if gap[i] > 0.0 else 0.0 for gap in (along, across)]
+            if shares[0] != shares[1]:  # where both closed between two samples, the one that did later
+                return shares[1] > shares[0], met
+        normal = self.incident.normal
+        return abs(normal[1]) > abs(normal[0]), met
+
+    def _gaps_between(self) -> tuple[FloatArray, FloatArray]:
+        """Return the gaps (k,) [m] along and across the mean heading of both cars; of unlike cars, the course."""
+        first, second = self.cars
+        along, across = second.along - first.along, second.across - first.across
+        turned = np.remainder(second.heading - first.heading + math.pi, 2.0 * math.pi) - math.pi
+        mean = np.where(np.abs(turned) <= ALIKE, first.heading + 0.5 * turned, 0.0)
+        sizes = [car.half_size(car.heading - mean) for car in self.cars]
+        cos, sin = np.cos(mean), np.sin(mean)
+        return (
+            np.abs(along * cos + across * sin) - sizes[0][0] - sizes[1][0],
+            np.abs(across * cos - along * sin) - sizes[0][1] - sizes[1][1],
+        )
 
     def _side_to_side(self, met: int) -> tuple[tuple[int, ...], str]:
         """Judge cars that met side to side: who moved over."""
         began = self._nearer_since(met)
         moved = self._moved_over(began, self.last)
+        passes = self._passes()
+        if passes is not None and self.gap_across[began] < LEFT_ROOM:
+            moved[1 - passes] -= LEFT_ROOM
         if max(moved) < NOTICEABLE:
-            return (), NOBODY_MOVED
+            if passes is not None:
+                return (passes,), PASSED_CLOSE
+            return ((), NOBODY_MOVED) if self._is_beside(self.last) else ((self._behind(self.last),), RAN_INTO)
         guilty = _shared(moved)
         behind = self._behind(began)
         if 1 - behind in guilty and self._had_to_give_way(behind, began, moved[1 - behind]):
-            return (behind,), NOT_BESIDE
+            return ((0, 1), CROWDED) if self._crowded(1 - behind) else ((behind,), NOT_BESIDE)
+        if guilty == (1 - behind,) and self.gap_along[began] > 0.0:
+            return guilty, CUT_IN
         return guilty, MOVED_OVER if len(guilty) == 1 else BOTH_MOVED
 
     def _end_to_end(self) -> tuple[tuple[int, ...], str]:
@@ -273,15 +307,34 @@ class _Meeting:
     def _had_to_give_way(self, behind: int, began: int, moved: float) -> bool:
         """Return whether the car behind had to give way to one ahead that moved over since a sample, by so much [m].
 
-        It need not if it was beside by half a length. If it was not, the car ahead chooses its line through a bend;
-        elsewhere the car behind has to give way if braking would have been enough.
+        It need not if it was beside by half a length, nor to a car that has passed it in the last second. If neither,
+        the car ahead chooses its line through a bend; elsewhere the car behind has to give way to what it could
+        foresee, and if braking would have been enough.
         """
         car, ahead = self.cars[behind], self.cars[1 - behind]
-        level = ahead.along[began] == car.along[began]
-        if level or -self.gap_along[began] >= BESIDE * min(car.length, ahead.length):
+        if ahead.along[began] == car.along[began] or ahead.along[0] < car.along[0]:
             return False
+        if self._is_beside(began):
+            return False
+        if self.gap_along[began] > 0.0 and self._was_foreseen(behind, began, moved):
+            return True
         driven = float(ahead.along[-1] - ahead.along[began])
         return (self.incident.bend and moved <= LINE_SLOPE * driven) or self._could_avoid(behind, began)
+
+    def _crowded(self, ahead: int) -> bool:
+        """Return whether a car went on moving over, by LEFT_ROOM or more, when the other was beside it, or past it."""
+        first = self.last
+        while first > 0 and (self._is_beside(first - 1) or self._behind(first - 1) == ahead):
+            first -= 1
+        return self._moved_over(first, self.last)[ahead] >= LEFT_ROOM
+
+    def _was_foreseen(self, behind: int, began: int, moved: float) -> bool:
+        """Return whether the car ahead came over by no more than it was about to at first, and LEFT_ROOM [m]."""
+        first = int(np.searchsorted(self.time, self.time[began] + _SPAN - 1e-9))
+        if first > self.last:
+            return False
+        shown, lasted = self._moved_over(began, first)[1 - behind], float(self.time[-1] - self.time[began])
+        return LEFT_ROOM < moved <= shown / _SPAN * lasted + LEFT_ROOM
 
     def _could_avoid(self, behind: int, began: int) -> bool:
         """Return whether the car behind would be clear of the one ahead had it braked since a sample.
@@ -297,6 +350,19 @@ class _Meeting:
         gap = float(self.gap_along[began] + ahead.along[-1] - ahead.along[began]) - driven
         too_fast = max(slowed - max(self._speed(ahead.along, self.last), 0.0), 0.0)
         return gap > too_fast * too_fast / (2.0 * slowing)
+
+    def _passes(self) -> int | None:
+        """Return which car passes the other: it was behind and is faster; None: neither."""
+        speeds = [self._speed(car.along, self.last) for car in self.cars]
+        for car in (0, 1):
+            was_behind = self.cars[car].along[0] < self.cars[1 - car].along[0] and not self._is_beside(0)
+            if speeds[car] - speeds[1 - car] > PASSES and was_behind:
+                return car
+        return None
+
+    def _is_beside(self, i: int) -> bool:
+        """Return whether the cars overlap along the course by half the length of the shorter one in a sample."""
+        return bool(-self.gap_along[i] >= BESIDE * min(car.length for car in self.cars))
 
     def _behind(self, i: int) -> int:
         """Return which car is behind in a sample."""
@@ -314,8 +380,10 @@ class _Meeting:
 
     def _moved_over(self, began: int, met: int) -> list[float]:
         """Return how far the near side of each car moved towards the other between two samples [m]."""
-        left = 0 if self.cars[0].across[met] > self.cars[1].across[met] else 1
-        moved = [0.0, 0.0]
+        apart, moved = float(self.cars[0].across[began] - self.cars[1].across[began]), [0.0, 0.0]
+        if apart == 0.0:
+            return moved
+        left = 0 if apart > 0.0 else 1
         for car, sign in ((left, 1.0), (1 - left, -1.0)):
             side = self.cars[car].across - sign * self.cars[car].half_across
             moved[car] = sign * float(side[began] - side[met])

@@ -249,7 +249,8 @@ class RaceControl:
             verdict = verdicts[pair]
             if any(by_others):
                 verdict = judge(self._recent.incident(pair, step, (by_others[0], by_others[1])))
-            where = readings[pair][step, 4:6]
+            forces = np.linalg.norm(readings[pair][:, 1:4], axis=1)  # where there is none, there is no place of it
+            where = readings[pair][int((forces > 0.0).argmax()), 4:6] if forces.any() else self._recent.between(pair)
             place = (float(where[0]), float(where[1]))
             self._open[pair] = _Touching(
                 time=begun, last=begun, impulse=0.0, closing=self._recent.closing_speed(pair, step, place),

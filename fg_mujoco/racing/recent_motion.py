@@ -26,7 +26,7 @@ from .fault import BRAKING, LOOK_BACK, Approach, Incident
 _COLUMNS = tuple(TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s"))
 _TIME, _KEPT = TELEMETRY.index("time_s"), 1 + max(*_COLUMNS, TELEMETRY.index("time_s"))
 _STEP = 0.5  # [m] over which the course's direction is compared
-_BEND_BEHIND, _BEND_AHEAD = 1.0, 3.0  # [m] a line through a bend begins before it and ends behind it
+_BEND_BEHIND, _BEND_AHEAD = 2.0, 3.0  # [m] a line through a bend begins before it and ends behind it
 _BENDS = 0.15  # [1/m] curvature from which the course bends
 _SLOWS = 0.3  # of what friction allows: lateral acceleration from which a bend is something to brake for
 _ASIDE = 1.0  # [m] to the side within which an obstacle is something to brake for
@@ -127,6 +127,10 @@ class RecentMotion:
             velocity += yaw_rate * np.array([y - place[1], place[0] - x])
             speeds.append(float(velocity @ normal))
         return speeds[0] - speeds[1]
+
+    def between(self, pair: tuple[int, int]) -> FloatArray:
+        """Return the place half-way between the rear axles of two cars when the last tick began. Shape (2,) [m]."""
+        return np.asarray(0.5 * (self._now(pair[0]) + self._now(pair[1]))[:2])
 
     def _now(self, car: int) -> FloatArray:
         """Return x, y, heading, vx, vy and yaw rate of a car's rear axle at the start of the last tick."""
