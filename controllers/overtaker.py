@@ -32,6 +32,7 @@ from .perception.intermediate_scans import IntermediateScans, keep
 from .perception.other_cars import OTHER_CARS, watch_cars
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import sees
+from .safety.predictions import predict, separate
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
@@ -67,10 +68,11 @@ class Overtaker(GapFinder):
         count = len(running)
         for world in range(count):
             if running[world]:
-                drawn, without = valid[world], valid[count + world]
+                drawn, without, clear = valid[world], valid[count + world], valid[2 * count + world]
                 keep(drawn, valid_ranges(ranges[world], scan[0].range_max))
                 keep(without, drawn)
                 driver, bearing, distance, limit = driven[world].driver, math.nan, 0.0, math.inf
+                predictions = driven[world].memory.predictions
                 if sees(scan[0], drawn):
                     memory, settings = own[world].memory, own[world].settings
                     if watch_cars(memory, scan[0], drawn, odometry[world], driver.car.lidar_offset):
@@ -78,6 +80,9 @@ class Overtaker(GapFinder):
                         keep(drawn, without)
                         draw_cars(memory, scan[0], drawn, odometry[world].speed, driver.car, settings)
                         limit = passing_speed(memory, driver.car, settings)
+                    if predict(scan[0], without, odometry[world], driver, predictions):  # what moves and is no car
+                        separate(scan[0], without, clear, odometry[world].speed, predictions)
+                        separate(scan[0], drawn, clear, odometry[world].speed, predictions)
                     keep(scans.filtered, drawn)
                     bearing, distance = _find_goal(scan[0], drawn, driver.car, settings, scans)
                 reference = driven[world].reference

@@ -19,6 +19,7 @@ CAR = Vehicle.load().parameters
 LIMITER = FrictionLimiter(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
 NO_PATH = np.empty((0, 4))
+NO_TARGETS = np.empty((0, 9))
 START = -0.5 * (BEAMS - 1) * INCREMENT
 BEARINGS = START + INCREMENT * np.arange(BEAMS)
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
@@ -34,7 +35,7 @@ def filtered(
     memory["acceleration"] = acceleration
     answer = safe_steering(
         LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed,
-        0.025, path, kept,
+        0.025, path, kept, NO_TARGETS, 0.17,
     )  # fmt: skip
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer

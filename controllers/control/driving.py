@@ -43,8 +43,9 @@ from ..safety.friction_learning import (
 )
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
+from ..safety.predictions import PREDICTIONS, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
-from ..safety.safety_filter import SafetyFilterSettings, safe_steering
+from ..safety.safety_filter import SafetyFilterSettings, passing_steering, safe_steering
 from .planner_settings import (
     CAR,
     FROM_ZERO,
@@ -87,6 +88,7 @@ from .speed import forward_distance_speed, range_ratio_speed
 from .speedometer import SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
 
+_ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
@@ -113,6 +115,9 @@ class DrivingSettings(Settings):
     guidance: bool = setting(
         True,
         text="with speed_law minimum: the way back is closed, and the car is led round where the planner turns back",
+    )
+    prediction: bool = setting(
+        True, text="with speed_law minimum: what moves is tracked, and the car keeps out of where it may be"
     )
     learn: bool = setting(False, text="the planner is not told the friction: it starts at 0.4 and learns it")
     safe_distance: float = setting_of_car(
@@ -149,6 +154,7 @@ DRIVER = np.dtype(
         ("safety_filter", np.bool_),
         ("recovery", np.bool_),
         ("guidance", np.bool_),
+        ("prediction", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
         ("learning", LEARNING),  # inactive where the planner is told the friction
@@ -170,6 +176,7 @@ DRIVING_MEMORY = np.dtype(
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
         ("course", COURSE),
+        ("predictions", PREDICTIONS),
         ("kept", np.bool_),  # whether the reference passed the safety filter
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]
@@ -208,6 +215,7 @@ def driver_record(
         row["safety_filter"] = settings.safety_filter and law == "minimum"
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
+        row["prediction"] = settings.prediction and law == "minimum"
         row["limiter"] = limiter.record
         if settings.learn:
             row["learning"] = learning_row(car)
@@ -285,9 +293,9 @@ def drive_worlds(
     """Write the commands of all running worlds for their references: one row a world, see `drive`."""
     for world in range(len(running)):
         if running[world]:
-            row = driven[world]
+            row, clear = driven[world], valid[len(valid) - len(running) + world]
             command = drive(
-                scan[0], valid[world], guiding[world], odometry[world], row.driver, row.reference, row.memory,
+                scan[0], valid[world], guiding[world], clear, odometry[world], row.driver, row.reference, row.memory,
                 trajectories,
             )  # fmt: skip
             commands[world, 0], commands[world, 1] = command
@@ -298,6 +306,7 @@ def drive(
     scan: Record,
     valid: FloatArray,
     guiding: FloatArray,
+    clear: FloatArray,
     odometry: Record,
     driver: Record,
     reference: Record,
@@ -312,6 +321,7 @@ def drive(
       scan: of type SCAN.
       valid: its readings (n,) [m], without NaN or inf.
       guiding: the same for guidance: of a planner that sees cars, without them.
+      clear: the same without targets that move, for the safety filter; read where there are such targets.
       odometry: of type ODOMETRY.
       driver: of type DRIVER.
       reference: of type REFERENCE.
@@ -319,7 +329,7 @@ def drive(
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
     """
     if not driver.learning.active:
-        return _drive(scan, valid, guiding, odometry, driver, reference, memory, trajectories)
+        return _drive(scan, valid, guiding, clear, odometry, driver, reference, memory, trajectories)
     learned = memory.learned
     learn(driver.learning, learned, driver.car, odometry, period_of(scan))
     row = trajectories[driver.trajectories + learned.level].limiter
@@ -327,7 +337,7 @@ def drive(
     use_friction(driver.limiter, row, learned.mu)
     learned.odometry = odometry
     learned.odometry.steering_angle = true_steering(learned, odometry.steering_angle)
-    steering, speed = _drive(scan, valid, guiding, learned.odometry, driver, reference, memory, trajectories)
+    steering, speed = _drive(scan, valid, guiding, clear, learned.odometry, driver, reference, memory, trajectories)
     return saturate(commanded_steering(learned, steering), driver.car.max_steering_angle), speed
 
 
@@ -336,6 +346,7 @@ def _drive(
     scan: Record,
     valid: FloatArray,
     guiding: FloatArray,
+    clear: FloatArray,
     odometry: Record,
     driver: Record,
     reference: Record,
@@ -373,13 +384,18 @@ def _drive(
         note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.stopping:
         table = trajectories[driver.trajectories + memory.learned.level]
-        widened = widen_all(valid, scan.angle_increment, table.radius)
+        predictions = turned(memory.predictions, course.angle if slip.soft else 0.0)
+        surroundings = clear if len(predictions) > 0 else valid
+        widened = widen_all(surroundings, scan.angle_increment, table.radius)
         _extend_history(scan, odometry, driver, memory)
         in_sight = safe_speed(
             table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
         )
         if driver.safety_filter:
-            return _drive_filtered(scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight)
+            return _drive_filtered(
+                scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight, predictions,
+                table.radius,
+            )  # fmt: skip
         speed = min(speed, in_sight)
         note(reasons, SIGHT, reference.steering_angle, speed)
     if not driver.friction:
@@ -411,6 +427,8 @@ def _drive_filtered(
     steering_angle: float,
     speed: float,
     in_sight: float,
+    predictions: FloatArray,
+    radius: float,
 ) -> tuple[float, float]:
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
@@ -427,6 +445,8 @@ def _drive_filtered(
       steering_angle: of the reference [rad].
       speed: of the reference, by the speed laws [m/s].
       in_sight: from which the car stops within what it sees [m/s].
+      predictions: of targets that move (k, 9), see safety.predictions.
+      radius: of the disc over the car's front [m].
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
     limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
@@ -440,16 +460,25 @@ def _drive_filtered(
         note(memory.reasons, SIGHT, steering_angle, reference_speed)
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period, path_ahead(guidance), memory.kept,
+        angle, now, period, path_ahead(guidance), memory.kept, predictions, radius,
     )  # fmt: skip
     memory.kept = found and safe == reference
+    if len(predictions) > 0 and not memory.kept:
+        onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))
+        past, use_past, passes = passing_steering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference,
+            onwards, angle, now, period, path_ahead(guidance), predictions, radius,
+        )  # fmt: skip
+        if passes:
+            note(memory.reasons, SAFETY_FILTER, past, onwards)
+            return _hold(scan, odometry, driver, memory, past, onwards, use_past)
     stands = abs(now) < settings.standing_speed
     if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
         note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
         return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
-        speed = 0.0 if now > settings.crawl_speed else min(speed, in_sight)
+        speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
         if guidance.follows:  # it is free, as far as its search could tell
             note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
             return _hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)

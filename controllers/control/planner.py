@@ -55,6 +55,7 @@ from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories, tra
 from ..safety.friction_learning import levels
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
+from ..safety.predictions import foresee
 from ..safety.safety_filter import EVASIVE
 from .driving import (
     DRIVEN,
@@ -261,6 +262,8 @@ def _goals_of_worlds(goal: Callable[..., tuple[float, float]]) -> Callable[..., 
             if running[world]:
                 keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
                 driver, bearing, distance = driven[world].driver, math.nan, 0.0
+                clear, predictions = valid[len(valid) - len(running) + world], driven[world].memory.predictions
+                foresee(scan[0], valid[world], clear, odometry[world], driver, predictions)
                 if sees(scan[0], valid[world]):
                     keep(scans.filtered, valid[world])
                     bearing, distance = goal(scan[0], valid[world], driver.car, own[world].settings, scans)
@@ -283,6 +286,8 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
                 keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
                 driver, planner = driven[world].driver, own[world]
                 steering_angle, speed, bearing = math.nan, 0.0, math.nan
+                clear, predictions = valid[len(valid) - len(running) + world], driven[world].memory.predictions
+                foresee(scan[0], valid[world], clear, odometry[world], driver, predictions)
                 if sees(scan[0], valid[world]):
                     line = lines[driver.line_first : driver.line_end]
                     steering_angle, speed, bearing = reference(
@@ -368,7 +373,7 @@ class PlannerBatch:
         places = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
         lines = {id(p.line): p.line for p in planners if p.line is not None}
         ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
-        self._scans = 2 if planner_class.hides_cars else 1
+        self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last is `clear`
         self._driven = np.zeros(count, DRIVEN)
         own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
         self._own = np.zeros(count, np.dtype(own))
@@ -457,9 +462,11 @@ class PlannerBatch:
             return
         beams = ranges.shape[1]
         if "valid" not in self._arrays or beams != self.shown.shape[1]:
-            valid = np.empty((self._scans * len(running), beams))
+            count = len(running)
+            valid = np.empty(((2 + self._guided) * count, beams))
+            guiding = valid[self._guided * count : (1 + self._guided) * count]
             self.shown = np.full((len(self.shown), beams), math.nan)
-            self._arrays |= {"valid": valid, "guiding": valid[-len(running) :], "shown": self.shown}
+            self._arrays |= {"valid": valid, "guiding": guiding, "shown": self.shown}
             given = ()
         new = {"ranges": ranges, "odometry": odometry, "running": running, "commands": commands}
         self._arrays |= new

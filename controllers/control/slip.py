@@ -196,6 +196,15 @@ def path_lag(slip: Record, speed: float) -> float:
 
 
 @kernel
+def course_angle(slip: Record, car: Record, speed: float, yaw_rate: float) -> float:
+    """Return the direction in which the rear axle moves, from the car's heading [rad]; 0 of tires that are not soft."""
+    if not (slip.soft and speed > 0.0 and math.isfinite(speed * yaw_rate)):
+        return 0.0
+    force = min(abs(speed * yaw_rate) / car.gravity, slip.most)
+    return float(-math.copysign(force / slip.rear_stiffness, yaw_rate))
+
+
+@kernel
 def see_from_course(slip: Record, car: Record, scan: Record, odometry: Record, course: Record) -> float:
     """Write a scan and a motion as seen from the course; return the curvature [1/m] of the path that the car is on.
 
@@ -207,10 +216,7 @@ def see_from_course(slip: Record, car: Record, scan: Record, odometry: Record, c
       course: of type COURSE, written to.
     """
     speed, yaw_rate, seen, last = odometry.speed, odometry.angular_velocity[2], course.odometry, course.angle
-    course.angle = 0.0
-    if speed > 0.0 and math.isfinite(speed * yaw_rate):
-        force = min(abs(speed * yaw_rate) / car.gravity, slip.most)
-        course.angle = -math.copysign(force / slip.rear_stiffness, yaw_rate)
+    course.angle = course_angle(slip, car, speed, yaw_rate)
     course.scan.angle_min, course.scan.angle_increment = scan.angle_min - course.angle, scan.angle_increment
     course.scan.range_max, course.scan.scan_time = scan.range_max, scan.scan_time
     seen.stamp, seen.speed = odometry.stamp, speed

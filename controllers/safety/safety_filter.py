@@ -39,6 +39,7 @@ from ..control.steering import arc_through, pursue
 from ..control.tracking import next_place, steer_along
 from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
+from .predictions import WAIT, WAITS, meets
 
 EVASIVE = FrictionLimiterSettings(most_left=0.6, turn_in_use=0.45)
 """Settings of the limiter of a car that evades: it brakes and turns out at once, and braking unloads the rear tires.
@@ -50,6 +51,7 @@ _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
 _LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
+_GOES_ON = (0.3, 0.6, 0.9, 1.2)  # [s] for which the car may go on before it brakes, to be past a target that moves
 _WIDEST = 1.8  # [rad] to either side; directions further back are not simulated
 
 
@@ -99,6 +101,8 @@ def safe_steering(
     period: float,
     path: FloatArray,
     kept: bool,
+    predictions: FloatArray,
+    radius: float,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
@@ -119,6 +123,8 @@ def safe_steering(
       period: between commands [s].
       path: motion (m, 4) that the reference leads along, in the frame of the rear axle; m may be 0.
       kept: whether the reference passed at the last scan.
+      predictions: of targets that move (k, 9), see `predictions`; the scan is the one without them.
+      radius: of the disc that covers the car's front [m].
     """
     car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
     reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
@@ -140,8 +146,8 @@ def safe_steering(
         for use in _LATERAL_USES:
             last = memory.acceleration
             left = speed_at_contact(
-                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now,
-                speed, period, path if number == 0 else path[:0],
+                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, 0.0,
+                angle_now, speed, period, path if number == 0 else path[:0], predictions, radius,
             )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
@@ -158,12 +164,64 @@ def safe_steering(
         last = memory.acceleration
         left = speed_at_contact(
             limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside, 0.0,
-            angle_now, speed, period, path[:0],
+            0.0, angle_now, speed, period, path[:0], predictions, radius,
         )  # fmt: skip
         memory.acceleration = last
         if left <= least:
             return angle_now, best_use, left == 0.0
     return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
+
+
+@kernel
+def passing_steering(
+    limiter: Record,
+    memory: Record,
+    settings: Record,
+    widened: FloatArray,
+    angle_min: float,
+    angle_increment: float,
+    steering_angle: float,
+    reference_speed: float,
+    angle_now: float,
+    speed_now: float,
+    period: float,
+    path: FloatArray,
+    predictions: FloatArray,
+    radius: float,
+) -> tuple[float, float, bool]:
+    """Return a steering angle [rad] with which the car gets past all targets and stops then, as `safe_steering` does.
+
+    The car goes on at the speed of the reference for the least time of _GOES_ON after which it can stop. Directions are
+    the reference's and those with the longest views, five in all.
+
+    Args are those of `safe_steering`.
+    """
+    car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
+    reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
+    each_side = math.floor(settings.fan / settings.fan_step + 1e-6)
+    views = np.empty(2 * each_side + 1)
+    for number in range(len(views)):
+        bearing = reference + _aside(number, settings.fan_step)
+        views[number] = max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal)
+    number = 0
+    for attempt in range(5):
+        bearing = reference + _aside(number, settings.fan_step)
+        for on in _GOES_ON:
+            for use in _LATERAL_USES:
+                last = memory.acceleration
+                left = speed_at_contact(
+                    limiter, memory, settings, widened, angle_min, angle_increment, (bearing, views[number]), use,
+                    settings.margin_aside, reference_speed, on, angle_now, speed, period,
+                    path if number == 0 else path[:0], predictions, radius,
+                )  # fmt: skip
+                memory.acceleration = last
+                if left == 0.0:
+                    if attempt == 0:
+                        return steering_angle, use, True
+                    return pursue(bearing, pursuit, car.lidar_offset, car.wheelbase), use, True
+        views[number] = 0.0
+        number = int(np.argmax(views))
+    return steering_angle, 0.0, False
 
 
 @kernel
@@ -185,10 +243,13 @@ def speed_at_contact(
     lateral_use: float,
     margin: float,
     at_first: float,
+    goes_on: float,
     angle: float,
     speed: float,
     period: float,
     path: FloatArray,
+    predictions: FloatArray,
+    radius: float,
 ) -> float:
     """Return the speed [m/s] at which the simulated car, braking on its way to a goal, hits something; 0: it stops.
 
@@ -207,10 +268,13 @@ def speed_at_contact(
       lateral_use: share of the grip for cornering.
       margin: [m].
       at_first: speed that is commanded for one tick, before the car brakes [m/s].
+      goes_on: time for which it is commanded after that [s].
       angle: present steering angle [rad].
       speed: present [m/s].
       period: of a tick [s].
       path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
+      predictions: of targets that move (k, 9), which the same discs have to keep clear of, see `predictions`.
+      radius: of these discs [m].
     """
     car, (bearing, distance) = limiter.car, goal
     lidar, standing = car.lidar_offset, settings.standing_speed
@@ -223,6 +287,7 @@ def speed_at_contact(
     slowed_twice = share_of_way(2.0 * period, car.speed_time_constant)
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
     place, path_curvature, soft = 0, memory.curvature, limiter.slip.soft
+    moving, time, apart = len(predictions) > 0, 0.0, radius + settings.margin_aside
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference = angle
@@ -232,7 +297,7 @@ def speed_at_contact(
         elif distance > settings.arrived:
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
-        reference_speed = at_first if tick == 0 else 0.0
+        reference_speed = at_first if tick == 0 or time < goes_on else 0.0
         command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
@@ -257,6 +322,16 @@ def speed_at_contact(
                 beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
                 if not beyond > math.sqrt(ahead * ahead + left * left):
                     return float(max(speed, standing))
+        if moving:
+            time += ticks * period
+            for offset in (0.0, lidar, front):
+                ahead, left = x + offset * cos - lidar, y + offset * sin
+                if meets(predictions, ahead, left, apart, time):
+                    return float(max(speed, standing))
+                if speed < standing:
+                    for wait in range(1, WAITS + 1):
+                        if meets(predictions, ahead, left, apart, time + WAIT * wait):
+                            return float(standing)
         if speed < standing:
             return 0.0
         goal_ahead = cos * (goal_x - x) + sin * (goal_y - y) - lidar

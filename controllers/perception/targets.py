@@ -1,0 +1,472 @@
+"""Moving targets in the scan: which things move, where they are and how fast, from the LiDAR and odometry alone.
+
+1. A scan is cut into clusters where neighbouring ranges differ by more than `_EDGE`. A cluster is looked at if it is
+   narrower than `_WIDEST` and ends in front of farther ground on at least one side. Walls are wider, and what lies
+   between two nearer things shows no end of its own.
+2. Each cluster has two ends: bearings of its outermost beams, at the distance of the middle of a disc that would be
+   seen under the same angle at its least range. The middle of the ends does not go round a box or a cylinder when the
+   car does. An end in front of farther ground belongs to the thing itself; one beside nearer ground is the edge of a
+   shadow, and says nothing of motion.
+3. Clusters are followed from scan to scan in a frame that stands still, by dead reckoning. A Kalman filter with
+   constant velocity, whose covariance is the same for x and y, is fed with the mean innovation of the ends that belong
+   to the thing. So a thing that comes out of cover is measured by the end that leads.
+4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, faster than an odometry error of `_DRIFT`
+   makes standing things appear, and if the scans of the last 0.4 s agree: where it is now, one saw past, or where it
+   was, one sees past now. What only changes its outline, as a wall's end does when the car turns round it, never
+   covers ground that was seen free.
+
+Sources: R. Kalman, A New Approach to Linear Filtering and Prediction Problems, Journal of Basic Engineering 82(1),
+1960; D. Hähnel, R. Triebel, W. Burgard and S. Thrun, Map Building with Mobile Robots in Dynamic Environments, IEEE ICRA
+2003, for ground that was free before.
+
+Limits: a thing that touches a wall, or one nearer than `_EDGE` to what is behind it, is part of it, and so is one that
+the field of view cuts off. A target that is hidden is taken to go on as it did for `_FORGOTTEN`. Things wider than
+`_WIDEST` stand.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.planner_settings import Record
+from .scan_geometry import bearing_of, nearest_place, period_of
+
+MOST_TARGETS = 24
+RIGHT, LEFT = 0, 1  # ends of a cluster
+
+_FARTHEST = 12.0  # [m] at which clusters are looked at
+_EDGE = 0.15  # [m] between neighbouring ranges
+_STEEP = 4.0  # times the mean step within a cluster, the same
+_LEAST_BEAMS = 2
+_WIDEST = 1.2  # [m] from the first to the last beam of a cluster
+_NEAR = 0.25  # of its distance is half of a thing, from which on its size is not measured
+_FOUND = 48  # clusters of a scan that are kept
+_GATE = 0.3  # [m] from where an end is expected to where it is seen
+_RANGE_NOISE = 0.02  # [m]
+_OUTLINE = 0.3  # [m] by which an end may err, for each metre of distance and squared radian of the cluster
+_ACCELERATION = 1.5  # [m/s^2] standard deviation of what a target does between two scans
+_FIRST_SPEED = 2.0  # [m/s] the same, of the velocity of a new one
+_MISFIT = 9.0  # squared innovation over its variance; at the second in turn the velocity is uncertain again
+_CERTAIN = 4.0  # standard deviations
+_LEAST_SPEED = 0.25  # [m/s]
+_DRIFT = 0.06  # share by which odometry may err
+_LEAST_AGE = 5  # sightings
+_LEAST_EVIDENCE = 3  # scans
+_MOST_EVIDENCE = 12  # scans
+_FREE = 0.2  # [m] past a place that a beam has to reach, for the place to be free
+_SAMPLES = 8  # beams of a cluster that are looked at for evidence
+_LEAST_FREE = 0.05  # [m] of a cluster that has to lie on ground that was free
+_FORGOTTEN = 0.6  # [s]
+_FORGOTTEN_IN_VIEW = 0.15  # [s] the same, where it would be seen
+_STANDS = 1.0  # [s] without motion after which a target is a standing thing again
+_SNAPSHOTS, _EVERY = 4, 4  # scans that are kept, and of so many one
+_BINS = 512  # of a scan that is kept
+
+TARGET = np.dtype(
+    [
+        ("age", np.int64),  # sightings; 0: there is none
+        ("ends", np.float64, (2, 2)),  # x and y [m] of the right and of the left end, where the planner's car began
+        ("own", np.uint8, (2,)),  # whether each end belonged to the thing at the last sighting
+        ("radius", np.float64),  # [m] of a disc that is seen under the same angle; 0 where an end is hidden
+        ("vx", np.float64),  # [m/s]
+        ("vy", np.float64),  # [m/s]
+        ("p_place", np.float64),  # [m^2] covariance, the same in x and y
+        ("p_mixed", np.float64),  # [m^2/s]
+        ("p_speed", np.float64),  # [m^2/s^2]
+        ("misfits", np.int64),  # innovations in turn that were too great
+        ("evidence", np.int64),  # scans that agree that it moves
+        ("still", np.float64),  # [s] for which it has not moved
+        ("unseen", np.float64),  # [s]
+        ("moves", np.bool_),
+        ("distance", np.float64),  # [m] from the LiDAR at the last sighting
+        ("size", np.float64),  # [m] greatest radius that was seen
+        ("first", np.int64),  # beam of the last sighting,
+        ("end", np.int64),  # and the one behind the last
+    ]
+)
+SNAPSHOT = np.dtype(
+    [
+        ("x", np.float64),  # [m] of the LiDAR
+        ("y", np.float64),  # [m]
+        ("heading", np.float64),  # [rad]
+        ("tick", np.int64),  # when it was taken; 0: none is kept
+        ("driven", np.float64),  # [m] until then
+        ("turned", np.float64),  # [rad] until then
+        ("ranges", np.float32, (_BINS,)),  # [m] least of each bin
+    ]
+)
+TARGETS = np.dtype(
+    [
+        ("x", np.float64),  # [m] of the LiDAR, by dead reckoning from where it began
+        ("y", np.float64),  # [m]
+        ("heading", np.float64),  # [rad]
+        ("speed", np.float64),  # [m/s] at the last scan: the mean of two is that of the time between them
+        ("yaw_rate", np.float64),  # [rad/s]
+        ("driven", np.float64),  # [m]
+        ("turned", np.float64),  # [rad] to either side
+        ("tick", np.int64),
+        ("beams", np.int64),  # of the scans that are kept
+        ("count", np.int64),  # of targets that move
+        ("targets", TARGET, (MOST_TARGETS,)),
+        ("snapshots", SNAPSHOT, (_SNAPSHOTS,)),
+    ]
+)
+"""Type of what is kept from tick to tick; zero at the beginning."""
+
+_CLUSTER = np.dtype(
+    [
+        ("ends", np.float64, (2, 2)),  # as of a target
+        ("own", np.uint8, (2,)),
+        ("radius", np.float64),  # [m] as of a target
+        ("distance", np.float64),  # [m] least range
+        ("first", np.int64),  # beam
+        ("end", np.int64),  # and the one behind the last
+        ("taken", np.bool_),
+    ]
+)
+
+
+@kernel
+def track_targets(
+    memory: Record, scan: Record, ranges: FloatArray, odometry: Record, lidar_offset: float, course: float
+) -> int:
+    """Follow what is in a scan, and return how many targets move.
+
+    Args:
+      memory: of type TARGETS, written to.
+      scan: of type SCAN.
+      ranges: readings (n,) [m], without NaN or inf.
+      odometry: of type ODOMETRY.
+      lidar_offset: of the LiDAR ahead of the rear axle [m].
+      course: direction in which the rear axle moves, from the car's heading [rad].
+    """
+    period, count = period_of(scan), len(ranges)
+    speed, yaw_rate = odometry.speed, odometry.angular_velocity[2]
+    way, turn = 0.5 * period * (memory.speed + speed), 0.5 * period * (memory.yaw_rate + yaw_rate)
+    memory.count, memory.speed, memory.yaw_rate = 0, speed, yaw_rate
+    if not abs(way) + abs(turn) < 10.0 or count != memory.beams:  # it is no odometry, or another LiDAR
+        memory.beams = count
+        forget_targets(memory)
+        return 0
+    towards = memory.heading + 0.5 * turn + course
+    x = memory.x - lidar_offset * math.cos(memory.heading) + way * math.cos(towards)
+    y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(towards)
+    memory.heading += turn
+    memory.x, memory.y = x + lidar_offset * math.cos(memory.heading), y + lidar_offset * math.sin(memory.heading)
+    memory.driven += abs(way)
+    memory.turned += abs(turn)
+    memory.tick += 1
+    found = np.empty(_FOUND, _CLUSTER)
+    clusters = find_clusters(memory, scan, ranges, found)
+    for moves in (True, False):
+        for target in memory.targets:
+            if target.age > 0 and target.moves == moves:
+                _predict(target, period)
+                _follow(memory, target, found, clusters, scan, ranges, odometry, period)
+                memory.count += target.age > 0 and target.moves
+    for k in range(clusters):
+        if not found[k].taken:
+            _begin(memory.targets, found[k], scan)
+    if memory.tick % _EVERY == 1:
+        _keep_snapshot(memory, ranges)
+    return int(memory.count)
+
+
+@kernel
+def forget_targets(memory: Record) -> None:
+    """Forget all targets and scans."""
+    for target in memory.targets:
+        target.age = 0
+        target.moves = False
+    for snapshot in memory.snapshots:
+        snapshot.tick = 0
+
+
+@kernel
+def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Record) -> int:
+    """Write the clusters of a scan that may be things, (k,) of type _CLUSTER; return how many."""
+    count, first, nearer = 0, 0, True  # the cluster that has not ended; whether what is right of it is nearer
+    for beam in range(1, len(ranges)):
+        step = ranges[beam] - ranges[beam - 1]
+        if abs(step) <= _EDGE:
+            continue
+        whole = first > 0 and beam - first >= _LEAST_BEAMS  # what the field of view cuts off may be a wall
+        if whole and ranges[first] < _FARTHEST and (not nearer or step > 0.0):
+            count += _is_cluster(memory, scan, ranges, first, beam, found[count])
+            if count == len(found):
+                return count
+        first, nearer = beam, step > 0.0
+    return count
+
+
+@kernel
+def _is_cluster(memory: Record, scan: Record, ranges: FloatArray, first: int, end: int, found: Record) -> bool:
+    """Write a cluster of the beams from `first` to before `end`; return False if it is too wide, or part of a wall."""
+    right, left = ranges[first], ranges[end - 1]
+    edge = max(_EDGE, _STEEP * abs(left - right) / (end - 1 - first))  # beams on a wall that is seen at a small angle
+    own_right, own_left = ranges[first - 1] - right > edge, ranges[end] - left > edge
+    if not (own_right or own_left):
+        return False
+    turn = (end - 1 - first) * scan.angle_increment
+    if right * right + left * left - 2.0 * right * left * math.cos(turn) > _WIDEST * _WIDEST or turn > 2.0:
+        return False
+    least = math.inf
+    for beam in range(first, end):
+        least = min(least, ranges[beam])
+    half, radius = math.sin(0.5 * turn), 0.0
+    if own_right and own_left:
+        radius = least * half / (1.0 - half)
+    away, bearing = least + radius, memory.heading + bearing_of(scan, first)
+    found.ends[RIGHT, 0] = memory.x + away * math.cos(bearing)
+    found.ends[RIGHT, 1] = memory.y + away * math.sin(bearing)
+    found.ends[LEFT, 0] = memory.x + away * math.cos(bearing + turn)
+    found.ends[LEFT, 1] = memory.y + away * math.sin(bearing + turn)
+    found.own[RIGHT], found.own[LEFT] = own_right, own_left
+    found.radius, found.distance, found.first, found.end, found.taken = radius, least, first, end, False
+    return True
+
+
+@kernel
+def _predict(target: Record, period: float) -> None:
+    """Take a target on by one tick."""
+    for end in range(2):
+        target.ends[end, 0] += target.vx * period
+        target.ends[end, 1] += target.vy * period
+    change = _ACCELERATION * period
+    target.p_place += period * (2.0 * target.p_mixed + period * target.p_speed)
+    target.p_mixed += period * target.p_speed
+    target.p_speed += change * change
+
+
+@kernel
+def _follow(
+    memory: Record, target: Record, found: Record, count: int, scan: Record, ranges: FloatArray, odometry: Record,
+    period: float,
+) -> None:  # fmt: skip
+    """Take what was found nearest to a target for it."""
+    nearest, least = -1, _GATE
+    for k in range(count):
+        if not found[k].taken:
+            dx, dy, _ = _innovation(target, found[k])
+            apart = math.hypot(dx, dy)
+            if apart < least:
+                nearest, least = k, apart
+    if nearest < 0:
+        target.unseen += period
+        patience = _FORGOTTEN if target.moves else _FORGOTTEN_IN_VIEW
+        if target.moves and _is_in_view(memory, target, scan, ranges):
+            patience = _FORGOTTEN_IN_VIEW
+        if target.unseen > patience:
+            target.age, target.moves = 0, False
+        return
+    cluster = found[nearest]
+    cluster.taken = True
+    dx, dy, ends = _innovation(target, cluster)
+    noise = _noise(cluster, scan) / max(ends, 1)
+    if ends == 0:  # only edges of shadows: it is there, and its motion is not seen
+        noise *= 100.0
+    sum_of_both = target.p_place + noise
+    target.misfits = target.misfits + 1 if dx * dx + dy * dy > 2.0 * _MISFIT * sum_of_both else 0
+    if target.misfits >= 2:  # it has changed its velocity
+        target.p_place += 0.5 * (dx * dx + dy * dy)
+        target.p_speed += 0.25 * _FIRST_SPEED * _FIRST_SPEED
+        sum_of_both = target.p_place + noise
+        target.misfits = 0
+    gain, gain_speed = target.p_place / sum_of_both, target.p_mixed / sum_of_both
+    target.vx += gain_speed * dx
+    target.vy += gain_speed * dy
+    target.p_speed -= gain_speed * target.p_mixed
+    target.p_place *= 1.0 - gain
+    target.p_mixed *= 1.0 - gain
+    compared = _is_like(target, cluster)
+    for end in range(2):
+        if compared and target.own[end] and cluster.own[end]:
+            # the outline may change: an end goes on from where it is seen by as much as it errs from the mean
+            target.ends[end, 0] += gain * dx + 0.3 * (cluster.ends[end, 0] - target.ends[end, 0] - dx)
+            target.ends[end, 1] += gain * dy + 0.3 * (cluster.ends[end, 1] - target.ends[end, 1] - dy)
+        else:
+            target.ends[end, 0], target.ends[end, 1] = cluster.ends[end, 0], cluster.ends[end, 1]
+        target.own[end] = cluster.own[end]
+    _take(target, cluster)
+    target.age += 1
+    target.unseen = 0.0
+    _judge(memory, target, scan, ranges, odometry, period)
+
+
+@kernel
+def _innovation(target: Record, cluster: Record) -> tuple[float, float, int]:
+    """Return by how much the ends of a cluster are off those that are expected [m], and how many say so."""
+    dx, dy, ends, compared = 0.0, 0.0, 0, _is_like(target, cluster)
+    for end in range(2):
+        if compared and target.own[end] and cluster.own[end]:
+            dx += cluster.ends[end, 0] - target.ends[end, 0]
+            dy += cluster.ends[end, 1] - target.ends[end, 1]
+            ends += 1
+    if ends > 0:
+        return dx / ends, dy / ends, ends
+    dx = 0.5 * (cluster.ends[0, 0] + cluster.ends[1, 0] - target.ends[0, 0] - target.ends[1, 0])
+    dy = 0.5 * (cluster.ends[0, 1] + cluster.ends[1, 1] - target.ends[0, 1] - target.ends[1, 1])
+    return dx, dy, 0
+
+
+@kernel
+def _is_like(target: Record, cluster: Record) -> bool:
+    """Return whether as much of a cluster is seen as of a target at its last sighting: both ends of its own, or one."""
+    return bool((target.radius > 0.0) == (cluster.radius > 0.0))
+
+
+@kernel
+def _noise(cluster: Record, scan: Record) -> float:
+    """Return the variance of an end [m^2]: of the range, of where between two beams the thing ends, and of its outline.
+
+    Near the car another part of the outline is outermost in each scan.
+    """
+    turn = (cluster.end - 1 - cluster.first) * scan.angle_increment
+    between, outline = cluster.distance * scan.angle_increment, _OUTLINE * cluster.distance * turn * turn
+    return float(_RANGE_NOISE * _RANGE_NOISE + between * between / 12.0 + outline * outline)
+
+
+@kernel
+def _judge(memory: Record, target: Record, scan: Record, ranges: FloatArray, odometry: Record, period: float) -> None:
+    """Decide whether a target moves."""
+    square = target.vx * target.vx + target.vy * target.vy
+    if target.moves:
+        target.still = target.still + period if square < 0.25 * _LEAST_SPEED * _LEAST_SPEED else 0.0
+        if target.still > _STANDS:
+            target.moves, target.evidence = False, 0
+        return
+    certain = square > _CERTAIN * _CERTAIN * target.p_speed and square > _LEAST_SPEED * _LEAST_SPEED
+    if target.age < _LEAST_AGE or not certain:
+        target.evidence = 0
+        return
+    x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
+    turn = _DRIFT * abs(odometry.angular_velocity[2]) * math.hypot(x - memory.x, y - memory.y)
+    most = _LEAST_SPEED + _DRIFT * abs(odometry.speed) + turn
+    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
+    along, across = cos * target.vx + sin * target.vy, cos * target.vy - sin * target.vx
+    if abs(along) < most and abs(across) < _LEAST_SPEED + turn:
+        target.evidence = 0
+        return
+    if _has_moved(memory, target, scan, ranges):
+        target.evidence = min(target.evidence + 1, _MOST_EVIDENCE)
+    else:
+        target.evidence = max(target.evidence - 1, 0)
+    target.moves = target.evidence >= _LEAST_EVIDENCE
+    target.still = 0.0
+
+
+@kernel
+def _has_moved(memory: Record, target: Record, scan: Record, ranges: FloatArray) -> bool:
+    """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there."""
+    stride = max((target.end - target.first) // _SAMPLES, 1)
+    x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
+    distance = math.hypot(x - memory.x, y - memory.y)
+    x -= target.radius * (x - memory.x) / distance  # from its middle to its face
+    y -= target.radius * (y - memory.y) / distance
+    for snapshot in memory.snapshots:
+        if snapshot.tick == 0:
+            continue
+        drift = memory.driven - snapshot.driven + distance * (memory.turned - snapshot.turned)
+        free = _FREE + _DRIFT * drift
+        covered = 0
+        for beam in range(target.first, target.end, stride):
+            bearing = memory.heading + bearing_of(scan, beam)
+            at_x, at_y = memory.x + ranges[beam] * math.cos(bearing), memory.y + ranges[beam] * math.sin(bearing)
+            covered += _beyond(snapshot, scan, memory.beams, at_x, at_y) > free
+        if covered * stride * scan.angle_increment * distance > _LEAST_FREE + _DRIFT * drift and covered > 1:
+            return True
+        since = (memory.tick - snapshot.tick) * period_of(scan)
+        old_x, old_y = x - target.vx * since, y - target.vy * since
+        if abs(_beyond(snapshot, scan, memory.beams, old_x, old_y)) < _FREE and (
+            _beyond_now(memory, scan, ranges, old_x, old_y) > free
+        ):
+            return True
+    return False
+
+
+@kernel
+def _beyond(snapshot: Record, scan: Record, beams: int, x: float, y: float) -> float:
+    """Return by how much a kept scan reaches past a place [m]; -inf where it does not look."""
+    cos, sin = math.cos(snapshot.heading), math.sin(snapshot.heading)
+    dx, dy = x - snapshot.x, y - snapshot.y
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
+    if not 0.0 <= beam < beams:
+        return -math.inf
+    reach = snapshot.ranges[int(beam) if beams <= _BINS else int(beam) * _BINS // beams]
+    return float(reach - math.hypot(ahead, left))
+
+
+@kernel
+def _beyond_now(memory: Record, scan: Record, ranges: FloatArray, x: float, y: float) -> float:
+    """Return by how much the least of three beams reaches past a place now [m]; -inf where none looks."""
+    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
+    dx, dy = x - memory.x, y - memory.y
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
+    if not 1.0 <= beam < len(ranges) - 1.0:
+        return -math.inf
+    k = int(beam)
+    return float(min(ranges[k - 1], ranges[k], ranges[k + 1]) - math.hypot(ahead, left))
+
+
+@kernel
+def _is_in_view(memory: Record, target: Record, scan: Record, ranges: FloatArray) -> bool:
+    """Return whether a target would be seen where it is expected: the beams there end beyond it."""
+    x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
+    return bool(_beyond_now(memory, scan, ranges, x, y) > _FREE)
+
+
+@kernel
+def _begin(targets: Record, cluster: Record, scan: Record) -> None:
+    """Follow a cluster that is new, if there is room for one."""
+    for target in targets:
+        if target.age == 0:
+            target.age = 1
+            target.ends[:] = cluster.ends
+            target.own[:] = cluster.own
+            target.size = 0.0
+            _take(target, cluster)
+            target.vx = target.vy = target.unseen = target.still = 0.0
+            target.p_place, target.p_mixed = _noise(cluster, scan), 0.0
+            target.p_speed = _FIRST_SPEED * _FIRST_SPEED
+            target.misfits = target.evidence = 0
+            target.moves = False
+            return
+
+
+@kernel
+def _take(target: Record, cluster: Record) -> None:
+    """Write what was seen of a target at its last sighting."""
+    target.radius, target.distance = cluster.radius, cluster.distance
+    target.first, target.end = cluster.first, cluster.end
+    dx, dy = cluster.ends[LEFT, 0] - cluster.ends[RIGHT, 0], cluster.ends[LEFT, 1] - cluster.ends[RIGHT, 1]
+    half = 0.5 * math.hypot(dx, dy)
+    if target.size == 0.0 or half < _NEAR * cluster.distance:
+        target.size = max(target.size, half)
+
+
+@kernel
+def _keep_snapshot(memory: Record, ranges: FloatArray) -> None:
+    """Keep a scan in place of the oldest one."""
+    snapshot = memory.snapshots[(memory.tick // _EVERY) % _SNAPSHOTS]
+    snapshot.x, snapshot.y, snapshot.heading, snapshot.tick = memory.x, memory.y, memory.heading, memory.tick
+    snapshot.driven, snapshot.turned = memory.driven, memory.turned
+    count = len(ranges)
+    if count <= _BINS:
+        for beam in range(count):
+            snapshot.ranges[beam] = ranges[beam]
+        return
+    first = 0
+    for place in range(_BINS):  # `beam * _BINS // count` is the bin of a beam
+        end = ((place + 1) * count + _BINS - 1) // _BINS
+        least = ranges[first]
+        for beam in range(first + 1, end):
+            least = min(least, ranges[beam])
+        snapshot.ranges[place] = least
+        first = end

@@ -1,0 +1,154 @@
+"""Predicted paths: where a moving target may be, what a planner sees of it, and that planners get past it."""
+
+import math
+
+import numpy as np
+import pytest
+from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+
+import fg_mujoco as fg
+from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
+from fg_mujoco.controllers.safety import predictions as predicted
+from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
+from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meets, separate, turned
+from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, safe_steering
+from fg_mujoco.messages import MapLine
+from fg_mujoco.racing.planner_loading import make_controller
+
+LIMITER = FrictionLimiter(CAR, 1.0489)
+TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
+OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS))), closed=True)
+
+
+def target(x, y, vx, vy, radius=0.25, to_wall=math.inf, braking=0.0, spread=0.0):
+    speed = math.hypot(vx, vy)
+    return np.array([x, y, vx / speed, vy / speed, speed, radius, to_wall, braking, spread])
+
+
+def test_the_places_of_a_target_are_between_braking_and_going_on():
+    row = target(5.0, 0.0, 0.0, 2.0, braking=4.0, spread=0.1)
+    assert interval(row, 0.25) == pytest.approx((2.0 * 0.25 - 0.5 * 4.0 * 0.25**2 - 0.025, 2.1 * 0.25))
+    assert interval(row, 2.0) == pytest.approx((2.0**2 / (2.0 * 4.0) - 0.2, 4.2))  # it stood after 0.5 s
+
+
+def test_at_a_wall_a_target_stays_or_turns_back():
+    row = target(5.0, 0.0, 0.0, 1.0, to_wall=0.6)
+    assert interval(row, 0.5) == pytest.approx((0.5, 0.5))
+    assert interval(row, 1.0) == pytest.approx((0.2, 0.6))
+
+
+def test_a_disc_meets_a_target_only_when_both_are_there():
+    rows = target(3.0, -1.0, 0.0, 1.0)[np.newaxis]
+    assert meets(rows, 3.0, 0.0, 0.2, 1.0) and not meets(rows, 3.0, 0.0, 0.2, 0.4)
+    assert meets(rows, 3.0, 0.44, 0.2, 1.0) and not meets(rows, 3.0, 0.46, 0.2, 1.0)
+    assert meets(rows, 3.44, 0.0, 0.2, 1.0) and not meets(rows, 3.46, 0.0, 0.2, 1.0)
+
+
+def test_predictions_are_turned_about_the_lidar():
+    memory = np.zeros(1, PREDICTIONS)[0]
+    memory["count"], memory["rows"][0] = 1, target(3.0, 0.0, 0.0, 1.0)
+    (row,) = turned(memory, 0.5 * math.pi)
+    assert row[:4] == pytest.approx((0.0, -3.0, 1.0, 0.0), abs=1e-12)
+    assert (turned(memory, 0.0)[0] == memory["rows"][0]).all()
+
+
+def seen_and_clear(speed):
+    """Both scans of a corridor that a box crosses, 6 m ahead, from right to left."""
+
+    def world(time):
+        return WALLS + box(6.0, -0.8 + 0.8 * time), ()
+
+    memory = np.zeros(1, PREDICTIONS)[0]
+    tracked, _ = watched(world, 32)
+    memory["targets"] = tracked
+    now = ranges_of(*world(31 * 0.025), x=CAR.lidar_offset)
+    seen, clear = now.copy(), np.empty(1081)
+    (k,) = np.flatnonzero(tracked["targets"]["moves"])
+    thing = tracked["targets"][k]
+    memory["count"] = 1
+    memory["rows"][0] = target(6.0 - CAR.lidar_offset, -0.18, thing["vx"], thing["vy"])
+    separate(GEOMETRY, seen, clear, speed, memory)
+    return now, seen, clear, memory
+
+
+def test_a_target_is_taken_out_of_the_scan_and_drawn_where_it_will_be():
+    now, seen, clear, memory = seen_and_clear(4.0)
+    walls = ranges_of(WALLS, x=CAR.lidar_offset)
+    on_box = now < walls - 1e-9
+    assert (clear >= now).all() and (clear[~on_box] == now[~on_box]).all() and clear[on_box].min() > 9.0
+    drawn = np.flatnonzero(seen < clear)
+    bearing = math.radians(0.25) * (drawn.mean() - 540)
+    y = (6.0 - CAR.lidar_offset) * math.tan(bearing)
+    assert 0.5 < y < 1.2  # at 4 m/s the car is there in 1.4 s, when the middle of the box is at 0.96 m
+    assert memory["rows"][0, predicted.TO_WALL] == pytest.approx(1.4 + 0.18 - 0.25, abs=0.15)
+
+
+def test_a_car_that_will_be_there_sooner_sees_it_nearer_to_where_it_is():
+    fast, slow = (np.flatnonzero(seen < clear).mean() for _, seen, clear, _ in map(seen_and_clear, (8.0, 4.0)))
+    assert fast < slow
+
+
+def filtered(rows, speed=4.0, ahead=12.0):
+    settings = for_car(SafetyFilterSettings(), CAR)
+    row = np.array([record_values(settings)], record_type(SafetyFilterSettings))
+    bearings = math.radians(0.25) * (np.arange(1081) - 540)
+    widened = np.minimum(ahead / np.maximum(np.cos(bearings), 1e-3), 30.0)
+    return safe_steering(
+        LIMITER.record[0], np.zeros(1, LIMITER_MEMORY)[0], row[0], widened, bearings[0], math.radians(0.25), 0.0, speed,
+        0.0, speed, 0.025, np.empty((0, 4)), False, np.array(rows).reshape(-1, 9), 0.17,
+    )  # fmt: skip
+
+
+def test_the_filter_lets_a_reference_pass_that_a_target_leaves_and_not_one_into_which_it_comes():
+    assert filtered([]) == (0.0, 0.5, True)
+    there_now = target(2.0, 0.0, 0.0, 3.0)  # in the way now, and gone when the car is there
+    assert filtered([there_now]) == (0.0, 0.5, True)
+    coming = target(2.0, -1.2, 0.0, 2.0)  # beside the way now, and in it when the car would stop
+    way, _, found = filtered([coming])
+    assert not found or way != 0.0
+
+
+
+@pytest.mark.parametrize("name", sorted(CONTROLLERS))
+def test_a_planner_that_tracks_answers_whatever_comes_next(name):
+    """NaN, inf, zeros, an empty sector, one beam, odometry that is none: after a target has been seen to move."""
+    planner = make_controller(name, car=CAR, mu=MU, max_speed=6.0, map_line=OVAL)
+    crossing = [ranges_of(WALLS + box(4.0, -0.6 + 0.025 * k), x=CAR.lidar_offset) for k in range(20)]
+    empty = crossing[-1].copy()
+    empty[300:700] = math.inf
+    odd = (np.full(1081, math.nan), np.full(1081, math.inf), np.zeros(1081), empty, np.array([5.0]), np.array([]))
+    for bad in (*map(scan_of, odd), scan_of(crossing[-1] * 1e300), corridor(1.0, 1.0, 5.0)):
+        for odometry in (odometry_of(2.0, 0.1), odometry_of(math.nan), odometry_of(1e9)):
+            planner.reset()
+            for ranges in crossing:
+                planner(scan_of(ranges), odometry_of(0.0))
+            for scan in (bad, scan_of(crossing[-1]), bad):
+                command = planner(scan, odometry)
+                assert math.isfinite(command.steering_angle) and math.isfinite(command.speed)
+
+
+def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():
+    counts = []
+    for on in (True, False):
+        planner = make_controller("gap_finder", car=CAR, mu=MU, max_speed=8.0, settings={"prediction": on})
+        for k in range(24):
+            planner(scan_of(ranges_of(WALLS + box(5.0, -0.6 + 0.025 * k), x=CAR.lidar_offset)), odometry_of(0.0))
+        counts.append(int(planner._alone.memory[0]["predictions"]["count"]))
+    assert counts == [1, 0]
+
+
+@pytest.mark.parametrize(("planner", "speed"), (("gap_finder", 8.0), ("gap_finder", 4.0), ("follow_the_gap", 8.0)))
+def test_a_box_that_crosses_is_passed(planner, speed):
+    """Of seeds 0 to 99 without predictions: 48 at 8 m/s."""
+    seeds = range(3000, 3012)
+    passed = [fg.race(f"scene:crossing_box:{seed}", planner, max_speed=speed).car.finished for seed in seeds]
+    assert sum(passed) >= 11
+
+
+def test_where_nothing_moves_predictions_change_no_bit():
+    with_, without = (
+        fg.race("chicanes", "gap_finder", laps=1, planner_settings={"prediction": on}) for on in (True, False)
+    )
+    assert with_.trajectory_sha256 == without.trajectory_sha256
