@@ -368,6 +368,8 @@ def _drive(
     if driver.friction:
         read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
     if driver.guidance:
+        if memory.predictions.count > 0:
+            memory.guidance.turning.slow = 0  # what is in the way moves on
         guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
         note(reasons, GUIDED, reference.steering_angle, reference.speed)
         turning = memory.guidance.turning
