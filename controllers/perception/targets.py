@@ -44,7 +44,7 @@ _EDGE = 0.15  # [m] between neighbouring ranges
 _STEEP = 4.0  # times the mean step within a cluster, the same
 _LEAST_BEAMS = 2
 _WIDEST = 1.2  # [m] from the first to the last beam of a cluster
-_NEAR = 0.25  # of its distance is half of a thing, from which on its size is not measured
+_NEAR = 0.08  # of its distance is half of a thing, from which on its size is not measured
 _FOUND = 48  # clusters of a scan that are kept
 _GATE = 0.3  # [m] from where an end is expected to where it is seen
 _RANGE_NOISE = 0.02  # [m]
@@ -447,7 +447,7 @@ def _take(target: Record, cluster: Record) -> None:
     target.first, target.end = cluster.first, cluster.end
     dx, dy = cluster.ends[LEFT, 0] - cluster.ends[RIGHT, 0], cluster.ends[LEFT, 1] - cluster.ends[RIGHT, 1]
     half = 0.5 * math.hypot(dx, dy)
-    if target.size == 0.0 or half < _NEAR * cluster.distance:
+    if target.age < _LEAST_AGE or half < _NEAR * cluster.distance:
         target.size = max(target.size, half)
 
 
