@@ -266,6 +266,30 @@ FAULTS = {
         new="return in_cornering",
         tests="test_friction_limiter.py",
     ),
+    "what moves measured in a frame that turns half a tick late": Fault(
+        file="controllers/perception/targets.py",
+        old="0.5 * period * (memory.yaw_rate + yaw_rate)",
+        new="period * yaw_rate",
+        tests="test_targets.py",
+    ),
+    "the edge of a shadow taken for the end of what moves": Fault(
+        file="controllers/perception/targets.py",
+        old="        if compared and target.own[end] and cluster.own[end]:\n            dx +=",
+        new="        if compared:\n            dx +=",
+        tests="test_targets.py",
+    ),
+    "what comes to a wall predicted to stay there, and not to turn back": Fault(
+        file="controllers/safety/predictions.py",
+        old="near = min(near, 2.0 * row[TO_WALL] - far)",
+        new="near = min(near, row[TO_WALL])",
+        tests="test_predictions.py",
+    ),
+    "a simulated stop compared with where targets are now": Fault(
+        file="controllers/safety/safety_filter.py",
+        old="if meets(predictions, ahead, left, apart, time):",
+        new="if meets(predictions, ahead, left, apart, 0.0):",
+        tests="test_predictions.py",
+    ),
     "a braking distance in the speed, not in its square": Fault(
         file="controllers/safety/guidance.py",
         old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",

@@ -4,7 +4,8 @@
 2. The beams that end on a car are lengthened to what is next to it. Guidance gets that scan: its map has no cars.
 3. Each car is drawn into the scan as large as it is, for the box that is seen is smaller. It is drawn wherever it could
    be when the planner's car is there, and, if it is ahead, where it would come to stand if it began to brake now.
-4. The gap finder drives in that scan, and so do the speed laws and the safety filter, as if all in it stood.
+4. The gap finder drives in that scan, and so do the speed laws and the safety filter, as if all in it stood. What
+   moves and is no car is tracked and predicted as every planner does it (safety.predictions).
 
 So the planner's car keeps such a distance from one ahead that it could stop behind it, should that one stop, too. Where
 there is room next to a car, a gap leads past it, and where there is none, the planner's car stays behind. The ground
@@ -29,13 +30,15 @@ from .control.driving import refer_to_goal
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from .gap_finder import GapFinder, GapFinderSettings
 from .perception.intermediate_scans import IntermediateScans, keep
-from .perception.other_cars import OTHER_CARS, watch_cars
+from .perception.other_cars import OTHER_CARS, WIDEST, watch_cars
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import sees
-from .safety.predictions import predict, separate
+from .safety.predictions import place_of, separate, track, write_predictions
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
+_OF_CAR = 0.6  # [m] from the middle of what may be a car: what moves there is a part of it
+_ALONG = 0.7  # of the velocity of a thing is along the car's heading: it drives, as cars do
 _find_goal = GapFinder.goal
 
 
@@ -80,7 +83,8 @@ class Overtaker(GapFinder):
                         keep(drawn, without)
                         draw_cars(memory, scan[0], drawn, odometry[world].speed, driver.car, settings)
                         limit = passing_speed(memory, driver.car, settings)
-                    if predict(scan[0], without, odometry[world], driver, predictions):  # what moves and is no car
+                    moves = track(scan[0], without, odometry[world], driver, predictions)
+                    if moves and leave_cars_out(memory, predictions):
                         separate(scan[0], without, clear, odometry[world].speed, predictions)
                         separate(scan[0], drawn, clear, odometry[world].speed, predictions)
                     keep(scans.filtered, drawn)
@@ -88,6 +92,29 @@ class Overtaker(GapFinder):
                 reference = driven[world].reference
                 refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
                 reference.limit = limit
+
+
+@kernel
+def leave_cars_out(memory: Record, predictions: Record) -> bool:
+    """Predict what crosses the car's way and is no part of what may be a car; return whether there is something.
+
+    Args:
+      memory: of type OTHER_CARS.
+      predictions: of type PREDICTIONS, written to.
+    """
+    seen = predictions.targets
+    cos, sin = math.cos(seen.heading), math.sin(seen.heading)
+    for target in seen.targets:
+        if target.age > 0 and target.moves:
+            along = abs(cos * target.vx + sin * target.vy)
+            of_car = target.size < 0.5 * WIDEST or along > _ALONG * math.hypot(target.vx, target.vy)
+            x, y = place_of(seen, target)
+            for car in memory.cars:
+                ahead, left = _seen_from(memory, car.x, car.y)
+                of_car = of_car or (car.age > 0 and math.hypot(ahead - x, left - y) < _OF_CAR)
+            if of_car:
+                target.moves, target.evidence = False, 0
+    return write_predictions(predictions)
 
 
 @kernel

@@ -117,7 +117,7 @@ class DrivingSettings(Settings):
         text="with speed_law minimum: the way back is closed, and the car is led round where the planner turns back",
     )
     prediction: bool = setting(
-        True, text="with speed_law minimum: what moves is tracked, and the car keeps out of where it may be"
+        True, text="with safety_filter: what moves is tracked, and the car keeps out of where it may be"
     )
     learn: bool = setting(False, text="the planner is not told the friction: it starts at 0.4 and learns it")
     safe_distance: float = setting_of_car(
@@ -215,7 +215,7 @@ def driver_record(
         row["safety_filter"] = settings.safety_filter and law == "minimum"
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
-        row["prediction"] = settings.prediction and law == "minimum"
+        row["prediction"] = settings.prediction and row["safety_filter"]
         row["limiter"] = limiter.record
         if settings.learn:
             row["learning"] = learning_row(car)

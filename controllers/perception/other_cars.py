@@ -32,7 +32,7 @@ BEHIND = 0.06  # [m] from the middle of what is seen of a box to its own middle
 
 _FARTHEST = 9.0  # [m] at which runs of beams are looked at
 _EDGE = 0.12  # [m] by which a run ends nearer than the neighbouring beams
-_WIDEST = 0.25  # [m] from end to end of a run
+WIDEST = 0.25  # [m] from end to end of a run
 _LEAST_WIDTH = 0.085  # [m] the same: a wheel, which is seen when the planner's car pitches, is less wide
 _NEXT = 0.45  # [m] by which the neighbour of a run may be nearer: another part of the same car
 _GATE = 0.35  # [m] from where a thing is expected to where it is seen
@@ -127,7 +127,7 @@ def find_boxes(scan: Record, ranges: FloatArray, found: FloatArray) -> int:
         last = beam - 1
         width = (last - first + 1) * scan.angle_increment * 0.5 * (ranges[first] + ranges[last])
         stands_out = first > 0 and before < _NEXT and step > -_NEXT and (before < 0.0 or step > 0.0)
-        if stands_out and ranges[first] < _FARTHEST and _LEAST_WIDTH < width < _WIDEST and count < len(found):
+        if stands_out and ranges[first] < _FARTHEST and _LEAST_WIDTH < width < WIDEST and count < len(found):
             bearing, distance = bearing_of(scan, 0.5 * (first + last)), ranges[(first + last) // 2] + BEHIND
             found[count, 0], found[count, 1] = distance * math.cos(bearing), distance * math.sin(bearing)
             count += 1

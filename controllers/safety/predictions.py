@@ -82,21 +82,38 @@ def predict(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, 
       driver: of type driving.DRIVER; with `prediction` off nothing is tracked.
       memory: of type PREDICTIONS, written to.
     """
+    return track(scan, ranges, odometry, driver, memory) and write_predictions(memory)
+
+
+@kernel
+def track(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
+    """Track the targets in a scan; return whether one moves. Arguments as of `predict`."""
     memory.count = 0
     if not (driver.prediction and sees(scan, ranges)):
         return False
     course = course_angle(driver.limiter.slip, driver.car, odometry.speed, odometry.angular_velocity[2])
-    if track_targets(memory.targets, scan, ranges, odometry, driver.car.lidar_offset, course) == 0:
-        return False
-    seen = memory.targets
+    return track_targets(memory.targets, scan, ranges, odometry, driver.car.lidar_offset, course) > 0
+
+
+@kernel
+def place_of(seen: Record, target: Record) -> tuple[float, float]:
+    """Return how far the middle of a target is ahead of the LiDAR and to its left [m]; `seen` is of type TARGETS."""
+    cos, sin = math.cos(seen.heading), math.sin(seen.heading)
+    dx = 0.5 * (target.ends[0, 0] + target.ends[1, 0]) - seen.x
+    dy = 0.5 * (target.ends[0, 1] + target.ends[1, 1]) - seen.y
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@kernel
+def write_predictions(memory: Record) -> bool:
+    """Predict the targets that move; return whether there is one. `memory` is of type PREDICTIONS, written to."""
+    memory.count, seen = 0, memory.targets
     cos, sin = math.cos(seen.heading), math.sin(seen.heading)
     for target in seen.targets:
         if target.age > 0 and target.moves:
             row = memory.rows[memory.count]
             memory.count += 1
-            dx = 0.5 * (target.ends[0, 0] + target.ends[1, 0]) - seen.x
-            dy = 0.5 * (target.ends[0, 1] + target.ends[1, 1]) - seen.y
-            row[X], row[Y] = cos * dx + sin * dy, cos * dy - sin * dx
+            row[X], row[Y] = place_of(seen, target)
             speed = math.hypot(target.vx, target.vy)
             row[SPEED], row[RADIUS] = speed, max(target.size, _LEAST_RADIUS) + _MARGIN
             row[COS], row[SIN] = 1.0, 0.0
@@ -105,7 +122,7 @@ def predict(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, 
                 row[SIN] = (cos * target.vy - sin * target.vx) / speed
             row[BRAKING] = _BRAKING * row[COS] * row[COS] + _SLOWING * speed
             row[SPREAD] = math.sqrt(target.p_speed)
-    return True
+    return bool(memory.count > 0)
 
 
 @kernel

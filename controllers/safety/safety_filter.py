@@ -19,7 +19,10 @@ Automation Magazine 4(1), 1997) over directions and shares of grip.
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
 
-Limits: the simulated car does not slip, and its surroundings stand still. What the scan does not show counts as free.
+What moves is not in this scan, but compared with the simulated car at each time (predictions). Where the reference
+cannot be stopped after because of it, going on past it before the stop is simulated as well (`passing_steering`).
+
+Limits: the simulated car does not slip. What the scan does not show counts as free.
 """
 
 from __future__ import annotations
