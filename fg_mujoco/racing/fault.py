@@ -370,10 +370,12 @@ class _Meeting:
 
     def _nearer_since(self, met: int) -> int:
         """Return the sample since which the gap across has closed without a pause until it was closed in another."""
-        began = met
+        began, gap = met, self.gap_across
+        if not np.any(gap > 0.0):  # the boxes along the course overlap where the cars, turned from it, do not
+            gap = self._gaps_between()[1]
         while began > 0:
             taken = float(self.time[began] - self.time[began - 1])
-            if self.gap_across[began - 1] - self.gap_across[began] < _CREEP * taken:
+            if gap[began - 1] - gap[began] < _CREEP * taken:
                 break
             began -= 1
         return began
