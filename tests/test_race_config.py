@@ -10,7 +10,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import setup_of
+from fg_mujoco.cli.options import OPPONENT_OPTIONS, setup_of
 
 FULL = """\
 # every option of the command line
@@ -95,7 +95,7 @@ def test_a_file_says_what_the_command_line_says(config):
 def test_every_option_can_be_in_a_file():
     known = {action.dest for action in options().command._actions if action.option_strings}
     written = {key.strip('"').replace("-", "_") for key in (line.split(" = ")[0] for line in FULL.splitlines()[1:])}
-    assert known - {"help", "config", "trust", "force", "opponent_max_speed", "floor"} == written  # or mu
+    assert known - {"help", "config", "trust", "force", *OPPONENT_OPTIONS, "floor"} == written  # or mu
 
 
 def test_opponents_can_be_a_list_in_a_file(config):

@@ -233,6 +233,11 @@ def test_the_settings_of_one_car_are_refused_beside_entries() -> None:
             "given 2 times for 1",
         ),
         (["--opponent-max-speed", "1"], "given 1 times for 0 opponents"),
+        (["--opponents", "wall_follow", "--opponent-tires", "soap"], "soap"),
+        (
+            ["--opponents", "wall_follow", *["--opponent-vehicle", "nuc2"] * 3],
+            "--opponent-vehicle is given 3 times for 1 opponents; accepted: once, or once for each --opponents",
+        ),
         (["--opponents", "wall_follow"] * 16, "17 entries; accepted: 1 to 16"),
         (["--opponents", "wall_follow", "--grid", "heap"], "--grid is 'heap'"),
         (["--opponents", "wall_follow", "--rules", "f1"], "--rules is 'f1'"),
@@ -249,10 +254,26 @@ def test_bad_opponents_are_one_line_and_exit_2(
 
 
 def test_opponents_have_seeds_of_their_own() -> None:
-    setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], [3.0])
+    setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], {"opponent_max_speed": [3.0]})
     assert [(entry.controller, entry.max_speed, entry.seed) for entry in setup.entries[1:]] == [
         ("wall_follow", 3.0, 8), ("wall_follow", 3.0, 9),
     ]  # fmt: skip
+
+
+def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], without_pictures: None
+) -> None:
+    own = ["--opponent-vehicle", "nuc2", "--opponent-vehicle", "f1tenth", "--opponent-tires", "f1tenth_gym"]
+    out = tmp_path / "run"
+    arguments = ["race", "--time-limit", ".5", "--opponents", "wall_follow", "--opponents", "gap_finder", *own]
+    assert main([*arguments, "--grid", "behind", "--out", str(out)]) == 1  # not driven to its end
+    capsys.readouterr()
+    run = read_run(out)
+    first, second, third = run.summary["cars"]
+    assert [car["vehicle"] for car in (first, second, third)] == ["f1tenth", "nuc2", "f1tenth"]
+    assert [car["tires"] for car in (second, third)] == ["f1tenth_gym"] * 2 != first["tires"]
+    assert [car["start"]["s"] for car in (first, second, third)] == pytest.approx([0.0, 1.6, 0.8])
+    assert replay(out).holds
 
 
 def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(

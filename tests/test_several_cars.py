@@ -227,6 +227,8 @@ def test_the_grids_are_those_of_the_rules() -> None:
     assert first.s == second.s == 0.0
     assert first.offset - second.offset == pytest.approx(car.width + 0.3)
     assert third.s == pytest.approx(-(car.length + 0.8))
+    behind = grid_starts(course, [car] * 3, "behind")
+    assert [start.s for start in behind] == pytest.approx([0.0, 1.6, 0.8])
     open_course = load_track("scene:dead_end:1")
     assert min(start.s for start in grid_starts(open_course, [car] * 3)) == 0.0
 

@@ -28,7 +28,7 @@ from ..racing.planner_trust import controller_of, files_of, recorded_sha256, req
 from ..racing.run_folder import SUMMARY, read_summary
 from ..racing.setup import RENAMED, SETUP_KEYWORDS, Setup
 from ..racing.toml_files import TomlFile, read_toml
-from .options import given_settings, number, whole, with_opponents
+from .options import OPPONENT_OPTIONS, given_settings, number, whole, with_opponents
 
 _OPTION = "--config"
 _OF_THE_USER = ("help", "config", "trust", "force")  # options that no file can set
@@ -71,7 +71,7 @@ def _split(file: TomlFile, command: argparse.ArgumentParser) -> tuple[dict[str, 
     options = {
         action.dest: action
         for action in command._actions
-        if action.option_strings and action.dest not in (*_OF_THE_USER, "opponent_max_speed")
+        if action.option_strings and action.dest not in (*_OF_THE_USER, *OPPONENT_OPTIONS)
     }
     of_setup = {name: action for name, action in options.items() if name in SETUP_KEYWORDS}
     listed = {name for name, action in of_setup.items() if action.default != argparse.SUPPRESS}
@@ -146,7 +146,7 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     assumed = summary.get("planner_mu")
     if first.mu is not None and first.planner_mu is None and assumed not in (None, first.assumed_mu):
         setup = setup.replace(planner_mu=assumed)  # up to version 0.1.0 planners were not told of mu
-    return with_opponents(setup, names, speeds) if names else setup
+    return with_opponents(setup, names, {"opponent_max_speed": speeds}) if names else setup
 
 
 def _checked(action: argparse.Action, value: Any, where: str) -> Any:

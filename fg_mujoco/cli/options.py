@@ -6,7 +6,7 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -199,6 +199,18 @@ CAR = (
 """Keywords of a car that every command with a planner has."""
 
 
+OPPONENT_OPTIONS: dict[str, dict[str, Any]] = {
+    f"opponent_{name}": {"metavar": metavar, "help": f"{text}; once for all, or once for each; default: {usual}"}
+    for name, metavar, text, usual in (
+        ("max_speed", "V", "fastest that it may be commanded [m/s]", "as --max-speed"),
+        ("vehicle", "NAME|FILE.xml", "its vehicle", "as --vehicle"),
+        ("tires", "NAME|FILE.toml", "its tires", "as --tires"),
+    )
+}
+"""Options of the opponents' cars, which follow `--opponents`."""
+OPPONENT_OPTIONS["opponent_max_speed"]["type"] = number
+
+
 def add_setup_options(add: Callable[..., Any], *names: str, **helps: str) -> None:
     """Add options of a Setup; `setup_of` reads them.
 
@@ -211,10 +223,8 @@ def add_setup_options(add: Callable[..., Any], *names: str, **helps: str) -> Non
         own = _SETUP[name] | ({"help": helps[name]} if name in helps else {})
         add(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, **own)
         if name == "opponents":
-            add(
-                "--opponent-max-speed", action="append", type=number, metavar="V",
-                help="fastest that it may be commanded [m/s]; once for all, or once for each; default: as --max-speed",
-            )  # fmt: skip
+            for option, reads in OPPONENT_OPTIONS.items():
+                add(f"--{option.replace('_', '-')}", action="append", **reads)
 
 
 def given_settings(options: argparse.Namespace, lists: Sequence[str] = ()) -> dict[str, Any]:
@@ -230,44 +240,50 @@ def setup_of(options: argparse.Namespace, *, lists: Sequence[str] = ()) -> Setup
       lists: names of options of which a study takes several values.
 
     Raises:
-      SettingsError: a value that is not accepted, or speeds of opponents that are not one for all or one for each.
+      SettingsError: a value that is not accepted, or values of opponents that are not one for all or one for each.
     """
     given = given_settings(options, lists)
-    names, speeds = given.pop("opponents", []), getattr(options, "opponent_max_speed", None) or []
+    names, own = given.pop("opponents", []), {name: getattr(options, name, None) or [] for name in OPPONENT_OPTIONS}
     among = {name: given.pop(name) for name in ("grid", "rules") if name in given}
     setup = getattr(options, "setup", None) or Setup()
     if len(setup.entries) > 1:  # of a file: an option is for all of its cars
         setup = setup.with_cars(**{name: given.pop(name) for name in list(given) if name in CAR_KEYWORDS})
     setup = setup.replace(**given)
-    return with_opponents(setup, names, speeds, **among) if names or speeds else setup.replace(**among)
+    return with_opponents(setup, names, own, **among) if names or any(own.values()) else setup.replace(**among)
 
 
-def with_opponents(setup: Setup, names: Sequence[str], speeds: Sequence[float], **among: str) -> Setup:
-    """Return a setup with opponents, whose cars are set as the first; each draws its own noise.
+def with_opponents(setup: Setup, names: Sequence[str], own: Mapping[str, Sequence[Any]], **among: str) -> Setup:
+    """Return a setup with opponents, set as the first car but for what is their own; each draws its own noise.
 
     Args:
       setup: of the first car.
       names: of the opponents' planners.
-      speeds: fastest that each may be commanded [m/s]; one for all, or none for that of the first car.
+      own: values of their cars by name, as in OPPONENT_OPTIONS; one for all, one for each, or none.
       among: `grid` and `rules`.
 
     Raises:
-      SettingsError: speeds that are neither one for all nor one for each, or that no car can have.
+      SettingsError: values that are neither one for all nor one for each, or that no car can have.
     """
-    if len(speeds) not in (0, 1, len(names)) or (speeds and not names):
-        raise SettingsError(
-            f"--opponent-max-speed is given {len(speeds)} times for {len(names)} opponents; accepted: once, or once "
-            "for each --opponents"
-        )
-    first = setup.first
-    given = list(speeds) * len(names) if len(speeds) == 1 else speeds or [first.max_speed] * len(names)
-    try:
-        cars = [
-            replace(first.like(name, max_speed=speed), seed=first.seed + index)
-            for index, (name, speed) in enumerate(zip(names, given, strict=True), start=1)
-        ]
-    except SettingsError as error:
-        raise SettingsError(f"--opponent-max-speed{str(error).removeprefix('Entry.max_speed')}") from error
+    of_each: list[dict[str, Any]] = [{} for _ in names]
+    for option, values in own.items():
+        said = f"--{option.replace('_', '-')}"
+        if len(values) not in (0, 1, len(names)) or (values and not names):
+            raise SettingsError(
+                f"{said} is given {len(values)} times for {len(names)} opponents; accepted: once, or once for each "
+                "--opponents"
+            )
+        for car, value in zip(of_each, list(values) * (len(names) if len(values) == 1 else 1), strict=False):
+            car[option.removeprefix("opponent_")] = value
+    first, cars = setup.first, []
+    for index, (name, car) in enumerate(zip(names, of_each, strict=True), start=1):
+        try:
+            cars.append(replace(first.like(name), seed=first.seed + index, **car))
+        except SettingsError as error:
+            field = _FIELD.match(str(error))
+            if field is None or field[1] not in car:
+                raise
+            text = str(error)[field.end() :]
+            raise SettingsError(f"--opponent-{field[1].replace('_', '-')}{text}") from error
     return setup.replace(entries=(first, *cars), **among)
 
 

@@ -26,7 +26,7 @@ from .fault import BOTH, NO_FAULT
 from .planner_choice import split_controller
 from .planner_loading import build_controller, make_controller
 
-GRIDS = ("staggered", "side_by_side")
+GRIDS = ("staggered", "side_by_side", "behind")
 
 _BEHIND = 0.80  # [m] RoboRacer rules 3.2026: staggered, the next car stands 80 cm behind
 _ASIDE = 0.30  # [m] and 30 cm aside
@@ -139,11 +139,12 @@ def require_grid(kind: str) -> None:
 
 
 def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "staggered") -> tuple[Start, ...]:
-    """Return where cars stand before the start, the first of them in front, at s = 0 of a closed course.
+    """Return where cars stand before the start, the first of them in front and at s = 0 of a closed course.
 
     "staggered": each 80 cm behind the one before, 15 cm to the left or to the right of the line by turns, 30 cm aside.
-    "side_by_side": in rows of two, 30 cm between their sides, the next row a car's length and 80 cm behind. On an open
-    course the last stands at its start. Source: RoboRacer rules 3.2026 for two cars; more of them go on alike.
+    "behind": the same, but the first car is behind all others. "side_by_side": in rows of two, 30 cm between their
+    sides, the next row a car's length and 80 cm behind. On an open course the last stands at its start. Source:
+    RoboRacer rules 3.2026 for two cars; more of them go on alike.
 
     Raises:
       SettingsError: an unknown kind.
@@ -151,14 +152,16 @@ def grid_starts(course: Course, cars: Sequence[CarParameters], kind: str = "stag
     require_grid(kind)
     if len(cars) == 1:
         return (Start(),)
-    if kind == "staggered":
+    if kind != "side_by_side":
         places = [(-_BEHIND * i, (0.5 if i % 2 == 0 else -0.5) * _ASIDE) for i in range(len(cars))]
+        if kind == "behind":
+            places.insert(0, places.pop())
     else:
         length, width = (max(getattr(car, name) for car in cars) for name in ("length", "width"))
         aside = 0.5 * (width + _BETWEEN)
         places = [(-(length + _BEHIND) * (i // 2), aside if i % 2 == 0 else -aside) for i in range(len(cars))]
-    last = 0.0 if course.closed else min(s for s, _ in places)
-    return tuple(Start(s=s - last, offset=offset) for s, offset in places)
+    origin = places[0][0] if course.closed else min(s for s, _ in places)
+    return tuple(Start(s=s - origin, offset=offset) for s, offset in places)
 
 
 def check_starts(

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 RENAMED = {
     "begin": "start", "car": "changes", "controllers": "controller", "duration": "time_limit",
     "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
+    "opponent_vehicle": "vehicle of each of opponents", "opponent_tires": "tires of each of opponents",
     "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
 }  # fmt: skip
 """Keyword that a function had before -> its name now."""
@@ -115,7 +116,7 @@ class Setup:
     obstacle_seed: int = 0  # of the random places
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
     lidar: str = "raycast"  # back end, "raycast" or "rangefinder"
-    grid: str = "staggered"  # or "side_by_side": where entries without a start stand, see `entries.grid_starts`
+    grid: str = "staggered"  # or another of GRIDS: where entries without a start stand, see `entries.grid_starts`
     rules: str = "none"  # of race control, see `race_control.RULES`
     decision_limit: float | None = None  # [s] of wall time that a planner may take for a decision; None: any
 
