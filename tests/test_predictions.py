@@ -141,7 +141,7 @@ def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():
 
 @pytest.mark.parametrize(("planner", "speed"), (("gap_finder", 8.0), ("gap_finder", 4.0), ("follow_the_gap", 8.0)))
 def test_a_box_that_crosses_is_passed(planner, speed):
-    """Of seeds 0 to 99 without predictions: 48 at 8 m/s."""
+    """Of seeds 0 to 99 without predictions: 47 at 8 m/s."""
     seeds = range(3000, 3012)
     passed = [fg.race(f"scene:crossing_box:{seed}", planner, max_speed=speed).car.finished for seed in seeds]
     assert sum(passed) >= 11

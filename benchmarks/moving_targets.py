@@ -1,0 +1,141 @@
+"""How well moving targets are tracked: errors of the velocity, delay, targets that do not move, and time of a scan.
+
+    python benchmarks/moving_targets.py [--seed 1000:1020] [--track oval,hairpins,...] [--json FILE]
+
+Scans and odometry are recorded while gap_finder drives `crossing_box` and a lap of each course, and tracked again with
+noise of the ranges and with odometry that errs by a share. Truth is where the box is. Velocities count while the box is
+more than a metre ahead, at least 0.25 m from where it turns back, and has been known for 0.1 s.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from common import parser, report, stay_on_cores, table
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.controllers.perception.scan_geometry import scan_record
+from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+CAR = Vehicle.load().parameters
+CAR_OFFSET = CAR.lidar_offset  # [m] kernels read numbers only
+COURSES = (
+    "oval,l_corridor,hairpins,chicanes,fast,tight,spiral,serpentine,u_turns,random:1000:tight,scene:cylinder_field:1000"
+)
+ERRORS = ((0.0, 0.0), (0.02, 0.0), (0.02, 0.03), (0.02, 0.05))
+"""Noise of the ranges [m] and share by which the odometry errs."""
+NEAR = 0.6  # [m] from the box: a target there is the box
+
+
+class Recorder:
+    """Drives as gap_finder, and keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.planner = GapFinder(CAR, 1.0489, 8.0)
+        self.log: list[tuple[Any, Any]] = []
+
+    def reset(self) -> None:
+        self.planner.reset()
+
+    def __call__(self, scan: Any, odometry: Any) -> Any:
+        self.log.append((scan, odometry))
+        return self.planner(scan, odometry)
+
+
+@kernel
+def track_all(memory, scan, ranges, odometry, moves, places):  # type: ignore[no-untyped-def]
+    """Track a drive; write how many targets move in each tick, and x, y and velocity of the first eight of them."""
+    for tick in range(len(ranges)):
+        moves[tick] = track_targets(memory, scan, ranges[tick], odometry[tick], CAR_OFFSET, 0.0)
+        k = 0
+        for target in memory.targets:
+            if target.age > 0 and target.moves and k < places.shape[1]:
+                places[tick, k, 0] = 0.5 * (target.ends[0, 0] + target.ends[1, 0])
+                places[tick, k, 1] = 0.5 * (target.ends[0, 1] + target.ends[1, 1])
+                places[tick, k, 2], places[tick, k, 3] = target.vx, target.vy
+                k += 1
+
+
+
+
+def tracked(log: list[tuple[Any, Any]], noise: float, drift: float) -> tuple[Any, Any, float]:
+    """Return for each tick how many targets move, and what the first eight are; and the time of a scan [us]."""
+    rng = np.random.default_rng(7)
+    ranges = np.array([np.clip(np.nan_to_num(scan.ranges, posinf=30.0), 0.0, 30.0) for scan, _ in log])
+    ranges = np.clip(ranges + rng.normal(0.0, noise, ranges.shape), 0.0, 30.0)
+    odometry = np.zeros(len(log), ODOMETRY)
+    odometry["speed"] = [(1.0 + drift) * each.speed for _, each in log]
+    odometry["angular_velocity"][:, 2] = [(1.0 + drift) * each.yaw_rate for _, each in log]
+    moves, places = np.zeros(len(log), np.int64), np.empty((len(log), 8, 4))
+    least = math.inf
+    for _ in range(3):
+        memory, places[:] = np.zeros(1, TARGETS)[0], math.nan
+        began = time.process_time()
+        track_all(memory, scan_record(log[0][0])[0], ranges, odometry, moves, places)
+        least = min(least, time.process_time() - began)
+    return moves, places, 1e6 * least / len(log)
+
+
+def box_errors(scene: str, log: list[tuple[Any, Any]], places: Any) -> tuple[list[Any], float]:
+    """Return the errors of the velocity [m/s], ahead and aside, and when the box was first known [s]."""
+    (box,) = fg.load_track(scene).moving
+    errors, known, ahead = [], math.nan, CAR.lidar_offset
+    for (_, odometry), rows in zip(log, places, strict=True):
+        (x, y), (_, later) = box.position(odometry.stamp), box.position(odometry.stamp + 1e-3)
+        ahead += 0.025 * odometry.speed
+        away = np.hypot(rows[:, 0] + CAR.lidar_offset - x, rows[:, 1] - y)
+        if not (away < NEAR).any():
+            continue
+        known = odometry.stamp if math.isnan(known) else known
+        row = rows[np.nanargmin(away)]
+        if x - ahead > 1.0 and abs(y) < 0.6 and odometry.stamp > known + 0.1:
+            errors.append((row[2], row[3] - (later - y) / 1e-3))
+    return errors, known
+
+
+def main() -> None:
+    """Record, track, and print two tables."""
+    options = parser(__doc__)
+    options.add_argument("--seed", default="1000:1020", metavar="FIRST:END")
+    options.add_argument("--track", default=COURSES, metavar="LIST")
+    given = options.parse_args()
+    stay_on_cores()
+    first, end = map(int, given.seed.split(":"))
+    scenes, courses = [f"scene:crossing_box:{seed}" for seed in range(first, end)], given.track.split(",")
+    logs = {}
+    for course in (*scenes, *courses):
+        logs[course] = Recorder()
+        fg.race(course, logs[course], laps=1)
+    boxes, standing, figures = [], [], {}
+    for noise, drift in ERRORS:
+        errors, delays = [], []
+        for scene in scenes:
+            _, places, _ = tracked(logs[scene].log, noise, drift)
+            found, known = box_errors(scene, logs[scene].log, places)
+            errors += found
+            delays.append(known)
+        ahead, aside = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
+        boxes.append((f"{noise:g} m, {drift:.0%}", f"{ahead:.2f}", f"{aside:.2f}", f"{np.nanmedian(delays):.2f}",
+                      f"{np.nanmax(delays):.2f}", int(np.isnan(delays).sum())))  # fmt: skip
+        figures[f"{noise:g} {drift:g}"] = {"ahead_m_s": ahead, "aside_m_s": aside, "delays_s": delays}
+    for course in courses:
+        row = [course]
+        for noise, drift in ERRORS:
+            moves, _, duration = tracked(logs[course].log, noise, drift)
+            row.append(str(int((np.diff(moves, prepend=0) > 0).sum())))
+        standing.append((*row, f"{duration:.1f}"))
+    head = ("noise, odometry", "rms ahead [m/s]", "rms aside [m/s]", "known after [s], median", "longest", "never")
+    names = (f"{noise:g} m, {drift:.0%}" for noise, drift in ERRORS)
+    text = table(head, boxes) + "\n\nTargets that seem to move where all stands:\n\n"
+    report(figures, text + table(("course", *names, "a scan [us]"), standing), given.json)
+
+
+if __name__ == "__main__":
+    main()
