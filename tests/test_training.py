@@ -134,6 +134,9 @@ def test_a_training_starts_from_the_weights_of_another(train, tmp_path):
     own, second, fresh = (read_policy(tmp_path / name).act(seen) for name in ("first", "second", "fresh"))
     np.testing.assert_allclose(second, own, atol=1e-6)
     assert np.abs(fresh - own).max() > 1e-4
+    calm = train(tmp_path / "calm", steps=128, start_from=first, **{**SMALL, "ppo": {**slow, "log_std": -3.0}})
+    assert calm.figures["train/std"] == pytest.approx(np.exp(-3.0), rel=1e-3)
+    np.testing.assert_allclose(read_policy(tmp_path / "calm").act(seen), own, atol=1e-6)
     for change, said in (
         ({"observation": "beams:21,speed,flat"}, r"observation beams:20,speed,flat, not beams:21,speed,flat; accepted"),
         ({"privileged": "mu,slip"}, r"size mismatch"),

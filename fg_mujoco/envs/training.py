@@ -40,6 +40,9 @@ from .training_settings import CHECKPOINTS, LOG, MAY_CHANGE, SCHEMA, SETTINGS, T
 if TYPE_CHECKING:
     from .stable_baselines3_env import F1TenthVecEnv
 
+_LOG_STD = -0.7  # of the actions' noise, where nothing else is said
+
+
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Training:
     """A training that has come to its end: its folder is a planner."""
@@ -147,7 +150,8 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
         learning_rate=LinearSchedule(own.learning_rate, 0.05 * own.learning_rate, 1.0),
         batch_size=own.n_steps * settings.worlds // own.minibatches,
         policy_kwargs={
-            "net_arch": list(own.net), "activation_fn": activations[own.activation], "log_std_init": own.log_std,
+            "net_arch": list(own.net), "activation_fn": activations[own.activation],
+            "log_std_init": _LOG_STD if own.log_std is None else own.log_std,
             **only_its,
         },
         seed=settings.seed, device="cpu", **{name: getattr(own, name) for name in names},
@@ -155,6 +159,8 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
     weights = settings.first_weights()
     if weights is not None:
         _take_weights(model, env.policy_interface, weights)
+        if own.log_std is not None:
+            model.policy.log_std.data.fill_(own.log_std)
     return model
 
 

@@ -56,7 +56,7 @@ class PPO:
     target_kl: float = 0.03  # from which on an iteration's updates end
     net: tuple[int, ...] = (128, 128)  # widths of the hidden layers
     activation: str = "tanh"
-    log_std: float = -0.7  # of the actions, at the beginning
+    log_std: float | None = None  # of the actions, at the beginning; None: as start_from has it, else -0.7
     normalise_reward: bool = True  # divide rewards by the running standard deviation of the discounted return
     normalise_observation: bool = False  # by running statistics, which are then part of the policy
 
@@ -71,7 +71,8 @@ class PPO:
         require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", ("gamma", "gae_lambda"), SettingsError)
         costs = ("ent_coef", "vf_coef")
         require(self, lambda value: 0.0 <= value < math.inf, "a number from 0 on", costs, SettingsError)
-        require(self, math.isfinite, "a finite number", ("log_std",), SettingsError)
+        if self.log_std is not None:
+            require(self, math.isfinite, "a finite number", ("log_std",), SettingsError)
         if self.activation not in _ACTIVATIONS:
             said = f"activation is {shown(self.activation)}"
             raise SettingsError(f"{said}; {accepted_names(self.activation, _ACTIVATIONS)}")
