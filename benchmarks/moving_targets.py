@@ -1,10 +1,13 @@
 """How well moving targets are tracked: errors of the velocity, delay, targets that do not move, and time of a scan.
 
-    python benchmarks/moving_targets.py [--seed 1000:1020] [--track oval,hairpins,...] [--json FILE]
+    python benchmarks/moving_targets.py [--seed 1000:1020] [--track oval,hairpins,...] [--pass 1000:1040] [--json FILE]
 
 Scans and odometry are recorded while gap_finder drives `crossing_box` and a lap of each course, and tracked again with
 noise of the ranges and with odometry that errs by a share. Truth is where the box is. Velocities count while the box is
 more than a metre ahead, at least 0.25 m from where it turns back, and has been known for 0.1 s.
+
+`--pass` also drives past other things that move, with predictions and without: two legs at 1 to 2 m/s that go back and
+forth or cross once, a box that comes towards the car, one that comes out of cover, and two boxes that cross.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.scenes.corridors import straight
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -100,11 +106,72 @@ def box_errors(scene: str, log: list[tuple[Any, Any]], places: Any) -> tuple[lis
     return errors, known
 
 
+def back_and_forth(rng: Any, x: float, reach: float) -> MovingObstacle:
+    """Return a box that crosses at 0.5 to 1.2 m/s, up to `reach` [m] to either side."""
+    return MovingObstacle(
+        length=0.3, width=0.4, start=(x, -reach), end=(x, reach), speed=float(rng.uniform(0.5, 1.2)),
+        back_and_forth=True, headway=float(rng.uniform(0.0, 4.0 * reach)),
+    )  # fmt: skip
+
+
+def legs(rng: Any, start: float, end: float, **way: Any) -> list[MovingObstacle]:
+    """Return two legs of a pedestrian who crosses from one y [m] to another at 1 to 2 m/s."""
+    x, speed = float(rng.uniform(8.0, 12.0)), float(rng.uniform(1.0, 2.0))
+    return [
+        MovingObstacle(length=0.12, width=0.12, start=(x + dx, start + dy), end=(x + dx, end + dy), speed=speed, **way)
+        for dx, dy in ((0.0, 0.0), (0.12, 0.2))
+    ]
+
+
+def passing_scene(kind: str, seed: int) -> Any:
+    """Return a corridor in which things of a kind move."""
+    rng, standing, width, length = np.random.default_rng(seed), [], 2.6, 18.0
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    if kind == "two legs, back and forth":
+        moving = legs(rng, -1.0, 1.0, back_and_forth=True, headway=float(rng.uniform(0.0, 4.0)))
+    elif kind == "two legs, once":
+        moving = legs(rng, -3.0 * side, side)
+    elif kind == "towards the car":
+        y, length = float(rng.uniform(-0.5, 0.5)), 20.0
+        moving = [MovingObstacle(length=0.5, width=0.3, start=(19.0, y), end=(2.0, -y), speed=float(rng.uniform(1, 2)))]
+    elif kind == "out of cover":
+        x, width = float(rng.uniform(8.0, 12.0)), 3.0
+        standing = [Box(x=x - 0.6, y=1.15 * side, length=0.4, width=0.7)]
+        moving = [back_and_forth(rng, x, 1.25)]
+    else:
+        width, length = 3.0, 20.0
+        moving = [back_and_forth(rng, x, 1.25) for x in (8.0, float(rng.uniform(11.0, 14.0)))]
+    return straight(f"{kind} {seed}", length, tuple(standing), moving=tuple(moving), width=width)
+
+
+KINDS = ("two legs, back and forth", "two legs, once", "towards the car", "out of cover", "two boxes")
+
+
+def passed(seeds: range) -> list[tuple[Any, ...]]:
+    """Return a row for each kind and speed: races finished without predictions and with them."""
+    return [
+        (
+            kind,
+            f"{speed:g}",
+            *(
+                sum(
+                    fg.race(passing_scene(kind, seed), planner, max_speed=speed).car.finished for seed in seeds
+                )
+                for planner in ("gap_finder[prediction=false]", "gap_finder")
+            ),
+            len(seeds),
+        )
+        for kind in KINDS
+        for speed in (8.0, 4.0)
+    ]
+
+
 def main() -> None:
     """Record, track, and print two tables."""
     options = parser(__doc__)
     options.add_argument("--seed", default="1000:1020", metavar="FIRST:END")
     options.add_argument("--track", default=COURSES, metavar="LIST")
+    options.add_argument("--pass", default="", metavar="FIRST:END", dest="passing", help="seeds of other scenes")
     given = options.parse_args()
     stay_on_cores()
     first, end = map(int, given.seed.split(":"))
@@ -134,7 +201,12 @@ def main() -> None:
     head = ("noise, odometry", "rms ahead [m/s]", "rms aside [m/s]", "known after [s], median", "longest", "never")
     names = (f"{noise:g} m, {drift:.0%}" for noise, drift in ERRORS)
     text = table(head, boxes) + "\n\nTargets that seem to move where all stands:\n\n"
-    report(figures, text + table(("course", *names, "a scan [us]"), standing), given.json)
+    text += table(("course", *names, "a scan [us]"), standing)
+    if given.passing:
+        rows = passed(range(*map(int, given.passing.split(":"))))
+        figures["passed"] = rows
+        text += "\n\n" + table(("what moves", "speed [m/s]", "without", "with prediction", "of"), rows)
+    report(figures, text, given.json)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,10 @@ uncertainty of its speed. Where the line meets what stands, the target stays the
 From these the scans are made that a planner decides by (`foresee`, `separate`):
 
 clear   the beams that end on targets are lengthened to what is next to them. The safety filter simulates its stops in
-        this scan, and compares each place of the stop with each target at the time when the car is there.
-seen    the same, with each target drawn where it may be when the car could be as far away. The planner, the speed laws
-        and guidance have this scan: they go past a target on the side where it will not be, or wait.
+        this scan, and compares each place of the stop with each target at the time when the car is there. The speed by
+        sight is of this scan, too.
+seen    the same, with each target drawn where it may be when the car could be as far away. The planner, guidance and
+        the other speed laws have this scan: they go past a target on the side where it will not be, or wait.
 
 Without a target that moves both are the LiDAR's scan, to the last bit.
 
