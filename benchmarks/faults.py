@@ -354,7 +354,7 @@ FAULTS = {
     ),
     "the heading of a car on the map taken for that from the course": Fault(
         file="fg_mujoco/racing/recent_motion.py",
-        old="turned = poses[:, 2] - np.array([self._direction(s) for s in along.tolist()])",
+        old="turned = poses[:, 2] - self._directions(along)",
         new="turned = poses[:, 2]",
         tests="test_staged_touches.py",
     ),

@@ -60,6 +60,9 @@ BRAKING = 0.5
 HARD = 0.4
 """Of what friction allows: mean deceleration from which braking is hard."""
 
+BRAKED_BY = 1.0
+"""[m/s] that hard braking takes off at least."""
+
 AGAINST = 0.3
 """[m/s] against the direction of the race from which a car is at fault for it; slower is manoeuvring."""
 
@@ -72,7 +75,6 @@ LINE_SLOPE = math.tan(math.radians(20.0))
 _OVERLAPPING = 0.1  # [s] for which both gaps may have been closed, as cars are no boxes along the course
 _CREEP = 0.05  # [m/s] at which a gap has to close; slower, it is held
 _SPAN = 0.1  # [s] over which speeds are measured
-_BRAKED = 1.0  # [m/s] that hard braking takes off at least
 
 RAN_INTO = "ran into the car ahead"
 RAN_INTO_STANDING = "ran into a car that stands"
@@ -301,7 +303,7 @@ class _Meeting:
         fastest = max(speeds)
         began = max(i for i in range(self.last + 1) if speeds[i] >= fastest - _CREEP)
         taken, slower = float(self.time[-1] - self.time[began]), fastest - speeds[-1]
-        hard = slower >= _BRAKED and slower >= HARD * car.grip * taken
+        hard = slower >= BRAKED_BY and slower >= HARD * car.grip * taken
         return hard and not self._could_avoid(behind, began)
 
     def _had_to_give_way(self, behind: int, began: int, moved: float) -> bool:

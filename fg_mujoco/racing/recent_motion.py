@@ -9,6 +9,7 @@ verdict = judge(recent.incident((0, 1), step=2))
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +22,7 @@ from ..simulation.cars import footprint
 from ..simulation.engine import Engine
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.world import OBSTACLE_PREFIX
-from .fault import BRAKING, LOOK_BACK, Approach, Incident
+from .fault import BRAKED_BY, BRAKING, LOOK_BACK, Approach, Incident
 
 _COLUMNS = tuple(TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s"))
 _TIME, _KEPT = TELEMETRY.index("time_s"), 1 + max(*_COLUMNS, TELEMETRY.index("time_s"))
@@ -41,7 +42,7 @@ class _Placed:
     along: FloatArray  # [m] on the course's line
     across: FloatArray  # [m] to its left
     heading: FloatArray  # [rad] from its direction
-    speed: float  # greatest [m/s]
+    speeds: FloatArray  # [m/s] at the start of each tick, (k - 1,)
 
 
 class RecentMotion:
@@ -86,25 +87,31 @@ class RecentMotion:
         time = self._kept[ticks, 0, _TIME]
         lasted = step * float(built.model.opt.timestep)
         time = np.append(time, time[-1] + lasted)
-        placed = [self._on_course(car, ticks, lasted) for car in range(self._engine.cars_per_world)]
+        placed = {car: self._on_course(car, ticks, lasted) for car in pair}
+        braked = {car: bool(placed[car].speeds.max() - placed[car].speeds[-1] >= 0.5 * BRAKED_BY) for car in pair}
+        if any(braked.values()):  # else nobody asks whether there was something to brake for
+            cars = range(self._engine.cars_per_world)
+            placed |= {car: self._on_course(car, ticks, lasted) for car in cars if car not in pair}
         wrap = built.track.modulus
         at = float(placed[pair[0]].along[-1])
-        along = [(car.along - at + 0.5 * wrap) % wrap - 0.5 * wrap for car in placed]
+        along = {number: (car.along - at + 0.5 * wrap) % wrap - 0.5 * wrap for number, car in placed.items()}
         middle, offset = (
             0.5 * float(values[0] + values[1])
             for values in ([along[car][-1] for car in pair], [placed[car].across[-1] for car in pair])
         )
-        scale = self._scale(at + middle, offset)
+        bend = float(self._curvatures(at + middle - 0.5 * _STEP, at + middle)[0])
+        scale = min(max(1.0 - bend * offset, _LEAST_SCALE), _GREATEST_SCALE)  # of a way beside the line
+        scaled = {car: scale * each for car, each in along.items()}
         normal = self._normal(pair, lasted)
-        course = self._direction(at + middle)
+        course = float(self._directions(np.array([at + middle]))[0])
         approaches = []
         for car, was_pushed in zip(pair, pushed, strict=True):
             own, parameters = placed[car], self._car(car)
             approaches.append(
                 Approach(
-                    length=parameters.length, width=parameters.width, along=scale * along[car], across=own.across,
+                    length=parameters.length, width=parameters.width, along=scaled[car], across=own.across,
                     heading=own.heading, grip=self._grip(car), pushed=was_pushed,
-                    cause=self._has_cause(car, [scale * each for each in along], placed, at, scale),
+                    cause=not braked[car] or self._has_cause(car, scaled, placed, at, scale),
                 )
             )  # fmt: skip
         bends = np.abs(self._curvatures(at + middle - _BEND_BEHIND, at + middle + _BEND_AHEAD))
@@ -176,43 +183,41 @@ class RecentMotion:
         for i in range(len(points) - 1, -1, -1):  # each is near the one after it
             found = course.project(points[i : i + 1], near=near)
             along[i], across[i] = near, _ = float(found[0][0]), float(found[1][0])
-        turned = poses[:, 2] - np.array([self._direction(s) for s in along.tolist()])
+        turned = poses[:, 2] - self._directions(along)
         speeds = np.abs(self._kept[ticks, car, _COLUMNS[3]])
         heading = np.remainder(turned + math.pi, 2.0 * math.pi) - math.pi
-        return _Placed(along=along, across=across, heading=heading, speed=float(speeds.max()))
+        return _Placed(along=along, across=across, heading=heading, speeds=speeds)
 
-    def _direction(self, s: float) -> float:
-        """Return the direction of the course at a place on its line [rad]."""
+    @cached_property
+    def _line(self) -> tuple[FloatArray, FloatArray]:
+        """The middles of the segments of the course's line, by progress [m], and their directions, unwrapped [rad]."""
+        starts, _, _, dx, dy, squared = self._engine.world_of(self._world).track.table
+        return starts + 0.5 * np.sqrt(squared), np.unwrap(np.arctan2(dy, dx))
+
+    def _directions(self, s: FloatArray) -> FloatArray:
+        """Return the direction of the course at places on its line [rad]: evenly from one segment to the next."""
         course = self._engine.world_of(self._world).track
-        s -= course.origin or 0.0
-        return course.start_pose(s if course.closed else min(max(s, 0.0), course.length))[2]
+        return np.interp(np.mod(s, course.modulus) if course.closed else s, *self._line)
 
     def _curvatures(self, first: float, last: float) -> FloatArray:
         """Return the curvature of the course between two places on its line [1/m]."""
-        places = np.arange(first, last + _STEP, _STEP)
-        turned = np.diff([self._direction(s) for s in places.tolist()])
-        return (np.remainder(turned + math.pi, 2.0 * math.pi) - math.pi) / _STEP
-
-    def _scale(self, s: float, offset: float) -> float:
-        """Return the length of a way beside the course's line, of one metre on it."""
-        course = self._engine.world_of(self._world).track
-        s -= course.origin or 0.0
-        ends = [np.array(course.start_pose(s + each, offset)[:2]) for each in (-0.5 * _STEP, 0.5 * _STEP)]
-        return min(max(float(np.hypot(*(ends[1] - ends[0]))) / _STEP, _LEAST_SCALE), _GREATEST_SCALE)
+        turned = np.diff(self._directions(np.arange(first, last + _STEP, _STEP)))
+        return np.asarray((np.remainder(turned + math.pi, 2.0 * math.pi) - math.pi) / _STEP)
 
     def _has_cause(
-        self, car: int, along: list[FloatArray], placed: list[_Placed], at: float, scale: float
+        self, car: int, along: Mapping[int, FloatArray], placed: Mapping[int, _Placed], at: float, scale: float
     ) -> bool:
         """Return whether a car had something to brake for within its stopping distance."""
         built, grip = self._engine.world_of(self._world), self._grip(car)
         if built.moving:
             return True
-        reach = min(placed[car].speed ** 2 / (2.0 * BRAKING * grip) + self._car(car).length, _FURTHEST)
+        speed = float(placed[car].speeds.max())
+        reach = min(speed**2 / (2.0 * BRAKING * grip) + self._car(car).length, _FURTHEST)
         first, last = float(along[car].min()), float(along[car].max()) + reach
         bends = self._curvatures(at + first / scale, at + last / scale)
-        if np.abs(bends).max() * placed[car].speed ** 2 >= _SLOWS * grip:
+        if np.abs(bends).max() * speed**2 >= _SLOWS * grip:
             return True
-        for other, own in enumerate(placed):
+        for other, own in placed.items():
             ahead = along[other] > along[car]
             aside = np.abs(own.across - placed[car].across)
             width = 0.5 * (self._car(car).width + self._car(other).width)
