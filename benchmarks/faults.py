@@ -443,6 +443,30 @@ FAULTS = {
         new="time=first + (found.time - first) / clock, values=found.values)",
         tests="test_recorded_drives.py",
     ),
+    "a commanded angle is the wheels' angle without the car's map": Fault(
+        file="fg_mujoco/vehicle/command_response.py",
+        old="return np.asarray(self.steering_gain * command + self.steering_offset)",
+        new="return np.asarray(self.steering_gain * command)",
+        tests="test_car.py",
+    ),
+    "a car that coasts brakes": Fault(
+        file="fg_mujoco/vehicle/command_response.py",
+        old="np.where(command < 0.0, self.braking_gain, self.acceleration_gain)",
+        new="self.acceleration_gain",
+        tests="test_validation.py",
+    ),
+    "an acceleration is given as if the motor's set point were not old": Fault(
+        file="fg_mujoco/studies/validation/car_model.py",
+        old="wheel_speeds + goes_on + tau * wanted",
+        new="wheel_speeds + 0.8 * tau * wanted",
+        tests="test_validation.py",
+    ),
+    "windows go through collisions": Fault(
+        file="fg_mujoco/studies/validation/windows.py",
+        old="_HIT = 12.0",
+        new="_HIT = 1e3",
+        tests="test_validation.py",
+    ),
     "a window that starts with its lateral speed to the other side": Fault(
         file="fg_mujoco/studies/validation/car_model.py",
         old="forward * cos - lateral * sin, forward * sin + lateral * cos",

@@ -3,9 +3,9 @@
 1. Where the car is (Odometry.pose), and the point of the line that is nearest to its rear axle: from the one of
    the last tick on, so that a stretch that runs close by is not mistaken for this one. At first, and where the car is
    further than `lost_distance` from the stretch that it was on, the whole line is searched.
-2. The goal is the first point from there on that is at least a lookahead away. The lookahead grows with the speed, and
-   with the distance to the line, so that the car joins it at a flat angle. Beyond the end of an open line it is
-   straight on.
+2. The goal is the first point from there on that is at least a lookahead away. The lookahead grows with the speed, with
+   how late the car's wheels turn, and with the distance to the line, so that the car joins it at a flat angle. Beyond
+   the end of an open line it is straight on.
 3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
    goal behind the car leads away from it at first: there the car turns as sharply as it can.
 4. The speed is that of a profile computed once (racelines.limit_speeds): cornering, braking and accelerating
@@ -39,7 +39,7 @@ from .control.driving import DrivingSettings, SpeedLaw
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
-from .control.steering import pursue
+from .control.steering import late_by, pursue
 from .safety.friction_limiter import FrictionLimiter
 
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
@@ -116,9 +116,9 @@ def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: flo
 
 
 @kernel
-def lookahead_at(settings: Record, speed: float, offset: float) -> float:
-    """Return the lookahead [m] at a speed [m/s] and a distance to the line [m]."""
-    on_line = max(settings.least_lookahead, settings.lookahead_time * speed)
+def lookahead_at(settings: Record, car: Record, speed: float, offset: float) -> float:
+    """Return the lookahead [m] of a car at a speed [m/s] and a distance to the line [m]."""
+    on_line = max(settings.least_lookahead, settings.lookahead_time * speed) + late_by(car) * speed
     return float(on_line + settings.joining_lookahead * offset)
 
 
@@ -211,14 +211,14 @@ class PurePursuit(Planner):
         nearest = nearest_point(line, memory, settings.lost_distance, x, y)
         if line[nearest, SPEED] == 0.0:
             return math.nan, 0.0, math.nan
-        lookahead = lookahead_at(settings, now, distance_to(line, nearest, x, y))
+        lookahead = lookahead_at(settings, car, now, distance_to(line, nearest, x, y))
         goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
         bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
         bearing = math.atan2(math.sin(bearing), math.cos(bearing))
         steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
         if abs(bearing) > 0.5 * math.pi:
             steering_angle = math.copysign(car.max_steering_angle, bearing)
-        return steering_angle, profile_speed(line, nearest, settings.reaction * now), bearing
+        return steering_angle, profile_speed(line, nearest, (settings.reaction + late_by(car)) * now), bearing
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
@@ -232,7 +232,7 @@ class PurePursuit(Planner):
             return None
         nearest = nearest_of_all(self.line, x, y)
         offset = distance_to(self.line, nearest, x, y)
-        lookahead = lookahead_at(self.settings_row[0], abs(odometry.speed), offset)
+        lookahead = lookahead_at(self.settings_row[0], self.driver[0]["car"], abs(odometry.speed), offset)
         return goal_ahead(self.line, nearest, lookahead, x, y)
 
 

@@ -35,7 +35,7 @@ from fg_mujoco.messages import FloatArray, LaserScan
 from .control.driving import DrivingSettings
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, Accepted, Record, setting
-from .control.steering import saturate
+from .control.steering import late_by, saturate
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import scan_record, sees
 
@@ -86,10 +86,13 @@ def wall_beside(scan: Record, valid: FloatArray, side: float, beam_angle: float)
 
 
 @kernel
-def steering_towards(scan: Record, valid: FloatArray, side: float, settings: Record) -> float:
-    """Return the steering angle [rad], towards the wall at that side (1 left, -1 right); NaN without a wall."""
+def steering_towards(scan: Record, valid: FloatArray, side: float, settings: Record, way: float) -> float:
+    """Return the steering angle [rad], towards the wall at that side (1 left, -1 right); NaN without a wall.
+
+    `way` [m] is what the car drives until its wheels have turned, beyond that of the F1TENTH car.
+    """
     distance, alpha = wall_beside(scan, valid, side, settings.beam_angle)
-    error = distance + settings.projection * math.sin(alpha) - settings.desired_distance
+    error = distance + (settings.projection + way) * math.sin(alpha) - settings.desired_distance
     return float(settings.proportional_gain * error + settings.derivative_gain * math.sin(alpha))
 
 
@@ -111,10 +114,11 @@ class WallFollow(Planner):
     ) -> tuple[float, float, float]:
         """Return the steering angle [rad], no limit to the speed, and the bearing [rad] in which the car steers."""
         left = right = math.nan
+        way = late_by(car) * abs(odometry.speed)
         if settings.side != _RIGHT:
-            left = steering_towards(scan, ranges, 1.0, settings)
+            left = steering_towards(scan, ranges, 1.0, settings, way)
         if settings.side != _LEFT:
-            right = steering_towards(scan, ranges, -1.0, settings)
+            right = steering_towards(scan, ranges, -1.0, settings, way)
         if math.isnan(left) and math.isnan(right):
             steering_angle = 0.0
         elif math.isnan(left):

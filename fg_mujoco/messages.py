@@ -360,8 +360,9 @@ _OF_TIRES = ("cornering_stiffness", "peak", "peak_slip")
 class CarParameters:
     """Parameters of a car for planners. Read off the compiled model by `fg_mujoco.vehicle.car`, never typed twice.
 
-    The last seven are of its tires, as `fg-mujoco identify` finds them on a real car. Their defaults are those of tires
-    that need hardly any slip angle: the default set `coulomb`, and MuJoCo's contacts.
+    Those from `front_cornering_stiffness` to `relaxation_length` are of its tires, as `fg-mujoco identify` finds them
+    on a real car. Their defaults are those of tires that need hardly any slip angle: the default set `coulomb`, and
+    MuJoCo's contacts.
 
     Raises:
       MessageError: a value that is not a positive number (`min_speed`: not a finite one; of the tires: inf is one).
@@ -395,15 +396,18 @@ class CarParameters:
     front_peak_slip: float = math.inf  # [rad] slip angle of the peak; inf: the force grows in proportion
     rear_peak_slip: float = math.inf  # [rad]
     relaxation_length: float = 0.0  # [m] over which the force follows the slip angle
+    steering_time_constant: float = 0.02  # [s] of the steering servo: rate = (command - angle) / this, until limited
+    command_delay: float = 0.0  # [s] from a command to the servos
 
     def __post_init__(self) -> None:
         require(self, math.isfinite, "a finite number", ("min_speed",), MessageError)
         of_tires = tuple(f"{axle}_{name}" for axle in ("front", "rear") for name in _OF_TIRES)
-        others = ("min_speed", "relaxation_length", *of_tires)
+        from_zero = ("relaxation_length", "command_delay")
+        others = ("min_speed", *from_zero, *of_tires)
         positive = tuple(f.name for f in fields(self) if f.name not in others)
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, MessageError)
         require(self, lambda value: value > 0.0, "a positive number, or inf", of_tires, MessageError)
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("relaxation_length",), MessageError)
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", from_zero, MessageError)
 
     def __repr__(self) -> str:
         return brief(

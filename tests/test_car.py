@@ -2,7 +2,6 @@
 
 import math
 from importlib.resources import files
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -64,8 +63,11 @@ IPZ = COMMUNITY | {
     "rear_axle_distance": 0.145,
     "wheelbase": 0.307,
     # identified, docs/identification.md
-    "yaw_inertia": 0.0955,
+    "yaw_inertia": 0.107,
     "lidar_offset": 0.27,
+    "max_steering_angle": 0.4373,
+    "steering_time_constant": 0.0561,
+    "command_delay": 0.0099,
 }
 
 
@@ -84,22 +86,52 @@ def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, valu
     assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
 
 
-IPZ_FILE = Path(__file__).parents[1] / "examples" / "vehicles" / "ipz.xml"
-
-
 @pytest.mark.parametrize(("name", "value"), IPZ.items())
 def test_compiled_ipz_has_its_identified_constant_or_the_community_one(name, value):
-    found = getattr(Vehicle.load(IPZ_FILE).parameters, name)
-    assert found == pytest.approx(value, rel=1e-4)
+    assert getattr(Vehicle.load("ipz").parameters, name) == pytest.approx(value, rel=1e-4)
 
 
-def test_ipz_turns_its_wheels_by_the_identified_gain_and_offset_up_to_the_end_of_its_steering():
-    def angle(command):
-        commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, command), speed=np.full(2, 1.0))
-        return fg.drive(commands, vehicle=IPZ_FILE).car.column("steering_angle_rad")[-1]
+def test_what_ipz_is_sent_becomes_the_angle_of_its_wheels_by_the_identified_map_and_a_command_is_that_angle():
+    vehicle = Vehicle.load("ipz")
+    response, angles = vehicle.command_response, np.array((-0.3, 0.0, 0.2))
+    assert response.wheel_angle(np.array((0.2, -0.1))) == pytest.approx((1.283 * 0.2 + 0.0054, 0.0054 - 0.1283))
+    assert response.wheel_angle(response.steering_command(angles)) == pytest.approx(angles)
+    commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, 0.2), speed=np.full(2, 1.0))
+    angle = fg.drive(commands, vehicle=vehicle).car.column("steering_angle_rad")
+    assert angle[-1] == pytest.approx(0.2, abs=1e-4)
+    turned = np.interp(0.2 * (1.0 - math.exp(-1.0)), angle, 0.025 * np.arange(len(angle)))
+    assert turned == pytest.approx(0.0561 + 0.0099, abs=0.015)  # its lag and delay, seen at ticks
+    assert response.acceleration(np.array((2.0, -2.0))) == pytest.approx((1.185 * 2.0, 0.0))
 
-    assert angle(0.2) == pytest.approx(1.287 * 0.2 + 0.0064, abs=1e-4)
-    assert angle(-0.4) == pytest.approx(-0.439, abs=1e-6)
+
+def test_a_steering_ends_where_its_joint_does_whatever_is_commanded(tmp_path):
+    file = tmp_path / "car.xml"
+    file.write_text(Vehicle.load("ipz").text.replace('ctrlrange="-0.4373 0.4373"', 'ctrlrange="-0.6 0.6"'))
+    commands = fg.Commands(time=np.array([0.0, 1.0]), steering_angle=np.full(2, -0.6), speed=np.full(2, 1.0))
+    angle = fg.drive(commands, vehicle=file).car.column("steering_angle_rad")[-1]
+    assert angle == pytest.approx(-0.4373, abs=1e-6)
+
+
+def test_a_car_without_maps_does_what_it_is_sent():
+    for name in ("f1tenth", "nuc2"):
+        response = Vehicle.load(name).command_response
+        assert (response.steering_gain, response.steering_offset, response.acceleration_gain) == (1.0, 0.0, 1.0)
+        assert response.steering_lag == pytest.approx(0.02) and response.steering_delay == 0.0
+
+
+@pytest.mark.parametrize(
+    ("numeric", "said"),
+    [
+        ('name="steering_map" data="1.3"', "has 1 values; accepted: 2, gain, offset"),
+        ('name="steering_map" data="0 0"', "steering_gain is 0.0; accepted: a positive number"),
+        ('name="acceleration_map" data="1 -1 0"', "braking_gain is -1.0; accepted: a number from 0"),
+    ],
+)
+def test_a_map_that_is_none_is_refused(tmp_path, numeric, said):
+    file = tmp_path / "car.xml"
+    file.write_text(Vehicle.load("f1tenth").text.replace("<custom>", f"<custom><numeric {numeric}/>", 1))
+    with pytest.raises(fg.ModelError, match=said):
+        Vehicle.load(file)
 
 
 def test_the_default_vehicle_is_the_communitys():

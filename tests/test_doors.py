@@ -278,7 +278,7 @@ def test_a_bad_vehicle_is_refused_by_every_command(here, capsys, command, before
 @pytest.mark.parametrize("command", ["race", "rollout", "view", "compare"])
 def test_a_vehicle_that_is_not_there_is_refused_by_every_command(here, capsys, command):
     arguments = ("--out", "out") if command == "compare" else ()
-    assert "accepted: f1tenth, nuc2, or" in refused(here, capsys, command, *arguments, "--vehicle", "f1tent")
+    assert "accepted: f1tenth, ipz, nuc2, or" in refused(here, capsys, command, *arguments, "--vehicle", "f1tent")
     assert "No such file" in refused(here, capsys, command, *arguments, "--vehicle", "none.xml")
 
 

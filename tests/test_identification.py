@@ -506,8 +506,8 @@ def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_dr
         identify_drives([gentle_drive], hold_out=[turned], **options)
 
 
-@pytest.mark.parametrize("accelerations", [False, True])
-def test_the_response_of_the_speed_is_found(exciting_drive, accelerations):
+@pytest.mark.parametrize(("accelerations", "brakes"), [(False, True), (True, True), (True, False)])
+def test_the_response_of_the_speed_is_found(exciting_drive, accelerations, brakes):
     """Against a speed that is integrated finely; the car goes straight, so nothing but the drive changes it."""
     time, late, step = np.arange(0.0, 60.0, 0.04), 0.08, 0.001
     rng = np.random.default_rng(4)
@@ -521,7 +521,7 @@ def test_the_response_of_the_speed_is_found(exciting_drive, accelerations):
         for _ in range(round(0.04 / step)):
             speeds.append(speed)
             u = commands[max(row - round(late / 0.04), 0)]
-            push = 1.2 * u - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
+            push = 1.2 * (u if brakes else max(u, 0.0)) - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
             speed += step * (push - 0.03 * 9.81)
     speeds = np.array(speeds)[: len(fine)]
 
@@ -538,7 +538,7 @@ def test_the_response_of_the_speed_is_found(exciting_drive, accelerations):
     problem = DriveProblem(drive, front_drive=0.5)
     parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
     found = speed_response([problem], parameters)
-    assert found.accelerations == accelerations
+    assert (found.accelerations, found.braking) == (accelerations, brakes)
     assert found.delay[0] == pytest.approx(late, abs=0.024)
     assert found.gain[0] == pytest.approx(1.2 if accelerations else 1.05, rel=0.05)
     if accelerations:
@@ -554,9 +554,12 @@ def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, 
     path = write_vehicle(found, base, tmp_path / "my_car.xml", tires="f1tenth_gym")
     car = fg.Vehicle.load(path)
     gain, offset = found.steering_gain.value, found.steering_offset.value
+    response = car.command_response
+    assert response.wheel_angle(0.2) == pytest.approx(0.2 * gain + offset, abs=1e-5)
+    assert response.steering_lag == pytest.approx(max(found.steering_lag.value, 0.02), rel=0.01)
     commands = fg.Commands(time=np.array([0.0, 1.5]), steering_angle=np.array([0.2, 0.2]), speed=np.array([1.0, 1.0]))
     angle = fg.drive(commands, vehicle=car).car.column("steering_angle_rad")[-1]
-    assert angle == pytest.approx(0.2 * gain + offset, abs=1e-3)
+    assert angle == pytest.approx(0.2, abs=1e-3)
     assert "Not told by the drives, and so the vehicle's: speed response." in car.text
     assert "<!-- " in car.text and car.parameters.mass == base.parameters.mass
     again = write_vehicle(found, car, tmp_path / "again.xml", tires="f1tenth_gym")  # a car that was identified before

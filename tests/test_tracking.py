@@ -34,7 +34,7 @@ def follow(points, speed, beside=0.0, heading=0.0, step=0.005, tick=0.025):
             place = next_place(points, place, x, y, heading)
             if place + 1 >= len(points):
                 return np.array(off)
-            command = steer_along(points, place, x, y, heading, speed, CAR.wheelbase)
+            command = steer_along(points, place, x, y, heading, speed, CAR.wheelbase, 0.0)
             command = max(-CAR.max_steering_angle, min(command, CAR.max_steering_angle))
             off.append(errors(points[place], x, y, heading)[1])
         angle += (command - angle) * (1.0 - math.exp(-step / (0.5 * LAG)))
@@ -81,8 +81,8 @@ def test_whole_turns_between_the_headings_are_no_error(turns):
 
 def test_left_and_right_are_mirror_images():
     left, right = motion((3, 0.0), (4, 0.8)), motion((3, 0.0), (4, -0.8))
-    assert steer_along(left, 1, 0.4, 0.05, 0.1, 2.0, CAR.wheelbase) == -steer_along(
-        right, 1, 0.4, -0.05, -0.1, 2.0, CAR.wheelbase
+    assert steer_along(left, 1, 0.4, 0.05, 0.1, 2.0, CAR.wheelbase, 0.0) == -steer_along(
+        right, 1, 0.4, -0.05, -0.1, 2.0, CAR.wheelbase, 0.0
     )
 
 

@@ -18,7 +18,15 @@ from fg_mujoco.studies.validation.car_model import BEFORE, CarModel, Task
 from fg_mujoco.studies.validation.planar_models import PlanarModel
 from fg_mujoco.studies.validation.scoreboard import Scoreboard
 from fg_mujoco.studies.validation.validation import COMMANDS, HELD, validate, validate_model
-from fg_mujoco.studies.validation.windows import PERIOD, motion_of, steady_states_of, windows_of
+from fg_mujoco.studies.validation.windows import (
+    ACCELERATE,
+    COMMAND_SPEED,
+    HOLD_SPEED,
+    PERIOD,
+    motion_of,
+    steady_states_of,
+    windows_of,
+)
 from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -76,12 +84,12 @@ def test_windows_follow_each_other_where_the_car_moves(circle):
     assert all(state.speed > 1.0 and abs(state.yaw_rate) > 0.3 for state in steady_states_of([motion]))
 
 
-def task(steering, speed, start, seconds, *, held):
+def task(steering, drive, start, seconds, *, kind):
     count = round(seconds / PERIOD)
     row = np.full((1, BEFORE + count), 1.0)
     return Task(
-        starts=np.array([start]), counts=np.array([count]), steering=steering * row, speed=speed * row,
-        held=np.array([held]),
+        starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
+        kinds=np.array([kind]),
     )  # fmt: skip
 
 
@@ -89,7 +97,7 @@ def test_the_gyms_model_is_the_gyms():
     """The same steering, from the same state, by `vehicle_dynamics_st` of our f110 code, integrated on its own."""
     car, steering = CAR.parameters, 0.1
     model = PlanarModel(name="gym", vehicle=CAR)
-    found = model.simulate(task(steering, 3.0, (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, steering), 1.0, held=False))[0]
+    found = model.simulate(task(steering, 3.0, (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, steering), 1.0, kind=COMMAND_SPEED))[0]
     numbers = (
         1.0489, FRONT_STIFFNESS, REAR_STIFFNESS, car.front_axle_distance, car.rear_axle_distance,
         car.center_of_gravity_height, car.mass, car.yaw_inertia, -car.max_steering_angle, car.max_steering_angle,
@@ -107,9 +115,48 @@ def test_the_gyms_model_is_the_gyms():
 def test_a_recorded_state_is_written_as_it_was():
     start = (1.0, -2.0, 0.5, 3.0, -0.2, 1.5, 0.2)
     model = CarModel(vehicle=CAR, tires=Tires.load("forzaeth_sim"), mu=0.66)
-    found = model.simulate(task(0.2, 3.0, start, 0.1, held=True))[0]
+    found = model.simulate(task(0.2, 3.0, start, 0.1, kind=HOLD_SPEED))[0]
     assert found[0] == pytest.approx(start[:6]) and found[1, 5] == pytest.approx(1.5, abs=0.4)
     assert found[-1, 3] == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("vehicle", "asked"), [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
+def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance(vehicle, asked):
+    """Newton: of ipz .238 m/s^2 for each m/s and .0422 g, which also turn the wheels: 4.283 kg for 4.0 kg."""
+    car = Vehicle.load(vehicle)
+    model = CarModel(vehicle=car, tires=car.tires)
+    start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
+    speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
+    resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
+    assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
+    planar = PlanarModel(name="gym", vehicle=CAR).simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0]
+    assert planar[-1, 3] == pytest.approx(3.0 + asked, abs=1e-6)
+
+
+def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_path):
+    """A point that speeds up by .8 of what it is sent 0.2 s before, and coasts where that is negative."""
+    time = np.arange(0.0, 8.0, 0.02)
+    sent = np.where(np.sin(1.5 * time) > 0.0, 1.0, -1.0)
+    late = 0.8 * np.maximum(np.interp(time - 0.2, time, sent), 0.0)
+    speed = 2.0 + np.cumsum(late) * 0.02
+    x = np.cumsum(speed) * 0.02
+    lines = ["t,v,r,d,a,x,y,yaw"]
+    lines += [f"{t:.3f},{v:.5f},0,0,{a:.3f},{p:.5f},0,0" for t, v, a, p in zip(time, speed, sent, x, strict=True)]
+    (tmp_path / "drive.csv").write_text("\n".join(lines))
+    columns = {
+        "time": "t", "speed": "v", "yaw_rate": "r", "steering": "d", "x": "x", "y": "y", "yaw": "yaw",
+        "acceleration_command": {"column": "a", "unit": "m/s^2"},
+    }  # fmt: skip
+    file = tmp_path / "car.xml"
+    numeric = '<custom><numeric name="acceleration_map" data="0.8 0 0.2"/>'
+    file.write_text(CAR.text.replace("<custom>", numeric, 1))
+    right, wrong = (
+        validate([tmp_path / "drive.csv"], vehicle=vehicle, columns=columns).agreement("speed", COMMANDS, 2.0)
+        for vehicle in (file, "f1tenth")
+    )
+    assert right.share < 0.02 and wrong.share > 0.1
+    with pytest.raises(fg.SettingsError, match="speed_command and acceleration_command are given"):
+        read_drive(tmp_path / "drive.csv", columns=columns | {"speed_command": "v"})
 
 
 def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, capsys, page_of):  # noqa: F811
@@ -144,3 +191,14 @@ def test_a_real_drive_is_validated_and_its_steady_states_found():
     assert state.steering == pytest.approx(0.2) and state.speed == pytest.approx(1.7, abs=0.1)
     assert state.yaw_rate / state.speed == pytest.approx(0.967 * 1.412 / 1.69, rel=0.03)
     assert np.isfinite([each.rms for each in found.agreements[HELD, 1.0]]).all()
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")
+def test_a_second_in_which_a_real_car_hits_the_wall_is_no_window():
+    """At 61.1 s it is thrown round: its speed falls from 3.5 to 1.6 m/s within .1 s, on tires that hold .8 g."""
+    drive = read_drive(SHARED / "ipz20_race_03.csv")
+    motion = motion_of(drive, Vehicle.load("ipz").parameters, "ipz")
+    times = [motion.time[[each.first, each.first + each.count]] for each in windows_of([motion], 1.0)]
+    assert not any(first < 61.1 < last for first, last in times)
+    assert any(first < 60.0 < last for first, last in times)
+    assert drive.checks.heading_offset.value == pytest.approx(-0.022, abs=0.004)

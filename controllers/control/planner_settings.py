@@ -10,7 +10,8 @@
 
 A setting of the car, `setting_of_car`, has the value that was found on the F1TENTH car; its default is None, which
 means that value scaled to the car: lengths in proportion to the wheelbase, speeds in proportion to its square root
-(dynamic similarity at equal friction, Froude's law). A value that is given is taken as it is. `for_car` does the
+(dynamic similarity at equal friction, Froude's law), times in proportion to the time constant of the steering servo
+and the delay of commands. A value that is given is taken as it is. `for_car` does the
 scaling.
 
 The planners of a batch are an array of rows, one for each world. A kernel reads a field by its name,
@@ -35,7 +36,14 @@ Record = Any
 """A row of a structured array, as a kernel gets it."""
 
 _F1TENTH_WHEELBASE = 0.3302  # [m] of the car on which the settings of the car were found
-_POWER_OF_SIZE = {"m": 1.0, "m/s": 0.5}  # by unit
+F1TENTH_STEERING = 0.02
+"""[s] Time constant of the steering servo of that car."""
+_SCALES: dict[str, Callable[[CarParameters], float]] = {
+    "m": lambda car: relative_size(car),
+    "m/s": lambda car: math.sqrt(relative_size(car)),
+    "s": lambda car: (car.steering_time_constant + car.command_delay) / F1TENTH_STEERING,
+}
+"""By unit: of a setting for a car over that for the F1TENTH car."""
 
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -71,8 +79,8 @@ def setting(default: Any, unit: str = "", text: str = "", accepted: Accepted | N
 
 
 def setting_of_car(value: float, unit: str, text: str, accepted: Accepted | None = None) -> Any:
-    """Return a field whose default, None, is `value` [m or m/s] scaled from the F1TENTH car to the planner's car."""
-    metadata = {"unit": unit, "text": text, "accepted": accepted, "of_f1tenth": value, "power": _POWER_OF_SIZE[unit]}
+    """Return a field whose default, None, is `value` [m, m/s, s] scaled from the F1TENTH car to the planner's car."""
+    metadata = {"unit": unit, "text": text, "accepted": accepted, "of_f1tenth": value}
     return field(default=None, metadata=metadata)
 
 
@@ -109,9 +117,8 @@ def relative_size(car: CarParameters) -> float:
 
 def for_car(settings: _S, car: CarParameters) -> _S:
     """Return settings in which each None that means "from the car" is the value for `car`."""
-    size = relative_size(car)
     scaled = {
-        each.name: each.metadata["of_f1tenth"] * size ** each.metadata["power"]
+        each.name: each.metadata["of_f1tenth"] * _SCALES[each.metadata["unit"]](car)
         for each in fields(settings)
         if "of_f1tenth" in each.metadata and getattr(settings, each.name) is None
     }

@@ -6,6 +6,8 @@ import math
 
 from fg_mujoco.kernels import kernel
 
+from .planner_settings import F1TENTH_STEERING, Record
+
 
 @kernel
 def saturate(value: float, limit: float) -> float:
@@ -31,3 +33,9 @@ def arc_through(x: float, y: float, wheelbase: float) -> float:
     The place is `x` [m] ahead of it and `y` [m] to the left. Not saturated.
     """
     return math.atan2(2.0 * y * wheelbase, x * x + y * y)
+
+
+@kernel
+def late_by(car: Record) -> float:
+    """Return how much later the wheels of a car turn than those of the F1TENTH car [s], by its servo and the delay."""
+    return float(car.steering_time_constant - F1TENTH_STEERING + car.command_delay)

@@ -16,7 +16,7 @@ from fg_mujoco.messages import FloatArray
 
 X, Y, HEADING, CURVATURE = range(4)  # columns of a motion: of the rear axle after each arc, and the arc's curvature
 
-LAG = 0.08  # [s] until a new steering angle is reached
+LAG = 0.08  # [s] until a new steering angle is reached, of the F1TENTH car
 _LENGTH, _LENGTH_TIME = 0.3, 0.1  # [m] and [s]: over which errors fall
 
 
@@ -45,7 +45,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
 
 @kernel
 def steer_along(
-    points: FloatArray, place: int, x: float, y: float, heading: float, speed: float, wheelbase: float
+    points: FloatArray, place: int, x: float, y: float, heading: float, speed: float, wheelbase: float, late: float
 ) -> float:
     """Return the steering angle [rad] for a car on a motion.
 
@@ -57,10 +57,11 @@ def steer_along(
       heading: of the car [rad].
       speed: of the car [m/s].
       wheelbase: of the car [m].
+      late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
     """
     ahead, aside, angle = errors(points[place], x, y, heading)
     along, at = ahead, place
-    while along < LAG * speed and at + 1 < len(points):
+    while along < (LAG + late) * speed and at + 1 < len(points):
         along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])
         at += 1
     length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)

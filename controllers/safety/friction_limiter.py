@@ -89,8 +89,8 @@ class FrictionLimiterSettings(Settings):
     speed_response: float = setting(
         0.05, "s", "a reference speed is approached at (reference - speed) / speed_response", POSITIVE
     )
-    steering_response: float = setting(
-        0.022, "s", "the servo turns at most at (command - angle) / steering_response: e / 100 rad/s", POSITIVE
+    steering_response: float = setting_of_car(
+        0.022, "s", "the servo turns at (command - angle) / steering_response: 1.1 of lag and delay", POSITIVE
     )
 
 

@@ -32,7 +32,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.steering import saturate
+from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from ..perception.frontiers import (
     AT_WALL,
@@ -250,17 +250,17 @@ def _renew_motion(limiter: Record, settings: Record, memory: Record, present: fl
     if memory.follows and memory.way.ticks % 2 == 1:
         return False
     way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed
-    found, narrow = False, False
+    found, narrow, lag = False, False, LAG + late_by(limiter.car)
     for grip, lock in ((settings.grip, settings.lock), (1.0, MOST_LOCK)):
         if not found:
             nodes = min(_NODES, MOST_NODES - way.nodes)
             found = search_motion(
-                way, limiter, trial, present, speed, LAG, grip, lock, horizon, NEAR_WALL, False, nodes
+                way, limiter, trial, present, speed, lag, grip, lock, horizon, NEAR_WALL, False, nodes
             )
     if not found and speed < 2.0:
         narrow = True
         nodes = min(_NODES, MOST_NODES - way.nodes)
-        found = search_motion(way, limiter, trial, present, speed, LAG, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
+        found = search_motion(way, limiter, trial, present, speed, lag, 1.0, MOST_LOCK, 2.0, AT_WALL, False, nodes)
     if found:
         memory.motion.count = trial.count
         memory.motion.points[:] = trial.points
@@ -299,7 +299,8 @@ def _bend(memory: Record, car: Record) -> float:
 def _follow(memory: Record, motion: Record, first: int, car: Record, speed: float, reference: Record) -> None:
     """Write the reference that keeps the car on a motion."""
     world, points = memory.way.map, motion.points[: motion.count]
-    reference.steering_angle = steer_along(points, first, world.x, world.y, world.heading, speed, car.wheelbase)
+    x, y, heading = world.x, world.y, world.heading
+    reference.steering_angle = steer_along(points, first, x, y, heading, speed, car.wheelbase, late_by(car))
     dx, dy = points[first, X] - world.x, points[first, Y] - world.y
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     reference.bearing = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)

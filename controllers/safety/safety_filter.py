@@ -38,7 +38,7 @@ from fg_mujoco.messages import FloatArray
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
 from ..control.slip import path_lag
 from ..control.speed import share_of_way
-from ..control.steering import arc_through, pursue
+from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_place, steer_along
 from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
@@ -296,7 +296,7 @@ def speed_at_contact(
         reference = angle
         if len(path) > 0:
             place = next_place(path, place, x, y, heading)
-            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase)
+            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase, late_by(car))
         elif distance > settings.arrived:
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)

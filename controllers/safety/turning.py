@@ -107,7 +107,8 @@ def _begins(way: Record, limiter: Record, memory: Record, steering_angle: float,
     memory.slow = memory.slow + 1 if abs(speed) < _SLOW else 0
     settings = limiter.settings
     start = _SLOW / limiter.accelerating + 0.5 * settings.load_transfer_time  # [s] of a standing start to _SLOW
-    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) or not way.found:
+    late = math.ceil(limiter.car.command_delay / _TICK)  # ticks until the car answers a command
+    if memory.slow < max(_PATIENCE, int(start / _TICK) + 2) + late or not way.found:
         return False
     memory.slow = 0
     car, world = limiter.car, way.map

@@ -47,8 +47,9 @@ def sensor_slice(model: mujoco.MjModel, name: str) -> slice:
 
 
 def command_delay(model: mujoco.MjModel, prefix: str = "") -> float:
-    """Return the time from a command to the servos of a car [s]."""
-    return float(model.actuator_delay[element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")])
+    """Return the time from a command to the servos of a car [s], to the later one."""
+    servos = [element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}{name}") for name in ("steering", "speed")]
+    return float(model.actuator_delay[servos].max())
 
 
 def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
@@ -87,9 +88,6 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
     wheel_inertias = model.dof_M0[model.jnt_dofadr[spins]]
     effective_mass = mass + float(wheel_inertias.sum()) / wheel_radius**2
     steering = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
-    steered = ("steering", "front_left_kingpin", "front_right_kingpin")  # turn together, one to one in the middle
-    steered_joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
-    steering_damping = _positive(model.dof_damping[model.jnt_dofadr[steered_joints]].sum(), "damping of the steering")
     drive = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}speed")
     speed_gain = _positive(model.actuator_gainprm[drive, 0], "gain of actuator 'speed'")
     power_limit = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
@@ -109,7 +107,7 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         wheel_radius=wheel_radius,
         wheel_inertia=float(wheel_inertias.mean()),
         max_steering_angle=float(model.actuator_ctrlrange[steering, 1]),
-        max_steering_rate=float(model.actuator_forcerange[steering, 1]) / steering_damping,
+        max_steering_rate=float(model.actuator_forcerange[steering, 1]) / _steering_damping(model, prefix),
         min_speed=float(model.actuator_ctrlrange[drive, 0]),
         max_speed=float(model.actuator_ctrlrange[drive, 1]),
         max_acceleration=float(model.actuator_forcerange[drive, 1]) / effective_mass,
@@ -117,8 +115,23 @@ def car_parameters(model: mujoco.MjModel, prefix: str = "") -> CarParameters:
         speed_time_constant=effective_mass / speed_gain,
         lidar_offset=float(model.site_pos[lidar_mount, 0]),
         gravity=-float(model.opt.gravity[2]),
+        steering_time_constant=steering_time_constant(model, prefix),
+        command_delay=command_delay(model, prefix),
         **tires_of(model, prefix).for_planners(),
     )
+
+
+def _steering_damping(model: mujoco.MjModel, prefix: str = "") -> float:
+    """Return the damping of all joints that turn with the steering [N m s/rad], one to one in the middle."""
+    steered = ("steering", "front_left_kingpin", "front_right_kingpin")
+    joints = [element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{joint}") for joint in steered]
+    return _positive(model.dof_damping[model.jnt_dofadr[joints]].sum(), "damping of the steering")
+
+
+def steering_time_constant(model: mujoco.MjModel, prefix: str = "") -> float:
+    """Return the time constant of the steering servo of a car [s], below its greatest rate."""
+    servo = element_id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, f"{prefix}steering")
+    return _steering_damping(model, prefix) / _positive(-model.actuator_biasprm[servo, 1], "stiffness of the steering")
 
 
 def _positive(value: Any, what: str) -> float:

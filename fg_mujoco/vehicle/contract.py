@@ -24,6 +24,7 @@ from ..lidar.beams import DEFAULT_LIDAR, LidarModel
 from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
+from .command_response import command_response
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
 from .tires import DEFAULT_TIRES, Tires
@@ -231,7 +232,7 @@ def _check_drive(model: Any, where: str) -> None:
     _check_places(model, where)
     try:
         parameters = car_parameters(model)
-        _ = Car(model), TireSlipMeter(model)
+        _ = Car(model), TireSlipMeter(model), command_response(model)
     except FgMujocoError as error:
         raise ModelError(f"{where}: {error}") from error
     names = [model.actuator(index).name for index in range(model.nu)]

@@ -29,6 +29,7 @@ from ..registry import Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
+from .command_response import CommandResponse, command_response
 from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
 from .tire_forces import put_on
 from .tires import DEFAULT_TIRES, Tires
@@ -120,6 +121,11 @@ class Vehicle:
     def command_delay(self) -> float:
         """Time from a command to its servos, as its MJCF has it [s]."""
         return command_delay(self._model)
+
+    @cached_property
+    def command_response(self) -> CommandResponse:
+        """How the real car answers the commands that it is sent, as its MJCF says."""
+        return command_response(self._model)
 
     @cached_property
     def nominal_mu(self) -> float:

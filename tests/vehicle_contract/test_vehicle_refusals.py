@@ -181,13 +181,13 @@ def test_an_unknown_name_is_refused_with_the_bundled_ones():
         fg.World("oval", "f1tent")
     assert (
         str(refused.value)
-        == "vehicle 'f1tent' is not known; accepted: f1tenth, nuc2, or path/to/file.xml; did you mean 'f1tenth'?"
+        == "vehicle 'f1tent' is not known; accepted: f1tenth, ipz, nuc2, or path/to/file.xml; did you mean 'f1tenth'?"
     )
 
 
 @pytest.mark.parametrize("name", ["scene", "hokuyo_ust10lx", "f1tenth_look", ""])
 def test_a_file_of_models_that_is_no_vehicle_is_no_name_of_one(name):
-    with pytest.raises(fg.SettingsError, match="accepted: f1tenth, nuc2"):
+    with pytest.raises(fg.SettingsError, match="accepted: f1tenth, ipz, nuc2"):
         fg.Vehicle.load(name)
 
 

@@ -9,8 +9,12 @@ and over those rows in which the car goes nearly straight
 
     steering = offset + slope * yaw rate / speed
 
-A wrong clock and a wrong scale of the speed look the same in one drive: the clock is blamed, because it moves the gyro
-by as much.
+and over those in which it corners gently, to both sides
+
+    direction of the path - heading = offset + a * lateral acceleration + b * curvature
+
+of which the tires' slip is the second term, and a pose that is not the rear axle's the third. A wrong clock and a wrong
+scale of the speed look the same in one drive: the clock is blamed, because it moves the gyro by as much.
 """
 
 from __future__ import annotations
@@ -41,6 +45,8 @@ _ROBUST = 2.5  # times the median of the absolute residuals, beyond which a wind
 _TOLD = 0.02  # [-] of a scale that is off by as much and by three standard errors
 Rows = NDArray[np.int64]
 
+_LIKELY = 1.5  # standard errors of a heading's offset that is corrected
+_CHORD = 0.2  # [s] over which the direction of the path is measured
 _TOLD_DELAY, _TOLD_OFFSET, _TOLD_BIAS = 0.02, 0.01, 0.02  # [s], [rad], [rad/s]
 
 
@@ -70,10 +76,18 @@ class DriveChecks:
     steering_offset: Found = Found()  # [rad] of the steering at which the car goes straight
     steering_delay: Found = Found()  # [s] from the steering to the curvature, the gyro's delay included
     steering_slope: Found = Found()  # [m] steering for each 1/m of curvature: wheelbase over the steering's gain
+    heading_offset: Found = Found()  # [rad] of where a car goes that goes straight, from the heading of the poses
     pose_jumps: int = 0  # of the position or the heading, from a row to the next
     gaps: int = 0  # times without a row for five periods
     period: float = math.nan  # [s] median of the recorded one
     used: tuple[str, ...] = ()  # names of the above that the drive was corrected by
+
+    @property
+    def turned_poses(self) -> float:
+        """The angle that the heading of the poses is corrected by [rad]; 0 where the drive does not tell one."""
+        found = self.heading_offset
+        told = bool(found) and abs(found.value) > max(_TOLD_OFFSET, _LIKELY * found.error)
+        return found.value if told else 0.0
 
     @property
     def lines(self) -> list[str]:
@@ -99,6 +113,8 @@ class DriveChecks:
             said.append(
                 f"the car goes straight at a steering of {self.steering_offset} rad{self._used('steering_offset')}"
             )
+        if self.heading_offset and abs(self.heading_offset.value) > max(_TOLD_OFFSET, 3.0 * self.heading_offset.error):
+            said.append(f"the car goes straight {self.heading_offset} rad off the heading of the poses")
         if self.gyro_bias and abs(self.gyro_bias.value) > max(_TOLD_BIAS, 3.0 * self.gyro_bias.error):
             said.append(f"the gyro says {self.gyro_bias} rad/s of a car that stands")
         if self.pose_jumps:
@@ -125,8 +141,9 @@ def check_drive(
     bias = Found()
     if len(still) >= 20 and np.ptp(still) < 0.2:
         bias = Found(value=float(np.median(still)), error=float(still.std() / math.sqrt(len(still))))
-    clock, clock_delay, turn, turn_delay, jumps = Found(), Found(), Found(), Found(), 0
+    clock, clock_delay, turn, turn_delay, jumps, heading = Found(), Found(), Found(), Found(), 0, Found()
     if pose is not None and len(pose.time) > 2:
+        heading = _heading_offset(speed, yaw_rate, pose)
         clock, clock_delay, turn, turn_delay, jumps = _against_poses(speed, yaw_rate, pose)
     gyro = Found()
     if clock and turn:
@@ -136,6 +153,7 @@ def check_drive(
     return DriveChecks(
         clock_scale=clock, gyro_scale=gyro, gyro_bias=bias, speed_delay=clock_delay, yaw_rate_delay=turn_delay,
         steering_offset=offset, steering_delay=delay, steering_slope=slope, pose_jumps=jumps, gaps=gaps, period=period,
+        heading_offset=heading,
     )  # fmt: skip
 
 
@@ -230,6 +248,41 @@ def _through_origin(given: FloatArray, wanted: FloatArray) -> tuple[float, float
     return slope, spread / math.sqrt(power), cost
 
 
+def _heading_offset(speed: Channel, yaw_rate: Channel, pose: Channel) -> Found:
+    """Return the direction of the path of a car that goes straight, from the heading of its poses [rad]."""
+    time, (x, y, heading) = pose.time, pose.values.T
+    heading = np.unwrap(heading)
+    rows = max(round(_CHORD / float(np.median(np.diff(time)))) // 2, 1)
+    middle = time[rows:-rows]
+    if len(middle) < _FEWEST:
+        return Found()
+    dx, dy = x[2 * rows :] - x[: -2 * rows], y[2 * rows :] - y[: -2 * rows]
+    speeds, turning = (np.interp(middle, each.time, each.values[:, 0]) for each in (speed, yaw_rate))
+    # a chord has the direction of the circle in its middle, and so the heading there
+    angle = np.remainder(np.arctan2(dy, dx) - heading[rows:-rows] + math.pi, 2.0 * math.pi) - math.pi
+    seconds = time[2 * rows :] - time[: -2 * rows]
+    whole = np.abs(np.hypot(dx, dy) - speeds * seconds) < _JUMP
+    gentle = (speeds > 1.0) & (np.abs(speeds * turning) < _GENTLE) & whole & (np.abs(angle) < _TURN_JUMP)
+    sides = speeds[gentle] * turning[gentle]
+    if np.count_nonzero(gentle) < 50 or min(np.mean(sides > 0.0), np.mean(sides < 0.0)) < 0.1:
+        return Found()
+    design = np.column_stack((np.ones(len(sides)), sides, turning[gentle] / speeds[gentle]))
+    found, kept = _robust_line(design, angle[gentle])
+    residuals = (angle[gentle] - design @ found)[kept]
+    covariance = np.linalg.pinv(design[kept].T @ design[kept]) * float(np.mean(residuals**2))
+    return Found(value=float(found[0]), error=float(np.sqrt(covariance[0, 0] * 2 * rows)))  # chords overlap
+
+
+def _robust_line(design: FloatArray, values: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the coefficients of a fit without outliers, and the rows that it is to."""
+    kept = np.ones(len(values), np.bool_)
+    for _ in range(4):
+        found = np.asarray(np.linalg.lstsq(design[kept], values[kept], rcond=None)[0], np.float64)
+        residuals: FloatArray = np.abs(values - design @ found)
+        kept = residuals <= max(_ROBUST * 1.4826 * float(np.median(residuals)), 1e-9)
+    return found, kept
+
+
 def _straight(
     speed: Channel, yaw_rate: Channel, steering: Channel, commanded: bool
 ) -> tuple[Found, Found, Found]:  # fmt: skip
@@ -248,12 +301,9 @@ def _straight(
     for delay in np.arange(0.0, 0.4 + 1e-9, 0.02):
         before = time[gentle] - delay
         angles = (steering.held(before) if commanded else steering.at(before))[:, 0]
-        kept = np.ones(len(angles), np.bool_)
-        for _ in range(4):
-            found, *_ = np.linalg.lstsq(design[kept], angles[kept], rcond=None)
-            residuals = np.abs(angles - design @ found)
-            limit = _ROBUST * 1.4826 * float(np.median(residuals))
-            kept = residuals <= max(limit, 1e-9)
+        found, kept = _robust_line(design, angles)
+        residuals = np.abs(angles - design @ found)
+        limit = _ROBUST * 1.4826 * float(np.median(residuals))
         cost = float(np.mean(np.minimum(residuals, max(limit, 1e-9)) ** 2))
         if best is None or cost < best[0]:
             covariance = np.linalg.inv(design[kept].T @ design[kept]) * float(np.mean(residuals[kept] ** 2))

@@ -8,6 +8,7 @@ A mapping is a TOML file, or one of LAYOUTS, which are recognised by their colum
     steering = "steer_rad"                                     # a column that needs nothing else
     steering_is = "command"                                    # or "angle", as measured
     speed_command = "target_speed"                             # from here on optional
+    acceleration_command = {column = "a", unit = "m/s^2"}      # in place of it: of a car that is sent accelerations
     x = "x"
     y = "y"
     yaw = {column = "theta", unit = "deg"}
@@ -49,6 +50,7 @@ UNITS: dict[str, dict[str, float]] = {
 
 QUANTITIES = {
     "time": "time", "speed": "speed", "yaw_rate": "yaw rate", "steering": "angle", "speed_command": "speed",
+    "acceleration_command": "acceleration",
     "x": "length", "y": "length", "yaw": "angle", "forward_acceleration": "acceleration",
     "lateral_acceleration": "acceleration",
 }  # fmt: skip
@@ -147,6 +149,7 @@ class DriveColumns:
     steering: Column
     steering_is: str = "command"  # which holds until the next one; or "angle", as measured
     speed_command: Column | None = None
+    acceleration_command: Column | None = None
     x: Column | None = None
     y: Column | None = None
     yaw: Column | None = None
@@ -174,6 +177,8 @@ class DriveColumns:
             )
         if not isinstance(self.pose_ahead, (int, float)) or not math.isfinite(self.pose_ahead):
             raise SettingsError(f"pose_ahead is {shown(self.pose_ahead)}; accepted: a number of metres")
+        if self.speed_command is not None and self.acceleration_command is not None:
+            raise SettingsError("speed_command and acceleration_command are given; accepted: what the car is sent")
         for group in _TOGETHER:
             there = [name for name in group if getattr(self, name) is not None]
             if there and len(there) < len(group):
@@ -275,12 +280,13 @@ def _measurable() -> str:
 LAYOUTS: dict[str, dict[str, Any]] = {
     "real_drives": {
         # F1Tenth-INI/f1tenth_development_gym, cut down: ../shared/data/real_drives/README.md. Its clock is nominal, and
-        # its gyro and its motor's speed come after its poses.
+        # its gyro and its motor's speed come after its poses. What it calls a speed is an acceleration: its owners
+        # name the column ACCELERATION_CONTROL_COLUMN, and the drives say so (docs/real_cars.md).
         "time": {"column": "time_s", "scale": MEASURED},
         "speed": {"column": "vx_m_s", "delay": MEASURED},
         "yaw_rate": {"column": "yaw_rate_rad_s", "scale": MEASURED, "delay": MEASURED},
         "steering": "steering_executed_rad",
-        "speed_command": "speed_executed_m_s",
+        "acceleration_command": {"column": "speed_executed_m_s", "unit": "m/s^2"},
         "x": "x_m", "y": "y_m", "yaw": "yaw_rad",
         "beams": {"columns": "beam_{}_m", "count": 1080, "nothing": 65.0},
     },

@@ -79,7 +79,10 @@ def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedD
     if columns.forward_acceleration is not None:
         late = columns.forward_acceleration.late
         acceleration = channel("forward_acceleration", "lateral_acceleration", late=late)
-    speed_command = None if columns.speed_command is None else channel("speed_command", late=columns.speed_command.late)
+    commands = {}
+    for name in ("speed_command", "acceleration_command"):
+        found = columns.plain.get(name)
+        commands[name] = None if found is None else channel(name, late=found.late)
     first = float(time[0])
 
     def scaled(found: Channel) -> Channel:
@@ -88,7 +91,8 @@ def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedD
     beams = _beams(columns, header, table[kept], time)
     return RecordedDrive(
         name=str(path), sha256=file_sha256(path), layout=columns.name, commanded=commanded, checks=checks,
-        steering=scaled(steering), speed_command=speed_command and scaled(speed_command), speed=scaled(speed),
+        steering=scaled(steering), **{name: found and scaled(found) for name, found in commands.items()},
+        speed=scaled(speed),
         yaw_rate=scaled(yaw_rate), acceleration=acceleration and scaled(acceleration), pose=pose and scaled(pose),
         beams=beams and replace(beams, time=first + clock * (beams.time - first)),
     )  # fmt: skip

@@ -22,6 +22,7 @@ class DriveRows:
     yaw_rate: FloatArray  # (n,) [rad/s]
     steering: FloatArray  # (n,) [rad] the command that holds, or the measured angle
     speed_command: FloatArray | None  # (n,) [m/s] that holds
+    acceleration_command: FloatArray | None  # (n,) [m/s^2] that holds, of a car that is sent accelerations
     pose: FloatArray | None  # (n, 3) x [m], y [m], heading [rad] of base_link, the heading without jumps
     acceleration: FloatArray | None  # (n, 2) [m/s^2] ahead and to the left
     beams: FloatArray | None  # (n, b) [m] of the last scan; inf: nothing was seen, NaN: the beam failed
@@ -47,9 +48,15 @@ class RecordedDrive(Measured):
     pose: Channel | None  # x [m], y [m], heading [rad] of base_link, measured against the surroundings
     beams: Beams | None  # of the LiDAR
     checks: DriveChecks  # what its sensors say of each other
+    acceleration_command: Channel | None = None  # [m/s^2], in place of a speed, of a car that is sent accelerations
 
     def __repr__(self) -> str:
         return brief(self, self.name, self.layout, f"{self.end - self.start:.3g} s")
+
+    @property
+    def sent_to_servo(self) -> bool:
+        """Whether the steering is what a real servo was sent; a run of this simulator has the angles of its wheels."""
+        return self.commanded and self.layout != "run"
 
     @property
     def lines(self) -> list[str]:
@@ -57,7 +64,8 @@ class RecordedDrive(Measured):
         channels = {
             "speed": self.speed, "yaw rate": self.yaw_rate,
             "steering, commanded" if self.commanded else "steering, measured": self.steering,
-            "speed command": self.speed_command, "acceleration": self.acceleration, "pose": self.pose,
+            "speed command": self.speed_command, "acceleration command": self.acceleration_command,
+            "acceleration": self.acceleration, "pose": self.pose,
             "beams": self.beams,
         }  # fmt: skip
         made = [f"{self.name}: layout {self.layout}, {self.end - self.start:.1f} s"]
@@ -104,7 +112,8 @@ class RecordedDrive(Measured):
         assert speed is not None and yaw_rate is not None and steering is not None
         return DriveRows(
             time=read_only(times), speed=speed, yaw_rate=yaw_rate, steering=steering,
-            speed_command=one(self.speed_command, held=True), pose=several(self.pose, turning=True),
+            speed_command=one(self.speed_command, held=True),
+            acceleration_command=one(self.acceleration_command, held=True), pose=several(self.pose, turning=True),
             acceleration=several(self.acceleration), beams=seen,
             bearings=None if self.beams is None else self.beams.bearings,
         )  # fmt: skip

@@ -40,7 +40,8 @@ class Drive(Measured):
     yaw_rate: Channel  # [rad/s] gyro
     acceleration: Channel | None  # [m/s^2] ahead and to the left, in the centre of gravity; None: no accelerometer
     pose: Channel | None  # x [m], y [m], heading [rad] of base_link; None: no odometry of a LiDAR
-    speed_command: Channel | None = None  # [m/s], or [m/s^2] of a car that is driven by accelerations
+    speed_command: Channel | None = None  # [m/s], or [m/s^2] of a car that is sent accelerations
+    sent_accelerations: bool = False  # whether they are known to be accelerations
 
     def __post_init__(self) -> None:
         lasts = self.end - self.start
@@ -61,6 +62,8 @@ class Drive(Measured):
     def of_recorded(cls, recorded: RecordedDrive, car: CarParameters, vehicle: str) -> Drive:
         """Return a recorded drive for identification.
 
+        Its poses head where the car goes that goes straight: else its tires would slip where they do not.
+
         Args:
           recorded: as `read_drive` returns it.
           car: whose constants are assumed.
@@ -69,10 +72,16 @@ class Drive(Measured):
         Raises:
           SettingsError: a drive that is too short, or stands, or has neither accelerations nor poses.
         """
+        pose, offset = recorded.pose, recorded.checks.turned_poses
+        if pose is not None and offset != 0.0:
+            values = pose.values + np.array((0.0, 0.0, offset))
+            pose = Channel(name=pose.name, time=pose.time, values=values)
         return cls(
             name=recorded.name, sha256=recorded.sha256, vehicle=vehicle, car=car, steering=recorded.steering,
             commanded=recorded.commanded, speed=recorded.speed, yaw_rate=recorded.yaw_rate,
-            acceleration=recorded.acceleration, pose=recorded.pose, speed_command=recorded.speed_command,
+            acceleration=recorded.acceleration, pose=pose,
+            speed_command=recorded.acceleration_command or recorded.speed_command,
+            sent_accelerations=recorded.acceleration_command is not None,
         )  # fmt: skip
 
     @classmethod

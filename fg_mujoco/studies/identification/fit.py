@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...errors import missing_extra
 from ...messages import FloatArray
 from ...vehicle.single_track import STATES, axle_loads, friction_curve
-from .problem import INERTIA, LIMIT, PARAMETERS, ROLL, DriveProblem, assumed_noise, huber, measured_noise
+from .problem import GAIN, INERTIA, LIMIT, PARAMETERS, ROLL, DriveProblem, assumed_noise, huber, measured_noise
 
 _LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1, 0.3, 0.7))
 _GREATEST = np.array((100.0, 3.0, 3.0, 1.5) * 2 + (1.6, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1, 3.0, 1.3))
@@ -38,6 +38,7 @@ _CONVERGED_SHARES = (1e-3, 1e-3, 1e-4)  # of the cost, by fit: many residuals, n
 _NEAR_LIMIT = 0.8  # of the steering's greatest angle: commands below it do not tell where the steering ends
 _RESERVED = 2.5  # steps' time that is kept for one more, and for the intervals
 _FIRST_SEGMENTS = 60  # spread over the drives, on which the first two fits are made
+_GAINS = (1.0, 1.25, 0.8)  # of the steering, from each of which the first fit starts: the cost has several minima
 
 
 def require_scipy() -> None:
@@ -143,7 +144,9 @@ def output_error(
     """Return the parameters at which the simulated drives come closest to the measured ones.
 
     The first two fits are to some segments alone, spread over the drives; the third one is to all that are not held
-    back. At the deadline the best parameters so far are returned, with the intervals that the segments so far give.
+    back. The first one starts from several gains of the steering, and the best counts: a steering that turns too little
+    with stiff tires in front is a minimum of its own. At the deadline the best parameters so far are returned, with the
+    intervals that the segments so far give.
 
     Args:
       problems: of the drives.
@@ -174,16 +177,24 @@ def output_error(
     noise = assumed_noise()
     fitted = [problem.only(~problem.held_back) for problem in problems]
     used = _spread(fitted, _FIRST_SEGMENTS)
-    starts = [fitted_starts(problem, parameters, noise) for problem in used]
+    found = []
+    for gain in _GAINS if free[GAIN] else (1.0,):
+        begun = parameters.copy()
+        begun[GAIN] = gain * parameters[GAIN]
+        starts = [fitted_starts(problem, begun, noise) for problem in used]
+        found.append(_minimise(used, begun, starts, noise, free, told(1), deadline, _CONVERGED_SHARES[0]))
+        if found[-1].ended_by:
+            break
+    minimum = min(found, key=lambda each: each.cost)
     stopped = ""
     for fit in (1, 2, 3):
         if fit == 3:
             every = sum(len(problem.segments) for problem in fitted)
             if every > sum(len(problem.segments) for problem in used):
                 used, starts = fitted, [fitted_starts(problem, parameters, noise) for problem in fitted]
-        parameters, starts, ended_by = _minimise(
-            used, parameters, starts, noise, free, told(fit), deadline, _CONVERGED_SHARES[fit - 1]
-        )
+        if fit > 1:
+            minimum = _minimise(used, parameters, starts, noise, free, told(fit), deadline, _CONVERGED_SHARES[fit - 1])
+        parameters, starts, ended_by = minimum.parameters, minimum.starts, minimum.ended_by
         noise = measured_noise(used, parameters, starts) if fit < 3 else noise
         if ended_by:
             part = sum(len(problem.segments) for problem in used)
@@ -222,6 +233,16 @@ def fitted_starts(problem: DriveProblem, parameters: FloatArray, noise: FloatArr
         if not better.any():
             break
     return starts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Minimum:
+    """Where a search ended."""
+
+    parameters: FloatArray  # (len(PARAMETERS),)
+    starts: list[FloatArray]  # of the problems
+    cost: float
+    ended_by: str  # before it converged: "the time budget", because a step would go beyond it, or "Ctrl-C"; else empty
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -305,22 +326,20 @@ def _minimise(
     watch: Callable[[int], None],
     deadline: float,
     converged: float,
-) -> tuple[FloatArray, list[FloatArray], str]:
-    """Return parameters and starts of the least cost, by damped steps of Gauss and Newton within the bounds.
-
-    Last is by what the search was ended before it converged, if it was: its next step would have gone beyond the
-    deadline, or Ctrl-C.
-    """
+) -> _Minimum:
+    """Return the parameters and starts of the least cost, by damped steps of Gauss and Newton within the bounds."""
     from scipy.optimize import lsq_linear
 
     damping, begun_at, longest = 1e-3, time.monotonic(), 0.0
+    least = math.inf
     try:
         reduced = _reduce(problems, parameters, starts, noise, free)
+        least = reduced.cost
         for number in range(1, _STEPS + 1):
             longest = max(longest, time.monotonic() - begun_at)
             begun_at = time.monotonic()
             if begun_at + _RESERVED * longest > deadline:
-                return parameters, starts, "the time budget"
+                return _Minimum(parameters=parameters, starts=starts, cost=least, ended_by="the time budget")
             watch(number)
             triangle = np.asarray(np.linalg.qr(np.column_stack((reduced.rows, reduced.wanted)), mode="r"))
             square, wanted = triangle[:-1, :-1], triangle[:-1, -1]
@@ -342,14 +361,14 @@ def _minimise(
             if not accepted:
                 break
             fell = reduced.cost - cost
-            parameters, starts = tried, begun
+            parameters, starts, least = tried, begun, cost
             damping = max(damping, 1e-9)
             reduced = _reduce(problems, parameters, starts, noise, free)
             if fell < max(_CONVERGED, converged * reduced.cost):
                 break
     except KeyboardInterrupt:
-        return parameters, starts, "Ctrl-C"
-    return parameters, starts, ""
+        return _Minimum(parameters=parameters, starts=starts, cost=least, ended_by="Ctrl-C")
+    return _Minimum(parameters=parameters, starts=starts, cost=least, ended_by="")
 
 
 def _covariance(

@@ -44,6 +44,9 @@ ROLL = PARAMETERS.index("lateral_gain")
 INERTIA = PARAMETERS.index("inertia_ratio")
 """Of the parameter that the yaw inertia is multiplied by."""
 
+GAIN = PARAMETERS.index("steering_gain")
+"""Of the parameter that commands of the steering are multiplied by."""
+
 LIMIT = PARAMETERS.index("limit_ratio")
 """Of the parameter that the greatest angle of the front wheels is multiplied by."""
 

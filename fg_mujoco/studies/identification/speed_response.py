@@ -1,11 +1,13 @@
 """How the speed of a car follows its commands: gain, delay, rolling and cornering resistance.
 
-Commands u are speeds, or accelerations of a car without a speed servo; the data say which. The speed v then has
+Commands u are speeds, or accelerations of a car without a speed servo; the mapping of a drive, or else the data say
+which. The speed v then has
 
     v' = (gain u(t - delay) - v) / time_constant - rolling g - cornering c     u: speeds
     v' = gain u(t - delay) - drag v - rolling g - cornering c                  u: accelerations
 
-Here c = a_y (l_r alpha_f + l_f alpha_r) / L is what the side slip of the tires takes. With a cornering resistance of 1
+A motor that does not brake coasts where u is negative: u is then max(u, 0), if this explains more of the drives. Here
+c = a_y (l_r alpha_f + l_f alpha_r) / L is what the side slip of the tires takes. With a cornering resistance of 1
 nothing but the tires' side forces slows a car in a turn. All but the delay is linear. So the change of v over half a
 second, which needs no derivative, is regressed on the integrals of u, v, 1 and c, for each delay of a grid. Intervals
 come from a bootstrap over blocks of the drives, in which the delay is found anew each time.
@@ -39,6 +41,7 @@ class SpeedResponse:
 
     accelerations: bool  # whether the commands are accelerations [m/s^2]; else speeds [m/s]
     gain: tuple[float, float]  # [-]
+    braking: bool  # whether the car brakes where an acceleration is negative; else it coasts
     delay: tuple[float, float]  # [s]
     time_constant: tuple[float, float]  # [s] of the speed servo
     drag: tuple[float, float]  # [1/s] deceleration over the speed
@@ -55,26 +58,24 @@ def speed_response(problems: Sequence[DriveProblem], parameters: FloatArray, *, 
       parameters: that output error found, for the slip angles.
       seed: of the bootstrap.
     """
-    of_drives = [_windows(problem, parameters) for problem in problems if problem.drive.speed_command is not None]
-    if not of_drives:
+    told = [problem for problem in problems if problem.drive.speed_command is not None]
+    if not told:
         return "no speed commands are recorded"
-    rows = np.concatenate(of_drives, axis=1)  # (delays, windows, regressors and the change)
+    rows = np.concatenate([_windows(problem, parameters) for problem in told], axis=1)
     if rows.shape[1] < _FEWEST * _BLOCK:
         return f"{rows.shape[1] * _WINDOW:.3g} s of driving with commands; {_FEWEST * _BLOCK * _WINDOW:g} s are needed"
     if not float(np.std(rows[0, :, 0])) > _LEAST_SPREAD * _WINDOW:
         return "the speed commands hardly change; a drive at several speeds, with accelerations, tells the response"
-    _, place = _solve(_products(rows[:, np.newaxis]).sum(axis=1))
-    for _ in range(2):
-        values, _ = _solve(_products(rows[place : place + 1, np.newaxis]).sum(axis=1))
-        residuals = rows[place, :, -1] - rows[place, :, :-1] @ values
-        spread = 1.4826 * float(np.median(np.abs(residuals)))
-        rows = rows[:, np.abs(residuals) < _OUTLIER * spread]
+    rows, values, place, explained = _robust(rows)
+    known = all(problem.drive.sent_accelerations for problem in told)
+    accelerations = known or bool(-values[1] < _SERVO * values[0])
+    braking = True
+    if accelerations:
+        coasting = _robust(np.concatenate([_windows(problem, parameters, coasts=True) for problem in told], axis=1))
+        if coasting[3] > explained:
+            braking, (rows, values, place, explained) = False, coasting
     whole = rows.shape[1] // _BLOCK * _BLOCK
     products = _products(rows[:, :whole].reshape(len(_DELAYS), -1, _BLOCK, rows.shape[2]))
-    values, place = _solve(products.sum(axis=1))
-    residuals = rows[place, :, -1] - rows[place, :, :-1] @ values
-    explained = 1.0 - float(np.mean(residuals**2) / np.var(rows[place, :, -1]))
-    accelerations = bool(-values[1] < _SERVO * values[0])
     rng = np.random.default_rng(seed)
     blocks = products.shape[1]
     drawn = []
@@ -89,13 +90,29 @@ def speed_response(problems: Sequence[DriveProblem], parameters: FloatArray, *, 
         (float(value), float(each)) for value, each in zip(found, half, strict=True)
     )
     return SpeedResponse(
-        accelerations=accelerations, gain=gain, delay=delay, time_constant=constant, drag=drag, rolling=rolling,
-        cornering=cornering, explained=explained,
+        accelerations=accelerations, gain=gain, braking=braking, delay=delay, time_constant=constant, drag=drag,
+        rolling=rolling, cornering=cornering, explained=explained,
     )  # fmt: skip
 
 
-def _windows(problem: DriveProblem, parameters: FloatArray) -> FloatArray:
-    """Return the integrals of u, v, 1 and c over windows, and the change of v, for each delay (delays, n, 5)."""
+def _robust(rows: FloatArray) -> tuple[FloatArray, FloatArray, int, float]:
+    """Return the rows without outliers, their coefficients, the place of the delay, and the share that is explained."""
+    _, place = _solve(_products(rows[:, np.newaxis]).sum(axis=1))
+    for _ in range(2):
+        values, _ = _solve(_products(rows[place : place + 1, np.newaxis]).sum(axis=1))
+        residuals = rows[place, :, -1] - rows[place, :, :-1] @ values
+        spread = 1.4826 * float(np.median(np.abs(residuals)))
+        rows = rows[:, np.abs(residuals) < _OUTLIER * spread]
+    values, place = _solve(_products(rows[:, np.newaxis]).sum(axis=1))
+    residuals = rows[place, :, -1] - rows[place, :, :-1] @ values
+    return rows, values, place, 1.0 - float(np.mean(residuals**2) / np.var(rows[place, :, -1]))
+
+
+def _windows(problem: DriveProblem, parameters: FloatArray, *, coasts: bool = False) -> FloatArray:
+    """Return the integrals of u, v, 1 and c over windows, and the change of v, for each delay (delays, n, 5).
+
+    `coasts`: negative commands are none.
+    """
     motion, car = problem.motion, problem.drive.car
     assert problem.drive.speed_command is not None
     speed, turn = motion.forward_speed, motion.yaw_rate
@@ -111,7 +128,8 @@ def _windows(problem: DriveProblem, parameters: FloatArray) -> FloatArray:
     fixed = [values[ends] - values[begins] for values in integrals]
     rows = np.empty((len(_DELAYS), len(begins), 5))
     for index, delay in enumerate(_DELAYS):
-        commanded = _integral(problem.drive.speed_command.held(motion.time - delay)[:, 0])
+        commands = problem.drive.speed_command.held(motion.time - delay)[:, 0]
+        commanded = _integral(np.maximum(commands, 0.0) if coasts else commands)
         rows[index] = np.column_stack((commanded[ends] - commanded[begins], *fixed, speed[ends] - speed[begins]))
     return rows
 

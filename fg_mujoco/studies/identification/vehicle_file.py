@@ -2,12 +2,13 @@
 
 Changed are, each only where the drives told it:
 
-- the steering servo, which then turns the wheels to gain * command + offset, with the delay and the lag that were
-  found, up to the greatest angle of the vehicle;
+- the numeric `steering_map`, by which what the real servo is sent becomes the angle of the wheels, and the lag, the
+  delay and the greatest angle of the steering servo, which is commanded that angle;
 - the moments of inertia of the chassis, by the ratio that was found for the yaw inertia of the whole car;
 - the speed servo's gain, time constant and delay, for a car that is commanded speeds; that of a car that is commanded
   accelerations is the vehicle's, and not late, because it closes its loop in the car;
-- the damping of the wheels, by the drag that was found, for a car that is commanded accelerations;
+- the damping of the wheels, by the drag that was found, and the numeric `acceleration_map`, for a car that is commanded
+  accelerations;
 - the text `tires`, which names the file of the identified tires.
 
 All else stays, comments too. The rolling resistance is in the tires' file.
@@ -22,6 +23,7 @@ from xml.etree import ElementTree
 
 from ...errors import ModelError, SettingsError
 from ...vehicle.car import WHEELS
+from ...vehicle.command_response import ACCELERATION_MAP, STEERING_MAP
 from ...vehicle.vehicle import Vehicle
 from .identification import Identification
 from .tire_file import comment
@@ -51,12 +53,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
     notes = _steering(root, found, vehicle)
     notes += _inertia(root, found, vehicle)
     notes += _speed(root, found, vehicle)
-    custom = root.find("custom")
-    if custom is None:
-        custom = ElementTree.SubElement(root, "custom")
-    for element in custom.findall("text[@name='tires']"):
-        custom.remove(element)
-    ElementTree.SubElement(custom, "text", {"name": "tires", "data": tires}).tail = "\n  "
+    _put(root, "text", "tires", tires)
     heading = [
         f"{name}: the vehicle {vehicle.name} with what `fg-mujoco identify` found (docs/identification.md).",
         *(f"Drive: {Path(drive.name).name} (sha256 {drive.sha256[:12]})" for drive in found.drives),
@@ -88,12 +85,12 @@ def write_vehicle(found: Identification, vehicle: Vehicle, path: Path, *, tires:
 
 
 def _steering(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -> list[str]:
-    """Give the steering servo its gain, offset, lag and delay, and return what was written."""
+    """Write the steering's map, and give its servo lag, delay and greatest angle; return what was written."""
     told = {name: f"steering {name}" in found.told for name in ("gain", "offset", "delay")}
     gain = found.steering_gain.value if told["gain"] else 1.0
     offset = found.steering_offset.value if told["offset"] else 0.0
     element = _servo(root, "steering", "position", vehicle)
-    # a servo with a gain of its own, as of a car that was identified before, has its stiffness in its second bias
+    # a servo of the kind `general` has its stiffness in its second bias
     own = element.get("biasprm", "").split()
     stiffness = -float(own[1]) if element.tag == "general" and len(own) > 1 else float(element.get("kp", "1"))
     lag, delay = found.steering_lag.value, found.steering_delay.value
@@ -102,22 +99,22 @@ def _steering(root: ElementTree.Element, found: Identification, vehicle: Vehicle
         # the servo's greatest force is its greatest rate times the damping; its lag is the damping over its stiffness
         force = max(abs(float(value)) for value in element.get("forcerange", "-1 1").split())
         stiffness = force / car.max_steering_rate / lag
-    element.tag = "general"
-    for name in ("kp", "kv"):
+    element.tag = "position"
+    for name in ("gainprm", "biastype", "biasprm"):
         element.attrib.pop(name, None)
-    element.set("gainprm", f"{stiffness * gain:.6g}")
-    element.set("biastype", "affine")
-    element.set("biasprm", f"{stiffness * offset:.6g} {-stiffness:.6g} 0")
+    element.set("kp", f"{stiffness:.6g}")
+    _put(root, "numeric", STEERING_MAP, f"{gain:.6g} {offset:.6g}")
     if told["delay"] and delay > 0.5 * _STEP:
         _delayed(element, delay)
     joint = _element(root, ".//joint[@name='steering']", vehicle)
     limit = found.steering_limit.value
+    element.set("ctrlrange", f"{-limit:.6g} {limit:.6g}")
     joint.set("range", f"{-limit:.6g} {limit:.6g}")
     for name, value in _STOP.items():
         joint.set(name, value)
     return [
-        f"Steering: angle = {found.steering_gain} times the command, plus {found.steering_offset} rad; lag "
-        f"{found.steering_lag} s, delay {found.steering_delay} s."
+        f"Steering: the angle of the wheels = {found.steering_gain} times what the servo is sent, plus "
+        f"{found.steering_offset} rad; lag {found.steering_lag} s, delay {found.steering_delay} s."
     ]
 
 
@@ -153,9 +150,12 @@ def _speed(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -
         damping = effective_mass * drag * car.wheel_radius**2 / len(WHEELS)
         for wheel in WHEELS:
             _element(root, f".//joint[@name='{wheel}_wheel']", vehicle).set("damping", f"{damping:.6g}")
+        braking = speed.gain[0] if speed.braking else 0.0
+        _put(root, "numeric", ACCELERATION_MAP, f"{speed.gain[0]:.6g} {braking:.6g} {speed.delay[0]:.6g}")
         return [
-            f"Drive: of accelerations that were commanded it made {_said(speed.gain)}, {_said(speed.delay)} s late. "
-            f"The speed servo is the vehicle's. Drag {_said(speed.drag)} 1/s, as damping of the wheels."
+            f"Drive: of accelerations that were commanded it made {_said(speed.gain)}, {_said(speed.delay)} s late"
+            f"{'' if speed.braking else '; of negative ones none: it coasts'}. The speed servo is the vehicle's. Drag "
+            f"{_said(speed.drag)} 1/s, as damping of the wheels."
         ]
     if speed.time_constant[0] > 0.0:
         stiffness = effective_mass / speed.time_constant[0]
@@ -170,6 +170,16 @@ def _speed(root: ElementTree.Element, found: Identification, vehicle: Vehicle) -
 
 def _said(value: tuple[float, float]) -> str:
     return f"{value[0]:.4g} +- {value[1]:.2g}"
+
+
+def _put(root: ElementTree.Element, kind: str, name: str, data: str) -> None:
+    """Write a custom element, in place of one of that name."""
+    custom = root.find("custom")
+    if custom is None:
+        custom = ElementTree.SubElement(root, "custom")
+    for element in custom.findall(f"{kind}[@name='{name}']"):
+        custom.remove(element)
+    ElementTree.SubElement(custom, kind, {"name": name, "data": data}).tail = "\n  "
 
 
 def _delayed(element: ElementTree.Element, delay: float) -> None:

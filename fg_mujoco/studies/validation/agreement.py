@@ -9,7 +9,7 @@ import numpy as np
 
 from ...messages import FloatArray
 from .car_model import BEFORE, Task
-from .windows import PERIOD, STEADY_SECONDS, DriveMotion, SteadyState, Window
+from .windows import HOLD_SPEED, PERIOD, STEADY_SECONDS, DriveMotion, SteadyState, Window
 
 UNITS = {
     "speed": "m/s", "yaw rate": "rad/s", "lateral acceleration": "m/s^2", "slip angle": "rad", "position": "m",
@@ -39,16 +39,17 @@ def task_of(motions: list[DriveMotion], windows: list[Window], *, held: bool) ->
     """Return what windows ask of a model; `held`: the recorded speed is held, and not the recorded command given."""
     count = max(window.count for window in windows)
     starts = []
-    steering, speed = np.zeros((2, len(windows), BEFORE + count))
+    steering, drive = np.zeros((2, len(windows), BEFORE + count))
+    kinds = np.full(len(windows), HOLD_SPEED)
     for place, window in enumerate(windows):
         motion = motions[window.drive]
         starts.append(start_of(motion, window.first))
         rows = np.clip(np.arange(window.first - BEFORE, window.first + count), 0, len(motion.time) - 1)
-        source = motion.speed if held or motion.speed_command is None else motion.speed_command
-        steering[place], speed[place] = motion.steering[rows], source[rows]
+        kinds[place], source = (HOLD_SPEED, motion.forward_speed) if held else motion.commanded
+        steering[place], drive[place] = motion.wheel_command[rows], source[rows]
     return Task(
-        starts=np.array(starts), counts=np.array([window.count for window in windows]), steering=steering, speed=speed,
-        held=np.full(len(windows), held),
+        starts=np.array(starts), counts=np.array([window.count for window in windows]), steering=steering, drive=drive,
+        kinds=kinds,
     )  # fmt: skip
 
 
@@ -59,9 +60,9 @@ def steady_task(motions: list[DriveMotion], states: list[SteadyState]) -> Task:
     shape = (len(states), count)
     return Task(
         starts=np.array(starts), counts=np.full(len(states), count - BEFORE),
-        steering=np.broadcast_to(np.array([[state.steering] for state in states]), shape),
-        speed=np.broadcast_to(np.array([[state.speed] for state in states]), shape),
-        held=np.ones(len(states), np.bool_),
+        steering=np.broadcast_to(np.array([[state.wheel_command] for state in states]), shape),
+        drive=np.broadcast_to(np.array([[state.speed] for state in states]), shape),
+        kinds=np.full(len(states), HOLD_SPEED),
     )  # fmt: skip
 
 
@@ -82,8 +83,8 @@ def joined(tasks: list[Task]) -> Task:
         starts=np.concatenate([task.starts for task in tasks]),
         counts=np.concatenate([task.counts for task in tasks]),
         steering=np.concatenate([padded(task.steering) for task in tasks]),
-        speed=np.concatenate([padded(task.speed) for task in tasks]),
-        held=np.concatenate([task.held for task in tasks]),
+        drive=np.concatenate([padded(task.drive) for task in tasks]),
+        kinds=np.concatenate([task.kinds for task in tasks]),
     )
 
 

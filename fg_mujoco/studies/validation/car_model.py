@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ...course.open_ground import OpenGround
 from ...messages import CarParameters, FloatArray
@@ -15,9 +16,11 @@ from ...simulation.engine import Engine
 from ...simulation.physics import STATE
 from ...simulation.settings import Start
 from ...simulation.world import World
+from ...vehicle.command_response import CommandResponse
+from ...vehicle.motion import surface_speed
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import Vehicle
-from .windows import PERIOD
+from .windows import ACCELERATE, HOLD_SPEED, PERIOD
 
 SIGNALS = ("x", "y", "heading", "forward_speed", "lateral_speed", "yaw_rate")
 """Columns of a simulated motion: base_link's pose [m, m, rad], its velocity [m/s] and the yaw rate [rad/s]."""
@@ -26,20 +29,21 @@ BEFORE = 16
 """Periods before a start whose commands are known: as late as a servo may be."""
 
 _GAIN = 3.0  # [1/s] by which the command makes up for a speed that is to be held
+_SMOOTHED = 0.2  # of an acceleration of the wheels, each period: over 0.05 s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task:
     """What models are driven through: n starts, and the commands of each until its end.
 
-    The commands of BEFORE periods come first in `steering` and `speed`: they are on their way to late servos.
+    The commands of BEFORE periods come first in `steering` and `drive`: they are on their way to late servos.
     """
 
     starts: FloatArray  # (n, 7) SIGNALS, and the angle of the front wheels [rad]
     counts: FloatArray  # (n,) periods that each lasts
-    steering: FloatArray  # (n, BEFORE + k) [rad] commanded
-    speed: FloatArray  # (n, BEFORE + k) [m/s] commanded, or to be held
-    held: FloatArray  # (n,) whether the speed is one to be held, and no command
+    steering: FloatArray  # (n, BEFORE + k) [rad] angle of the wheels that is commanded
+    drive: FloatArray  # (n, BEFORE + k) [m/s] commanded or to be held, or [m/s^2] by the motor
+    kinds: NDArray[np.int64]  # (n,) which of them: COMMAND_SPEED, HOLD_SPEED or ACCELERATE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -66,6 +70,11 @@ class CarModel:
         return self.vehicle.parameters
 
     @property
+    def response(self) -> CommandResponse:
+        """How the car answers commands."""
+        return self.vehicle.command_response
+
+    @property
     def friction(self) -> float:
         """The friction of the tires: the greatest peak of those with a curve [-]."""
         return float(self._world().car.mu)
@@ -86,15 +95,26 @@ class CarModel:
         self, engine: Engine, world: World, task: Task, watch: Callable[[int, int], None] | None
     ) -> FloatArray:
         count, periods = len(task.starts), task.steering.shape[1] - BEFORE
+        held, accelerate = task.kinds == HOLD_SPEED, task.kinds == ACCELERATE
+        tau = world.parameters.speed_time_constant
+        # The servo accelerates by (set point - wheel speed) / tau. A set point that was under way and is held for a
+        # period is old by this time in the mean, and the wheels' acceleration, which is smoothed, has gone on.
+        step, servo = world.model.opt.timestep, int(world.car.constants[0]["speed_ctrl"])
+        late = step * math.ceil(float(world.model.actuator_delay[servo]) / step - 1e-9)
+        old, goes_on = late + 0.5 * PERIOD, np.zeros(count)
         engine.place([Start(s=0.0, offset=0.0, heading=0.0, speed=max(float(row[3]), 0.0)) for row in task.starts])
         for number, row in enumerate(task.starts):
             _write_start(engine, number, world, row)
             if world.model.nhistory:
-                _write_history(engine, number, world, task.steering[number], task.speed[number])
+                speeds = task.drive[number]
+                if task.kinds[number] == ACCELERATE:
+                    speeds = max(float(row[3]), 0.0) + tau * speeds
+                _write_history(engine, number, world, task.steering[number], speeds)
         found = np.full((count, periods + 1, len(SIGNALS)), np.nan)
         poses, velocities = np.zeros((count, 3)), np.zeros((count, 3))
         missing = np.zeros(count)
-        tau = world.parameters.speed_time_constant
+        constants = world.car.constants
+        wheel_speeds = np.array([surface_speed(engine.qvel(number), constants) for number in range(count)])
         turned, before = np.zeros(count), task.starts[:, 2].copy()
         for period in range(periods + 1):
             which = engine.running & (task.counts >= period)
@@ -107,12 +127,20 @@ class CarModel:
             engine.running[:] = which = which & (task.counts > period)
             if period == periods or not which.any():
                 break
-            wanted = task.speed[:, BEFORE + period]
-            after = task.speed[:, min(BEFORE + period + 1, task.speed.shape[1] - 1)]
-            missing += np.where(task.held, wanted - velocities[:, 0], 0.0) * PERIOD
+            wanted = task.drive[:, BEFORE + period]
+            after = task.drive[:, min(BEFORE + period + 1, task.drive.shape[1] - 1)]
+            missing += np.where(held, wanted - velocities[:, 0], 0.0) * PERIOD
             rising = (after - wanted) / PERIOD
+            last = wheel_speeds.copy()
+            for number in np.flatnonzero(which & accelerate).tolist():
+                wheel_speeds[number] = surface_speed(engine.qvel(number), constants)
+            goes_on += _SMOOTHED * (old * (wheel_speeds - last) / PERIOD - goes_on)
             engine.commands[:, 0] = task.steering[:, BEFORE + period]
-            engine.commands[:, 1] = np.where(task.held, wanted + tau * rising + _GAIN * missing, wanted)
+            engine.commands[:, 1] = np.select(
+                (held, accelerate),
+                (wanted + tau * rising + _GAIN * missing, wheel_speeds + goes_on + tau * wanted),
+                wanted,
+            )
             engine.drive()
             if watch is not None:
                 watch(period, periods)

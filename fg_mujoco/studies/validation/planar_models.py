@@ -6,7 +6,8 @@
 - ForzaETH's: the single-track model with Magic Formula axles that On-Track-SysID identifies (arXiv 2411.17508), with
   the same controller. Its tires are those of models/tires, as published: past its peak a curve may fall through zero.
 
-Where a speed is to be held, a P controller with the recorded acceleration holds it, within the motor's.
+Where a speed is to be held, a P controller with the recorded acceleration holds it, within the motor's. Recorded
+commands that are accelerations are those of the models, without the controller of the speed.
 """
 
 from __future__ import annotations
@@ -16,16 +17,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import SettingsError
 from ...kernels import kernel
 from ...messages import CarParameters, FloatArray
+from ...vehicle.command_response import CommandResponse
 from ...vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, axle_loads, friction_used, linear_rates
 from ...vehicle.tires import Tires
 from ...vehicle.tires.magic_formula import MagicFormula
 from ...vehicle.vehicle import Vehicle
 from .car_model import BEFORE, SIGNALS, Task
-from .windows import PERIOD
+from .windows import ACCELERATE, HOLD_SPEED, PERIOD
 
 GYM_MU = 1.0489
 """[-] f1tenth_gym's friction: `mu` of its default parameters."""
@@ -58,6 +61,11 @@ class PlanarModel:
         return self.vehicle.parameters
 
     @property
+    def response(self) -> CommandResponse:
+        """How it answers commands: it does what it is sent, at once, within the greatest rates."""
+        return CommandResponse()
+
+    @property
     def friction(self) -> float:
         """The friction [-]; of Magic Formula axles the greatest peak."""
         if self.mu is not None:
@@ -85,8 +93,8 @@ class PlanarModel:
         )  # fmt: skip
         _drive(
             self.tires is None, self.friction, tires, constants, task.starts, task.counts.astype(np.int64),
-            np.ascontiguousarray(task.steering[:, BEFORE:]), np.ascontiguousarray(task.speed[:, BEFORE:]),
-            task.held.astype(np.bool_), found,
+            np.ascontiguousarray(task.steering[:, BEFORE:]), np.ascontiguousarray(task.drive[:, BEFORE:]),
+            task.kinds, found,
         )  # fmt: skip
         return found
 
@@ -94,7 +102,7 @@ class PlanarModel:
 @kernel
 def _drive(
     linear: bool, mu: float, tires: FloatArray, car: FloatArray, starts: FloatArray, counts: FloatArray,
-    steering: FloatArray, speeds: FloatArray, held: FloatArray, out: FloatArray,
+    steering: FloatArray, drives: FloatArray, kinds: NDArray[np.int64], out: FloatArray,
 ) -> None:  # fmt: skip
     """Simulate each start by Euler's method; arguments as in Task, `out` as `simulate` returns it."""
     front, rear, height, mass, inertia, gravity, lock, turning, most, fastest, slowest, switch = car
@@ -111,13 +119,15 @@ def _drive(
             out[number, period, 4], out[number, period, 5] = across - rear * yaw_rate, yaw_rate
             if period == counts[number]:
                 break
-            wanted = speeds[number, period]
-            after = speeds[number, min(period + 1, speeds.shape[1] - 1)]
+            wanted = drives[number, period]
+            after = drives[number, min(period + 1, drives.shape[1] - 1)]
             for _ in range(_STEPS):
                 target = min(max(steering[number, period], -lock), lock)
                 angle += min(max(target - angle, -turning * dt), turning * dt)
                 power = most * min(1.0, switch / max(along, switch))
-                if held[number]:
+                if kinds[number] == ACCELERATE:
+                    acceleration = wanted
+                elif kinds[number] == HOLD_SPEED:
                     acceleration = (after - wanted) / PERIOD + _GAIN * (wanted - along)
                 else:
                     command = min(max(wanted, slowest), fastest)

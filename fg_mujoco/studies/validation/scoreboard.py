@@ -9,6 +9,7 @@ from typing import Any
 
 from ...display import brief
 from ...messages import CarParameters
+from ...vehicle.command_response import CommandResponse
 from ...vehicle.tires import Tires, tire_names
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.pages.table import Table
@@ -82,12 +83,13 @@ def scoreboard(
     """
     loaded = Vehicle.load(vehicle)
     found = read(drives, columns=columns, vehicle=loaded, watch=watch)
-    smoothed: dict[CarParameters, tuple[list[DriveMotion], list[str]]] = {}
+    smoothed: dict[tuple[CarParameters, CommandResponse], tuple[list[DriveMotion], list[str]]] = {}
     validations = []
     for model in models_of(loaded, mu=mu, threads=threads):
-        if model.car not in smoothed:
-            smoothed[model.car] = motions_of(found, model.car, model.name, watch=watch)
-        validations.append(validate_model(model, found, smoothed=smoothed[model.car], watch=watch))
+        key = model.car, model.response
+        if key not in smoothed:
+            smoothed[key] = motions_of(found, model, watch=watch)
+        validations.append(validate_model(model, found, smoothed=smoothed[key], watch=watch))
     return Scoreboard(validations=tuple(validations))
 
 

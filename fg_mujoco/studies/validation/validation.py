@@ -13,6 +13,7 @@ import numpy as np
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import CarParameters, FloatArray
+from ...vehicle.command_response import CommandResponse
 from ...vehicle.tires import Tires
 from ...vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ...viz.pages.table import Table
@@ -22,6 +23,7 @@ from ..identification.fit import require_scipy
 from .agreement import UNITS, Agreement, agreements, joined, rms, steady_task, task_of
 from .car_model import CarModel, Task
 from .windows import (
+    HOLD_SPEED,
     LENGTHS,
     PERIOD,
     STEADY_MEAN,
@@ -34,8 +36,9 @@ from .windows import (
 )
 
 COMMANDS, HELD, STEADY = "recorded commands", "recorded speed held", "steady states"
-"""How models are driven: by the recorded commands of steering and speed; by the recorded steering at the recorded
-speed, which leaves the motor and its controller out; and at the steering and speed of a steady state."""
+"""How models are driven: by the recorded commands of steering and of speed or acceleration; by the recorded steering at
+the recorded speed, smoothed, which leaves the motor and its controller out; and at the steering and speed of a steady
+state."""
 
 _SPIN = 0.7  # [rad] of sideslip: a car that has spun
 _SAME_STEERING, _SAME_SPEED = 0.02, 0.2  # [rad], [m/s] within which steady states are one
@@ -51,6 +54,10 @@ class DriveModel(Protocol):
     @property
     def car(self) -> CarParameters:
         """The car's constants."""
+
+    @property
+    def response(self) -> CommandResponse:
+        """How it answers commands."""
 
     @property
     def friction(self) -> float:
@@ -224,9 +231,9 @@ def read(
 
 
 def motions_of(
-    drives: Sequence[RecordedDrive], car: CarParameters, name: str, *, watch: Callable[[str], None] | None = None
+    drives: Sequence[RecordedDrive], model: DriveModel, *, watch: Callable[[str], None] | None = None
 ) -> tuple[list[DriveMotion], list[str]]:
-    """Return the smoothed motions of drives for a car of this name, and which drives are left out and why.
+    """Return the smoothed motions of drives for the car of a model, and which drives are left out and why.
 
     Raises:
       MissingExtraError: SciPy is not installed.
@@ -241,7 +248,7 @@ def motions_of(
         if watch is not None:
             watch(f"smoothing drive {number}/{len(drives)}")
         try:
-            motions.append(motion_of(drive, car, name))
+            motions.append(motion_of(drive, model.car, model.name, model.response))
         except SettingsError as error:
             if len(drives) == 1:
                 raise
@@ -264,8 +271,8 @@ def validate_model(
       smoothed: of `motions_of`, where several models have one car; None: they are smoothed here.
       watch: called with the progress in words.
     """
-    motions, left_out = motions_of(drives, model.car, model.name, watch=watch) if smoothed is None else smoothed
-    commanded = bool(motions) and all(motion.speed_command is not None for motion in motions)
+    motions, left_out = motions_of(drives, model, watch=watch) if smoothed is None else smoothed
+    commanded = bool(motions) and all(motion.commanded[0] != HOLD_SPEED for motion in motions)
     windows = {length: windows_of(motions, length) for length in LENGTHS}
     parts: list[tuple[tuple[str, float], list[Window]]] = [
         ((how, length), found)

@@ -2,24 +2,26 @@
 
 The motion of a drive is smoothed from its poses, gyro and speed (`identification.smoothed_motion`), because no sensor
 measures the lateral velocity that a window starts with. Windows of 1, 2 and 5 s follow each other without a gap while
-the car moves forward and its poses do not jump. A steady state is a stretch in which steering, speed and yaw rate
-hardly change.
+the car moves forward, its poses do not jump and it hits nothing. A steady state is a stretch in which steering, speed
+and yaw rate hardly change.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import SettingsError
 from ...messages import CarParameters, FloatArray
+from ...vehicle.command_response import CommandResponse
 from ..drives.drive_recording import RecordedDrive
 from ..identification.drive_log import Drive
 from ..identification.smoothed_motion import Motion, smooth
+from ..identification.steering_response import Steering
 
 PERIOD = 0.01
 """[s] Between two commands of a window, and two comparisons."""
@@ -31,10 +33,15 @@ STEADY_SECONDS = 2.5
 """[s] For which a model is driven from a steady state; the last STEADY_MEAN of them count."""
 STEADY_MEAN = 0.5
 
+COMMAND_SPEED, HOLD_SPEED, ACCELERATE = range(3)
+"""How a model is driven: by commanded speeds, at speeds that are held, or by accelerations of its motor."""
+
 _SLOWEST = 1.0  # [m/s] at which a window starts, and
 _LEAST = 0.5  # below which none goes on: models switch there to a kinematic one
 _SPIN = 0.7  # [rad] of sideslip, at which no window starts: the car has lost its tires
 _JUMP = 0.25  # [m] between a pose and the smoothed path
+_HIT = 12.0  # [m/s^2] smoothed, more than tires of friction 1.2 hold: the car hits something, or its poses jump
+_AROUND_HIT = 10  # periods before and after it
 _STEADY = 1.0  # [s] of a steady state
 _SAME_STEERING = 0.02  # [rad] range of its commands
 _DRIFT = 0.1  # [-] of their mean: greatest drift of speed and yaw rate over a steady state, by a line through them
@@ -58,10 +65,19 @@ class DriveMotion:
     slip_angle: FloatArray  # [rad] of the centre of gravity, smoothed
     speed: FloatArray  # [m/s] as recorded
     gyro: FloatArray  # [rad/s] as recorded
-    steering: FloatArray  # [rad] commanded
+    steering: FloatArray  # [rad] as recorded: what the servo was sent, or a measured angle
+    wheel_command: FloatArray  # [rad] what the servo turns the wheels to when it is sent that
+    wheel_angle: FloatArray  # [rad] of the front wheels, which follow it with the servo's delay, lag and greatest rate
     speed_command: FloatArray | None  # [m/s]
-    wheel_angle: FloatArray  # [rad] of the front wheels, which follow the commands at the servo's rate
-    jumps: NDArray[np.bool_]  # whether the poses are far from the smoothed path
+    acceleration: FloatArray | None  # [m/s^2] by the motor, as the car answers the accelerations that it was sent
+    jumps: NDArray[np.bool_]  # whether the poses are far from the smoothed path, or the car hits something
+
+    @property
+    def commanded(self) -> tuple[int, FloatArray]:
+        """How the recorded commands drive a model, and with what [m/s, m/s^2]; the speed is held if there are none."""
+        if self.acceleration is not None:
+            return ACCELERATE, self.acceleration
+        return (HOLD_SPEED, self.speed) if self.speed_command is None else (COMMAND_SPEED, self.speed_command)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,15 +96,24 @@ class SteadyState:
     drive: int
     first: int
     count: int
-    steering: float  # [rad]
+    steering: float  # [rad] as recorded
+    wheel_command: float  # [rad] that the servo makes of it
     speed: float  # [m/s]
     yaw_rate: float  # [rad/s]
     lateral_acceleration: float  # [m/s^2] speed times yaw rate
     slip_angle: float  # [rad]
 
 
-def motion_of(drive: RecordedDrive, car: CarParameters, vehicle: str) -> DriveMotion:
+def motion_of(
+    drive: RecordedDrive, car: CarParameters, vehicle: str, response: CommandResponse | None = None
+) -> DriveMotion:
     """Return the smoothed motion of a drive.
+
+    Args:
+      drive: that was recorded.
+      car: whose constants are assumed.
+      vehicle: its name.
+      response: how it answers commands; None: it does what it is sent, at once.
 
     Raises:
       SettingsError: a drive without poses, or one that is too short, or stands.
@@ -107,27 +132,32 @@ def motion_of(drive: RecordedDrive, car: CarParameters, vehicle: str) -> DriveMo
         of, (motion.heading, motion.yaw_rate, motion.forward_speed, motion.lateral_speed)
     )
     x, y = of(motion.x) - ahead * np.cos(heading), of(motion.y) - ahead * np.sin(heading)
-    jumps = np.hypot(x - poses[:, 0], y - poses[:, 1]) > _JUMP
+    hits = np.hypot(of(motion.forward_acceleration), of(motion.lateral_acceleration)) > _HIT
+    near = np.convolve(hits, np.ones(2 * _AROUND_HIT + 1), "same") > 0.5
+    jumps = near | (np.hypot(x - poses[:, 0], y - poses[:, 1]) > _JUMP)
     steering = (drive.steering.held if drive.commanded else drive.steering.at)(time)[:, 0]
-    rate = car.max_steering_rate * PERIOD if drive.commanded else math.inf
+    response = response or CommandResponse()
+    if not drive.sent_to_servo:
+        response = replace(response, steering_gain=1.0, steering_offset=0.0)
+    wheels = Steering(
+        drive.steering, time, limit=car.max_steering_angle, held=drive.commanded,
+        rate=car.max_steering_rate if drive.commanded else math.inf,
+    )  # fmt: skip
+    lag, late = (response.steering_lag, response.steering_delay) if drive.commanded else (0.0, 0.0)
+    acceleration = None
+    if drive.acceleration_command is not None:
+        before = time - response.acceleration_delay
+        acceleration = response.acceleration(drive.acceleration_command.held(before)[:, 0])
     return DriveMotion(
         drive=drive, time=time, x=x, y=y, heading=heading, forward_speed=forward,
         lateral_speed=lateral - ahead * yaw_rate, yaw_rate=yaw_rate,
         lateral_acceleration=of(motion.lateral_acceleration), slip_angle=np.arctan2(lateral, forward),
         speed=drive.speed.at(time)[:, 0], gyro=drive.yaw_rate.at(time)[:, 0], steering=steering,
+        wheel_command=response.wheel_angle(steering),
+        wheel_angle=wheels.angles(response.steering_gain, response.steering_offset, lag, late),
         speed_command=None if drive.speed_command is None else drive.speed_command.held(time)[:, 0],
-        wheel_angle=_followed(np.clip(steering, -car.max_steering_angle, car.max_steering_angle), rate), jumps=jumps,
+        acceleration=acceleration, jumps=jumps,
     )  # fmt: skip
-
-
-def _followed(targets: FloatArray, most: float) -> FloatArray:
-    """Return what follows targets by `most` a step."""
-    found = np.empty(len(targets))
-    angle = float(targets[0])
-    for place, target in enumerate(targets.tolist()):
-        angle += min(max(target - angle, -most), most)
-        found[place] = angle
-    return found
 
 
 def windows_of(motions: Sequence[DriveMotion], length: float) -> list[Window]:
@@ -165,7 +195,8 @@ def steady_states_of(motions: Sequence[DriveMotion]) -> list[SteadyState]:
             found.append(
                 SteadyState(
                     drive=number, first=first, count=count, steering=float(motion.steering[part].mean()),
-                    speed=float(speed.mean()), yaw_rate=float(turning.mean()),
+                    wheel_command=float(motion.wheel_command[part].mean()), speed=float(speed.mean()),
+                    yaw_rate=float(turning.mean()),
                     lateral_acceleration=float((speed * turning).mean()),
                     slip_angle=float(motion.slip_angle[part].mean()),
                 )
