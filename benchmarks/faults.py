@@ -73,6 +73,25 @@ FAULTS = {
         new="return late + self._own_delay",
         tests="test_teaching.py",
     ),
+    # the lap that is remembered, and the line through it
+    "the error of the dead reckoning that is added again when a lap closes": Fault(
+        file="controllers/perception/lap_map.py",
+        old="shift_x, shift_y = x - here_x, y - here_y",
+        new="shift_x, shift_y = here_x - x, here_y - y",
+        tests="test_lap_map.py",
+    ),
+    "scans that are matched in the wrong direction": Fault(
+        file="controllers/perception/lap_map.py",
+        old="ex -= normal_x * error",
+        new="ex += normal_x * error",
+        tests="test_lap_map.py",
+    ),
+    "a line that braking follows as if the car drove straight ahead": Fault(
+        file="controllers/safety/known_line.py",
+        old="used = square * points[min(k + 1, len(points) - 1), DEMAND] / grip",
+        new="used = 0.0 * points[min(k + 1, len(points) - 1), DEMAND] / grip",
+        tests="test_lap_map.py",
+    ),
     # floors, and the LiDAR of real cars
     "tires on another floor with the ratio of the floors turned over": Fault(
         file="fg_mujoco/vehicle/floors.py",

@@ -12,6 +12,9 @@ the same for all planners:
 5. A car that stands without a frontier reverses along its path (recovery).
 6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
+With the setting `remember` the places of the first lap are kept (lap_map), and from the second lap on the car follows a
+line through them (known_line). While it is on that line, only 6 applies.
+
 The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
 no friction limit, mu = inf, has only the laws of the mean range and of the distance straight ahead.
 """
@@ -29,6 +32,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, require
 
+from ..perception.lap_map import see_lap
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
@@ -43,6 +47,7 @@ from ..safety.friction_learning import (
 )
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
+from ..safety.known_line import AWAY, ON, follow_line, forget_line, shape_line
 from ..safety.predictions import PREDICTIONS, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, passing_steering, safe_steering
@@ -63,6 +68,7 @@ from .reasons import (
     AFTER_RECOVERY,
     AHEAD,
     GRIP,
+    KNOWN_LINE,
     LOCK,
     MAXIMUM,
     MEAN_RANGE,
@@ -89,6 +95,7 @@ from .speedometer import SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
+_LINE_USE = 1.0  # share of the grip for cornering on a known line, when the car is too fast
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
@@ -118,6 +125,9 @@ class DrivingSettings(Settings):
     )
     prediction: bool = setting(
         True, text="with safety_filter: what moves is tracked, and the car keeps out of where it may be"
+    )
+    remember: bool = setting(
+        False, text="with guidance: from the second lap on the car follows a line through the ground of the first"
     )
     learn: bool = setting(False, text="the planner is not told the friction: it starts at 0.4 and learns it")
     safe_distance: float = setting_of_car(
@@ -155,6 +165,7 @@ DRIVER = np.dtype(
         ("recovery", np.bool_),
         ("guidance", np.bool_),
         ("prediction", np.bool_),
+        ("remembers", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
         ("learning", LEARNING),  # inactive where the planner is told the friction
@@ -216,6 +227,7 @@ def driver_record(
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
         row["prediction"] = settings.prediction and row["safety_filter"]
+        row["remembers"] = settings.remember and row["guidance"]
         row["limiter"] = limiter.record
         if settings.learn:
             row["learning"] = learning_row(car)
@@ -288,6 +300,7 @@ def drive_worlds(
     running: NDArray[np.bool_],
     driven: NDArray[np.void],
     trajectories: NDArray[np.void],
+    remembered: NDArray[np.void],
     commands: FloatArray,
 ) -> None:
     """Write the commands of all running worlds for their references: one row a world, see `drive`."""
@@ -296,7 +309,7 @@ def drive_worlds(
             row, clear = driven[world], valid[len(valid) - len(running) + world]
             command = drive(
                 scan[0], valid[world], guiding[world], clear, odometry[world], row.driver, row.reference, row.memory,
-                trajectories,
+                trajectories, remembered[world : world + 1],
             )  # fmt: skip
             commands[world, 0], commands[world, 1] = command
 
@@ -312,6 +325,7 @@ def drive(
     reference: Record,
     memory: Record,
     trajectories: NDArray[np.void],
+    remembered: NDArray[np.void],
 ) -> tuple[float, float]:
     """Return the command for a reference: steering angle [rad] and speed [m/s]; of one that learns, as learned now.
 
@@ -327,9 +341,10 @@ def drive(
       reference: of type REFERENCE.
       memory: of type DRIVING_MEMORY, written to.
       trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
+      remembered: (1,) of type REMEMBERED, written to; of a planner that does not remember, (0,).
     """
     if not driver.learning.active:
-        return _drive(scan, valid, guiding, clear, odometry, driver, reference, memory, trajectories)
+        return _drive(scan, valid, guiding, clear, odometry, driver, reference, memory, trajectories, remembered)
     learned = memory.learned
     learn(driver.learning, learned, driver.car, odometry, period_of(scan))
     row = trajectories[driver.trajectories + learned.level].limiter
@@ -337,7 +352,9 @@ def drive(
     use_friction(driver.limiter, row, learned.mu)
     learned.odometry = odometry
     learned.odometry.steering_angle = true_steering(learned, odometry.steering_angle)
-    steering, speed = _drive(scan, valid, guiding, clear, learned.odometry, driver, reference, memory, trajectories)
+    steering, speed = _drive(
+        scan, valid, guiding, clear, learned.odometry, driver, reference, memory, trajectories, remembered
+    )
     return saturate(commanded_steering(learned, steering), driver.car.max_steering_angle), speed
 
 
@@ -352,6 +369,7 @@ def _drive(
     reference: Record,
     memory: Record,
     trajectories: NDArray[np.void],
+    remembered: NDArray[np.void],
 ) -> tuple[float, float]:
     """Return the command for a reference, see `drive`."""
     reasons = memory.reasons
@@ -370,6 +388,8 @@ def _drive(
     if driver.guidance:
         if memory.predictions.count > 0:
             memory.guidance.turning.slow = 0  # what is in the way moves on
+        if driver.remembers:
+            see_lap(remembered[0].lap, scan, guiding, odometry, driver.car.lidar_offset)
         guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
         note(reasons, GUIDED, reference.steering_angle, reference.speed)
         turning = memory.guidance.turning
@@ -378,6 +398,12 @@ def _drive(
             _extend_history(scan, odometry, driver, memory)
             least = driver.limiter.settings.least_lateral_use
             return _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
+        if driver.remembers and _follow_known_line(
+            scan, valid, odometry, driver, memory, remembered[0], reference
+        ):  # fmt: skip
+            _extend_history(scan, odometry, driver, memory)
+            speed = min(reference.speed, reference.limit, driver.max_speed)
+            return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, _LINE_USE)
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
     speed = min(reference.speed, reference.limit)
@@ -406,6 +432,35 @@ def _drive(
         return within, speed
     least_use = driver.limiter.settings.least_lateral_use
     return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
+
+
+@kernel
+def _follow_known_line(
+    scan: Record,
+    valid: FloatArray,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    remembered: Record,
+    reference: Record,
+) -> bool:
+    """Return whether the car is on the line through known ground, and write its reference; arguments as of `drive`.
+
+    Until the line is ready, a tick's part of the work on it is done.
+    """
+    lap, line = remembered.lap, remembered.line
+    if not lap.closed:
+        forget_line(line)
+        return False
+    if not line.ready:
+        shape_line(line, lap, scan, len(valid), driver.limiter)
+        return False
+    if memory.guidance.follows and not line.follows:
+        return False
+    place = follow_line(line, lap, scan, valid, driver.limiter, odometry, reference)
+    if place != AWAY:
+        note(memory.reasons, KNOWN_LINE, reference.steering_angle, reference.speed)
+    return place == ON
 
 
 @kernel

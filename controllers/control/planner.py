@@ -55,6 +55,7 @@ from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories, tra
 from ..safety.friction_learning import levels
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
+from ..safety.known_line import REMEMBERED
 from ..safety.predictions import foresee
 from ..safety.safety_filter import EVASIVE
 from .driving import (
@@ -301,12 +302,13 @@ def _references_of_worlds(reference: Callable[..., tuple[float, float, float]]) 
 
 
 _ARRAYS = (
-    "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "valid", "guiding", "shown",
-    "commands",
+    "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "remembered", "valid", "guiding",
+    "shown", "commands",
 )  # fmt: skip
 _COUNT = len(_ARRAYS)
 (
-    _SCAN, _RANGES, _ODOMETRY, _RUNNING, _OWN, _DRIVEN, _LINES, _TRAJECTORIES, _VALID, _GUIDING, _SHOWN, _COMMANDS,
+    _SCAN, _RANGES, _ODOMETRY, _RUNNING, _OWN, _DRIVEN, _LINES, _TRAJECTORIES, _REMEMBERED, _VALID, _GUIDING, _SHOWN,
+    _COMMANDS,
 ) = range(_COUNT)  # fmt: skip
 
 
@@ -339,7 +341,7 @@ def _drive_at(address: int) -> None:
     drive_worlds(
         rows(table[_SCAN], SCAN), matrix(table[_VALID]), matrix(table[_GUIDING]), rows(table[_ODOMETRY], ODOMETRY),
         flags(table[_RUNNING]), rows(table[_DRIVEN], DRIVEN), read_only(rows(table[_TRAJECTORIES], TRAJECTORIES)),
-        matrix(table[_COMMANDS]),
+        rows(table[_REMEMBERED], REMEMBERED), matrix(table[_COMMANDS]),
     )  # fmt: skip
 
 
@@ -355,6 +357,7 @@ class PlannerBatch:
     Attributes:
       references: of the last tick, (n,) of type REFERENCE.
       memory: what driving keeps from tick to tick, (n,) of type DRIVING_MEMORY.
+      remembered: what it keeps of the first lap, (n,) of type REMEMBERED; (0,) where no planner remembers.
       shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
 
     Raises:
@@ -385,6 +388,8 @@ class PlannerBatch:
             if planner.line is not None:
                 end = ends[id(planner.line)]
                 driver["line_first"], driver["line_end"] = end - len(planner.line), end
+        remembers = bool(self._driven["driver"]["remembers"].any())
+        self.remembered = np.zeros(count if remembers else 0, REMEMBERED)
         self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
         self._lines = _joined(list(lines.values()), _NO_LINE)
         self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
@@ -392,7 +397,7 @@ class PlannerBatch:
         self._lent: list[ArrayTable] = []
         self._arrays: dict[str, Any] = {
             "scan": np.zeros(1, SCAN), "own": self._own, "driven": self._driven, "lines": self._lines,
-            "trajectories": self._trajectories,
+            "trajectories": self._trajectories, "remembered": self.remembered,
         }  # fmt: skip
         self.shown = np.empty((len(IntermediateScans._fields), 0))
         self.references, self.memory = self._driven["reference"], self._driven["memory"]
@@ -401,6 +406,7 @@ class PlannerBatch:
         """Forget everything seen so far, in all worlds."""
         self._own["memory"] = np.zeros((), self._own.dtype["memory"])
         self._driven["memory"] = np.zeros((), DRIVING_MEMORY)
+        self.remembered[:] = np.zeros((), REMEMBERED)
 
     def __call__(
         self,

@@ -17,8 +17,8 @@ import numpy as np
 from fg_mujoco.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
-MAXIMUM, PLANNER, MEAN_RANGE, GUIDANCE, MOVES, NO_REFERENCE, AHEAD, AFTER_RECOVERY = range(8)
-SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(8, 15)
+MAXIMUM, PLANNER, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD, AFTER_RECOVERY = range(9)
+SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(9, 16)
 
 _STEPS = (
     ("maximum speed", "the fastest that the planner may command"),
@@ -26,6 +26,7 @@ _STEPS = (
     ("mean range", "speed law range_ratio: slower where the mean range towards the goal is short"),
     ("guidance", "leads the car along a motion, or slows it, where the planner's goal does not lead on"),
     ("turning in moves", "guidance turns the car in several moves, forward and in reverse"),
+    ("known line", "follows a line through the ground of the first lap"),
     ("no reference", "there is no goal, or no odometry: the car brakes and keeps its steering angle"),
     ("distance ahead", "speed law forward_distance: slower where the distance straight ahead is short"),
     ("after recovery", "slow, after the car has reversed"),

@@ -34,7 +34,7 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
     """Return the place of a car on the arc that ends at a point of a motion.
 
     That is how far ahead the end of the arc is [m], how far to the left of the arc the car is [m], and its angle to the
-    arc [rad], positive to the left. Arguments as of `steer_along`.
+    arc [rad], positive to the left. Arguments as of `steer_within`.
     """
     cos, sin = math.cos(point[HEADING]), math.sin(point[HEADING])
     ahead = cos * (point[X] - x) + sin * (point[Y] - y)
@@ -47,23 +47,40 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
 def steer_along(
     points: FloatArray, place: int, x: float, y: float, heading: float, speed: float, wheelbase: float, late: float
 ) -> float:
-    """Return the steering angle [rad] for a car on a motion.
+    """Return the steering angle [rad] for a car on a motion; arguments as of `steer_within`."""
+    length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)
+    return steer_within(points, place, x, y, heading, speed, wheelbase, late, length)
+
+
+@kernel
+def steer_within(
+    points: FloatArray,
+    place: int,
+    x: float,
+    y: float,
+    heading: float,
+    speed: float,
+    wheelbase: float,
+    late: float,
+    length: float,
+) -> float:
+    """Return the steering angle [rad] for a car whose distance from a motion falls over a length.
 
     Args:
       points: of the motion (n, 4 or more), see X; in the same frame as the car.
-      place: index of the next one, see `next_place`.
-      x: of the rear axle [m].
-      y: of the rear axle [m].
+      place: of the point that the car is at.
+      x: of the car [m].
+      y: of the car [m].
       heading: of the car [rad].
       speed: of the car [m/s].
       wheelbase: of the car [m].
       late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
+      length: [m].
     """
     ahead, aside, angle = errors(points[place], x, y, heading)
     along, at = ahead, place
     while along < (LAG + late) * speed and at + 1 < len(points):
         along += math.hypot(points[at + 1, X] - points[at, X], points[at + 1, Y] - points[at, Y])
         at += 1
-    length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)
     curvature = points[at, CURVATURE] - aside / (length * length) - 2.0 * math.sin(angle) / length
     return math.atan(wheelbase * curvature)
