@@ -53,8 +53,8 @@ _LOST = 4.0  # [m] from the nearest place, beyond which the car is lost
 _GATE, _CLOSING_GATE = 0.25, 0.6  # [m] beyond it a point does not fit
 _PIECE = 0.8  # [m] of wall at most between a point's neighbours
 _STRAIGHT = 0.04  # [m] of a point from the line through its neighbours
-# weights of the dead reckoning, in points and points times m^2, for readings that err by .03 m: in a tick its shift errs
-# by .02 m and its turn by .005 rad, and when a lap closes by far more
+# weights of the dead reckoning, in points and points times m^2: readings err by .03 m, its shift in a tick by .02 m and
+# its turn by .005 rad; when a lap closes, by far more
 _SHIFT, _TURN = 2.0, 40.0
 _CLOSING_SHIFT, _CLOSING_TURN = 0.1, 0.5
 _BEHIND, _AHEAD = 6, 16  # places round the last nearest one
