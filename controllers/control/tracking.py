@@ -68,14 +68,14 @@ def steer_within(
 
     Args:
       points: of the motion (n, 4 or more), see X; in the same frame as the car.
-      place: of the point that the car is at.
-      x: of the car [m].
-      y: of the car [m].
+      place: index of the next one, see `next_place`.
+      x: of the rear axle [m].
+      y: of the rear axle [m].
       heading: of the car [rad].
       speed: of the car [m/s].
       wheelbase: of the car [m].
       late: by how much its wheels turn later than the F1TENTH car's [s], see `late_by`.
-      length: [m].
+      length: in which the distance falls [m].
     """
     ahead, aside, angle = errors(points[place], x, y, heading)
     along, at = ahead, place
