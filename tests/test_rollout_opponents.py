@@ -198,9 +198,9 @@ def test_an_opponent_that_fails_ends_its_own_race_only(here):
 
 
 def test_where_car_0_fails_the_opponents_race_on(here):
-    result = fg.rollout("oval", "mine.py:Broken", n=2, opponents=["gap_finder"], time_limit=1.0)
+    result = fg.rollout("oval", "mine.py:Broken", n=2, opponents=["gap_finder"], time_limit=2.0)
     assert result["end_reason"].tolist() == ["planner_failed"] * 2
-    assert result["sim_time_s"].tolist() == [pytest.approx(1.0)] * 2
+    assert result["sim_time_s"].tolist() == [pytest.approx(2.0)] * 2
     assert result["position"].tolist() == [2, 2]
 
 
@@ -271,7 +271,8 @@ def test_the_edited_file_of_an_opponent_is_another_rollout(here):
 
 @pytest.mark.slow
 def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(here):
-    options = {"track": ["l_corridor"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, "wall_follow"]}
+    slowest = Entry(controller="wall_follow", max_speed=0.5, start=fg.Start(s=16.0))
+    options = {"track": ["oval"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, slowest]}
     options |= {"max_speed": (4.0,), "pictures": False}
     one = fg.compare(["gap_finder", "wall_follow"], out="one", workers=1, **options)
     fg.compare(["gap_finder"], out="two", workers=1, **options)
