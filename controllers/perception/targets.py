@@ -169,9 +169,7 @@ def track_targets(
                 _predict(target, period)
                 _follow(memory, target, found, clusters, scan, ranges, odometry, period)
                 memory.count += target.age > 0 and target.moves
-    for k in range(clusters):
-        if not found[k].taken:
-            _begin(memory.targets, found[k], scan)
+    _begin_all(memory.targets, found, clusters, scan)
     if memory.tick % _EVERY == 1:
         _keep_snapshot(memory, ranges)
     return int(memory.count)
@@ -420,6 +418,14 @@ def _is_in_view(memory: Record, target: Record, scan: Record, ranges: FloatArray
     """Return whether a target would be seen where it is expected: the beams there end beyond it."""
     x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
     return bool(_beyond_now(memory, scan, ranges, x, y) > _FREE)
+
+
+@kernel
+def _begin_all(targets: Record, found: Record, count: int, scan: Record) -> None:
+    """Begin targets of the clusters that no target took."""
+    for k in range(count):
+        if not found[k].taken:
+            _begin(targets, found[k], scan)
 
 
 @kernel

@@ -327,7 +327,7 @@ class WorldBatch:
             i, car = divmod(row, self._cars_per_world)
             if change.mu is not None:
                 self._arrays.mu[row] = self.physics.expand("pair_friction")[i, self._pairs[car], 0]
-            if replace(change, mu=None, command_delay=None) != CarChanges():
+            if replace(change, mu=None) != CarChanges():
                 with self.physics.as_model(i) as model:
                     self.cars[row] = Car(model, self.world.cars[car].prefix)
                 self._arrays.constants[row] = self.cars[row].constants[0]
