@@ -69,8 +69,8 @@ FAULTS = {
     ),
     "a teacher that is not told of the commands' delay in its world": Fault(
         file="fg_mujoco/envs/worlds.py",
-        old="return late + (self._own_delay if command_delay is None else command_delay)",
-        new="return late + self._own_delay",
+        old="[self._own_delay if delay is None else delay for delay in delays]",
+        new="[self._own_delay for _ in delays]",
         tests="test_teaching.py",
     ),
     # the lap that is remembered, and the line through it
@@ -284,6 +284,12 @@ FAULTS = {
         old="return in_cornering * (1.0 - settings.braking_use * height / (height + 0.5 / mu))",
         new="return in_cornering",
         tests="test_friction_limiter.py",
+    ),
+    "late scans compared with the odometry of now": Fault(
+        file="controllers/safety/predictions.py",
+        old="then = max(memory.tick - late, 0) % MOST_LATE",
+        new="then = memory.tick % MOST_LATE",
+        tests="test_predictions.py",
     ),
     "what moves measured in a frame that turns half a tick late": Fault(
         file="controllers/perception/targets.py",

@@ -167,7 +167,15 @@ class PurePursuit(Planner):
     memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
 
     def __init__(
-        self, car: CarParameters, mu: float, max_speed: float = 8.0, settings: Any = None, *, map_line: MapLine
+        self,
+        car: CarParameters,
+        mu: float,
+        max_speed: float = 8.0,
+        settings: Any = None,
+        *,
+        map_line: MapLine,
+        latency: float = 0.0,
+        period: float = 0.025,
     ) -> None:
         settings = PurePursuitSettings() if settings is None else settings
         if type(settings) is not PurePursuitSettings:  # which is refused
@@ -178,7 +186,7 @@ class PurePursuit(Planner):
             self._check_direction(points, map_line, settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
         table = _table(*shape, car, mu, max_speed, for_car(settings, car))
-        super().__init__(car, mu, max_speed, settings, line=table)
+        super().__init__(car, mu, max_speed, settings, latency=latency, period=period, line=table)
 
     @staticmethod
     def _check_direction(points: FloatArray, map_line: MapLine, path: str) -> None:

@@ -164,8 +164,14 @@ def test_a_pedestrian_who_steps_out_of_a_wall_is_passed():
     assert finished >= 9
 
 
-def test_where_nothing_moves_predictions_change_no_bit():
+@pytest.mark.parametrize(
+    ("track", "settings"),
+    [("chicanes", {}), ("oval", {"obstacles": 2, "effects": {"latency": 0.03}, "changes": {"command_delay": 0.01}})],
+    ids=["on_time", "late"],
+)
+def test_where_nothing_moves_predictions_change_no_bit(track, settings):
+    """Nor where scans are late, as the planner is told by how much."""
     with_, without = (
-        fg.race("chicanes", "gap_finder", laps=1, planner_settings={"prediction": on}) for on in (True, False)
+        fg.race(track, "gap_finder", laps=1, planner_settings={"prediction": on}, **settings) for on in (True, False)
     )
-    assert with_.trajectory_sha256 == without.trajectory_sha256
+    assert with_.car.finished and with_.trajectory_sha256 == without.trajectory_sha256

@@ -100,12 +100,12 @@ def test_a_teacher_that_cannot_teach_is_refused(options, said, tmp_path, capsys)
 def test_the_latency_of_a_world_is_that_of_its_lidar_and_of_its_servos():
     env = F1TenthVectorEnv(4, randomize={"command_delay": (0.0, 0.02), "lidar_latency": (0.0, 0.06)})
     env.reset(seed=3)
-    facts, found = env.episodes.facts(), env.episodes.worlds.latencies
-    late = np.ceil(facts["drawn_lidar_latency"] / 0.025 - 1e-9) * 0.025
-    np.testing.assert_allclose(found, late + facts["drawn_command_delay"])
-    assert len(np.unique(found)) == 4
+    facts, worlds = env.episodes.facts(), env.episodes.worlds
+    np.testing.assert_allclose(worlds.late, np.ceil(facts["drawn_lidar_latency"] / 0.025 - 1e-9) * 0.025)
+    np.testing.assert_allclose(worlds.command_delays, facts["drawn_command_delay"])
+    assert len(np.unique(worlds.command_delays)) == 4
     fixed = F1TenthVectorEnv(1, effects={"latency": 0.03}, changes={"command_delay": 0.01})
-    np.testing.assert_allclose(fixed.episodes.worlds.latencies, [0.06])
+    assert (fixed.episodes.worlds.late, fixed.episodes.worlds.command_delays) == (0.05, 0.01)
 
 
 @pytest.fixture
@@ -139,8 +139,8 @@ def test_planners_are_told_what_holds_in_each_world(teaching):
     facts = env.envs.episodes.facts()
     told = np.array([each[0] for each in teachers._planners])
     np.testing.assert_allclose(told[:, 0], facts["drawn_mu"], atol=0.01)
-    np.testing.assert_allclose(told[:, 1], facts["drawn_command_delay"], atol=1e-3)
-    assert (told[:, 0] <= facts["drawn_mu"]).all() and len(np.unique(told)) == 6
+    np.testing.assert_allclose(told[:, 2], facts["drawn_command_delay"], atol=1e-3)
+    assert (told[:, 0] <= facts["drawn_mu"]).all() and not told[:, 1].any() and len(np.unique(told)) == 7
     commands = teachers.commands()
     assert commands.shape == (3, 2) and (commands[:, 1] > 0.0).all()
     assert not env.envs.episodes.worlds.engine.commands.any()  # nobody has driven yet

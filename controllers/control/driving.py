@@ -48,7 +48,7 @@ from ..safety.friction_learning import (
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.known_line import AWAY, ON, follow_line, forget_line, shape_line
-from ..safety.predictions import PREDICTIONS, turned
+from ..safety.predictions import MOST_LATE, PREDICTIONS, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, passing_steering, safe_steering
 from .planner_settings import (
@@ -165,6 +165,7 @@ DRIVER = np.dtype(
         ("recovery", np.bool_),
         ("guidance", np.bool_),
         ("prediction", np.bool_),
+        ("late", np.int64),  # ticks by which scans are older than the odometry
         ("remembers", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
@@ -208,9 +209,17 @@ REFERENCE = np.dtype(
 
 
 def driver_record(
-    car: CarParameters, max_speed: float, limiter: FrictionLimiter | None, settings: DrivingSettings
+    car: CarParameters, max_speed: float, limiter: FrictionLimiter | None, settings: DrivingSettings, late: int = 0
 ) -> NDArray[np.void]:
-    """Return a row of type DRIVER, shape (1,); `limiter` None: of a planner that assumes no friction limit."""
+    """Return a row of type DRIVER, shape (1,).
+
+    Args:
+      car: that is driven.
+      max_speed: fastest that it may command [m/s].
+      limiter: None: of a planner that assumes no friction limit.
+      settings: of the planner.
+      late: ticks by which scans are older than the odometry; too many, and nothing is predicted.
+    """
     law = settings.speed_law
     row = np.zeros(1, DRIVER)
     row["filter_settings"] = record_values(for_car(SafetyFilterSettings(), car))
@@ -218,7 +227,7 @@ def driver_record(
     row["recovery_settings"] = record_values(for_car(RecoverySettings(), car))
     driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}
     row["settings"] = record_values(for_car(DrivingSettings(**driving), car))
-    row["car"], row["max_speed"] = astuple(car), max_speed
+    row["car"], row["max_speed"], row["late"] = astuple(car), max_speed, late
     for name in ("forward_distance", "range_ratio"):
         row[name] = law in (name, "minimum")
     if limiter is not None:
@@ -226,7 +235,7 @@ def driver_record(
         row["safety_filter"] = settings.safety_filter and law == "minimum"
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
-        row["prediction"] = settings.prediction and row["safety_filter"]
+        row["prediction"] = settings.prediction and row["safety_filter"] and late < MOST_LATE
         row["remembers"] = settings.remember and row["guidance"]
         row["limiter"] = limiter.record
         if settings.learn:

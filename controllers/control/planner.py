@@ -97,6 +97,8 @@ class Planner:
       mu: friction coefficient that the planner assumes; inf: no friction limits, and so no stopping in sight either.
       max_speed: fastest that it commands [m/s].
       settings: parameters of the planner; None: the defaults.
+      latency: from measuring a scan to its command reaching the servos [s].
+      period: from one scan to the next [s].
       line: through the map, one row a point, (points, columns); None: it has no map.
 
     Attributes:
@@ -120,6 +122,8 @@ class Planner:
         max_speed: float = 8.0,
         settings: Any = None,
         *,
+        latency: float = 0.0,
+        period: float = 0.025,
         line: FloatArray | None = None,
     ) -> None:
         self.mu = mu
@@ -136,7 +140,8 @@ class Planner:
         frictions = tuple(levels().tolist()) if learns else (mu,)
         shares = tuple(evasive(EVASIVE, car, each) if evades and math.isfinite(mu) else None for each in frictions)
         limiter = FrictionLimiter(car, frictions[0], shares[0]) if math.isfinite(mu) else None
-        self.driver = driver_record(car, max_speed, limiter, self.settings)
+        late = round(max(latency - car.command_delay, 0.0) / period)
+        self.driver = driver_record(car, max_speed, limiter, self.settings, late)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
         self.line = line
         stops = limiter is not None and self.driver["stopping"][0]

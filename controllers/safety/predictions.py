@@ -28,12 +28,15 @@ import math
 import numpy as np
 
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray
+from fg_mujoco.messages import ODOMETRY, FloatArray
 
 from ..control.planner_settings import Record
 from ..control.slip import course_angle
 from ..perception.scan_geometry import nearest_place, sees
 from ..perception.targets import MOST_TARGETS, TARGETS, track_targets
+
+MOST_LATE = 16
+"""Ticks from which on scans are too late to be compared with."""
 
 X, Y, COS, SIN, SPEED, RADIUS, TO_WALL, BRAKING, SPREAD = range(9)  # columns of a prediction
 
@@ -52,6 +55,10 @@ WAIT, WAITS = 0.4, 4  # [s] for which a car that has stopped should not be met, 
 PREDICTIONS = np.dtype(
     [
         ("targets", TARGETS),
+        ("odometry", ODOMETRY),  # of the time of the scan
+        ("speeds", np.float64, (MOST_LATE,)),  # [m/s] of the last ticks
+        ("yaw_rates", np.float64, (MOST_LATE,)),  # [rad/s]
+        ("tick", np.int64),
         ("count", np.int64),
         # middle, ahead and left of the LiDAR [m], cosine and sine of its course, speed [m/s], radius [m], way to what
         # stands [m], braking [m/s^2] and uncertainty of the speed [m/s]
@@ -92,8 +99,20 @@ def track(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, me
     memory.count = 0
     if not (driver.prediction and sees(scan, ranges)):
         return False
-    course = course_angle(driver.limiter.slip, driver.car, odometry.speed, odometry.angular_velocity[2])
-    return track_targets(memory.targets, scan, ranges, odometry, driver.car.lidar_offset, course) > 0
+    _keep_odometry(memory, odometry, driver.late)
+    then = memory.odometry
+    course = course_angle(driver.limiter.slip, driver.car, then.speed, then.angular_velocity[2])
+    return track_targets(memory.targets, scan, ranges, then, driver.car.lidar_offset, course) > 0
+
+
+@kernel
+def _keep_odometry(memory: Record, odometry: Record, late: int) -> None:
+    """Write the odometry of the time of the scan, which is `late` ticks ago: by a newer one what stands would move."""
+    place = memory.tick % MOST_LATE
+    memory.speeds[place], memory.yaw_rates[place] = odometry.speed, odometry.angular_velocity[2]
+    then = max(memory.tick - late, 0) % MOST_LATE
+    memory.tick += 1
+    memory.odometry.speed, memory.odometry.angular_velocity[2] = memory.speeds[then], memory.yaw_rates[then]
 
 
 @kernel

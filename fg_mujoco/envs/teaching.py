@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,14 +35,14 @@ from .observer import FLAT, PRIVILEGED
 from .stable_baselines3_env import F1TenthVecEnv
 from .training_settings import Teacher, TrainingProgress
 
-_STEPS = np.array((0.01, 1e-3))  # [-], [s] planners are told rounded numbers, so that they can be used again
+_STEPS = np.array((0.01, 1e-3, 1e-3))  # [-], [s], [s] planners are told rounded numbers, so that they can be used again
 _EDGE = 0.3  # of an action's range to one side: errors beyond it count linearly
 _EVERY = 2  # steps between two times at which the actor is fitted
 _TOLD = 50_000  # steps between two calls of `watch`
 
 
 _Told = tuple[float, ...]
-"""Friction coefficient and latency [s]."""
+"""Friction coefficient, by how much scans are late [s], and the delay of commands [s]."""
 
 
 class Teachers:
@@ -81,19 +81,21 @@ class Teachers:
         if had is not None:
             self._free.setdefault(had[0], []).append(had[1])
         worlds = self._worlds
-        mu, latency = worlds.engine.frictions[world * worlds.cars], worlds.latencies[world]
-        told: _Told = tuple((np.maximum(np.floor(np.array((mu, latency)) / _STEPS), (1.0, 0.0)) * _STEPS).tolist())
+        mu = worlds.engine.frictions[world * worlds.cars]
+        true = np.array((mu, worlds.late[world], worlds.command_delays[world]))
+        told: _Told = tuple((np.maximum(np.floor(true / _STEPS), (1.0, 0.0, 0.0)) * _STEPS).tolist())
         free = self._free.get(told)
         planner = free.pop() if free else make_controller(self._source, self._context(*told))
         start_planner(planner)
         self._planners[world] = told, planner
         return planner
 
-    def _context(self, mu: float, latency: float) -> PlannerContext:
+    def _context(self, mu: float, late: float, command_delay: float) -> PlannerContext:
         world = self._worlds.world
         return PlannerContext(
-            car=world.parameters, mu=mu, max_speed=self._max_speed, period=self._worlds.period, latency=latency, seed=0,
-            map_line=None, lidar=world.vehicle.lidar.beams.geometry,
+            car=replace(world.parameters, command_delay=command_delay), mu=mu, max_speed=self._max_speed,
+            period=self._worlds.period, latency=late + command_delay, seed=0, map_line=None,
+            lidar=world.vehicle.lidar.beams.geometry,
         )  # fmt: skip
 
     def _group(self) -> None:

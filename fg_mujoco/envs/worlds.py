@@ -55,7 +55,8 @@ class Worlds:
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
       tick_state: of the agents after the last tick; None: no term of the settings looks at it.
       sensed_state: the same with what their sensors read last.
-      latencies: from what the LiDAR sees to what the servos do about it, of each world, as planners are told (n,) [s].
+      late: by how much the scans of each world are late (n,) [s].
+      command_delays: from commands to the servos of each world's agents (n,) [s].
     """
 
     def __init__(
@@ -101,7 +102,8 @@ class Worlds:
             self._opponents.check(settings.drawn_opponents)
         self.sliding = np.zeros(count * agents)
         changed, self._own_delay = settings.all_changes.command_delay, settings.car.command_delay
-        self.latencies = np.full(count, self._latency(settings.effects, changed))
+        self.late = np.full(count, self._late(settings.effects))
+        self.command_delays = np.full(count, self._own_delay if changed is None else changed)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
     @property
@@ -221,8 +223,9 @@ class Worlds:
             m, a = self.cars, self.agents
             for k, draw in enumerate(draws):
                 effects[k * m : k * m + a], drifts[k * m : k * m + a] = [draw.effects] * a, [draw.odometry_drift] * a
+            self.late[which] = [self._late(draw.effects) for draw in draws]
             delays = [None if draw.changes is None else draw.changes.command_delay for draw in draws]
-            self.latencies[which] = [self._latency(draw.effects, d) for draw, d in zip(draws, delays, strict=True)]
+            self.command_delays[which] = [self._own_delay if delay is None else delay for delay in delays]
         self.engine.place(
             starts, np.repeat(which, self.cars), effects=effects, seeds=seeds, odometry_drifts=drifts,
             sensors=self._sensors * worlds,
@@ -235,10 +238,9 @@ class Worlds:
         if self._states is not None:
             self._states.begin(np.repeat(which, self.cars))
 
-    def _latency(self, effects: LidarEffects, command_delay: float | None) -> float:
-        """Return the latency [s] of a LiDAR with effects and of a car with another command delay; None: its own."""
-        late = effects.sweeps_late(self.period) * self.period
-        return late + (self._own_delay if command_delay is None else command_delay)
+    def _late(self, effects: LidarEffects) -> float:
+        """Return by how much the scans of a LiDAR with effects are late [s]."""
+        return effects.sweeps_late(self.period) * self.period
 
     def _take_off(self, which: Mask, draws: Sequence[EpisodeDraw]) -> None:
         """Take the opponents off the course that take no part in the episodes that begin in the worlds `which`."""
