@@ -33,7 +33,7 @@ from .perception.intermediate_scans import IntermediateScans, keep
 from .perception.other_cars import OTHER_CARS, WIDEST, watch_cars
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import sees
-from .safety.predictions import place_of, separate, track, write_predictions
+from .safety.predictions import draw_disc, place_of, separate, track, write_predictions
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
@@ -224,12 +224,4 @@ def _draw_car(
     reach = 0.5 * car.length - 0.5 * car.width
     for place in range(-1, 2):
         x, y = ahead + place * reach * math.cos(heading), left + place * reach * math.sin(heading)
-        far, bearing = math.hypot(x, y), math.atan2(y, x)
-        half = math.asin(min(radius / max(far, 1.0001 * radius), 1.0))
-        first = math.ceil((bearing - half - scan.angle_min) / scan.angle_increment)
-        end = math.floor((bearing + half - scan.angle_min) / scan.angle_increment) + 1
-        for beam in range(max(first, 0), min(end, len(ranges))):
-            away = scan.angle_min + scan.angle_increment * beam - bearing
-            side = far * math.sin(away)
-            near = far * math.cos(away) - math.sqrt(max(radius * radius - side * side, 0.0))
-            ranges[beam] = min(ranges[beam], max(near, 0.02))
+        draw_disc(scan, ranges, x, y, radius)

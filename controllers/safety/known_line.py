@@ -152,7 +152,8 @@ def _spread(line: Record, lap: Record) -> None:
         for k in range(lap.count):
             line.base[k, 0], line.base[k, 1] = lap.places[k, 0], lap.places[k, 1]
         for _ in range(_SMOOTHED):
-            _smooth(line.base[: line.count])
+            for column in range(2):
+                _smooth(line.base[: line.count], column)
     _spread_evenly(line, lap.count // _APART[line.round])
     for k in range(line.count):
         before, after = line.base[k - 1 if k > 0 else line.count - 1], line.base[(k + 1) % line.count]
@@ -164,16 +165,15 @@ def _spread(line: Record, lap: Record) -> None:
 
 
 @kernel
-def _smooth(points: FloatArray) -> None:
-    """Move each point of a closed line by half of the way to the middle of its neighbours."""
+def _smooth(points: FloatArray, column: int) -> None:
+    """Move a column of each point of a closed line by half of the way to the middle of its neighbours."""
     count = len(points)
-    for column in range(2):
-        first, before = points[0, column], points[count - 1, column]
-        for k in range(count):
-            here = points[k, column]
-            after = points[k + 1, column] if k + 1 < count else first
-            points[k, column] = 0.5 * here + 0.25 * (before + after)
-            before = here
+    first, before = points[0, column], points[count - 1, column]
+    for k in range(count):
+        here = points[k, column]
+        after = points[k + 1, column] if k + 1 < count else first
+        points[k, column] = 0.5 * here + 0.25 * (before + after)
+        before = here
 
 
 @kernel
@@ -256,7 +256,7 @@ def _finish(line: Record, limiter: Record) -> None:
         points[k, X], points[k, Y], points[k, HEADING] = here[0], here[1], math.atan2(dy, dx)
         bend = (here[0] - before[0]) * (after[1] - here[1]) - (here[1] - before[1]) * (after[0] - here[0])
         points[k, CURVATURE] = bend / (line.spacing * line.spacing * 0.5 * math.hypot(dx, dy))
-    _smooth_curvature(points[:count])
+    _smooth(points[:count], CURVATURE)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car
     tightest = math.tan(car.max_steering_angle) / car.wheelbase
     rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
@@ -274,18 +274,6 @@ def _finish(line: Record, limiter: Record) -> None:
         if bend > _TOO_SHARP * tightest:
             line.until = math.inf  # the car would leave the line: the planner drives
     line.ready, line.next = True, 0
-
-
-@kernel
-def _smooth_curvature(points: FloatArray) -> None:
-    """Smooth the curvature of a closed line."""
-    count = len(points)
-    first, before = points[0, CURVATURE], points[count - 1, CURVATURE]
-    for k in range(count):
-        here = points[k, CURVATURE]
-        after = points[k + 1, CURVATURE] if k + 1 < count else first
-        points[k, CURVATURE] = 0.5 * here + 0.25 * (before + after)
-        before = here
 
 
 @kernel
