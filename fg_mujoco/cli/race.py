@@ -18,6 +18,7 @@ from ..racing.fault import NO_FAULT
 from ..racing.hints import race_hints
 from ..racing.planner_choice import with_settings
 from ..racing.race import RaceProgress, race_setup
+from ..racing.race_control import find_rules
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
@@ -55,7 +56,7 @@ def _race(options: argparse.Namespace) -> int:
     if options.video is not None:
         check_film(options.video)
     # what a planner prints is not our output
-    with contextlib.redirect_stdout(sys.stderr), _Watcher(show=not options.json) as watch:
+    with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=not options.json) as watch:
         result = race_setup(setup, watch=watch)
     failures = [car.planner_failure for car in result.cars if car.planner_failure is not None]
     for failure in failures:
@@ -64,7 +65,7 @@ def _race(options: argparse.Namespace) -> int:
         if options.out is not None:
             write_run(result, options.out, picture=picture, add=report_race)
     except RunFolderError:  # of a race that is driven already; `main` says why
-        print(summary_json(result) if options.json else _table(result, None))
+        print(summary_json(result) if options.json else race_table(result, None))
         raise
     code = _DONE if result.car.finished and not failures else _NOT_DONE
     if options.video is not None:
@@ -76,7 +77,7 @@ def _race(options: argparse.Namespace) -> int:
                 raise
             print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)  # the run folder is written, and stays
             code = _NOT_DONE
-    print(summary_json(result) if options.json else _table(result, options.out))
+    print(summary_json(result) if options.json else race_table(result, options.out))
     for hint in race_hints(result):
         print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
     return code
@@ -88,7 +89,7 @@ def check_out(folder: str) -> bool:
     return can_draw("trace.png", several=False)
 
 
-class _Watcher:
+class RaceWatch:
     """Shows how a race goes, and on Ctrl-C ends it between two ticks, so that what was driven is whole.
 
     The first Ctrl-C says what it waits for. A second one ends a planner that never answers.
@@ -100,7 +101,7 @@ class _Watcher:
         self._started = time.perf_counter()
         self._interrupted = False
 
-    def __enter__(self) -> _Watcher:
+    def __enter__(self) -> RaceWatch:
         self._before = signal.signal(signal.SIGINT, self._interrupt)
         self._line.__enter__()
         return self
@@ -120,6 +121,7 @@ class _Watcher:
             os.write(2, (clear + said).encode())  # print may be interrupted in the midst of printing
 
     def __call__(self, progress: RaceProgress) -> None:
+        """Show how far the race is; after Ctrl-C, end it."""
         self._time = progress.time
         if self._interrupted:
             raise KeyboardInterrupt
@@ -131,13 +133,14 @@ class _Watcher:
             )
 
 
-def _table(result: RaceResult, out: str | None) -> str:
+def race_table(result: RaceResult, out: str | None) -> str:
+    """Return the table of a race that the command prints; `out` is the run folder, None: there is none."""
     car = result.car
     laps = [(f"lap {lap}", f"{seconds:.3f} s") for lap, seconds in enumerate(car.lap_times_s, start=1)]
     rows = [
         ("laps", f"{car.laps_completed} of {result.laps_requested}, {car.end_reason.replace('_', ' ')}"),
         *laps,
-        ("collisions", f"{car.collisions_wall}"),
+        ("collisions", _collisions(result)),
         ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(car.tires_model)})"),
         ("sliding sideways", f"{car.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * car.slide_time_fraction:.2f} %"),
@@ -170,6 +173,14 @@ def _table(result: RaceResult, out: str | None) -> str:
     controller = with_settings(car.controller, car.planner_settings)
     heading = f"{result.track}, {controller}, {car.vehicle}"
     return "\n".join([heading, *(f"  {name:<18}{value}" for name, value in rows), *_field_table(result)])
+
+
+def _collisions(result: RaceResult) -> str:
+    """Return how often car 0 touched a wall, and its time with the penalties of the rules."""
+    count, penalty = result.car.collisions_wall, find_rules(result.setup.rules).wall_penalty
+    if not penalty or not count:
+        return str(count)
+    return f"{count}: {count * penalty:g} s of penalties, {result.car.end_time_s + count * penalty:.2f} s in all"
 
 
 def _field_table(result: RaceResult) -> list[str]:

@@ -52,12 +52,19 @@ class TrackFigures(TypedDict):
     obstacles: int
 
 
-def driven_figures(engine: Engine, telemetry: FloatArray, row: int = 0) -> DrivenFigures:
-    """Return the figures of a car of world 0 that need no course, of its telemetry (ticks, len(TELEMETRY))."""
+def driven_figures(engine: Engine, telemetry: FloatArray, row: int = 0, put_back: int = 0) -> DrivenFigures:
+    """Return the figures of a car of world 0 that need no course.
+
+    Args:
+      engine: at the end of the race.
+      telemetry: of the car (ticks, len(TELEMETRY)).
+      row: of the car.
+      put_back: how often race control has put it back after it had touched a wall.
+    """
     car = engine.world.cars[row]
     return {
         **statistics_figures(engine.statistics[row]),
-        "collisions_wall": int(engine.crashed[row]),
+        "collisions_wall": put_back + int(engine.crashed[row]),
         "clamped_commands": clamped_commands(telemetry, car.parameters),
         "mu": car.mu,
     }

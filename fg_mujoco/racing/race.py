@@ -58,6 +58,7 @@ class RaceProgress:
     laps_requested: int
     speed: float  # [m/s] of car 0
     racing: int  # cars that race
+    wall_contacts: tuple[int, ...] = ()  # of each car, after which it was put back
 
 
 def race(
@@ -150,6 +151,7 @@ def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = N
                 ticks=int(ended[row]), failure=None if failure is None else failure.failure,
                 seconds=clock.seconds if alone else timed[row].seconds,
                 touched=sum(names[row] in contact.cars for contact in control.contacts),
+                put_back=control.wall_contacts[row],
             )
         )  # fmt: skip
     of_all = world_figures(trajectory)
@@ -180,7 +182,9 @@ def _drive(
     watch: Callable[[RaceProgress], None] | None,
 ) -> NDArray[np.int64]:
     """Run the loop until the race is over; return after how many ticks that of each car was."""
-    alone, running, timers = engine.cars_per_world == 1, engine.running, engine.monitor.timers
+    running, timers = engine.running, engine.monitor.timers
+    one = engine.cars_per_world == 1
+    alone = one and not control.puts_back_at_walls
     ended = np.full(engine.cars_per_world, -1)  # -1: it goes on
     try:
         with clock:
@@ -188,7 +192,7 @@ def _drive(
                 if alone:
                     engine.tick(clock=clock, history=history)
                 else:
-                    driven = engine.tick()
+                    driven = engine.tick(clock=clock if one else None)
                     ended[(ended < 0) & ~driven] = history.ticks
                     if driven.any():
                         control.after_tick()
@@ -199,6 +203,7 @@ def _drive(
                         RaceProgress(
                             time=engine.time(0), laps_completed=int(timers["laps_completed"].max()),
                             laps_requested=engine.monitor.laps, speed=engine.speed(0), racing=int(running.sum()),
+                            wall_contacts=tuple(control.wall_contacts),
                         )
                     )  # fmt: skip
     except KeyboardInterrupt:  # what was driven is kept
@@ -253,6 +258,7 @@ def _car_result(
     failure: PlannerFailure | None,
     seconds: Sequence[float],
     touched: int,
+    put_back: int,
 ) -> CarResult:
     """Return how a car fared, whose race was over after so many ticks."""
     entry, arrays = setup.named[row], history.arrays(row)
@@ -268,5 +274,5 @@ def _car_result(
         planner_failure=failure, collisions_car=touched,
         decision_times=DecisionTimes.of(seconds, engine.beams.period), planner_settings=settings,
         end_time_s=float(own["states"][-1, 0]), telemetry=arrays["telemetry"],
-        **driven_figures(engine, arrays["telemetry"], row), **course_figures(engine, own, row),
+        **driven_figures(engine, arrays["telemetry"], row, put_back), **course_figures(engine, own, row),
     )  # fmt: skip

@@ -50,7 +50,7 @@ PUSHED_ON = 0.5
 """[s] after a touch for which a car that was pushed is not at fault for what it drives into."""
 
 _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("progress_m", "command_speed_m_s"))
-_FINISHED, _DISQUALIFIED = END_REASONS.index("finished"), "disqualified"
+_FINISHED, _CRASH, _DISQUALIFIED = END_REASONS.index("finished"), END_REASONS.index("crash"), "disqualified"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +62,18 @@ class Rules:
     restart_behind: float = 2.0  # the car at fault starts again so far behind the other
     restart_behind_driving: float = 3.0  # and so far where the other drove on by itself
     most_warnings: int = 3  # the last of them disqualifies
+    checkpoints: int = 0  # of a lap: a car that touches a wall starts again at the last one; 0: the wall ends its race
+    wall_penalty: float = 0.0  # [s] for each such touch, added to the time of the race
+    most_wall_contacts: int = 0  # one more disqualifies
 
 
 RULES = {
     "none": Rules(name="none"),
     "roboracer_2026": Rules(name="roboracer_2026", free_displacement=0.05),
+    "autodrive_2026": Rules(name="autodrive_2026", checkpoints=10, wall_penalty=10.0, most_wall_contacts=10),
 }
-"""By name. Source of the numbers: RoboRacer rules, version 3.2026-draft."""
+"""By name. Sources of the numbers: RoboRacer rules, version 3.2026-draft; rules of 2026 of the RoboRacer Sim Racing
+League, in AutoDRIVE's simulator, which do not say how many checkpoints a lap has: ten are assumed."""
 
 
 @explain_class
@@ -157,7 +162,7 @@ class RaceControl:
 
     Attributes:
       contacts, overtakes, warnings, restarts: so far.
-      wall_contacts: of each car, (m,).
+      wall_contacts: after which each car was put back, (m,).
     """
 
     def __init__(self, engine: Engine, *, names: Sequence[str], rules: Rules, world: int = 0) -> None:
@@ -165,6 +170,7 @@ class RaceControl:
         self.overtakes: list[Overtake] = []
         self.warnings: list[Warned] = []
         self.restarts: list[Restart] = []
+        self.wall_contacts = [0] * len(names)
         self._engine, self._names, self._rules = engine, tuple(names), rules
         self._world, self._built = world, engine.world_of(world)
         count, built = len(names), self._built
@@ -191,6 +197,8 @@ class RaceControl:
         self._recent.keep()
         time = self._engine.time(self._world)
         self._look_for_touches(time)
+        if self.puts_back_at_walls:
+            self._look_for_wall_contacts(time)
         self._look_for_overtakes(time)
 
     def finish(self) -> None:
@@ -216,6 +224,34 @@ class RaceControl:
         """The lap timers of its cars, live."""
         timers: NDArray[np.void] = self._engine.monitor.timers[self._rows]
         return timers
+
+    @property
+    def puts_back_at_walls(self) -> bool:
+        """Whether a car that touches a wall starts again, and goes on."""
+        return self._rules.checkpoints > 0
+
+    def _look_for_wall_contacts(self, time: float) -> None:
+        """Put the cars back whose race a wall has just ended, or disqualify them."""
+        engine, rules = self._engine, self._rules
+        for car in map(int, np.flatnonzero(engine.monitor.reasons[self._rows] == _CRASH)):
+            row, count = self._rows.start + car, self.wall_contacts[car] + 1
+            if count > rules.most_wall_contacts:
+                engine.monitor.end(np.arange(len(engine.running)) == row, _DISQUALIFIED)
+                continue
+            self.wall_contacts[car] = count
+            self._put_on_checkpoint(car)
+            said = f"contact {count} with a wall: {rules.wall_penalty:g} s, and back to the last checkpoint"
+            self.warnings.append(Warned(time_s=time, car=self._names[car], reason=said))
+
+    def _put_on_checkpoint(self, car: int) -> None:
+        """Put a car that has touched a wall on the line, standing, at the last checkpoint that it has passed."""
+        engine, course, row = self._engine, self._built.track, self._rows.start + car
+        timer = self._timers[car]
+        apart = course.length / self._rules.checkpoints
+        passed = math.floor(max(float(timer["furthest"]), 0.0) / apart) * apart
+        s = float(timer["place"]) - (course.origin or 0.0) + passed - float(timer["progress"])
+        engine.crashed[row], engine.monitor.reasons[row], engine.running[row] = False, 0, True
+        self._put(car, Start(s=s if course.closed else max(s, 0.0)))
 
     def _look_for_touches(self, time: float) -> None:
         if not self._open and self._engine.touched_at[self._rows].max() < time:
@@ -326,15 +362,18 @@ class RaceControl:
 
     def _put_behind(self, car: int, other: int, behind: float) -> None:
         """Put a car on the line so far behind another [m], or behind that where somebody stands there."""
-        engine, course = self._engine, self._built.track
-        timers = self._timers
+        course, timers = self._built.track, self._timers
         at = float(timers["place"][other])
         taken = [float(timers["place"][i]) for i in range(len(self._names)) if i != car]
         back = behind + 0.5 * (self._lengths[car] + self._lengths[other])
         while any(_apart(at - back, place, course.modulus) < 1.2 * self._lengths[car] for place in taken):
             back += 0.5 * self._lengths[car]
         s = at - back - (course.origin or 0.0)
-        start = Start(s=s if course.closed else max(s, 0.0))
+        self._put(car, Start(s=s if course.closed else max(s, 0.0)))
+
+    def _put(self, car: int, start: Start) -> None:
+        """Put a car at a start, and keep that it was."""
+        engine = self._engine
         engine.put(self._rows.start + car, start)
         self._recent.forget(car)
         self.restarts.append(

@@ -223,7 +223,8 @@ class _Again:
             engine.drive(controls=controls[np.newaxis])
             same = commanded.tobytes() == controls.tobytes()
             engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)
-            if len(rows) == 1:  # a race of one car keeps the tick in which it finishes
+            alone = len(rows) == 1 and not (self.control is not None and self.control.puts_back_at_walls)
+            if alone:  # a race of one car keeps the tick in which it finishes
                 history.append()
             engine.judge()
             self._end_from_outside(reasons, ends == tick + 1, before=False)
@@ -232,7 +233,7 @@ class _Again:
             for each in put_back:
                 if each["tick"] == tick + 1 and each["car"] in range(len(rows)):
                     engine.put(int(each["car"]), Start(s=each["s_m"], offset=each["offset_m"]))
-            if len(rows) > 1:
+            if not alone:
                 history.append()
             for car in map(int, np.flatnonzero(~engine.running & ~over)):
                 self.ends[car], over[car] = history.ticks, True
@@ -257,7 +258,8 @@ class _Again:
         """Return the figures of the summary that follow from the trajectory, and from the course where it is there."""
         rows = []
         for car, recorded in enumerate(self.rows):
-            figures: dict[str, Any] = {**driven_figures(self.engine, self.telemetries[car], car)}
+            put_back = 0 if self.control is None else self.control.wall_contacts[car]
+            figures: dict[str, Any] = {**driven_figures(self.engine, self.telemetries[car], car, put_back)}
             if on_course:
                 assert self.control is not None
                 figures |= course_figures(self.engine, self._to_the_end_of(car), car)

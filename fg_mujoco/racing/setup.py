@@ -137,8 +137,10 @@ class Setup:
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
-        find_rules(self.rules)
-        for name, usual in (("grid", "staggered"), ("rules", "none")):
+        of_several = [("grid", "staggered")]
+        if not find_rules(self.rules).checkpoints:
+            of_several.append(("rules", "none"))
+        for name, usual in of_several:
             if len(named) == 1 and getattr(self, name) != usual:
                 raise SettingsError(
                     f"{name} is {getattr(self, name)!r} without opponents; accepted: with one or more, or {usual!r}"
