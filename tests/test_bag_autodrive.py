@@ -7,7 +7,7 @@ import pytest
 from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
 
 from fg_mujoco.cli.main import main
-from fg_mujoco.ros.autodrive import STEERING, THROTTLE
+from fg_mujoco.ros.autodrive.topics import STEERING, THROTTLE
 from fg_mujoco.ros.bag_drive import read_drive
 from fg_mujoco.ros.bag_messages import DRIVE, JOINTS, ODOMETRY
 from fg_mujoco.ros.bag_reader import ScanBag

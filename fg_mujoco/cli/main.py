@@ -182,7 +182,7 @@ _RENAMED = {
 
 _COMMANDS = (
     "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "train",
-    "evaluate", "render", "report", "debug", "view", "friction", "identify", "validate", "bags",
+    "evaluate", "render", "report", "debug", "view", "serve", "friction", "identify", "validate", "bags",
 )  # fmt: skip
 """In the order in which the help lists them."""
 

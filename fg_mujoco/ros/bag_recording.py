@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ..course.files import read_text
 from ..errors import BagError, FgMujocoError
-from .autodrive import composed_topics
+from .autodrive.topics import composed_topics
 from .bag_messages import require_ros_extra, type_store
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...messages import CarParameters
-from ..autodrive import STEERING, THROTTLE
+from ..autodrive.topics import STEERING, THROTTLE
 from .graph import Graph, NodeError, Publication
 from .sensing import SPEED_TO_ERPM
 

@@ -20,7 +20,7 @@ import numpy as np
 from ...messages import CarParameters, LaserScan, Odometry
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.world import World
-from ..autodrive import STEERING, THROTTLE, cars_in
+from ..autodrive.topics import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from ..messages import DriveCommand, Odometry
-from .bag_messages import (
+from ...messages import DriveCommand, Odometry
+from ..bag_messages import (
     DRIVE,
     IMU,
     JOINTS,

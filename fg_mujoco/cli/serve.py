@@ -1,0 +1,103 @@
+"""The command `fg-mujoco serve autodrive`: a race whose cars are driven by DevKits of AutoDRIVE."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from .config import add_config
+from .options import CAR, add_setup_options, add_trust_option, number, setup_of
+from .out import RUN, add_out_options
+from .race import RaceWatch, check_out, race_table
+
+if TYPE_CHECKING:
+    from ..racing.race import RaceProgress
+    from ..racing.result import RaceResult
+    from ..racing.setup import Setup
+    from ..ros.autodrive.devkit import DevKit
+
+_DONE, _NOT_DONE = 0, 1
+_PROTOCOLS = ("autodrive",)
+_RULES = "autodrive_2026"
+
+
+def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
+    """Add the command; `add_command` is the one that adds the others."""
+    command = add_command(commands, "serve", _serve, "be the simulator of a stack that is made for another one")
+    add = command.add_argument
+    add("protocol", choices=_PROTOCOLS, help="autodrive: connect to a DevKit of the RoboRacer Sim Racing League")
+    add(
+        "--devkit", action="append", metavar="HOST[:PORT]",
+        help="where the DevKit of a car listens; again for each car; default: 127.0.0.1:4567",
+    )  # fmt: skip
+    add("--real-time", action="store_true", help="a tick takes 25 ms; default: it waits for the DevKit's answer")
+    add("--patience", type=number, metavar="S", help="after which a DevKit that does not answer is gone; default: 10")
+    add("--camera", action="store_true", help="draw the pictures of the front camera; default: they are blank")
+    add_setup_options(
+        add, "track", "laps", "obstacles", "obstacle_seed", "patches", *CAR, "lidar", "motion_distortion", "seed",
+        "opponents", "grid", "rules", "time_limit",
+        rules=f"of race control; default: {_RULES}, as the league has them",
+    )  # fmt: skip
+    add_out_options(command, RUN, "write a run folder here; where the DevKit resets, folders 1, 2, ... in it")
+    add_config(command)
+    add_trust_option(add)
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from ..ros.autodrive.devkit import PATIENCE, PORT, DevKit
+    from ..ros.autodrive.front_camera import BlankCamera, FrontCamera
+
+    if not hasattr(options, "rules"):
+        options.rules = _RULES
+    setup = setup_of(options)
+    picture = options.out is not None and check_out(options.out)
+    patience = PATIENCE if options.patience is None else options.patience
+    with contextlib.ExitStack() as stack:
+        devkits = []
+        for address in options.devkit or [f"127.0.0.1:{PORT}"]:
+            camera = FrontCamera() if options.camera else BlankCamera()
+            devkit = DevKit(address, camera, real_time=options.real_time, patience=patience)
+            devkits.append(stack.enter_context(devkit))
+        return _race_on(_with_devkits(setup, devkits), devkits, options.out, picture)
+
+
+def _with_devkits(setup: Setup, devkits: Sequence[DevKit]) -> Setup:
+    """Return a setup in which DevKits drive the first cars, all in the car of the first; opponents follow."""
+    first, *others = setup.entries
+    cars = [replace(first, controller=devkit, name=f"devkit_{i}") for i, devkit in enumerate(devkits)]
+    return setup.replace(entries=[*cars, *others])
+
+
+def _race_on(setup: Setup, devkits: Sequence[DevKit], out: str | None, picture: bool) -> int:
+    """Race, and once more whenever a DevKit asks for the simulation to begin anew."""
+    from ..viz.plots import write_run
+    from .report import report_race
+
+    number, again = 0, True
+    while again:
+        number, result = number + 1, _race_once(setup, devkits)
+        again = any(devkit.reset_asked for devkit in devkits)
+        folder = None if out is None else f"{out}/{number}" if again or number > 1 else out
+        if folder is not None:
+            write_run(result, folder, picture=picture, add=report_race)
+        print(race_table(result, folder), flush=True)
+    return _DONE if result.car.finished else _NOT_DONE
+
+
+def _race_once(setup: Setup, devkits: Sequence[DevKit]) -> RaceResult:
+    from ..racing.race import race_setup
+
+    with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as shown:
+
+        def watch(progress: RaceProgress) -> None:
+            for devkit, collisions in zip(devkits, progress.wall_contacts, strict=False):
+                devkit.collisions = collisions
+            if any(devkit.reset_asked for devkit in devkits):
+                raise KeyboardInterrupt  # ends the race between two ticks
+            shown(progress)
+
+        return race_setup(setup, watch=watch)
