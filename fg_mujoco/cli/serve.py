@@ -1,4 +1,4 @@
-"""The command `fg-mujoco serve autodrive`: a race whose cars are driven by DevKits of AutoDRIVE."""
+"""The commands `fg-mujoco serve`: races whose cars DevKits of AutoDRIVE drive, and a live race for Foxglove."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from .config import add_config
-from .options import CAR, add_setup_options, add_trust_option, number, setup_of
+from .options import CAR, add_setup_options, add_trust_option, number, setup_of, whole
 from .out import RUN, add_out_options
 from .race import RaceWatch, check_out, race_table
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from ..ros.autodrive.devkit import DevKit
 
 _DONE, _NOT_DONE = 0, 1
-_PROTOCOLS = ("autodrive",)
 _RULES = "autodrive_2026"
 
 
 def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    command = add_command(commands, "serve", _serve, "be the simulator of a stack that is made for another one")
+    """Add the commands; `add_command` is the one that adds the others."""
+    text = "be the simulator, or the car, that another program talks to"
+    served = commands.add_parser("serve", help=text).add_subparsers(title="commands", required=True)
+    command = add_command(served, "autodrive", _autodrive, "race the car of an AutoDRIVE DevKit")
     add = command.add_argument
-    add("protocol", choices=_PROTOCOLS, help="autodrive: connect to a DevKit of the RoboRacer Sim Racing League")
     add(
         "--devkit", action="append", metavar="HOST[:PORT]",
         help="where the DevKit of a car listens; again for each car; default: 127.0.0.1:4567",
@@ -46,8 +46,35 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add_config(command)
     add_trust_option(add)
 
+    command = add_command(served, "foxglove", _foxglove, "a live race for Foxglove, which may drive the car")
+    add = command.add_argument
+    add_setup_options(
+        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "patches"
+    )
+    add("--host", metavar="ADDRESS", help="listen there; default: 127.0.0.1, this machine alone")
+    add("--port", type=whole, metavar="N", help="default: 8765")
+    add("--step-on-drive", action="store_true", help="drive a tick for each command on /drive; default: real time")
+    add_config(command)
+    add_trust_option(add)
 
-def _serve(options: argparse.Namespace) -> int:
+
+def _foxglove(options: argparse.Namespace) -> int:
+    from ..ros.foxglove_server import HOST, PORT, FoxgloveServer, require_foxglove
+    from ..viz.live.live_session import LiveSession
+
+    require_foxglove()
+    host, port = options.host or HOST, PORT if options.port is None else options.port
+    session = LiveSession(setup_of(options))
+    with FoxgloveServer(session, host=host, port=port, step_on_drive=options.step_on_drive) as server:
+        try:
+            print(f"{server.url}, in Foxglove: Open connection; Ctrl-C ends it", flush=True)
+            server.run()
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    return _DONE
+
+
+def _autodrive(options: argparse.Namespace) -> int:
     from ..ros.autodrive.devkit import PATIENCE, PORT, DevKit
     from ..ros.autodrive.front_camera import BlankCamera, FrontCamera
 

@@ -27,6 +27,7 @@ from ..simulation.telemetry import recorded_command
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
+CLOCK = "rosgraph_msgs/msg/Clock"
 GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
 NUMBER, MARKERS = "std_msgs/msg/Float64", "visualization_msgs/msg/MarkerArray"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
@@ -86,6 +87,11 @@ def definition(kind: str) -> str:
 def to_cdr(message: Any) -> bytes:
     """Return a message as a robot would send it: little-endian CDR."""
     return bytes(type_store().serialize_cdr(message, message.__msgtype__))
+
+
+def from_cdr(content: bytes, kind: str) -> Any:
+    """Return the message of a type that CDR has; raises what rosbags does where it has none."""
+    return type_store().deserialize_cdr(content, kind)
 
 
 def nanoseconds(seconds: float) -> int:
@@ -231,6 +237,11 @@ def grid_message(time: int, cells: NDArray[np.int8], resolution: float, origin: 
         origin=_pose(np.append(origin, 0.0), np.array((1.0, 0.0, 0.0, 0.0))),
     )
     return _make(GRID, header=_header(time, MAP_FRAME), info=info, data=cells.astype(np.int8).ravel())
+
+
+def clock_message(time: int) -> Any:
+    """Return rosgraph_msgs/Clock at `time` [ns]."""
+    return _make(CLOCK, clock=_time(time))
 
 
 def number_message(value: float) -> Any:

@@ -232,7 +232,7 @@ def export_bag(
             if index == 1:
                 grid = grid_of(model, sensed.position[:2])
                 bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)
-                static = _mounts(model) + [mount for other in others for mount in other.mounts]
+                static = car_mounts(model) + [mount for other in others for mount in other.mounts]
                 if others:
                     static.append((BASE_FRAME, f"{EGO}/{BASE_FRAME}", np.zeros(3), _NO_ROTATION))
                 bag.write("/tf_static", transform_message(time, static), time)
@@ -258,7 +258,7 @@ def export_bag(
     return ticks
 
 
-def _mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
+def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
     """Return the transforms of a car that never change; with those of car 0 map and odom are one."""
     within = f"{_names(car)[0]}/" if car else ""
     transforms: list[tuple[str, str, Any, Any]] = []
@@ -366,7 +366,7 @@ class _Other:
     """The messages of a car other than car 0."""
 
     def __init__(self, run: Run, model: mujoco.MjModel, car: int) -> None:
-        self.car, self.mounts, self.ends = car, _mounts(model, car), _Ends.of(run, car)
+        self.car, self.mounts, self.ends = car, car_mounts(model, car), _Ends.of(run, car)
         self.namespace, self.scans, self.drive = _names(car)
         self.base = f"{self.namespace}/{BASE_FRAME}"
         self.sensors = recorded_sensors(run.summary["cars"][car])

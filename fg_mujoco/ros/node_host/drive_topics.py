@@ -41,6 +41,12 @@ _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the stee
 _STEERING_TO_SERVO, _SERVO_OFFSET = -1.2135, 0.5304  # the same
 
 
+def steering_of_twist(speed: float, turning: float, wheelbase: float) -> float:
+    """Return the steering angle [rad] at which a car turns at a rate [rad/s] while it drives at a speed [m/s]."""
+    angle = math.atan2(turning * wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
+    return math.copysign(1.0, speed) * angle
+
+
 class Driving:
     """The drive topics of some nodes.
 
@@ -131,8 +137,7 @@ class Driving:
             twist = message if kind == _TWIST else message.twist
             values = {"linear.x": float(twist.linear.x), "angular.z": float(twist.angular.z)}
             speed, turning = values.values()
-            angle = math.atan2(turning * self._car.wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
-            angle = math.copysign(1.0, speed) * angle
+            angle = steering_of_twist(speed, turning, self._car.wheelbase)
         else:
             drive = message.drive if kind == _STAMPED else message
             names = ("velocity", "angle") if topic.is_drive_param else ("speed", "steering_angle")

@@ -87,6 +87,8 @@ class LiveSession:
         self._lock = threading.Lock()
         self._wishes: dict[str, Any] = {}
         self._reset = False
+        self._outside: DriveCommand | None = None
+        self._place_asked: tuple[float, float, float] | None = None
         self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
         self._history: deque[tuple[float, float, float]] = deque(maxlen=round(_HISTORY / self.period))
         self.values, self._remarked = IntermediateValues(), 0
@@ -118,6 +120,21 @@ class LiveSession:
         """Ask for the car to be put back on the start."""
         with self._lock:
             self._reset = True
+
+    def hold(self, command: DriveCommand | None) -> None:
+        """Hold a command from outside from the next tick on; None: the planner drives again."""
+        with self._lock:
+            self._outside = command
+
+    @property
+    def held_from_outside(self) -> bool:
+        """Whether a command from outside is held."""
+        return self._outside is not None
+
+    def put(self, x: float, y: float, heading: float) -> None:
+        """Ask for the car to be put at a pose on the course, standing [m, m, rad]."""
+        with self._lock:
+            self._place_asked = (x, y, heading)
 
     def key(self, name: str) -> None:
         """Press one of the keys of `hand`: from now on it drives."""
@@ -242,6 +259,9 @@ class LiveSession:
     def _command(self) -> DriveCommand:
         if self.by_hand:
             return self.hand.command(self.simulation.time, self.period, self.settings.max_speed)
+        outside = self._outside
+        if outside is not None:
+            return outside
         if hasattr(self._planner, "look_round"):
             self._planner.look_round(self.simulation.engine.surroundings(0))
         with self.values.of(self.scan):
@@ -249,7 +269,7 @@ class LiveSession:
 
     def _take_values(self) -> None:
         """Take what the planner has shown, where the car is now, and say why a value is not shown."""
-        if self.by_hand:
+        if self.by_hand or self.held_from_outside:
             self.values.now = {}
         car, pose = self.world.parameters, np.array(self.simulation.pose)
         self._sketches = self.values.sketches(self.scan, pose, car.lidar_offset)
@@ -260,15 +280,16 @@ class LiveSession:
         with self._lock:
             wishes, self._wishes = self._wishes, {}
             reset, self._reset = self._reset, False
+            asked, self._place_asked = self._place_asked, None
         for name, value in wishes.items():
             try:
                 self._change(name, value)
                 self.message, self.failure = "", None
             except FgMujocoError as error:
                 self.message = " ".join(str(error).split())
-        if reset:
+        if reset or asked is not None:
             try:
-                self._place()
+                self._place(self._start if asked is None else self._start_at(*asked))
             except FgMujocoError as error:  # the planner's reset
                 self.message, self.paused = " ".join(str(error).split()), True
 
@@ -381,8 +402,23 @@ class LiveSession:
         start(planner)
         return planner
 
-    def _place(self) -> None:
-        self.scan, self.odometry = self.simulation.reset(**asdict(self._start))
+    def _start_at(self, x: float, y: float, heading: float) -> Start:
+        """Return the start that is a pose on the map.
+
+        Raises:
+          SettingsError: the pose is beyond the walls, or in an obstacle.
+        """
+        course = self._course
+        place, offset = (float(values[0]) for values in course.project(np.array([[x, y]])))
+        s = place - (course.origin or 0.0)
+        along = course.start_pose(s, offset)[2]
+        start = Start(s=s, offset=offset, heading=math.remainder(heading - along, math.tau))
+        check_starts(self._course, [start], [self.world.parameters], [""], self._obstacles)
+        return start
+
+    def _place(self, own: Start | None = None) -> None:
+        """Put all cars on their starts; `own` is that of the car, None: as set up."""
+        self.scan, self.odometry = self.simulation.reset(**asdict(own or self._start))
         if self._opponents:
             self.simulation.engine.planners, self._reported = self._make_opponents(), set()
         start(self._planner)
