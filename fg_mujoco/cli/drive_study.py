@@ -44,6 +44,7 @@ def drive_study(
     *,
     setup: Setup,
     failed: Callable[[Any], bool],
+    pictures: bool = True,
     **axes: Any,
 ) -> int:
     """Drive a study, print its tables or its JSON, and return the exit code.
@@ -55,9 +56,12 @@ def drive_study(
       controllers: which.
       setup: that all runs have in common.
       failed: says of the figures of a run whether it could not be driven.
+      pictures: whether the study has pictures, which need matplotlib.
       axes: the other axes and settings of the function.
     """
     noun = kind.noun
+    if pictures:
+        axes["pictures"] = can_draw("pictures")
 
     def text(progress: StudyProgress) -> str:
         done = progress.runs_found + progress.runs_driven
@@ -70,7 +74,7 @@ def drive_study(
         try:
             study = drive(
                 controllers, **axes, seed=options.seed, setup=setup, workers=options.workers, out=options.out,
-                pictures=can_draw("pictures"), watch=watch,
+                watch=watch,
             )  # fmt: skip
         except EngineError as error:
             print("fg-mujoco:", *f"{error}; finished {noun} are kept".split(), file=sys.stderr)

@@ -181,8 +181,8 @@ _RENAMED = {
 
 
 _COMMANDS = (
-    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "train",
-    "evaluate", "render", "report", "debug", "view", "serve", "friction", "identify", "validate", "bags",
+    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "league",
+    "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "identify", "validate", "bags",
 )  # fmt: skip
 """In the order in which the help lists them."""
 

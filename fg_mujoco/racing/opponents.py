@@ -136,7 +136,7 @@ class Opponents:
         starts = [places[0], *(entry.start or place for entry, place in zip(self.entries, places[1:], strict=True))]
         check_starts(course, starts, cars, self.names, obstacles, drawn=drawn)
         return tuple(
-            replace(entry, start=start, seed=_seed(first.seed, index, entry.seed) if index else first.seed)
+            replace(entry, start=start, seed=opponent_seed(first.seed, index, entry.seed) if index else first.seed)
             for index, (entry, start) in enumerate(zip(entries, starts, strict=True))
         )
 
@@ -181,7 +181,7 @@ def entry_of(settings: DriveSettings, controller: str) -> Entry:
     return Entry(controller=controller, name=FIRST, **own)
 
 
-def _seed(seed: int, index: int, own: int) -> int:
+def opponent_seed(seed: int, index: int, own: int) -> int:
     """Return the seed of an opponent in a run with a seed, by its number and the seed that it was entered with."""
     sequence = np.random.SeedSequence(seed, spawn_key=(crc32(b"opponent"), index, own))
     return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))

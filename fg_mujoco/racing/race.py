@@ -97,8 +97,20 @@ def race(
 
 
 @without_exit()
-def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = None) -> RaceResult:
-    """Race what a setup says; arguments and errors are those of `race`."""
+def race_setup(
+    setup: Setup,
+    *,
+    watch: Callable[[RaceProgress], None] | None = None,
+    turn: Callable[[int], None] | None = None,
+) -> RaceResult:
+    """Race what a setup says; arguments and errors are those of `race`.
+
+    Args:
+      setup: what is raced.
+      watch: called once a tick.
+      turn: of a race of several cars: called with the number of a car before its planner is built, and before each of
+        its decisions, so that it is known whose planner ended the process.
+    """
     course = setup.load_course()
     laps, obstacles, entries = setup.laps_on(course), setup.obstacles_on(course), setup.named
     world = setup.world(course, obstacles)
@@ -108,10 +120,11 @@ def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = N
     starts = [entry.start or place for entry, place in zip(entries, places, strict=True)]
     if not alone:
         check_starts(course, starts, cars, names, obstacles)
-    planners = [
-        entry_planner(entry, car=car, map_line=course.map_line, alone=alone)
-        for entry, car in zip(entries, cars, strict=True)
-    ]
+    planners = []
+    for row, (entry, car) in enumerate(zip(entries, cars, strict=True)):
+        if turn is not None:
+            turn(row)
+        planners.append(entry_planner(entry, car=car, map_line=course.map_line, alone=alone))
     files = [  # before the race: what the planners have read
         planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1], warn=True)
         for planner, entry in zip(planners, entries, strict=True)
@@ -122,7 +135,7 @@ def race_setup(setup: Setup, *, watch: Callable[[RaceProgress], None] | None = N
         adapt([planner], arrays=isinstance(entry.controller, str))
         for planner, entry in zip(planners, entries, strict=True)
     ]
-    timed = [_Timed(each, clock) for each in adapted]
+    timed = [_Timed(each, clock, row, turn) for row, each in enumerate(adapted)]
     engine.planners = (
         adapted[0] if alone else PlannersOfEach([(np.array([row]), each) for row, each in enumerate(timed)])
     )
@@ -224,18 +237,24 @@ class _Timed:
     Args:
       planners: of this one car.
       clock: of the race.
+      row: number of the car.
+      turn: see `race_setup`.
 
     Attributes:
       seconds: that each decision took.
     """
 
-    def __init__(self, planners: Planners, clock: DecisionClock) -> None:
+    def __init__(
+        self, planners: Planners, clock: DecisionClock, row: int, turn: Callable[[int], None] | None
+    ) -> None:
         self.seconds: list[float] = []
-        self._planners, self._clock = planners, clock
+        self._planners, self._clock, self._row, self._turn = planners, clock, row, turn
         self.failures = planners.failures
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
+        if self._turn is not None:
+            self._turn(self._row)
         try:
             return self._clock.time(lambda: self._planners(cars))
         except DecisionLimitReached:

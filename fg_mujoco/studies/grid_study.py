@@ -175,11 +175,11 @@ class Study(Shown, Generic[_Row, _Cell]):
 
     Attributes:
       noun: what its runs are called.
-      paired: its differences of planners.
+      paired: its differences of planners; None: each of its runs has several planners, which are compared in it.
     """
 
     noun: ClassVar[str] = "runs"
-    paired: ClassVar[Differences]
+    paired: ClassVar[Differences | None] = None
 
     rows: tuple[_Row, ...]  # a run each, in the order of the grid
     cells: tuple[_Cell, ...]  # a group of runs each
@@ -195,7 +195,7 @@ class Study(Shown, Generic[_Row, _Cell]):
     @property
     def differences(self) -> tuple[dict[str, Any], ...]:
         """Differences of each two planners in the runs that both drove, by the names in differences.csv."""
-        return self.paired.of(self.rows)
+        return () if self.paired is None else self.paired.of(self.rows)
 
     def _summed_up(self) -> str:
         """Return the results in a few words, for the repr."""
@@ -214,7 +214,8 @@ class Study(Shown, Generic[_Row, _Cell]):
         return escaped([*(each.notebook() for each in self._tables(chosen=False)), below])
 
     def _tables(self, *, chosen: bool) -> list[Table]:
-        return [each for each in (self._table(chosen=chosen), self.paired.table(self.differences)) if each]
+        paired = None if self.paired is None else self.paired.table(self.differences)
+        return [each for each in (self._table(chosen=chosen), paired) if each]
 
     def markdown(self) -> str:
         """Return the table, and that of the differences from the first planner, each with its legend."""
@@ -227,18 +228,21 @@ class Study(Shown, Generic[_Row, _Cell]):
             f"{self.noun}_driven": self.runs_driven,
             "wall_time_s": self.wall_time_s,
             "table": [cell.as_dict() for cell in self.cells],
-            "differences": list(self.differences),
-        }
+        } | ({} if self.paired is None else {"differences": list(self.differences)})
 
     def write_tables(self) -> None:
         """Write the tables to the folder, in place of those of an earlier call."""
-        for name, text in (
-            (f"{self.noun}.csv", Table.of(row.as_dict() for row in self.rows).csv()),
-            ("table.csv", Table.of(cell.as_dict() for cell in self.cells).csv()),
-            ("differences.csv", self.paired.csv(self.differences)),
-            ("table.md", self.markdown()),
-        ):
+        for name, text in self.texts().items():
             write_file(self.folder / name, text.encode())
+
+    def texts(self) -> dict[str, str]:
+        """Return the tables as they are in the folder, by the names of their files."""
+        paired = {} if self.paired is None else {"differences.csv": self.paired.csv(self.differences)}
+        return {
+            f"{self.noun}.csv": Table.of(row.as_dict() for row in self.rows).csv(),
+            "table.csv": Table.of(cell.as_dict() for cell in self.cells).csv(),
+            "table.md": self.markdown(),
+        } | paired
 
 
 def drive_grid(
