@@ -6,6 +6,7 @@
     friction_lab/    experiments on the tires and the speed laws, against closed forms
     identification/  the tires and the steering of a car, from a drive that it recorded
     overtaking/      every planner behind slower opponents
+    racelines/       the fastest line of a circuit, with its speeds
     validation/      how well a car agrees with recorded drives
 
 `grid_study` drives a grid of runs and writes their tables, and says how to add such a study. `store` keeps the finished

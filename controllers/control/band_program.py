@@ -1,0 +1,125 @@
+"""A quadratic program on a ring of points, each of which moves within its bounds.
+
+    moved = least_on_ring(bands, gradient, low, high)
+
+It minimises g x + x H x / 2 with low <= x <= high. H is symmetric and positive definite, and couples each point with
+the two before and the two behind it, round the ring: so do the squares of second differences along a closed line.
+
+Source: the predictor and corrector of S. Mehrotra, On the Implementation of a Primal-Dual Interior Point Method, SIAM
+Journal on Optimization 2(4), 1992. The equations of a step are those of H with a greater diagonal. They are solved by
+the LDL factors of the band, with the last two points as a border. A program takes 10 to 20 steps, however many points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+_STEPS = 60
+_SHORT_OF = 0.995  # share of the way to the nearest bound
+_TOLERANCE = 1e-8  # of the gradient, and of the products of multipliers and slacks, relative to the greatest gradient
+
+
+def least_on_ring(bands: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray | None:
+    """Return where the program is least, (n,); None where the method does not converge.
+
+    Args:
+      bands: H[i, i], H[i, i + 1] and H[i, i + 2], round the ring, (3, n), n at least 6.
+      gradient: g, (n,).
+      low: least of each x, (n,).
+      high: greatest of each x, (n,), above `low`.
+    """
+    count, scale = len(gradient), max(float(np.abs(gradient).max()), 1e-12)
+    slacks = np.stack((0.5 * (high - low),) * 2)  # to the lower and to the upper bound
+    forces = np.full((2, count), 0.1 * scale)  # multipliers of the bounds
+    x = 0.5 * (low + high)
+    inwards = np.array([[1.0], [-1.0]])
+    for _ in range(_STEPS):
+        pulled = _times(bands, x) + gradient
+        off, gap = pulled - forces[0] + forces[1], float(np.sum(slacks * forces)) / (2 * count)
+        if not np.isfinite(gap):
+            return None
+        if np.abs(off).max() <= 10.0 * _TOLERANCE * scale and gap <= _TOLERANCE * scale:
+            return x
+        stiff = bands.copy()
+        stiff[0] += np.sum(forces / slacks, axis=0)
+        step = solve_ring(stiff, -pulled)
+        changes = -forces - forces / slacks * inwards * step
+        share = min(_until(slacks, inwards * step), _until(forces, changes), 1.0)
+        reached = float(np.sum((slacks + share * inwards * step) * (forces + share * changes))) / (2 * count)
+        centred = ((reached / gap) ** 3 * gap - inwards * step * changes) / slacks
+        step = solve_ring(stiff, -pulled + centred[0] - centred[1])
+        changes = -forces + centred - forces / slacks * inwards * step
+        share = min(_SHORT_OF * min(_until(slacks, inwards * step), _until(forces, changes)), 1.0)
+        x, slacks, forces = x + share * step, slacks + share * inwards * step, forces + share * changes
+    return None
+
+
+def _until(values: FloatArray, changes: FloatArray) -> float:
+    """Return how many times the changes bring the first of the values to 0; inf: none falls."""
+    falls = changes < 0.0
+    return float(np.min(values[falls] / -changes[falls], initial=np.inf))
+
+
+def _times(bands: FloatArray, x: FloatArray) -> FloatArray:
+    """Return H x, (n,)."""
+    diagonal, first, second = bands
+    result = diagonal * x + first * np.roll(x, -1) + np.roll(first * x, 1)
+    return np.asarray(result + second * np.roll(x, -2) + np.roll(second * x, 2))
+
+
+def solve_ring(bands: FloatArray, right: FloatArray) -> FloatArray:
+    """Return x of H x = right, (n,); arguments as of `least_on_ring`."""
+    x = np.empty(len(right))
+    _solve_ring(np.ascontiguousarray(bands), np.ascontiguousarray(right), x)
+    return x
+
+
+@kernel
+def _solve_ring(bands: FloatArray, right: FloatArray, x: FloatArray) -> None:
+    """Write x of H x = right: the band without the last two points first, for the right side and for these two."""
+    n = len(right)
+    core = n - 2
+    pivots, near, far = np.empty(core), np.zeros(core), np.zeros(core)  # D, L[i, i - 1] and L[i, i - 2]
+    columns = np.zeros((core, 3))  # the right side, then what couples each point with the last two
+    columns[:, 0] = right[:core]
+    columns[core - 2, 1], columns[core - 1, 1] = bands[2, core - 2], bands[1, core - 1]
+    columns[core - 1, 2] = bands[2, core - 1]
+    columns[0, 1], columns[0, 2], columns[1, 2] = bands[2, n - 2], bands[1, n - 1], bands[2, n - 1]
+    border = columns.copy()
+    for i in range(core):
+        pivot = bands[0, i]
+        if i > 1:
+            far[i] = bands[2, i - 2] / pivots[i - 2]
+            pivot -= far[i] * far[i] * pivots[i - 2]
+        if i > 0:
+            coupled = bands[1, i - 1]
+            if i > 1:
+                coupled -= far[i] * pivots[i - 2] * near[i - 1]
+            near[i] = coupled / pivots[i - 1]
+            pivot -= near[i] * near[i] * pivots[i - 1]
+        pivots[i] = pivot
+        for c in range(3):
+            if i > 0:
+                columns[i, c] -= near[i] * columns[i - 1, c]
+            if i > 1:
+                columns[i, c] -= far[i] * columns[i - 2, c]
+    for i in range(core - 1, -1, -1):
+        for c in range(3):
+            columns[i, c] /= pivots[i]
+            if i + 1 < core:
+                columns[i, c] -= near[i + 1] * columns[i + 1, c]
+            if i + 2 < core:
+                columns[i, c] -= far[i + 2] * columns[i + 2, c]
+    a, b, c, d, e = bands[0, n - 2], bands[1, n - 2], bands[0, n - 1], right[n - 2], right[n - 1]
+    for i in (0, 1, core - 2, core - 1):
+        a -= border[i, 1] * columns[i, 1]
+        b -= border[i, 1] * columns[i, 2]
+        c -= border[i, 2] * columns[i, 2]
+        d -= border[i, 1] * columns[i, 0]
+        e -= border[i, 2] * columns[i, 0]
+    x[n - 2], x[n - 1] = (c * d - b * e) / (a * c - b * b), (a * e - b * d) / (a * c - b * b)
+    for i in range(core):
+        x[i] = columns[i, 0] - columns[i, 1] * x[n - 2] - columns[i, 2] * x[n - 1]
