@@ -59,7 +59,7 @@ def drive_study(
       pictures: whether the study has pictures, which need matplotlib.
       axes: the other axes and settings of the function.
     """
-    noun = kind.noun
+    noun, seeds = kind.noun, {"seed": options.seed} if hasattr(options, "seed") else {}
     if pictures:
         axes["pictures"] = can_draw("pictures")
 
@@ -73,7 +73,7 @@ def drive_study(
     ):
         try:
             study = drive(
-                controllers, **axes, seed=options.seed, setup=setup, workers=options.workers, out=options.out,
+                controllers, **axes, **seeds, setup=setup, workers=options.workers, out=options.out,
                 watch=watch,
             )  # fmt: skip
         except EngineError as error:

@@ -11,7 +11,7 @@ from ..studies.overtaking.slower_opponents import OPPONENTS
 from .drive_study import add_study_options, drive_study, names_in, seeds_in
 from .options import add_setup_options, number, setup_of
 
-_DRIVE = (
+DRIVE = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
     "command_delay",
 )  # fmt: skip
@@ -43,7 +43,7 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
         "--seed", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of start, distance and speed ratio; default: 0:50",
     )  # fmt: skip
-    add_setup_options(add, "laps", *_DRIVE, laps="within which the planner is to overtake; default: 2")
+    add_setup_options(add, "laps", *DRIVE, laps="within which the planner is to overtake; default: 2")
     add_study_options(command, "table, picture and finished duels")
 
 

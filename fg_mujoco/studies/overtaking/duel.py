@@ -186,16 +186,16 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
       ControllerError: the planner cannot be built.
       TrackError: no closed track, or one that cannot be loaded.
     """
-    settings, track = duel.settings, _track(duel.key.track, duel.settings.car.parameters)
+    settings, track = duel.settings, closed_track(duel.key.track, duel.settings.car.parameters)
     own_pace = pace(duel.key.track, duel.planner, settings)
     start, headway, ratio = duel.draw(track.length)
-    world = _world(duel.key.track, settings, 2)
+    world = alike_cars(duel.key.track, settings, 2)
     car = world.cars[_OPPONENT]
     context = settings.drive().context(car.parameters, track.map_line)
     with tempfile.TemporaryDirectory() as folder:
         opponent = make_opponent(duel.key.opponent, track, own_pace, ratio, context, Path(folder))
     engine = Engine(world, laps=settings.laps + 1)
-    timed = Timed(adapt([_planner(duel.planner, world, settings)]))
+    timed = Timed(adapt([build_planner(duel.planner, world, settings)]))
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), timed), (np.array([_OPPONENT]), adapt([opponent]))])
     engine.place([Start(s=start), Start(s=start + headway)])
     half = 0.5 * world.parameters.length
@@ -240,7 +240,12 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     )  # fmt: skip
 
 
-def _track(name: str, car: CarParameters) -> Track:
+def closed_track(name: str, car: CarParameters) -> Track:
+    """Return a track, loaded for a car.
+
+    Raises:
+      TrackError: no closed track, or one that cannot be loaded.
+    """
     track = load_track(name, car=car)
     if not (isinstance(track, Track) and track.closed):
         raise TrackError(f"track {name!r} is no circuit; accepted: a closed track")
@@ -248,9 +253,9 @@ def _track(name: str, car: CarParameters) -> Track:
 
 
 @lru_cache(maxsize=4)
-def _world(track: str, settings: DuelSettings, cars: int) -> World:
+def alike_cars(track: str, settings: DuelSettings, cars: int) -> World:
     """Return a world of so many alike cars."""
-    course = _track(track, settings.car.parameters)
+    course = closed_track(track, settings.car.parameters)
     others = [
         WorldCar(vehicle=settings.car, mu=settings.set_mu, changes=settings.changes, tires=settings.tires)
         for _ in range(cars - 1)
@@ -260,7 +265,12 @@ def _world(track: str, settings: DuelSettings, cars: int) -> World:
     )  # fmt: skip
 
 
-def _planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
+def build_planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
+    """Return the planner of the first car of a world.
+
+    Raises:
+      ControllerError: it cannot be built.
+    """
     context = settings.drive().context(world.parameters, world.track.map_line)
     return make_controller(choice.source, context, settings=dict(choice.settings))
 
@@ -272,9 +282,9 @@ def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
     Raises:
       ControllerError: it does not drive two laps.
     """
-    world = _world(track, settings, 1)
+    world = alike_cars(track, settings, 1)
     engine = Engine(world, laps=2)
-    engine.planners = adapt([_planner(planner, world, settings)])
+    engine.planners = adapt([build_planner(planner, world, settings)])
     engine.place([Start()])
     length = world.track.length
     sums = np.zeros((2, round(length / _BIN)))
@@ -293,9 +303,9 @@ def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
 
 def time_alone(duel: Duel, start: float, progress: float) -> float:
     """Return the planner's time alone from the same start for the same way [s]; inf: it does not get there."""
-    world = _world(duel.key.track, duel.settings, 1)
+    world = alike_cars(duel.key.track, duel.settings, 1)
     engine = Engine(world, laps=duel.settings.laps + 1)
-    engine.planners = adapt([_planner(duel.planner, world, duel.settings)])
+    engine.planners = adapt([build_planner(duel.planner, world, duel.settings)])
     engine.place([Start(s=start)])
     before = 0.0
     while engine.running[0]:

@@ -32,7 +32,7 @@ DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
 DEFAULT_RATIO = (0.3, 0.9)
 
-_UNUSABLE = (
+UNUSABLE = (
     "track", "time_limit", "obstacles", "patches", "lidar", "rules", "decision_limit", "planner_settings", "start",
     "effects", "odometry_drift", "sensors", "seed", "name",
 )  # fmt: skip
@@ -96,7 +96,7 @@ def overtake(
     if pictures:
         require_matplotlib()
     base = Setup.of(setup, caller="overtake", **keywords)
-    base.require_usable("overtake", *_UNUSABLE, alone=True)
+    base.require_usable("overtake", *UNUSABLE, alone=True)
     first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(
         vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,

@@ -182,11 +182,16 @@ def write_line(path: Path, points: FloatArray) -> None:
     path.write_text(f"# x_m, y_m, w_tr_right_m, w_tr_left_m\n{rows}", encoding="utf-8")
 
 
-def least_curvature(track: Track, car: CarParameters) -> FloatArray:
+def least_curvature(track: Track, car: CarParameters, lane: tuple[float, float] = (-1.0, 1.0)) -> FloatArray:
     """Return a closed line between the walls whose bends are as wide as they can be. Shape (n, 2) [m].
 
     The points move square to the centreline, and the sum of the squares of their second differences falls: projected
     gradient descent with Nesterov's momentum.
+
+    Args:
+      track: that it is on.
+      car: whose middle moves on it.
+      lane: of the room between the walls, from -1 at the right one to 1 at the left one.
     """
     count = max(round(track.length / _SPACING), 8)
     stations = np.arange(count) * (track.length / count)
@@ -196,12 +201,13 @@ def least_curvature(track: Track, car: CarParameters) -> FloatArray:
         np.maximum(np.interp(stations, track.arc_length, side, period=track.length) - 0.5 * car.width - _CLEARANCE, 0.0)
         for side in (track.corridor_right, track.corridor_left)
     ]
-    offset = ahead = np.zeros(count)
+    low, high = (np.where(share < 0.0, room[0], room[1]) * share for share in lane)
+    offset = ahead = np.clip(np.zeros(count), low, high)
     momentum = 1.0
     for _ in range(_ROUNDS):
         bend = _second_difference(middle + ahead[:, np.newaxis] * normal)
         slope = np.sum(_second_difference(bend) * normal, axis=1)
-        moved = np.clip(ahead - slope / 16.0, -room[0], room[1])  # 16 is the greatest eigenvalue
+        moved = np.clip(ahead - slope / 16.0, low, high)  # 16 is the greatest eigenvalue
         grown = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
         ahead = moved + (momentum - 1.0) / grown * (moved - offset)
         offset, momentum = moved, grown
