@@ -320,7 +320,7 @@ STOP = DriveCommand(steering_angle=0.0, speed=0.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class MapLine:
-    """The line through the course, for planners with a map.
+    """The line through the course and the walls beside it, for planners with a map.
 
     Raises:
       MessageError: points that are not a table of finite numbers, or fewer than two.
@@ -328,15 +328,22 @@ class MapLine:
 
     points: FloatArray  # (n, 2) [m] map frame, in driving order
     closed: bool  # a circuit, whose first point is not repeated; else it is driven once
+    walls: tuple[FloatArray, ...] = ()  # (k, 2) [m] of each, a closed polyline; none where they are not known
 
     def __post_init__(self) -> None:
         points = read_only(self.points)
         if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2 or not np.isfinite(points).all():
             raise MessageError(f"MapLine.points has shape {points.shape}; accepted: (n, 2) finite, n at least 2")
+        walls = tuple(read_only(wall) for wall in self.walls)
+        for k, wall in enumerate(walls):
+            if wall.ndim != 2 or wall.shape[1] != 2 or len(wall) < 3 or not np.isfinite(wall).all():
+                raise MessageError(f"MapLine.walls[{k}] has shape {wall.shape}; accepted: (k, 2) finite, k at least 3")
         object.__setattr__(self, "points", points)
+        object.__setattr__(self, "walls", walls)
 
     def __repr__(self) -> str:
-        return brief(self, f"{len(self.points)} points", "closed" if self.closed else "open")
+        walls = f"{len(self.walls)} walls" if self.walls else "no walls"
+        return brief(self, f"{len(self.points)} points", "closed" if self.closed else "open", walls)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
