@@ -140,7 +140,7 @@ def _to_segment(segments: FloatArray, k: int, x: float, y: float) -> float:
     squared = along_x * along_x + along_y * along_y
     share = min(max((dx * along_x + dy * along_y) / squared, 0.0), 1.0) if squared > 0.0 else 0.0
     dx, dy = dx - share * along_x, dy - share * along_y
-    return dx * dx + dy * dy
+    return float(dx * dx + dy * dy)
 
 
 @kernel

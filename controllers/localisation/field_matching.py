@@ -21,9 +21,6 @@ from fg_mujoco.messages import FloatArray
 
 from .distance_field import Distances
 
-STATES = 5
-"""Of an estimate: x [m], y [m], heading [rad], and the relative errors of odometry's speed and of its yaw rate."""
-
 
 @kernel
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -28,19 +28,20 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .distance_field import DistanceField, Distances
-from .field_matching import STATES, match
-from .scan_matching import SCALE_ERROR, SCALE_WALK, step_errors
+from .field_matching import match
+from .odometry import SCALE_ERROR, SCALE_WALK, STATES, step_errors
 
 BEAMS = 60
 """Of a scan that particles are weighed with, evenly spread."""
-LEAST, LOST = 300, 10_000
+LEAST, LOST = 500, 10_000
 """Particles, at least, and at most while the car is lost."""
 
 _ERROR = 0.06  # [m] of a distance; beams of a scan err together, so that it is more than a beam's
 _OUTLIER = 4.0  # greatest cost of a beam, in natural logarithms of the likelihood
 _LOST_ERROR, _LOST_SHARE = 0.15, 0.3  # [m] while the car is lost, and by how much scans count less then
-_BIN, _BIN_TURN = 0.1, math.radians(5.0)  # of KLD sampling, in x and y, and in the heading
+_BIN, _BIN_TURN = 0.05, math.radians(2.5)  # of KLD sampling, in x and y, and in the heading
 _KLD_ERROR, _KLD_QUANTILE = 0.03, 2.33  # greatest divergence with a probability of 99 %
+_SCALE_SPREAD = 0.02  # least standard deviation of odometry's relative errors: drawing loses those that scans need later
 _DRAWN_BELOW = 0.5  # share of the particles that count, below which they are drawn anew
 _SLOW, _FAST = 0.02, 0.2  # shares of the newest scan in the long and the short mean of how scans fit
 _CANDIDATES, _BEST, _LAID = 3000, 24, 12  # of a scan: drawn, laid on the walls, in so many steps
@@ -234,7 +235,7 @@ class ParticleFilter:
         else:
             place, heading = deviations
             spread = (place, place, heading, SCALE_ERROR, SCALE_ERROR)
-            self._particles[:] = (*pose, 0.0, 0.0) + self._rng.normal(0.0, spread, (count, STATES))
+            self._particles[:] = self._rng.normal((*pose, 0.0, 0.0), spread, (count, STATES))
         self._weights = np.full(count, 1.0 / count)
         self.state, self.covariance = moments(self._particles, self._weights)
 
@@ -284,6 +285,8 @@ class ParticleFilter:
         wanted = min(max(kld_count(bins), LEAST), self._most if self.found else LOST)
         chosen = np.empty((wanted, STATES))
         drawn_anew(self._particles, weights, wanted, rng.random(), chosen)
+        lacking = np.sqrt(np.maximum(_SCALE_SPREAD**2 - np.diag(self.covariance)[3:], 0.0))
+        chosen[:, 3:] += lacking * rng.standard_normal((wanted, 2))
         some = round(replaced * wanted)
         if some:
             chosen[rng.choice(wanted, some, replace=False)] = self._likely(ends, few, some)

@@ -176,8 +176,8 @@ class Scene(Shown):
 
     @cached_property
     def map_line(self) -> MapLine:
-        """The line for planners with a map: the way."""
-        return MapLine(points=self.way, closed=False)
+        """The way and the walls for planners with a map."""
+        return MapLine(points=self.way, closed=False, walls=tuple(wall.corners() for wall in self.walls))
 
     @cached_property
     def arc_length(self) -> FloatArray:

@@ -164,8 +164,8 @@ class Track(Shown):
 
     @cached_property
     def map_line(self) -> MapLine:
-        """The line for planners with a map."""
-        return MapLine(points=self.centreline, closed=True)
+        """The line and the walls for planners with a map."""
+        return MapLine(points=self.centreline, closed=True, walls=self.edges)
 
     @property
     def left_wall(self) -> FloatArray:

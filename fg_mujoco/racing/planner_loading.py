@@ -11,13 +11,19 @@ import inspect
 import os
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine, PlannerContext
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
 from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
 from .planner_sources import A_PLANNER, find_controller, planner_of
+
+if TYPE_CHECKING:
+    from fg_mujoco.controllers.localisation.localiser import Localiser
+
+POSE_SETTINGS = frozenset({"pose", "pose_start", "particles"})
+"""Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
 
 
 def make_controller(
@@ -70,6 +76,7 @@ def build_controller(
 ) -> Controller:
     """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
+    factory, settings, localiser = _with_pose(factory, source, context, settings or {})
     offered = {each.name: getattr(context, each.name) for each in fields(context)}
     try:
         parameters = inspect.signature(factory).parameters.values()
@@ -94,7 +101,34 @@ def build_controller(
         if not is_of_planner(error):
             raise
         raise ControllerError(f"{origin} cannot be built: {error_text(error, file_of(factory))}") from error
+    if localiser is not None:
+        controller.localiser = localiser
     return _checked(controller, origin, context)
+
+
+def _with_pose(
+    factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any]
+) -> tuple[Any, Mapping[str, Any], Localiser | None]:
+    """Return the class to be built, its own settings, and what finds its pose; None: it has the true one.
+
+    Raises:
+      ControllerError: settings of the pose that cannot be, or a map in which no pose can be found.
+    """
+    names = POSE_SETTINGS - {f.name for f in fields(getattr(factory, "Settings", None) or PlannerContext)}
+    chosen = {name: value for name, value in settings.items() if name in names}
+    if not chosen:
+        return factory, settings, None
+    from fg_mujoco.controllers.localisation.localised import localised
+    from fg_mujoco.controllers.localisation.localiser import Localiser, PoseSettings
+
+    origin, own = f"controller {source!r}", {name: settings[name] for name in settings if name not in chosen}
+    try:
+        pose = PoseSettings(**chosen)
+        if pose.pose == "truth":
+            return factory, own, None
+        return localised(factory), own, Localiser.of(pose, context.map_line, context.car, context.seed)
+    except SettingsError as error:
+        raise ControllerError(f"{origin}: {str(error).removeprefix('PoseSettings.')}") from error
 
 
 def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: bool) -> Any:
