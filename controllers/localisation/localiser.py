@@ -23,9 +23,9 @@ from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, MapLine, Od
 
 from ..control.planner_settings import Accepted, Settings, setting
 from .distance_field import DistanceField
+from .map_matching import ScanMatching
 from .odometry import predicted, step_errors
 from .particle_filter import LEAST, ParticleFilter
-from .scan_matching import ScanMatching
 
 MOST_PARTICLES = 100_000
 START = (0.1, 0.05)
