@@ -69,7 +69,7 @@ def match(
     gate: float,
     steps: int,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return the estimate at which the ends lie on walls, its information, and the share of the ends that do.
+    """Return the estimate at which the ends lie on walls, its information, and the share of ends within half of the gate.
 
     Args:
       distances: of the field, see DistanceField.
@@ -112,7 +112,7 @@ def match(
             share = distance / gate
             weight = 1.0 / (1.0 + share * share)
             weight = weight * weight / (error * error)
-            fits += abs(distance) < gate
+            fits += abs(distance) < 0.5 * gate
             information[0, 0] += weight * slope_x * slope_x
             information[0, 1] += weight * slope_x * slope_y
             information[0, 2] += weight * slope_x * turned

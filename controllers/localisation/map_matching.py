@@ -22,7 +22,7 @@ BEAMS = 120
 """Of a scan that are matched, evenly spread."""
 
 _ERROR, _GATE, _STEPS = 0.08, 0.3, 5  # [m], [m]: beams of a scan err together, so that the error is more than a beam's
-_FITS, _MEMORY = 0.45, 0.1  # share of the ends that fit, below which the car is lost; share of the newest scan in it
+_FITS, _MEMORY = 0.5, 0.1  # share of the ends that fit, below which the car is lost; share of the newest scan in it
 
 
 class ScanMatching:

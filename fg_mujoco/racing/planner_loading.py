@@ -114,8 +114,11 @@ def _with_pose(
     Raises:
       ControllerError: settings of the pose that cannot be, or a map in which no pose can be found.
     """
-    names = POSE_SETTINGS - {f.name for f in fields(getattr(factory, "Settings", None) or PlannerContext)}
-    chosen = {name: value for name, value in settings.items() if name in names}
+    kind = getattr(factory, "Settings", None)
+    own_names = {f.name for f in fields(kind)} if isinstance(kind, type) and is_dataclass(kind) else set[str]()
+    if getattr(factory, "any_settings", False) and "pose" not in settings:
+        return factory, settings, None  # they are parameters of its nodes
+    chosen = {name: value for name, value in settings.items() if name in POSE_SETTINGS - own_names}
     if not chosen:
         return factory, settings, None
     from fg_mujoco.controllers.localisation.localised import localised
