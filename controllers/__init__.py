@@ -2,6 +2,7 @@
 
 - control: the base classes of planners, from a reference to a command, steering, speed laws, settings;
 - perception: filters of a scan, gaps in it, and where its beams point;
+- localisation: where the car is on a map, in place of the true pose;
 - safety: braking trajectories, the safety filter, recovery and the friction limiter.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package

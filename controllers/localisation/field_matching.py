@@ -69,7 +69,7 @@ def match(
     gate: float,
     steps: int,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return the estimate at which the ends lie on walls, its information, and the share of ends within half of the gate.
+    """Return the estimate at which the ends lie on walls, its information, and the share of ends within half the gate.
 
     Args:
       distances: of the field, see DistanceField.
