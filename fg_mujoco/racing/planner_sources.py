@@ -63,6 +63,19 @@ def find_controller(source: str) -> Any:
     return _find_class(source, f"controller {source!r}")
 
 
+@without_exit()
+def only_planner(source: str) -> str:
+    """Return the text of a planner's file with the name of the only planner in it; any other text as it is.
+
+    Raises:
+      ControllerError: a file that cannot be loaded, or that has none or several.
+    """
+    if not source.endswith(".py") or not is_file(source):
+        return source
+    names = _planners_in(_import_file(Path(source), f"controller {source!r}"))
+    return f"{source}:{names[0]}" if len(names) == 1 else source
+
+
 def _find_class(source: str, said: str) -> Any:
     if source in PLANNERS:
         return PLANNERS.find(source)
