@@ -72,6 +72,7 @@ from .reasons import Reason, reasons_in
 
 _NO_MEMORY = np.dtype([("unused", np.int8)])
 _NO_LINE = np.empty((0, 0))
+_ALL = slice(None)
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
 
@@ -407,11 +408,12 @@ class PlannerBatch:
         self.shown = np.empty((len(IntermediateScans._fields), 0))
         self.references, self.memory = self._driven["reference"], self._driven["memory"]
 
-    def reset(self) -> None:
-        """Forget everything seen so far, in all worlds."""
-        self._own["memory"] = np.zeros((), self._own.dtype["memory"])
-        self._driven["memory"] = np.zeros((), DRIVING_MEMORY)
-        self.remembered[:] = np.zeros((), REMEMBERED)
+    def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
+        """Forget everything seen so far, in all worlds or in those `which` (n,)."""
+        self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
+        self._driven["memory"][which] = np.zeros((), DRIVING_MEMORY)
+        if len(self.remembered):
+            self.remembered[which] = np.zeros((), REMEMBERED)
 
     def __call__(
         self,

@@ -8,6 +8,9 @@ by the rate times the period, within the car's limits. An episode's target begin
 that a car that starts rolling rolls on. `smoothing` is the time constant [s] of a first-order filter from the target to
 the command, which in a tick comes nearer by the share 1 - exp(-period / smoothing).
 
+With a `residual` (see there) the two parts are corrections of what a planner commands, the angle [rad] and the speed
+[m/s].
+
 A value out of bounds is clipped and counted. A NaN is refused.
 """
 
@@ -22,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MessageError, SettingsError
 from ..messages import CarParameters, FloatArray, shown
+from .residual import Residual
 from .reward_kernels import read_actions
 
 ACTIONS = (("steering", "steering_rate"), ("speed", "acceleration"))
@@ -69,6 +73,7 @@ class ActionBounds:
       action: what its parts are, as `as_action` takes it.
       smoothing: time constant of the filter [s]; 0: there is none.
       period: of a tick [s].
+      residual: whose planner the actions correct; None: they are the commands.
 
     Attributes:
       low: (2,) float32, least.
@@ -76,6 +81,7 @@ class ActionBounds:
       limits: as `read_actions` takes it.
       share: as `read_actions` takes it.
       remembers: whether a command depends on the one before it.
+      slow: as `read_actions` takes it.
 
     Raises:
       SettingsError: a speed range beyond the car's, or no such action.
@@ -90,6 +96,7 @@ class ActionBounds:
         action: str = DEFAULT_ACTION,
         smoothing: float = 0.0,
         period: float = 0.025,
+        residual: Residual | None = None,
     ) -> None:
         self.parts = as_action(action).split(",")
         slowest, fastest = checked_speeds(car, speed_range)
@@ -97,6 +104,10 @@ class ActionBounds:
         rates = np.array((car.max_steering_rate, car.max_acceleration))
         integrated = np.array([part in ("steering_rate", "acceleration") for part in self.parts])
         least, greatest = np.where(integrated, -rates, commands[0]), np.where(integrated, rates, commands[1])
+        self.slow = 0.0
+        if residual is not None:
+            greatest, self.slow = np.array((residual.steering, residual.speed)), residual.slow
+            least = -greatest
         low, high = (-np.ones(2), np.ones(2)) if normalised else (least, greatest)
         at_0, more_at_1 = (0.5 * (least + greatest), 0.5 * (greatest - least)) if normalised else (low * 0.0, high**0)
         self.low, self.high = low.astype(np.float32), high.astype(np.float32)
@@ -117,10 +128,11 @@ class ActionReader:
     Attributes:
       bounds: as given.
       previous: last actions, within their bounds (n, 2); before the first, 0 or the bound next to it.
+      planned: commands that the actions correct (n, 2), written by others; (0, 2): they correct none.
     """
 
     def __init__(self, bounds: ActionBounds, count: int) -> None:
-        self.bounds = bounds
+        self.bounds, self.planned = bounds, np.zeros((0, 2))
         self._targets = np.zeros((2, count, 2))
         self._unknown = np.ones(count, np.bool_)  # cars whose target is not known yet
         self.previous = np.zeros((count, 2))
@@ -164,7 +176,10 @@ class ActionReader:
         if given.shape != (len(taken), 2):
             raise MessageError(f"actions have shape {given.shape}; accepted: ({len(taken)}, 2), {parts} of each car")
         bounds = self.bounds
-        bad = read_actions(given, taken, bounds.limits, bounds.share, self._targets, self.previous, commands, clipped)
+        bad = read_actions(
+            given, taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets, self.previous,
+            commands, clipped,
+        )  # fmt: skip
         if bad >= 0:
             world, part = divmod(bad, 2)
             raise MessageError(
@@ -191,8 +206,8 @@ class ActionReader:
         """Write the commands (n, 2) of a further tick of the same actions."""
         bounds = self.bounds
         read_actions(
-            self.previous, taken, bounds.limits, bounds.share, self._targets, self.previous, commands,
-            np.zeros(len(taken), np.int64),
+            self.previous, taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets,
+            self.previous, commands, np.zeros(len(taken), np.int64),
         )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from .actions import one_action
 from .observer import Observer
 from .policy_batch import PolicyBatch, batch_key
 from .policy_interface import Policy, PolicyInterface, row_of
+from .residual import BasePlanners
 from .tick_state import SensedState, TickStates
 
 _ACCEPTED = (
@@ -121,7 +122,9 @@ class Opponents:
                 state, own = None, slice(first + number - 1, None, m)
                 if states is not None:
                     state = states.sensed(states.of(own, car), own)
-                self._policies.append((rows, PolicyCars(entry.controller, number, interface, observer, state)))  # type: ignore[arg-type]
+                planners = interface.base_planners(beams, count)
+                cars = PolicyCars(entry.controller, number, interface, observer, state, planners)  # type: ignore[arg-type]
+                self._policies.append((rows, cars))
         self._adapted: dict[int, Planners] = {}
         self._batches: dict[str, PolicyBatch] = {}  # of policy files, of all opponents each
         self._of_each = PlannersOfEach([])
@@ -231,14 +234,24 @@ class PolicyCars:
       interface: of the policy.
       observer: of the cars.
       state: of the cars; None: no term of the observations looks at it.
+      planners: whose commands the policy corrects; None: it corrects none.
     """
 
     def __init__(
-        self, policy: Policy, number: int, interface: PolicyInterface, observer: Observer, state: SensedState | None
+        self,
+        policy: Policy,
+        number: int,
+        interface: PolicyInterface,
+        observer: Observer,
+        state: SensedState | None,
+        planners: BasePlanners | None,
     ) -> None:
         count = observer.count
         self._policy, self._number, self._interface, self._observer = policy, number, interface, observer
         self._actions, self._state, self._ticks = interface.actions(count), state, np.zeros(count, np.int64)
+        self._planners = planners
+        if planners is not None:
+            self._actions.planned = planners.commands
         self.failures: dict[int, PlannerError] = {}  # a policy's error is the caller's own
 
     def begin(self, which: NDArray[np.bool_], seeds: Sequence[int]) -> None:
@@ -246,6 +259,8 @@ class PolicyCars:
         self._observer.begin(which, seeds)
         self._actions.begin(which)
         self._ticks[which] = 0
+        if self._planners is not None:
+            self._planners.begin(which)
 
     def __call__(self, cars: Cars) -> Reasons | None:
         """See Planners."""
@@ -253,8 +268,10 @@ class PolicyCars:
         asked = running & (self._ticks % self._interface.action_repeat == 0)
         self._ticks += running
         self._actions.sense(cars.odometry, running)
+        if self._planners is not None:
+            self._planners.decide(running, cars.ranges, cars.odometry)
         readings = [cars.readings(row) for row in range(count)]
-        parts = cars.ranges, cars.odometry, self._state, readings, self._actions.previous
+        parts = cars.ranges, cars.odometry, self._state, readings, self._actions.previous, self._actions.planned
         if self._observer.needs_every_tick:
             self._observer.read(running & ~asked, *parts, step=False)
         seen = self._observer.read(asked, *parts)

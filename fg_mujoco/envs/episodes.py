@@ -83,10 +83,13 @@ class Episodes:
             count, car=car, beams=beams, sensors=settings.sensed, privileged=settings.privileged
         )
         self.actions, self._repeats = self.interface.actions(count), settings.action_repeat
+        self._planners = self.interface.base_planners(beams, count)
+        if self._planners is not None:
+            self.actions.planned = self._planners.commands
         # a scan and odometry that nothing changes from tick to tick need to be sensed in the last one only
         self._senses_every_tick = (
             self.observer.needs_every_tick or settings.effects != LidarEffects() or bool(settings.sensed)
-            or len(worlds.randomization.ranges) > 0
+            or len(worlds.randomization.ranges) > 0 or self._planners is not None
         )  # fmt: skip
         self.rewards = np.zeros(count)
         names = [term.name for term in settings.rewards.terms]
@@ -156,6 +159,8 @@ class Episodes:
         self.worlds.begin(which, starts, seeds, draws)
         agents = np.repeat(which, self.worlds.agents)
         self.actions.begin(agents)
+        if self._planners is not None:
+            self._planners.begin(agents)
         self.observer.begin(agents, [seed for i, seed in enumerate(seeds) if i % self.worlds.cars < self.worlds.agents])
         self.rewards[agents] = 0.0
         self._terms[:, :, agents] = 0.0
@@ -242,8 +247,11 @@ class Episodes:
         worlds.sense(which)
         odometry = worlds.odometry
         actions.sense(odometry, which)
+        ranges = worlds.ranges
+        if self._planners is not None:
+            self._planners.decide(which, ranges, odometry)
         return self.observer.read(
-            which, worlds.ranges, odometry, worlds.sensed_state, worlds.readings, actions.previous, step=step
+            which, ranges, odometry, worlds.sensed_state, worlds.readings, actions.previous, actions.planned, step=step
         )
 
     def _repeat(self) -> None:

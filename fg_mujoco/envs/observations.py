@@ -11,6 +11,7 @@
 | acceleration | (2,) | ahead and to the left, of the accelerometer in the centre of gravity [m/s^2] |
 | wheel_speeds | (4,) | speed of each wheel's surface, forward positive [m/s]; not among the default ones |
 | previous_action | (2,) | last action of the policy, within its bounds; 0 (or the bound next to it) at the beginning |
+| planner_command | (2,) | steering angle [rad] and speed [m/s] of the planner that the policy corrects |
 | friction | (4,) | coefficient of friction that the car has learned from its wheels so far; see below |
 
 `friction` is the coefficient that a careful driver would use, the mean and the standard deviation of the estimate, both
@@ -51,7 +52,7 @@ DEFAULT_OBSERVATIONS = ("scan", "speed", "yaw_rate", "steering_angle", "accelera
 
 _MADE = "or an ObservationTerm, as @observation makes it"
 
-SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds", "previous_action", "friction")
+SENSED = (*DEFAULT_OBSERVATIONS, "wheel_speeds", "previous_action", "planner_command", "friction")
 """The parts that are read off the scan, the odometry and the policy's own actions; see the table above."""
 
 ON_BOARD = (*SENSED, "command")

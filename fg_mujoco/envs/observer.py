@@ -74,6 +74,7 @@ class Observer:
       privileged: terms that are read into a second vector.
       actions: bounds of an action (2,), least and greatest.
       parameters: of the car, by which it learns the `friction`; needed where that is observed.
+      speed_range: of the commands [m/s]; None: the car's.
 
     Attributes:
       count: as given.
@@ -101,11 +102,15 @@ class Observer:
         privileged: Sequence[ObservationTerm] = (),
         actions: tuple[Values, Values],
         parameters: CarParameters | None = None,
+        speed_range: tuple[float, float] | None = None,
     ) -> None:
         self.observation, self.count = observation, count
         self._beams, self._range_max = _seen_beams(observation, len(beams.bearings), beam_step), beams.range_max
         self.bearings = beams.bearings[self._beams]
         limits = _limits(car)
+        angles = (-car.max_steering_angle, car.max_steering_angle)
+        commands = np.array(list(zip(angles, speed_range or (car.min_speed, car.max_speed), strict=True)), np.float32)
+        of_commands = {"previous_action": actions, "planner_command": (commands[0], commands[1])}
         self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}  # None: see `_read`
         self._friction: LearnedFriction | None = None
         raw: dict[str, Bounds] = {}
@@ -124,9 +129,10 @@ class Observer:
             else:
                 columns += _COLUMNS[name]
                 self._parts[name] = slice(first, len(columns))
-                raw[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name])) if name in limits else Bounds(
-                    low=actions[0], high=actions[1]
-                )
+                if name in limits:
+                    raw[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name]))
+                else:
+                    raw[name] = Bounds(low=of_commands[name][0], high=of_commands[name][1])
         for sensor in sensors:
             if sensor.name in self._parts:
                 said = f"sensor {sensor.name!r} has the name of another observation"
@@ -170,6 +176,7 @@ class Observer:
         state: SensedState | None = None,
         readings: Sequence[Mapping[str, Reading]] = (),
         actions: FloatArray | None = None,
+        planned: FloatArray | None = None,
         *,
         step: bool = True,
     ) -> Seen:
@@ -182,8 +189,11 @@ class Observer:
           state: of the cars; needed where there are ObservationTerms.
           readings: of each car's sensors, by name; needed where there are sensors.
           actions: last ones of the policies (n, 2); needed for `previous_action`.
+          planned: commands of the planners that they correct (n, 2); needed for `planner_command`.
           step: whether a step of the environment is over; else only the sensors have gone on for a tick.
         """
+        if planned is not None and len(planned) and actions is not None:
+            actions = np.concatenate((actions, planned), axis=1)
         seen: Seen = self._read(which, ranges, odometry, state, readings, actions)
         if self._frames is not None:
             assert isinstance(seen, dict)
@@ -454,6 +464,7 @@ _COLUMNS = {
     "acceleration": [_AHEAD, _AHEAD + 1],
     "wheel_speeds": list(range(_WHEELS, _WHEELS + 4)),
     "previous_action": [_ACTIONS, _ACTIONS + 1],  # after the odometry
+    "planner_command": [_ACTIONS + 2, _ACTIONS + 3],
 }
 """Where the numbers of each sensor are in a row of ODOMETRY."""
 

@@ -26,12 +26,13 @@ Mask = NDArray[np.bool_]
 def batch_key(planner: Controller) -> str | None:
     """Return a text that is the same for planners that can be asked together; None: this one cannot.
 
-    It can where its policy is a network of ours that takes a flat observation of LiDAR, odometry and its commands.
+    It can where its policy is a network of ours that takes a flat observation of LiDAR, odometry and its commands, and
+    corrects no planner.
     """
     if not isinstance(planner, PolicyPlanner) or planner.sensors or planner.policy.network is None:
         return None
     interface = planner.policy.interface
-    return str(interface.described()) if interface.observation.flat else None
+    return str(interface.described()) if interface.observation.flat and interface.residual is None else None
 
 
 class PolicyBatch:

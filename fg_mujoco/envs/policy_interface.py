@@ -22,7 +22,20 @@ from numpy.typing import ArrayLike
 
 from ..errors import MessageError, SettingsError, accepted_names
 from ..lidar.beams import Beams
-from ..messages import ODOMETRY, CarParameters, DriveCommand, FloatArray, LaserScan, Odometry, require, require_whole
+from ..messages import (
+    ODOMETRY,
+    CarParameters,
+    Controller,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    PlannerContext,
+    require,
+    require_whole,
+)
+from ..simulation.planner_adapter import plan
+from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import as_part
 from .actions import (
     DEFAULT_ACTION,
@@ -37,6 +50,7 @@ from .actions import (
 from .observation_description import Observation
 from .observations import ON_BOARD, ObservationTerm
 from .observer import Observer, ScanBeams, Seen, SensorSize
+from .residual import BasePlanners, Residual
 
 Policy = Callable[[Any], ArrayLike]
 """A function of an observation of one car that returns an action."""
@@ -93,7 +107,8 @@ class PolicyInterface:
     period: float  # [s] of a tick
     beams: LidarBeams
     car: CarLimits
-    parameters: CarParameters | None = None  # of the car, where it observes `friction`; None: it does not
+    residual: Residual | None = None  # whose planner the actions correct
+    parameters: CarParameters | None = None  # of the car, where it observes `friction` or has a residual; else None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "observation", Observation.of(self.observation))
@@ -101,14 +116,15 @@ class PolicyInterface:
         object.__setattr__(self, "car", as_part(self.car, CarLimits, "car"))
         if self.parameters is not None:
             object.__setattr__(self, "parameters", _read_parameters(self.parameters))
-        if (self.parameters is not None) != _observes_friction(self.observation):
+        check_actions(self)
+        if (self.parameters is not None) != _knows_parameters(self.observation, self.residual):
             said = f"the observation {str(self.observation)!r} with parameters {self.parameters}"
-            raise SettingsError(f"{said}; accepted: the car's parameters where friction is observed, and only there")
+            accepted = "the car's parameters where friction is observed or a planner is corrected, and only there"
+            raise SettingsError(f"{said}; accepted: {accepted}")
         object.__setattr__(self, "beams", as_part(self.beams, LidarBeams, "beams"))
         object.__setattr__(self, "speed_range", checked_speeds(self.car, self.speed_range))
         object.__setattr__(self, "sensors", tuple(as_part(each, SensorReadings, "sensors") for each in self.sensors))
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", ("period",), SettingsError)
-        check_actions(self)
         if not any(isinstance(part.term, ObservationTerm) for part in self.observation.parts):
             self.observer()  # refuses what does not go together
 
@@ -139,7 +155,12 @@ class PolicyInterface:
                 count=len(bearings), angle_min=beams.angle_min, angle_max=beams.angle_max, range_max=beams.range_max
             ),
             car=CarLimits(**{each.name: getattr(car, each.name) for each in fields(CarLimits)}),
-            parameters=car if _observes_friction(settings.observation) else None,
+            residual=settings.residual and settings.residual.with_latency(
+                settings.effects.sweeps_late(period) * period
+                + (settings.car.command_delay if settings.all_changes.command_delay is None
+                   else settings.all_changes.command_delay)
+            ),
+            parameters=car if _knows_parameters(settings.observation, settings.residual) else None,
         )  # fmt: skip
 
     @classmethod
@@ -154,6 +175,10 @@ class PolicyInterface:
     def described(self) -> dict[str, Any]:
         """Return the interface as numbers, texts and lists by name, which JSON takes."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.residual is None:
+            del own["residual"]
+        else:
+            own["residual"] = self.residual.described()
         if self.parameters is None:
             del own["parameters"]
         else:
@@ -170,8 +195,25 @@ class PolicyInterface:
         """The bounds of actions."""
         return ActionBounds(
             self.car, self.speed_range, normalised=self.normalised_actions, action=self.action,
-            smoothing=self.smoothing, period=self.period,
+            smoothing=self.smoothing, period=self.period, residual=self.residual,
         )  # fmt: skip
+
+    @property
+    def planner_context(self) -> PlannerContext:
+        """What the planner is told whose commands the actions correct: nothing that an episode draws."""
+        assert self.residual is not None and self.parameters is not None
+        return PlannerContext(
+            car=self.parameters, mu=self.residual.mu, max_speed=self.speed_range[1], period=self.period,
+            latency=self.residual.latency or 0.0,
+        )  # fmt: skip
+
+    def base_planners(self, beams: Beams, count: int) -> BasePlanners | None:
+        """Return the planners of so many cars whose commands the actions correct; None: they correct none.
+
+        Raises:
+          SettingsError: they cannot be built.
+        """
+        return None if self.residual is None else BasePlanners(self.residual, self.planner_context, beams, count)
 
     def observer(
         self,
@@ -194,7 +236,7 @@ class PolicyInterface:
         return Observer(
             self.observation, car or self.car, beams or self.beams, self.period, count=count, beam_step=self.beam_step,
             sensors=self.sensors if sensors is None else sensors, privileged=privileged,
-            actions=(self.bounds.low, self.bounds.high), parameters=self.parameters,
+            actions=(self.bounds.low, self.bounds.high), parameters=self.parameters, speed_range=self.speed_range,
         )  # fmt: skip
 
     def actions(self, count: int = 1) -> ActionReader:
@@ -241,6 +283,10 @@ class PolicyDriver:
         self._observer = interface.without_delays().observer()
         self._reader, self._one, self._clipped = interface.actions(), np.ones(1, np.bool_), np.zeros(1, np.int64)
         self._row = np.zeros(1, ODOMETRY)
+        self._planner: Controller | None = None
+        if interface.residual is not None:
+            self._planner = interface.residual.make(interface.planner_context)
+            self._reader.planned = np.zeros((1, 2))
         self.reset()
 
     def reset(self) -> None:
@@ -249,14 +295,22 @@ class PolicyDriver:
         self._reader.begin(self._one)
         self._commands = np.zeros((1, 2))
         self._tick = 0
+        if self._planner is not None:
+            start_planner(self._planner)
+            self._reader.planned[:] = 0.0
 
     def drive(self, policy: Policy, scan: LaserScan, odometry: Odometry) -> DriveCommand:
         """Return the command of a tick; the policy is asked in the first of each `action_repeat` ticks.
 
         Raises:
           MessageError: a scan of another LiDAR, a sensor that is missing, or a policy that answers no action.
+          PlannerError: the planner fails whose commands the policy corrects.
         """
         first, self._tick = self._tick % self.interface.action_repeat == 0, self._tick + 1
+        if self._planner is not None:
+            self._check(scan, odometry)
+            planned = plan(self._planner, scan, odometry)
+            self._reader.planned[0] = planned.steering_angle, planned.speed
         if first:
             seen = self.observe(scan, odometry)
             action = one_action(policy(seen), "the policy answered", self.interface.bounds)
@@ -280,8 +334,9 @@ class PolicyDriver:
         self._reader.sense(self._row, self._one)
         state: Any = OwnState(time=np.zeros(1), command=self._commands)
         seen = self._observer.read(
-            self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous, step=step
-        )
+            self._one, scan.ranges[np.newaxis], self._row, state, [odometry.readings], self._reader.previous,
+            self._reader.planned, step=step,
+        )  # fmt: skip
         return row_of(seen, 0)
 
     def _check(self, scan: LaserScan, odometry: Odometry) -> None:
@@ -312,6 +367,15 @@ class OwnState:
 def check_actions(settings: Any) -> None:
     """Raise SettingsError unless the fields that say what an action is are accepted."""
     object.__setattr__(settings, "action", as_action(settings.action))
+    object.__setattr__(settings, "residual", Residual.of(settings.residual))
+    if settings.residual is not None and settings.action != DEFAULT_ACTION:
+        said = f"action is {settings.action!r}, with a residual"
+        raise SettingsError(f"{said}; accepted: {DEFAULT_ACTION!r}, which are corrections of a planner's commands")
+    if settings.residual is not None and settings.smoothing != 0.0:
+        said = f"smoothing is {settings.smoothing!r}, with a residual"
+        raise SettingsError(f"{said}; accepted: 0, as it would delay what the planner commands")
+    if settings.residual is None and any(part.name == "planner_command" for part in settings.observation.parts):
+        raise SettingsError("observation 'planner_command' without a residual; accepted: with one")
     require_whole("action_repeat", settings.action_repeat, 1, MOST_REPEATS)
     smoothing = f"0 to {LONGEST_SMOOTHING:g} s"
     require(settings, lambda value: 0.0 <= value <= LONGEST_SMOOTHING, smoothing, ("smoothing",), SettingsError)
@@ -320,8 +384,9 @@ def check_actions(settings: Any) -> None:
         raise SettingsError(f"normalised_actions is {value!r}; {accepted_names(value, ('True', 'False'))}")
 
 
-def _observes_friction(observation: Observation) -> bool:
-    return any(part.name == "friction" for part in observation.parts)
+def _knows_parameters(observation: Observation, residual: Residual | None) -> bool:
+    """Return whether a policy needs the parameters of its car."""
+    return residual is not None or any(part.name == "friction" for part in observation.parts)
 
 
 def _read_parameters(given: Any) -> CarParameters:

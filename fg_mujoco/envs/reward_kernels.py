@@ -17,6 +17,8 @@ def read_actions(
     taken: NDArray[np.bool_],
     limits: FloatArray,
     share: float,
+    planned: FloatArray,
+    slow: float,
     targets: FloatArray,
     held_before: FloatArray,
     commands: FloatArray,
@@ -30,6 +32,8 @@ def read_actions(
       limits: (7, 2) least and greatest action; what is asked for at 0, and more at 1; the time for which it is
         integrated [s], 0: it is the command itself; least and greatest command.
       share: by which a command comes nearer to what is asked for in a tick; 1: all of it.
+      planned: (n, 2) commands of planners that the actions correct; (0, 2): they correct none.
+      slow: planned speed below which corrections are smaller in proportion [m/s]; 0: nowhere.
       targets: (2, n, 2) what is asked for, and the command; of the last tick, brought up to date.
       held_before: (n, 2) written to: the actions, within their bounds.
       commands: (n, 2) written to.
@@ -54,6 +58,10 @@ def read_actions(
             if limits[4, part] > 0.0:
                 asked = targets[0, i, part] + limits[4, part] * asked
                 asked = min(max(asked, limits[5, part]), limits[6, part])
+            if len(planned):
+                if slow > 0.0 and planned[i, 1] < slow:
+                    asked *= max(planned[i, 1], 0.0) / slow
+                asked = min(max(planned[i, part] + asked, limits[5, part]), limits[6, part])
             targets[0, i, part] = asked
             if share < 1.0:
                 asked = targets[1, i, part] + share * (asked - targets[1, i, part])

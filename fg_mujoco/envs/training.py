@@ -156,6 +156,9 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
         },
         seed=settings.seed, device="cpu", **{name: getattr(own, name) for name in names},
     )  # fmt: skip
+    if env.policy_interface.residual is not None:  # it begins as the planner
+        for parameter in model.policy.action_net.parameters():
+            parameter.data.zero_()
     weights = settings.first_weights()
     if weights is not None:
         _take_weights(model, env.policy_interface, weights)
@@ -176,8 +179,8 @@ def _take_weights(model: Any, interface: PolicyInterface, file: Path) -> None:
         described = zip_description(content)
         trained, now = (each.described() for each in (PolicyInterface.read(described["interface"]), interface))
         free = {"privileged", "car"} | ({"speed_range"} if "acceleration" in str(now["action"]) else set())
-        for name in (each for each in now if each not in free and now[each] != trained[each]):
-            raise SettingsError(f"its policy has {name} {trained[name]}, not {now[name]}; accepted: the same")
+        for name in (each for each in now | trained if each not in free and now.get(each) != trained.get(each)):
+            raise SettingsError(f"its policy has {name} {trained.get(name)}, not {now.get(name)}; accepted: the same")
         model.policy.load_state_dict(load_model(content, described).policy.state_dict())
     except (SettingsError, RuntimeError, KeyError) as error:
         said = " ".join(str(error).split())

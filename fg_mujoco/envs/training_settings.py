@@ -30,6 +30,13 @@ USUAL_ENVIRONMENT: Mapping[str, Any] = {
 }  # fmt: skip
 """Settings of the environment that differ from its own, unless they are given."""
 
+USUAL_RESIDUAL: Mapping[str, Any] = {
+    "observation": "beams:72,planner_command:history=3,speed:history=3,wheel_speeds,yaw_rate:history=3,"
+    "acceleration:history=3,steering:history=3,previous_action:history=3,friction,normalised,flat",
+    "action": "steering,speed", "speed_range": (-5.0, 8.0),
+}  # fmt: skip
+"""Further ones, where the policy corrects a planner."""
+
 _ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 MAY_CHANGE = ("steps", "threads", "checkpoints")
 """Settings that may be others when training goes on."""
@@ -137,6 +144,8 @@ class TrainingSettings:
         if isinstance(self.teacher, Mapping):
             object.__setattr__(self, "teacher", Teacher(**known_settings(self.teacher, Teacher, "teacher")))
         usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
+        if self.environment.get("residual") is not None:
+            usual |= USUAL_RESIDUAL
         object.__setattr__(self, "environment", usual | dict(self.environment))
         if isinstance(self.ppo, Mapping):
             object.__setattr__(self, "ppo", PPO(**known_settings(self.ppo, PPO, "ppo")))
@@ -177,6 +186,8 @@ class TrainingSettings:
             if self.ppo.normalise_observation:
                 said = "teacher with normalise_observation"
             raise SettingsError(f"{said}; accepted: one that is flat, and not normalised by statistics")
+        if environment.residual is not None:
+            raise SettingsError("teacher with a residual, which drives from the beginning; accepted: one of the two")
         if self.start_from is not None:
             raise SettingsError(f"teacher with start_from {shown(self.start_from)}; accepted: one of the two")
 
