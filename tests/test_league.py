@@ -2,6 +2,9 @@
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -248,6 +251,15 @@ def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here
     assert said in line and not (here / "out").exists()
 
 
+def test_files_of_one_name_are_told_apart_by_their_paths(here):
+    for name in ("alice", "bob"):
+        (here / name).mkdir()
+        (here / name / "planner.py").write_text(PLANNERS)
+    planners = ["alice/planner.py:Stands", "bob/planner.py:Stands", "mine.py:Stands"]
+    found = league(planners, out="out", **SHORT | {"time_limit": 0.1})
+    assert {each.planner for each in found.cells} == set(planners)
+
+
 def test_planners_that_are_objects_are_refused():
     with pytest.raises(SettingsError, match="a planner of the league is"):
         league([lambda scan, odometry: None, "gap_finder"], out="out")
@@ -267,3 +279,20 @@ def test_a_process_that_ended_tells_whose_turn_it_was(tmp_path):
     assert read_turn(path) is None
     assert stuck("the worker ended by SIGVTALRM", 0.5) == "no command within 0.5 s, and nothing interrupted it"
     assert stuck("the worker ended by SIGKILL", 0.5) is None
+
+
+LOOP = """
+import itertools, multiprocessing, sys
+from fg_mujoco.studies import turn
+
+multiprocessing.parent_process = lambda: "as in a worker"
+turn._LAST_RESORT = 0.1
+turn.Turn(sys.argv[1], 0.1)(1)
+sum(itertools.repeat(0))
+"""
+
+
+def test_a_planner_that_no_signal_interrupts_ends_with_its_process_and_is_named(tmp_path):
+    path = str(tmp_path / "turn")
+    ended = subprocess.run([sys.executable, "-c", LOOP, path], check=False)
+    assert ended.returncode == -signal.SIGVTALRM and read_turn(path) == 1

@@ -95,6 +95,10 @@
     }
   }, {rootMargin: "600px"});
   figures.forEach(figure => seen.observe(figure));
+  addEventListener("beforeprint", () => figures.forEach(figure => {
+    seen.unobserve(figure);
+    if (!figure.querySelector("svg")) draw(figure);
+  }));
   const choice = document.getElementById("of-planner");
   choice.addEventListener("change", () => figures.forEach(figure => {
     figure.hidden = choice.value !== "" && !figure.dataset.cars.split("|").includes(choice.value);

@@ -146,7 +146,7 @@ def league(
     grid, rules = keywords.pop("grid", None), keywords.pop("rules", None)
     base = Setup.of(setup, caller="league", **keywords)
     planned = [each if isinstance(each, Entry) else base.first.like(_text(each)) for each in as_axis(controller)]
-    entries = tuple(map(_named, planned or (base.entries if len(base.entries) > 1 else ())))
+    entries = _named(planned or (base.entries if len(base.entries) > 1 else ()))
     several = len(base.entries) > 1
     settings = LeagueSettings(
         base=replace(
@@ -258,8 +258,20 @@ def _text(controller: Any) -> str:
     return controller
 
 
-def _named(entry: Entry) -> Entry:
-    """Return an entry whose name is what its planner is called in the league."""
+def _named(entries: Sequence[Entry]) -> tuple[Entry, ...]:
+    """Return entries whose names are what their planners are called: files of one name by their whole paths."""
+    short = [_label(entry) for entry in entries]
+    whole = [entry.name or str(entry.controller)[-_LONGEST_LABEL:] for entry in entries]
+    labels = [own if short.count(own) == 1 else longer for own, longer in zip(short, whole, strict=True)]
+    return tuple(replace(entry, name=label, start=None) for entry, label in zip(entries, labels, strict=True))
+
+
+def _label(entry: Entry) -> str:
+    """Return what the planner of an entry is called if no other is called so.
+
+    Raises:
+      SettingsError, ControllerError: a start of its own, a name that cannot be, or an object.
+    """
     if not isinstance(entry.controller, str):
         said = f"the planner of {shown(entry)} is an object"
         raise ControllerError(f"{said}; accepted: a name or path/to/file.py:ClassName, for each heat to have its own")
@@ -268,7 +280,7 @@ def _named(entry: Entry) -> Entry:
     label = entry.name or ControllerChoice.of(entry.controller).label[:_LONGEST_LABEL]
     if BETWEEN in label:
         raise SettingsError(f"a planner is called {quoted(label)}; accepted: a name without {BETWEEN.strip()!r}")
-    return replace(entry, name=label, start=None)
+    return label
 
 
 def _draws(entry: Entry) -> bool:
