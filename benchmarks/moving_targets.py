@@ -25,6 +25,7 @@ from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.random_moving import pedestrian
 from fg_mujoco.course.scenes.corridors import straight
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import ODOMETRY
@@ -117,10 +118,7 @@ def back_and_forth(rng: Any, x: float, reach: float) -> MovingObstacle:
 def legs(rng: Any, start: float, end: float, **way: Any) -> list[MovingObstacle]:
     """Return two legs of a pedestrian who crosses from one y [m] to another at 1 to 2 m/s."""
     x, speed = float(rng.uniform(8.0, 12.0)), float(rng.uniform(1.0, 2.0))
-    return [
-        MovingObstacle(length=0.12, width=0.12, start=(x + dx, start + dy), end=(x + dx, end + dy), speed=speed, **way)
-        for dx, dy in ((0.0, 0.0), (0.12, 0.2))
-    ]
+    return pedestrian((x, start), (x, end), speed, **way)
 
 
 def passing_scene(kind: str, seed: int) -> Any:

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
+from ..course.random_moving import KINDS
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..racing.planner_sources import controller_names
 from ..simulation.settings import FASTEST
@@ -38,9 +39,10 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     )  # fmt: skip
     own = (name for name in CAR if name != "max_speed")
     add_setup_options(
-        add, "laps", "obstacles", "patches", *own, "lidar", "motion_distortion", "opponents", "grid", "rules",
+        add, "laps", "obstacles", "moving", "patches", *own, "lidar", "motion_distortion", "opponents", "grid", "rules",
         "time_limit", "decision_limit", laps="on tracks; default: 5",
         obstacles="boxes on each track, at places drawn from the seed; default: 0",
+        moving=f"what moves on each track, at places drawn from the seed: {', '.join(KINDS)}; default: nothing",
     )  # fmt: skip
     add_study_options(command, "tables, pictures and finished runs")
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from ..course.random_moving import KINDS
 from ..errors import MissingExtraError, SettingsError
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..lidar.measured_errors import effect_names
@@ -136,7 +137,11 @@ _SETUP: dict[str, dict[str, Any]] = {
         "help": "of simulated time; default: what a car of 0.5 m/s needs, or the scene's",
     },
     "obstacles": {"type": whole, "metavar": "N", "help": "boxes on the track, with a way past each; default: 0"},
-    "obstacle_seed": {"type": whole, "metavar": "K", "help": "of their places; default: 0"},
+    "obstacle_seed": {"type": whole, "metavar": "K", "help": "of their places, and of --moving; default: 0"},
+    "moving": {
+        "metavar": "KIND[:N],...",
+        "help": f"what moves on the track, at places that --obstacle-seed draws: {', '.join(KINDS)}; default: nothing",
+    },
     "patches": {
         "type": pairs, "action": "append", "metavar": "x=X,...",
         "help": "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each",

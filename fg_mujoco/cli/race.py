@@ -39,7 +39,7 @@ def add_race(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     command = add_command(commands, "race", _race, "race a controller from a standing start")
     add = command.add_argument
     add_setup_options(
-        add, "track", "controller", "laps", "obstacles", "obstacle_seed", "patches", *CAR, "lidar",
+        add, "track", "controller", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar",
         "motion_distortion", "seed", "opponents", "grid", "rules", "time_limit", "decision_limit",
     )  # fmt: skip
     add_out_options(command, RUN, "write a run folder here")
@@ -154,6 +154,8 @@ def race_table(result: RaceResult, out: str | None) -> str:
     ]
     if result.obstacles:
         rows.insert(1, ("obstacles", f"{result.obstacles}, seed {result.obstacle_seed}"))
+    if result.moving:
+        rows.insert(1, ("moving", f"{result.moving}, seed {result.obstacle_seed}"))
     if car.wrong_way is not None:
         rows.insert(1, ("wrong way", str(car.wrong_way)))
     if car.planner_failure is not None:

@@ -38,8 +38,8 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add("--patience", type=number, metavar="S", help="after which a DevKit that does not answer is gone; default: 10")
     add("--camera", action="store_true", help="draw the pictures of the front camera; default: they are blank")
     add_setup_options(
-        add, "track", "laps", "obstacles", "obstacle_seed", "patches", *CAR, "lidar", "motion_distortion", "seed",
-        "opponents", "grid", "rules", "time_limit",
+        add, "track", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar", "motion_distortion",
+        "seed", "opponents", "grid", "rules", "time_limit",
         rules=f"of race control; default: {_RULES}, as the league has them",
     )  # fmt: skip
     add_out_options(command, RUN, "write a run folder here; where the DevKit resets, folders 1, 2, ... in it")
@@ -49,7 +49,7 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     command = add_command(served, "foxglove", _foxglove, "a live race for Foxglove, which may drive the car")
     add = command.add_argument
     add_setup_options(
-        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "patches"
+        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches"
     )
     add("--host", metavar="ADDRESS", help="listen there; default: 127.0.0.1, this machine alone")
     add("--port", type=whole, metavar="N", help="default: 8765")

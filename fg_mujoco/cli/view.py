@@ -19,7 +19,7 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     command = add_command(commands, "view", _view, text)
     add = command.add_argument
     add_setup_options(
-        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "patches"
+        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches"
     )
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
     add("--host", metavar="ADDRESS", help="with --web: listen there; default: 127.0.0.1, this machine alone")

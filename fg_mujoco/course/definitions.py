@@ -42,17 +42,21 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     """
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)
+    moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))
+    if "rules" not in names:
+        names = tuple(key for key in names if key != "moving")
+    lines: dict[str, FloatArray] = {key: definition[key] for key in names}
     if names == _TRACK:
-        return Track(name=name, **definition)
+        return Track(name=name, moving=moving, **lines)
     if names == _TRACK + _WALLS:
-        lines = {key: definition[key] for key in names}
-        return MapTrack(name=name, **lines, outlines=tuple(definition[key] for key in islands))
+        outlines = tuple(definition[key] for key in islands)
+        return MapTrack(name=name, moving=moving, outlines=outlines, **lines)
     if names == _SCENE:
         start, goal, time_limit, goal_is_to_stop = definition["rules"].tolist()
         return Scene(
             name=name, way=definition["way"], start=start, goal=goal, time_limit=time_limit,
             goal_is_to_stop=bool(goal_is_to_stop), walls=solids_of(definition["walls"]),
-            obstacles=solids_of(definition["obstacles"]), moving=tuple(map(MovingObstacle.of, definition["moving"])),
+            obstacles=solids_of(definition["obstacles"]), moving=moving,
         )  # fmt: skip
     raise TrackError(
         f"course {name!r} is made of {', '.join(definition)}; accepted: what a Track or a Scene is made of"

@@ -48,15 +48,14 @@ class MovingObstacle:
     end: tuple[float, float]  # [m]
     speed: float  # [m/s]
     back_and_forth: bool = False
-    headway: float = 0.0  # [m] of its way behind it at time 0; back and forth, a way there and back is twice as long
+    headway: float = 0.0  # [m] of its way behind it at time 0, there and back twice its length; below 0 it waits first
     heading: float = 0.0  # [rad]
     height: float = WALL_HEIGHT  # [m]
 
     def __post_init__(self) -> None:
         sizes = ("length", "width", "height", "speed")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", sizes, SettingsError)
-        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("headway",), SettingsError)
-        require(self, math.isfinite, "a finite number", ("heading",), SettingsError)
+        require(self, math.isfinite, "a finite number", ("headway", "heading"), SettingsError)
         for name in ("start", "end"):
             if not (len(getattr(self, name)) == 2 and all(map(math.isfinite, getattr(self, name)))):
                 raise SettingsError(f"MovingObstacle.{name} is {getattr(self, name)!r}; accepted: x and y [m]")
@@ -75,7 +74,7 @@ class MovingObstacle:
 
     def position(self, time: float) -> tuple[float, float]:
         """Return x and y of its centre [m] at a time [s]."""
-        gone = self.headway + self.speed * time
+        gone = max(self.headway + self.speed * time, 0.0)
         gone = self.way - abs(gone % (2.0 * self.way) - self.way) if self.back_and_forth else min(gone, self.way)
         share = gone / self.way
         (x, y), (end_x, end_y) = self.start, self.end
@@ -118,7 +117,7 @@ def motion_table(obstacles: Sequence[MovingObstacle]) -> FloatArray:
 def obstacle_position(motion: FloatArray, time: float) -> tuple[float, float]:
     """Return x and y [m] of a moving obstacle at a time [s], as MovingObstacle.position does; `motion` is its row."""
     x, y, end_x, end_y, speed, back_and_forth, headway, way = motion
-    gone = headway + speed * time
+    gone = max(headway + speed * time, 0.0)
     gone = way - abs(gone % (2.0 * way) - way) if back_and_forth else min(gone, way)
     share = gone / way
     return x + share * (end_x - x), y + share * (end_y - y)

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require_whole
 from .course import Course
+from .moving_obstacles import MovingObstacle
 from .obstacles import Box
 from .polyline import turns
 
@@ -55,12 +56,19 @@ class Corridor(Protocol):
     def corridor_left(self) -> FloatArray:
         """Free room to the left of each point. Shape (n,) [m]."""
 
+    @property
+    def moving(self) -> tuple[MovingObstacle, ...]:
+        """Obstacles that move."""
+
     def start_pose(self, s: float = 0.0, offset: float = 0.0) -> tuple[float, float, float]:
         """As `Course.start_pose`."""
 
+    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """As `Course.project`."""
+
 
 class ObstacleSites:
-    """The places on a track where boxes may stand.
+    """The places on a track where boxes may stand: none is where something moves.
 
     Args:
       track: the track.
@@ -78,6 +86,10 @@ class ObstacleSites:
         edges = np.append(lap, track.length)  # the width is linear between two of them
         wide = self._widths(edges).sum(axis=0) >= self.gap + _SIDES[0]
         fits = wide & (_turned(track, edges + _STRAIGHT) - _turned(track, edges - _STRAIGHT) <= _BEND)
+        for each in track.moving:
+            ends = track.project(np.array([each.start, each.end]))[0]
+            apart = np.abs((edges - ends[:, np.newaxis] + 0.5 * track.length) % track.length - 0.5 * track.length)
+            fits &= apart.min(axis=0) > SPACING
         usable = np.diff(edges) * (fits[:-1] & fits[1:])
         # two laps, so that one lap from any start is a slice
         self._edges = np.concatenate((lap, edges + track.length))
@@ -118,6 +130,20 @@ class ObstacleSites:
             x, y, heading = self._track.start_pose(s, offset)
             boxes.append(Box(x=x, y=y, length=side, width=width, heading=heading))
         return tuple(boxes)
+
+    def station(self, start: float, rng: np.random.Generator, *, behind: float = CLEAR_BEHIND) -> float | None:
+        """Return the progress of one random place, clear of the start by `behind` [m]; None: there is none."""
+        length = self._track.length
+        start %= length
+        first, last = np.interp((start + CLEAR_AHEAD, start + length - behind), self._edges, self._usable)
+        if not last > first:
+            return None
+        return float(np.interp(rng.uniform(first, last), self._usable, self._edges)) % length
+
+    def widths(self, s: float) -> tuple[float, float]:
+        """Return the free room to the right and to the left of the centreline [m] at a progress [m]."""
+        right, left = self._widths(np.array([s]))[:, 0].tolist()
+        return right, left
 
     def _widths(self, s: FloatArray) -> FloatArray:
         """Distances from the centreline to the right and the left wall at progress `s` (n,) [m]. Shape (2, n) [m]."""

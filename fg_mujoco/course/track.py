@@ -63,6 +63,7 @@ class Track(Shown):
     centreline: FloatArray  # (n, 2) [m] closed, the first point not repeated
     width_right: FloatArray  # (n,) [m] from the centreline to the right wall
     width_left: FloatArray  # (n,) [m] to the left wall
+    moving: tuple[MovingObstacle, ...] = ()  # that move there, as `random_moving.with_moving` puts them
 
     def __post_init__(self) -> None:
         line = read_only(self.centreline)
@@ -114,7 +115,8 @@ class Track(Shown):
         width = self.corridor_left + self.corridor_right
         widths = " to ".join(sorted({f"{width.min():.2f}", f"{width.max():.2f}"}, key=float))
         radius = 1.0 / max(float(np.abs(self.curvature).max()), 1e-9)
-        return f"{self.length:.1f} m long, {widths} m wide, tightest radius {radius:.2f} m"
+        moving = f", {len(self.moving)} moving" if self.moving else ""
+        return f"{self.length:.1f} m long, {widths} m wide, tightest radius {radius:.2f} m{moving}"
 
     @property
     def modulus(self) -> float:
@@ -184,8 +186,9 @@ class Track(Shown):
 
     @property
     def definition(self) -> dict[str, FloatArray]:
-        """All that makes it what it is: line and widths."""
-        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")}
+        """All that makes it what it is: line and widths, and what moves there."""
+        moving = {"moving": np.array([each.numbers() for each in self.moving], np.float64)} if self.moving else {}
+        return {name: getattr(self, name) for name in ("centreline", "width_right", "width_left")} | moving
 
     @cached_property
     def walls(self) -> tuple[Obstacle, ...]:
@@ -214,11 +217,6 @@ class Track(Shown):
         """Nothing stands on a track but its walls and islands."""
         return ()
 
-    @property
-    def moving(self) -> tuple[MovingObstacle, ...]:
-        """Nothing moves on a track."""
-        return ()
-
     def check_car(self, car: CarParameters) -> None:
         """Raise TrackError for a track that is not wider than the car, or whose corners leave no room for walls."""
         width = self.corridor_right + self.corridor_left
@@ -240,7 +238,7 @@ class Track(Shown):
     ) -> tuple[float, float, float]:
         """Return a random standing start anywhere on the lap, near the centreline and along it.
 
-        With obstacles it is where `random_boxes` would leave room for it: none is near.
+        With obstacles it is where `random_boxes` would leave room for it: none is near, and nothing moves there.
 
         Returns:
           Progress [m], offset [m], and heading [rad] from that of the centreline.
@@ -248,7 +246,9 @@ class Track(Shown):
         Raises:
           SettingsError: obstacles everywhere.
         """
-        middles = np.array([obstacle.corners().mean(axis=0) for obstacle in obstacles]).reshape(-1, 2)
+        points = [obstacle.corners().mean(axis=0) for obstacle in obstacles]
+        points += [np.array(end) for each in self.moving for end in (each.start, each.end)]
+        middles = np.array(points).reshape(-1, 2)
         stations = self.project(middles)[0]
         for _ in range(_TRIES):
             s, across, turned = rng.uniform((0.0, -1.0, -1.0), (self.length, 1.0, 1.0)).tolist()
@@ -260,7 +260,7 @@ class Track(Shown):
                 return s, OFF_CENTRE * room * across, HEADING * turned
         raise SettingsError(
             f"no start on {self.name!r} has {CLEAR_AHEAD} m ahead and {CLEAR_BEHIND} m behind it free of its "
-            f"{len(obstacles)} obstacles; accepted: start 'line', or fewer"
+            f"{len(obstacles) + len(self.moving)} obstacles; accepted: start 'line', or fewer"
         )
 
     @cached_property

@@ -24,7 +24,6 @@ from ..errors import FgMujocoError, SettingsError
 from ..messages import CarParameters
 from ..racing.planner_choice import Value
 from ..racing.randomization import PARAMETERS, Randomization, generator
-from ..simulation.course_loading import load_track
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import CLEAR, random_patches
@@ -109,7 +108,7 @@ class BuildPlan:
             delay = 0.0 if "command_delay" in self._all else own.changes.command_delay
             own = replace(own, mu=None, changes=CarChanges(command_delay=delay))
         car = own.car.parameters
-        course = load_track(own.courses[0], car=car)
+        course = own.load_course(self._agents)
         course.check_car(car)
         kept: Values = dict(values)
         if "obstacles" in values:
@@ -121,7 +120,7 @@ class BuildPlan:
                 assert isinstance(course, Track)
                 mu = float(values["patch_mu"])
                 own = replace(own, patches=random_patches(course, count, rng, mu=mu, length=_PATCH_LENGTH))
-        world = replace(own, track=course).make_world(self._agents)
+        world = replace(own, track=course, moving="").make_world(self._agents)
         seen = (world.lidar, world.all_seen) if len(world.cars) > 1 else (world.lidar,)
         assert all(seen) and world.distances and world.xml_of_cars  # worked out here, in the thread that builds ahead
         return Build(values=kept, world=world, grid=own.start_grid(world))

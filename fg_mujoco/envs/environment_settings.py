@@ -15,7 +15,9 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
+from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, obstacles_or_count
+from ..course.random_moving import moving_or_text, with_moving
 from ..course.random_obstacles import random_boxes
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
@@ -68,7 +70,8 @@ class EnvironmentSettings(CarSettings):
     start: Start | str = "random"  # "random": anywhere on the lap; "line": standing on the start of the centreline
     time_limit: float | None = None  # [s] of an episode; None: what a car of 0.5 m/s needs, or the scene's own
     obstacles: Sequence[Obstacle] | int = 0  # on the track, or how many boxes at random places, which stay there
-    obstacle_seed: int = 0  # of their places
+    obstacle_seed: int = 0  # of their places, and of `moving`
+    moving: str | Sequence[MovingObstacle] = ""  # on the track: kinds at random places, as "pedestrian:2,crossing"
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
     beam_step: int = 1  # every how many-th beam is seen, counted from the one straight ahead to both sides
     speed_range: tuple[float, float] | None = None  # [m/s] that an action may ask for; None: what the car can
@@ -98,6 +101,7 @@ class EnvironmentSettings(CarSettings):
         for name, least in (("laps", 1), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
         object.__setattr__(self, "obstacles", obstacles_or_count(self.obstacles))
+        object.__setattr__(self, "moving", moving_or_text(self.moving))
         if not isinstance(self.start, str):
             self._make("start", Start)
         elif self.start not in STARTS:
@@ -204,6 +208,19 @@ class EnvironmentSettings(CarSettings):
             world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own, learners=learners
         )
 
+    def load_course(self, agents: int = 1) -> Course:
+        """Return the course of so many cars that learn, with what moves there.
+
+        Raises:
+          TrackError, SettingsError: what cannot be driven.
+        """
+        car = self.car.parameters
+        return with_moving(
+            load_track(self.courses[0], car=car), self.moving, self.obstacle_seed, car=car,
+            start=(self.fixed_start or Start()).s, cars=agents + len(self.opponents),
+            obstacles=() if isinstance(self.obstacles, int) else self.obstacles,
+        )  # fmt: skip
+
     def make_world(self, agents: int = 1) -> World:
         """Return the compiled world of so many cars that learn, all alike, and the opponents.
 
@@ -211,7 +228,7 @@ class EnvironmentSettings(CarSettings):
           TrackError, SettingsError: what cannot be driven.
         """
         car = self.car.parameters
-        course = load_track(self.courses[0], car=car)
+        course = self.load_course(agents)
         laps_to_drive(course, self.laps)  # refuses more than a scene has
         boxes = self.obstacles
         if isinstance(boxes, int):
@@ -253,7 +270,7 @@ def _settings_of(setup: Setup) -> dict[str, Any]:
     setup.require_usable("an environment", *_UNUSABLE)
     first, usual = setup.first, Setup()
     own = {name: getattr(first, name) for name in ("vehicle", "tires", "mu", "floor", "changes", "effects")}
-    of_race = ("track", "laps", "time_limit", "obstacles", "obstacle_seed", "patches", "grid")
+    of_race = ("track", "laps", "time_limit", "obstacles", "obstacle_seed", "moving", "patches", "grid")
     own |= {name: getattr(setup, name) for name in of_race if getattr(setup, name) != getattr(usual, name)}
     return own | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {}) | (
         {} if first.start is None else {"start": first.start}

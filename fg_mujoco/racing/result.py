@@ -191,7 +191,7 @@ OF_CAR_0 = tuple(
 
 _OF_ALL = (
     "track", "laps_requested", "sim_time_s", "wall_time_s", "realtime_factor", "obstacles", "obstacle_seed",
-    "trajectory_sha256", "winner",
+    "moving", "trajectory_sha256", "winner",
 )  # fmt: skip
 _MOVED = {
     "car_results": "cars", "collisions": "car.collisions_wall", "decision_limit_s": "setup.decision_limit",
@@ -236,9 +236,16 @@ class RaceResult(Shown):
 
     @property
     def obstacle_seed(self) -> int | None:
-        """Seed of the random places of the obstacles; None: they were not placed at random."""
-        placed = self.setup.obstacles
-        return self.setup.obstacle_seed if isinstance(placed, int) and placed else None
+        """Seed of the random places of obstacles and of what moves; None: none were placed at random."""
+        placed, moving = self.setup.obstacles, self.setup.moving
+        drawn = (isinstance(placed, int) and placed) or (isinstance(moving, str) and moving)
+        return self.setup.obstacle_seed if drawn else None
+
+    @property
+    def moving(self) -> str | int | None:
+        """What moves on the track, as `moving` of its setup says, or how many things; None: nothing, but on a scene."""
+        moving = self.setup.moving
+        return (moving if isinstance(moving, str) else len(moving)) or None
 
     def _meant(self, name: str) -> str | None:
         """Return what was probably meant, of the race or of car 0."""

@@ -24,7 +24,9 @@ from typing import TYPE_CHECKING, Any
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, laps_to_drive, require_course
 from ..course.definitions import course_sha256
+from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
+from ..course.random_moving import described_moving, moving_or_text, with_moving
 from ..course.random_obstacles import random_boxes
 from ..course.writing import write_file
 from ..display import brief, changed
@@ -83,6 +85,7 @@ class StudyKeywords(CarKeywords, total=False):
     time_limit: float | None
     obstacles: Sequence[Obstacle] | int
     obstacle_seed: int
+    moving: str | Sequence[MovingObstacle]
     patches: Sequence[Patch]
     lidar: str
     grid: str
@@ -113,7 +116,8 @@ class Setup:
     laps: int | None = None  # None: what is usual: of a race 5, of a scene 1, of a world of a rollout 1
     time_limit: float | None = None  # [s] of simulated time at most; None: what a car of 0.5 m/s needs, or the scene's
     obstacles: Sequence[Obstacle] | int = ()  # on the track, besides a scene's own; or how many boxes at random places
-    obstacle_seed: int = 0  # of the random places
+    obstacle_seed: int = 0  # of the random places, of `moving`, too
+    moving: str | Sequence[MovingObstacle] = ""  # on the track: kinds at random places, as "pedestrian:2,crossing"
     patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
     lidar: str = "raycast"  # back end, "raycast" or "rangefinder"
     grid: str = "staggered"  # or another of GRIDS: where entries without a start stand, see `entries.grid_starts`
@@ -134,6 +138,7 @@ class Setup:
         self._set("patches", as_parts(self.patches, Patch, "patches"))
         self._set("obstacles", obstacles_or_count(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
+        self._set("moving", moving_or_text(self.moving))
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
@@ -216,12 +221,21 @@ class Setup:
         return DriveSettings(**own | {"patches": self.patches, "start": self.first.start or Start()})
 
     def load_course(self) -> Course:
-        """Return the course, made for car 0 where it is a scene.
+        """Return the course, made for car 0 where it is a scene, with what moves there.
 
         Raises:
           TrackError: there is none, or it cannot be read.
+          SettingsError: a course on which nothing can be made to move, or with too little room for it.
         """
-        return load_track(self.track, car=self.first.car.parameters)
+        return self.with_moving(load_track(self.track, car=self.first.car.parameters))
+
+    def with_moving(self, course: Course) -> Course:
+        """Return a course with what is to move there; errors are those of `random_moving.with_moving`."""
+        return with_moving(
+            course, self.moving, self.obstacle_seed, car=self.first.car.parameters,
+            start=(self.first.start or Start()).s, cars=len(self.entries),
+            obstacles=() if isinstance(self.obstacles, int) else self.obstacles,
+        )  # fmt: skip
 
     def laps_on(self, course: Course) -> int:
         """Return how many laps a race has; errors as of `laps_to_drive`."""
@@ -328,6 +342,8 @@ class Setup:
                 continue
             if name == "obstacles" and not isinstance(value, int):
                 value = described_obstacles(value)
+            elif name == "moving":
+                value = described_moving(value)
             elif name == "patches":
                 value = [asdict(patch) for patch in value]
             found[name] = value

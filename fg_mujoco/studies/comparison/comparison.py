@@ -204,5 +204,6 @@ def _seeds(course: str, seeds: Sequence[int], settings: ComparisonSettings) -> S
     """Return the seeds that a course is driven with."""
     placed, effects = settings.base.obstacles, settings.base.first.effects
     random = course.startswith(PREFIX) or (isinstance(placed, int) and placed > 0) or settings.opponents.noisy
+    random = random or (isinstance(settings.base.moving, str) and settings.base.moving != "")
     random = random or effects.range_noise_std > 0.0 or effects.dropout_probability > 0.0
     return seeds if random else (None,)

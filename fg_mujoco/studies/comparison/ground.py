@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -47,7 +48,14 @@ class Ground:
         return min(nearest)
 
 
-def course_ground(course: str, seed: int | None, obstacles: int = 0, *, car: CarParameters | None = None) -> Ground:
+def course_ground(
+    course: str,
+    seed: int | None,
+    obstacles: int = 0,
+    *,
+    car: CarParameters | None = None,
+    moved: Callable[[Course], Course] = lambda course: course,
+) -> Ground:
     """Return the ground of a run.
 
     Args:
@@ -55,14 +63,15 @@ def course_ground(course: str, seed: int | None, obstacles: int = 0, *, car: Car
       seed: of the scene, or of the boxes on a track.
       obstacles: boxes on a track; a scene has its own obstacles.
       car: that they are made for; None: the default vehicle.
+      moved: puts what moves on the course.
 
     Raises:
       TrackError, SettingsError: a course that cannot be loaded, or more boxes than it has room for.
     """
     car = car or default_car()
     if course.startswith(PREFIX):
-        return Ground(_load(_seeded(course, seed), car))
-    track = _load(course, car)
+        return Ground(moved(_load(_seeded(course, seed), car)))
+    track = moved(_load(course, car))
     return Ground(track, random_boxes(track, obstacles, seed or 0, car=car))
 
 

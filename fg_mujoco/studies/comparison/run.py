@@ -180,10 +180,11 @@ class Run:
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
-        placed, car = self.settings.base.obstacles, self.settings.car.parameters
-        if isinstance(placed, int):
-            return course_ground(self.course, self.key.seed, placed, car=car)
-        return Ground(course_ground(self.course, self.key.seed, car=car).course, tuple(placed))
+        base, seed, car = self.settings.base, self.key.seed, self.settings.car.parameters
+        own = base.replace(obstacle_seed=seed or 0)
+        if isinstance(base.obstacles, int):
+            return course_ground(self.course, seed, base.obstacles, car=car, moved=own.with_moving)
+        return Ground(own.with_moving(course_ground(self.course, seed, car=car).course), tuple(base.obstacles))
 
     def setup(self) -> Setup:
         """Return what is raced.
@@ -201,7 +202,7 @@ class Run:
             entries = opponents.line_up(ground.course, first, ground.boxes)
         return replace(
             base, track=ground.course, entries=entries, laps=laps_of(ground.course, self.settings.laps),
-            obstacles=ground.boxes, grid=opponents.grid, rules=self.settings.rules,
+            obstacles=ground.boxes, moving="", grid=opponents.grid, rules=self.settings.rules,
         )  # fmt: skip
 
     def race(self) -> RaceResult:

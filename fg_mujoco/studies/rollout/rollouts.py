@@ -208,7 +208,7 @@ def _job(
     setup.require_usable("a rollout", *_UNUSABLE)
     base, car = setup.drive_settings, setup.first.car.parameters
     source, own = split_controller(setup.first.controller, base.planner_settings)
-    courses = tuple(load_track(each, car=car) for each in tracks)
+    courses = tuple(setup.with_moving(load_track(each, car=car)) for each in tracks)
     return RolloutJob(
         base=replace(base, planner_settings=own, seed=0),
         tracks=courses,

@@ -1,0 +1,129 @@
+"""Things that move on circuits: where they are, that they stay between the walls; race, replay and rollout agree."""
+
+import math
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.course.clearance import outline
+from fg_mujoco.course.course import wall_outlines
+from fg_mujoco.course.definitions import course_of
+from fg_mujoco.course.moving_obstacles import motion_table, obstacle_position
+from fg_mujoco.course.random_moving import with_moving
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.replay import replay
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+CAR = Vehicle.load().parameters
+ALL = "box,crossing,pedestrian"
+
+
+def least_distance(points, sides):
+    """Return the least distance of points (n, 2) to sides (m, 4), by its definition [m]."""
+    start, along = sides[:, :2], sides[:, 2:] - sides[:, :2]
+    away = points[:, np.newaxis] - start
+    share = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(away - share[..., np.newaxis] * along, axis=2).min())
+
+
+@pytest.mark.parametrize("name", ["oval", "tight"])
+def test_nothing_that_moves_comes_to_a_wall_or_to_the_grid(name):
+    track = fg.load_track(name)
+    walls = np.concatenate([outline(line) for line in wall_outlines(track)])
+    for seed in range(6):
+        for each in with_moving(track, ALL, seed, car=CAR, cars=4).moving:
+            later = (2.0 * each.way + abs(each.headway)) / each.speed
+            corners = np.concatenate([each.corners(time) for time in np.linspace(0.0, later, 40).tolist()])
+            assert least_distance(corners, walls) > 0.03
+            s, offset = track.project(corners)
+            right, left = (
+                np.interp(s, track.arc_length, side, period=track.length)
+                for side in (track.corridor_right, track.corridor_left)
+            )
+            assert ((offset > -right) & (offset < left)).all()
+            assert ((s > 2.5) & (s < track.length - 3.0)).all()  # the last of four cars is 2.4 m behind the start
+
+
+def test_one_who_crosses_once_waits_and_then_crosses_at_a_walking_speed():
+    once = [
+        each
+        for seed in range(8)
+        for each in with_moving(fg.load_track("oval"), "pedestrian", seed, car=CAR).moving
+        if not each.back_and_forth
+    ]
+    assert once
+    for leg in once:
+        leaves = -leg.headway / leg.speed
+        assert 1.0 <= leg.speed <= 2.0 and leaves > 0.0
+        assert leg.position(0.0) == leg.position(leaves) == leg.start
+        (x, y), (end_x, end_y), seconds = leg.start, leg.end, leg.way / leg.speed
+        quarter = 0.75 * x + 0.25 * end_x, 0.75 * y + 0.25 * end_y
+        assert leg.position(leaves + 0.25 * seconds) == pytest.approx(quarter)
+        assert leg.position(leaves + 2.0 * seconds) == pytest.approx(leg.end, abs=1e-12)
+        for time in (0.0, leaves + 0.3 * seconds, leaves + 9.0):
+            assert obstacle_position(motion_table([leg])[0], time) == leg.position(time)
+
+
+def test_a_box_always_leaves_a_way_past_and_two_legs_walk_together():
+    track = fg.load_track("oval")
+    for seed in range(8):
+        box, left, right = with_moving(track, "box,pedestrian", seed, car=CAR).moving
+        corners = np.concatenate([box.corners(time) for time in np.linspace(0.0, 2.0 * box.way / box.speed, 40)])
+        offset = track.project(corners)[1]
+        assert max(1.1 - offset.max(), 1.1 + offset.min()) > 2.4 * CAR.width  # the oval is 2.2 m wide
+        for time in (0.0, 1.3, 7.0):
+            assert math.dist(left.position(time), right.position(time)) == pytest.approx(math.hypot(0.12, 0.2))
+
+
+def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
+    setup = Setup.of("oval", moving="crossing, pedestrian:2", obstacle_seed=5, obstacles=6)
+    assert setup.moving == "crossing,pedestrian:2"
+    course = setup.load_course()
+    assert course is setup.load_course() and len(course.moving) == 5
+    assert course.moving != setup.replace(obstacle_seed=6).load_course().moving
+    places = course.project(np.array([each.start for each in course.moving]))[0]
+    boxes = course.project(np.array([[each.x, each.y] for each in setup.obstacles_on(course)]))[0]
+    apart = np.abs((boxes[:, np.newaxis] - places + 0.5 * course.length) % course.length - 0.5 * course.length)
+    assert apart.min() > 2.5
+    again = course_of(course.name, course.definition)
+    assert again.moving == course.moving
+    assert "moving" not in fg.load_track("oval").definition
+
+
+@pytest.mark.parametrize(
+    ("track", "moving", "message"),
+    [
+        ("oval", "pedestrain", "'pedestrain'; accepted: box, crossing, pedestrian; did you mean 'pedestrian'"),
+        ("oval", "box:0", "'box:0'; accepted: box, or box:N with N from 1 to 32"),
+        ("oval", "box:x", "'box:x'; accepted"),
+        ("oval", 3, "moving is 3; accepted: a text of box, crossing, pedestrian"),
+        ("oval", [{"length": 1}], r"moving\[0\]"),
+        ("oval", "box:20", "on track 'oval', which has no room for it; accepted: fewer"),
+        ("scene:crossing_box", "box", "accepted: on a track"),
+    ],
+)
+def test_bad_input_is_named(track, moving, message):
+    with pytest.raises(SettingsError, match=message):
+        Setup.of(track, moving=moving).load_course()
+
+
+def test_race_replay_rollout_and_environment_have_the_same_things(tmp_path):
+    setup = Setup.of("oval", moving=ALL, obstacle_seed=3)
+    moving = setup.load_course().moving
+    result = fg.race(setup, time_limit=0.5)
+    assert result.world.track.moving == moving
+    for each, compiled in zip(moving, result.world.moving, strict=True):  # with the digits of MJCF
+        assert compiled.numbers() == pytest.approx(each.numbers(), rel=1e-4)
+    fg.write_run(result, tmp_path / "run", picture=False)
+    assert replay(tmp_path / "run").holds
+    assert (result.summary()["moving"], result.summary()["obstacle_seed"]) == (ALL, 3)
+    assert fg.rollout(setup, n=1, time_limit=0.5).setup(0).load_course().moving == moving
+    assert EnvironmentSettings.of(setup).make_world().track.moving == moving
+    given = Setup.of("oval", moving=moving)
+    given.write(tmp_path / "race.toml")
+    assert Setup.read(tmp_path / "race.toml") == given
+    assert given.load_course().moving == moving
+    assert Setup.read(setup.described()) == setup
