@@ -121,7 +121,7 @@ def test_race_replay_rollout_and_environment_have_the_same_things(tmp_path):
     assert replay(tmp_path / "run").holds
     assert (result.summary()["moving"], result.summary()["obstacle_seed"]) == (ALL, 3)
     assert fg.rollout(setup, n=1, time_limit=0.5).setup(0).load_course().moving == moving
-    assert EnvironmentSettings.of(setup).make_world().track.moving == moving
+    assert EnvironmentSettings.of({"setup": setup}).make_world().track.moving == moving
     given = Setup.of("oval", moving=moving)
     given.write(tmp_path / "race.toml")
     assert Setup.read(tmp_path / "race.toml") == given
