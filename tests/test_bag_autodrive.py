@@ -7,13 +7,13 @@ import pytest
 from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
 
 from fg_mujoco.cli.main import main
+from fg_mujoco.mapping.recorded_map import make_map
 from fg_mujoco.ros.autodrive.topics import STEERING, THROTTLE
 from fg_mujoco.ros.bag_drive import read_drive
 from fg_mujoco.ros.bag_messages import DRIVE, JOINTS, ODOMETRY
 from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_recording import Recording
 from fg_mujoco.ros.mapping.poses import read_sweeps
-from fg_mujoco.ros.mapping.recorded_map import make_map
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

@@ -14,13 +14,12 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.polyline import subdivide
 from fg_mujoco.errors import BagError
+from fg_mujoco.mapping.ray_model import FREE, OCCUPIED, UNKNOWN, LogOdds
+from fg_mujoco.mapping.recorded_map import make_map, write_map
+from fg_mujoco.mapping.scan_matching import match_scans, step_between, stepped
 from fg_mujoco.ros.bag_recording import Recording
 from fg_mujoco.ros.bag_writer import export_bag
 from fg_mujoco.ros.mapping.poses import read_sweeps
-from fg_mujoco.ros.mapping.ray_model import LogOdds
-from fg_mujoco.ros.mapping.recorded_map import make_map, write_map
-from fg_mujoco.ros.mapping.scan_matching import _between, _moved, match_scans
-from fg_mujoco.ros.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -104,8 +103,8 @@ def drifted(sweeps, *, scale, turn):
     """The sweeps with the odometry of wheels that say too much, and of a gyro that does."""
     poses = [sweeps.poses[0].copy()]
     for before, after in zip(sweeps.poses[:-1], sweeps.poses[1:], strict=True):
-        step = _between(before, after) * (1.0 + scale, 0.0, 1.0 + turn)
-        poses.append(_moved(poses[-1], step))
+        step = step_between(before, after) * (1.0 + scale, 0.0, 1.0 + turn)
+        poses.append(stepped(poses[-1], step))
     poses = np.array(poses)
     return replace(
         sweeps, poses=poses, track=np.column_stack((sweeps.times, poses)), drifts=True, source="the odometry on /odom"

@@ -141,8 +141,8 @@ def test_force_replaces_a_run_and_nothing_else(lap, tmp_path, capsys):
 @pytest.mark.parametrize("what", ["the map", "the run"])
 def test_a_full_disk_names_no_file_inside(what, lap, tmp_path, capsys, monkeypatch):
     """The map is drawn in the folder of temporary files; the run is written aside in its own folder."""
+    from fg_mujoco.mapping import recorded_map
     from fg_mujoco.ros import bag_writer
-    from fg_mujoco.ros.mapping import recorded_map
 
     def full(*_, **__):
         raise OSError(28, "No space left on device")

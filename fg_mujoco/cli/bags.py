@@ -14,11 +14,11 @@ from ..course.course import describe_course
 from ..course.maps.map_server import require_maps_extra
 from ..course.writing import temporary_folder
 from ..errors import PlannerError, SettingsError, TrackError, accepted_names
+from ..mapping.ray_model import RESOLUTION
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_loading import make_controller
 from ..racing.run_folder import check_run_folder, read_run
 from ..ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
-from ..ros.occupancy_grid import RESOLUTION
 from ..simulation.course_loading import load_track
 from ..studies.drives.reading import kind_of, read_drive, refuse_for_kind
 from .options import add_setup_options, in_one_line, number, setup_of
@@ -28,10 +28,10 @@ from .report import report_race
 
 if TYPE_CHECKING:
     from ..course.course import Course
+    from ..mapping.recorded_map import RecordedMap
+    from ..mapping.sweeps import Sweeps
     from ..ros.bag_recording import Recording
     from ..ros.bag_replay import PlannedCommand
-    from ..ros.mapping.poses import Sweeps
-    from ..ros.mapping.recorded_map import RecordedMap
     from ..vehicle.vehicle import Vehicle
 
 FORMATS = ("mcap",)
@@ -119,9 +119,9 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _bag(options: argparse.Namespace) -> int:
+    from ..mapping.recorded_map import make_map, map_files, write_map
     from ..ros.bag_recording import Recording
     from ..ros.mapping.poses import read_sweeps
-    from ..ros.mapping.recorded_map import make_map, map_files, write_map
 
     if _is_csv(options):
         if options.map is not None or options.out is not None:

@@ -182,8 +182,8 @@ _RENAMED = {
 
 _COMMANDS = (
     "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "scenarios",
-    "league", "grade", "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "raceline",
-    "identify", "validate", "bags",
+"league", "grade", "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "map",
+    "raceline", "identify", "validate", "bags",
 )  # fmt: skip
 """In the order in which the help lists them."""
 

@@ -14,12 +14,8 @@ from numpy.typing import NDArray
 
 from ..course.track import LONGEST
 from ..errors import ModelError
+from ..mapping.ray_model import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from ..messages import FloatArray
-
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""As nav_msgs/OccupancyGrid has them."""
-RESOLUTION = 0.05
-"""[m] of a cell: that of most maps of F1TENTH courses."""
 
 _MARGIN = 5  # [cells] round the walls
 _OPEN = 10.0  # [m] round the start that is mapped as free where there are no walls

@@ -1,5 +1,4 @@
-"""Maps and runs from bags: where the LiDAR was at each scan, what it saw from there, and the files of it.
+"""Maps and runs from bags: `poses` says where the LiDAR was at each scan, and `mapped_run` makes a run folder of a bag.
 
-`poses` says where the LiDAR was, `scan_matching` corrects poses that drift, `ray_model` turns scans into free and
-occupied cells, and `recorded_map` writes them as a map that `--track` loads.
+The map itself is made by fg_mujoco.mapping.
 """

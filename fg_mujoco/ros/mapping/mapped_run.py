@@ -20,6 +20,8 @@ import numpy as np
 
 from ...course.course import Course
 from ...errors import BagError
+from ...mapping.recorded_map import RecordedMap
+from ...mapping.sweeps import Sweeps, interpolated
 from ...messages import STOP, DriveCommand, FloatArray, LaserScan, Odometry
 from ...racing.decision_times import DecisionTimes
 from ...racing.race import race
@@ -33,8 +35,6 @@ from ...vehicle.vehicle import Vehicle
 from ..bag_messages import DRIVE, drive_message, nanoseconds, odometry_message, scan_message, transform_message
 from ..bag_recording import Recording
 from ..bag_writer import BagWriter
-from .poses import Sweeps, interpolated
-from .recorded_map import RecordedMap
 
 RECORDING = "recording.mcap"
 """The bag in the folder: the scans, the poses and the commands, from the first scan on."""

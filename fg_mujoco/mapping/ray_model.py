@@ -20,10 +20,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BagError
-from ...kernels import kernel
-from ...messages import FloatArray
-from ..occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from ..errors import BagError
+from ..kernels import kernel
+from ..messages import FloatArray
+
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Of a cell, as nav_msgs/OccupancyGrid has them."""
+RESOLUTION = 0.05
+"""[m] Side of a cell: that of most maps of F1TENTH courses."""
 
 HIT, MISS = math.log(0.7 / 0.3), math.log(0.4 / 0.6)
 _LEAST, _GREATEST = -4.0, 4.0  # of log odds

@@ -5,8 +5,8 @@
 The poses move from scan to scan as the source says. From there the ends of the beams are moved on to the walls at the
 nearest ends seen before, by least squares; those that have none near by, as what comes into view for the first time, do
 not count. A step away from what the source says costs a little, so that a corridor, in which all places along it look
-alike, straight or round, keeps that. So scans alone, without any odometry, would not do. Nothing closes a loop: where a
-lap does not end where it began, walls are double there.
+alike, straight or round, keeps that. So scans alone, without any odometry, would not do. Nothing closes a loop here:
+where a lap does not end where it began, walls are double there. `pose_graph` closes loops.
 
 Source: A. Censi, An ICP variant using a point-to-line metric, ICRA 2008.
 """
@@ -18,9 +18,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...kernels import kernel
-from ...messages import FloatArray
-from .poses import Sweeps
+from ..kernels import kernel
+from ..messages import FloatArray
+from .sweeps import Sweeps
 
 _REACH = 20.0  # [m] of beams that are matched
 _MOST_BEAMS = 360  # of a scan
@@ -42,43 +42,67 @@ def standing(moved: float, turned: float) -> str:
     return f"taken within {moved:g} m and {math.degrees(turned):.1f} degrees of the one before"
 
 
-def match_scans(sweeps: Sweeps) -> tuple[list[int], FloatArray, dict[str, int]]:
+def match_scans(sweeps: Sweeps, *, newest: int | None = None) -> tuple[list[int], FloatArray, dict[str, int]]:
     """Return the scans that were matched, by number, and the corrected pose of the LiDAR at each, shape (n, 3).
 
     The third is how many were not matched, by the reason.
+
+    Args:
+      sweeps: the scans.
+      newest: so many of the scans that were laid down are matched with; None: all.
     """
     left_out = {standing(_MOVED, _TURNED): 0, FEW: 0}
     numbers: list[int] = []
     poses: list[FloatArray] = []
-    laid = _Walls()
+    laid = Walls(newest)
     kept = np.full(3, math.inf)
     for number in range(len(sweeps.scans)):
-        ends, walls = _ends(sweeps, number)
+        ends, walls = walls_seen(sweeps, number)
         if not len(ends):
             left_out[FEW] += 1
             continue
         if not poses:
             pose = sweeps.poses[number].copy()
         else:
-            step = _between(sweeps.poses[numbers[-1]], sweeps.poses[number])
+            step = step_between(sweeps.poses[numbers[-1]], sweeps.poses[number])
             if math.hypot(step[0], step[1]) < _MOVED and abs(step[2]) < _TURNED:
                 left_out[standing(_MOVED, _TURNED)] += 1
                 continue
-            pose = laid.fitted(_moved(poses[-1], step), ends, step)
+            far = _STEP_ERROR + _STEP_SHARE * math.hypot(step[0], step[1])
+            prior = (_RANGE_ERROR / np.array((far, far, _TURN_ERROR + _STEP_SHARE * abs(step[2])))) ** 2
+            pose = laid.fitted(stepped(poses[-1], step), ends, prior)
         numbers.append(number)
         poses.append(pose)
-        away = _between(kept, pose) if len(numbers) > 1 else np.full(3, math.inf)
+        away = step_between(kept, pose) if len(numbers) > 1 else np.full(3, math.inf)
         if math.hypot(away[0], away[1]) > _KEPT_MOVED or abs(away[2]) > _KEPT_TURNED:
             laid.add(pose, walls)
             kept = pose
     return numbers, np.array(poses).reshape(-1, 3), left_out
 
 
-class _Walls:
-    """The ends of beams, and the directions across the walls there."""
+def key_scans(poses: FloatArray) -> list[int]:
+    """Return those of poses (n, 3), by number, that are so far apart that others can be laid on what they saw."""
+    keys: list[int] = []
+    for number, pose in enumerate(poses):
+        away = step_between(poses[keys[-1]], pose) if keys else np.full(3, math.inf)
+        if math.hypot(away[0], away[1]) > _KEPT_MOVED or abs(away[2]) > _KEPT_TURNED:
+            keys.append(number)
+    return keys
 
-    def __init__(self) -> None:
+
+class Walls:
+    """The ends of beams, and the directions across the walls there.
+
+    Args:
+      newest: so many of the scans that were laid down count; None: all.
+    """
+
+    def __init__(self, newest: int | None = None) -> None:
         self._ends, self._normals = np.empty((0, 2)), np.empty((0, 2))
+        self._newest, self._counts = newest, list[int]()
+
+    def __bool__(self) -> bool:
+        return len(self._ends) > 0
 
     def add(self, pose: FloatArray, walls: FloatArray) -> None:
         """Lay down the walls that a scan saw at its pose; those that are NaN do not count."""
@@ -90,15 +114,28 @@ class _Walls:
         turn = _turn(pose[2])
         self._ends = np.concatenate((self._ends, known[:, :2] @ turn.T + pose[:2]))
         self._normals = np.concatenate((self._normals, known[:, 2:] @ turn.T))
+        self._counts.append(len(known))
+        if self._newest is not None and len(self._counts) > self._newest:
+            old = self._counts.pop(0)
+            self._ends, self._normals = self._ends[old:], self._normals[old:]
         self._tree = cKDTree(self._ends)
 
-    def fitted(self, guess: FloatArray, ends: FloatArray, step: FloatArray) -> FloatArray:
-        """Return the pose at which the ends of a scan lie on the walls, near to a guess that is a step away."""
+    def share(self, pose: FloatArray, ends: FloatArray) -> float:
+        """Return the share of the ends of a scan at a pose that lie near the walls."""
+        distances, _ = self._tree.query(ends @ _turn(pose[2]).T + pose[:2], distance_upper_bound=_GATES[-1])
+        return float(np.mean(np.isfinite(distances)))
+
+    def fitted(self, guess: FloatArray, ends: FloatArray, prior: FloatArray) -> FloatArray:
+        """Return the pose at which the ends of a scan lie on the walls, near to a guess.
+
+        Args:
+          guess: pose (3,).
+          ends: of beams as seen from the pose (n, 2) [m].
+          prior: information of the guess over that of a beam, of x, y and heading (3,).
+        """
         pose = guess.copy()
         if not len(self._ends):
             return pose
-        far = _STEP_ERROR + _STEP_SHARE * math.hypot(step[0], step[1])
-        prior = (_RANGE_ERROR / np.array((far, far, _TURN_ERROR + _STEP_SHARE * abs(step[2])))) ** 2
         for gate in _GATES:
             turned = ends @ _turn(pose[2]).T
             distances, nearest = self._tree.query(turned + pose[:2], distance_upper_bound=gate)
@@ -114,7 +151,7 @@ class _Walls:
         return pose
 
 
-def _ends(sweeps: Sweeps, number: int) -> tuple[FloatArray, FloatArray]:
+def walls_seen(sweeps: Sweeps, number: int) -> tuple[FloatArray, FloatArray]:
     """Return the ends of a scan's beams as seen from its pose, (n, 2) [m], and the wall at each, (n, 4).
 
     Each beam is taken at its own time. A wall is as of `_walls_at`.
@@ -191,12 +228,13 @@ def _turn(angle: float) -> FloatArray:
     return np.array([[c, -s], [s, c]])
 
 
-def _between(start: FloatArray, end: FloatArray) -> FloatArray:
+def step_between(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return the step from a pose to another, in the first one's frame."""
     x, y = (end[:2] - start[:2]) @ _turn(start[2])
     return np.array((x, y, math.remainder(end[2] - start[2], math.tau)))
 
 
-def _moved(pose: FloatArray, step: FloatArray) -> FloatArray:
+def stepped(pose: FloatArray, step: FloatArray) -> FloatArray:
+    """Return the pose that is a step away from another."""
     x, y = pose[:2] + _turn(pose[2]) @ step[:2]
     return np.array((x, y, pose[2] + step[2]))

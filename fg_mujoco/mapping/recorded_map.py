@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...course.writing import write_files
-from ...errors import BagError, SettingsError
-from ...messages import FloatArray
-from ..occupancy_grid import FREE, OCCUPIED, RESOLUTION, UNKNOWN
-from .poses import Sweeps
-from .ray_model import LogOdds
+from ..course.writing import write_files
+from ..errors import BagError, SettingsError
+from ..messages import FloatArray
+from .pose_graph import PoseGraph, close_loops
+from .ray_model import FREE, OCCUPIED, RESOLUTION, UNKNOWN, LogOdds
 from .scan_matching import match_scans, standing
+from .sweeps import Sweeps
 
 REACH = 15.0
 """[m] of beams that count; further ones are too far apart, and a small error of the heading moves their ends."""
@@ -35,6 +35,7 @@ _MOVED, _TURNED = 0.05, 0.02  # [m], [rad] after which the next scan counts
 _ANYWAY = 1.0  # [s] after which it counts all the same
 _CAR = 0.12  # [m] round the LiDAR's path that is free: the car went there
 _MOTE = 0.008  # [m^2] of something amid the free that nothing, or one cell alone, was seen of
+_CHAIN = 40  # scans that others are laid on, of a chain whose loops are closed afterwards
 _MARGIN = 10  # [cells] round the map
 _LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}  # of the image, as map_saver writes them
 
@@ -52,6 +53,7 @@ class RecordedMap:
     source: str  # of the poses
     matched: bool  # whether they were corrected by the scans
     left_out: Mapping[str, int]  # how many scans of the bag do not count, by the reason
+    graph: PoseGraph | None = None  # of the poses, where loops were closed
 
     @property
     def text(self) -> str:
@@ -68,6 +70,7 @@ def make_map(
     *,
     resolution: float = RESOLUTION,
     match: bool | None = None,
+    close: bool = False,
     watch: Callable[[int, int], None] | None = None,
 ) -> RecordedMap:
     """Return the map of scans.
@@ -76,6 +79,7 @@ def make_map(
       sweeps: the scans with their poses.
       resolution: side of a cell [m].
       match: whether poses are corrected by the scans; None: where they drift.
+      close: whether loops are closed, where poses are corrected.
       watch: called with how many scans are added, and of how many.
 
     Raises:
@@ -85,8 +89,12 @@ def make_map(
     if not 0.01 <= resolution <= 1.0:
         raise SettingsError(f"resolution is {resolution!r} m; accepted: from 0.01 to 1")
     matched = sweeps.drifts if match is None else match
+    graph = None
     if matched:
-        numbers, poses, idle = match_scans(sweeps)
+        numbers, poses, idle = match_scans(sweeps, newest=_CHAIN if close else None)
+        if close and numbers:
+            graph = close_loops(sweeps, numbers, poses)
+            poses = graph.corrected
     else:
         numbers = _apart(sweeps)
         poses = sweeps.poses[numbers]
@@ -115,6 +123,7 @@ def make_map(
         numbers=tuple(numbers),
         source=sweeps.source,
         matched=matched,
+        graph=graph,
         left_out={why: count for why, count in {**sweeps.left_out, **idle}.items() if count},
     )
 
@@ -139,7 +148,7 @@ def write_map(made: RecordedMap, path: str | Path, comment: str = "") -> tuple[P
       BagError: files that cannot be written.
       MissingExtraError: the extra `maps` is not installed.
     """
-    from ...course.maps.map_server import require_maps_extra
+    from ..course.maps.map_server import require_maps_extra
 
     require_maps_extra()
     from PIL import Image
