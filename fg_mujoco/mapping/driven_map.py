@@ -28,7 +28,7 @@ from ..racing.entries import entry_planner
 from ..racing.race import RaceProgress, race_setup
 from .pose_graph import PoseGraph, write_graph
 from .ray_model import FREE, OCCUPIED, RESOLUTION
-from .recorded_map import RecordedMap, make_map, map_files, write_map
+from .recorded_map import RecordedMap, make_map, map_files, require_resolution, write_map
 from .sweeps import Sweeps, interpolated
 
 if TYPE_CHECKING:
@@ -111,6 +111,7 @@ def map_course(
       TrackError: the car saw or drove too little for a map.
       SettingsError, ControllerError, TrackError: as of a race, and of `make_map`.
     """
+    require_resolution(resolution)
     course = setup.load_course()
     car = setup.world(course, ()).parameters
     recorder = _Recorder(entry_planner(setup.named[0], car=car, map_line=course.map_line, alone=True))
@@ -178,7 +179,7 @@ def _scored(
                 pose[2] + turn,
             )
         )  # fmt: skip
-    moved = _placed(cells, pose)
+    moved, shift = _placed(cells, pose), (float(pose[0]), float(pose[1]), float(pose[2]))
     track = np.array([(odometry.stamp, *odometry.pose) for _, odometry in given])
     track[:, 3] = np.unwrap(track[:, 3])
     times = sweeps.times[list(made.numbers)]
@@ -188,7 +189,7 @@ def _scored(
         made=made, race=result, wall_errors=tree.query(moved)[0],
         pose_errors=np.hypot(*(_placed(made.path[:, :2], pose) - true).T),
         odometry_errors=np.hypot(*(by_odometry - true).T),
-        seen=float(np.mean(cKDTree(moved).query(walls)[0] < _SEEN)), shift=(float(pose[0]), float(pose[1]), float(pose[2])),
+        seen=float(np.mean(cKDTree(moved).query(walls)[0] < _SEEN)), shift=shift,
     )  # fmt: skip
 
 

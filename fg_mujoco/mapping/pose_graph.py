@@ -5,8 +5,9 @@
     write_graph(graph, "my_map.g2o")
 
 1. Key poses are those of scans some way apart. Neighbours are tied by the step that scan matching found.
-2. Where the car comes back to a place, its scan is laid on the walls that were seen from there, starting from several
-   places round the guess, as far away as the chain may have drifted. Where it fits, a step ties the two poses.
+2. Where the car comes back to a place, its scan is laid on the walls that were seen from there, from the guess on or,
+   where it does not fit then, from places round it, as far away as the chain may have drifted. Where it fits, a step ties
+   the two poses. Its errors are those of the fit: along a corridor it ties them loosely.
 3. All poses are laid out anew by Gauss and Newton's method, with the weight of a step that does not fit reduced.
 
 Sources: G. Grisetti et al., A Tutorial on Graph-Based SLAM, IEEE Intelligent Transportation Systems Magazine 2(4),
@@ -28,14 +29,15 @@ from .scan_matching import Walls, key_scans, step_between, stepped, walls_seen
 from .sweeps import Sweeps
 
 _CHAIN_ERROR = (0.004, 0.02, 0.0015, 0.02)  # [m] and share of the way, [rad] and share of the turn
-_LOOP_ERROR = (0.02, 0.004)  # [m], [rad]
+_LOOP_ERROR, _LOOSEST = (0.02, 0.004), 1.0  # [m], [rad] at least; [m], [rad] at most
+_MATCH_ERROR = 0.1  # [m] of a beam: those of a scan err together, and with the walls that they are laid on
 _HUBER = 2.0  # standard deviations of a step, beyond which it counts less
 _APART = 8.0  # [m] of way, at least, between a place and coming back to it
-_NEAR, _DRIFT = 1.0, 0.03  # [m] from a place, at most, and more by this share of the way before a loop is closed
+_NEAR, _DRIFT = 1.0, 0.02  # [m] from a place, at most, and more by this share of the way before a loop is closed
 _TURNED = 0.6  # [rad] from the heading there
 _AROUND = 10  # key poses to either side, whose walls a scan is laid on
 _SPREAD = 0.4  # [m] between the guesses that a scan is laid down from
-_FITS = 0.75  # share of a scan's ends that lie on the walls, from which on a loop closes
+_FITS = 0.8  # share of a scan's ends that lie on the walls, from which on a loop closes
 _EVERY = 8  # loops, after which all poses are laid out anew
 _ROUNDS, _STEP = 20, 1e-6  # of Gauss and Newton, and the greatest change that ends them [m], [rad]
 
@@ -118,12 +120,12 @@ def close_loops(sweeps: Sweeps, numbers: list[int], poses: FloatArray) -> PoseGr
         again = _place_again(found, ways, k, loops > 0)
         if again is None:
             continue
-        step = _laid_on(found, seen, again, k, _reach(ways[k] - ways[again], loops > 0))
-        if step is None:
+        tie = _laid_on(found, seen, again, k, _reach(ways[k] - ways[again], loops > 0))
+        if tie is None:
             continue
         ends.append((again, k))
-        steps.append(step)
-        errors.append(np.array((_LOOP_ERROR[0], _LOOP_ERROR[0], _LOOP_ERROR[1])))
+        steps.append(tie[0])
+        errors.append(tie[1])
         loops, fresh = loops + 1, fresh + 1
         if loops == 1 or fresh == _EVERY or k == len(keys) - 1:
             known = np.array([j for j in range(len(ends)) if max(ends[j]) <= k])
@@ -165,8 +167,10 @@ def _place_again(found: FloatArray, ways: FloatArray, k: int, closed: bool) -> i
 
 def _laid_on(
     found: FloatArray, seen: list[tuple[FloatArray, FloatArray]], again: int, k: int, reach: float
-) -> FloatArray | None:
-    """Return the step from a key pose to another one, whose scan lies on the walls seen from there; None: it does not.
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the step from a key pose to another one, whose scan lies on the walls seen from there, and its errors.
+
+    None: the scan does not lie on them.
 
     Args:
       found: key poses.
@@ -183,16 +187,14 @@ def _laid_on(
         return None
     free = np.full(3, 1e-6)
     count = math.ceil(reach / _SPREAD) if reach > _NEAR else 0
-    best, most = None, _FITS
-    for ahead in range(-count, count + 1):
-        for aside in range(-count, count + 1):
-            if math.hypot(ahead, aside) > count:
-                continue
-            pose = walls.fitted(guess + np.array((_SPREAD * ahead, _SPREAD * aside, 0.0)), ends, free)
-            share = walls.share(pose, ends)
-            if share > most:
-                best, most = pose, share
-    return best
+    around = [(i, j) for i in range(-count, count + 1) for j in range(-count, count + 1) if math.hypot(i, j) <= count]
+    for ahead, aside in sorted(around, key=lambda place: math.hypot(*place)):
+        pose = walls.fitted(guess + np.array((_SPREAD * ahead, _SPREAD * aside, 0.0)), ends, free)
+        if walls.share(pose, ends) > _FITS:
+            variance = np.diag(np.linalg.inv(walls.information / _MATCH_ERROR**2 + np.eye(3) / _LOOSEST**2))
+            least = np.array((_LOOP_ERROR[0], _LOOP_ERROR[0], _LOOP_ERROR[1]))
+            return pose, np.maximum(np.sqrt(variance), least)
+    return None
 
 
 def write_graph(graph: PoseGraph, path: str | Path) -> None:

@@ -35,7 +35,6 @@ _MOVED, _TURNED = 0.05, 0.02  # [m], [rad] after which the next scan counts
 _ANYWAY = 1.0  # [s] after which it counts all the same
 _CAR = 0.12  # [m] round the LiDAR's path that is free: the car went there
 _MOTE = 0.008  # [m^2] of something amid the free that nothing, or one cell alone, was seen of
-_CHAIN = 40  # scans that others are laid on, of a chain whose loops are closed afterwards
 _MARGIN = 10  # [cells] round the map
 _LEVELS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}  # of the image, as map_saver writes them
 
@@ -86,12 +85,11 @@ def make_map(
       SettingsError: a resolution outside of 0.01 to 1 m.
       BagError: scans that see nothing; a map of too many cells.
     """
-    if not 0.01 <= resolution <= 1.0:
-        raise SettingsError(f"resolution is {resolution!r} m; accepted: from 0.01 to 1")
+    require_resolution(resolution)
     matched = sweeps.drifts if match is None else match
     graph = None
     if matched:
-        numbers, poses, idle = match_scans(sweeps, newest=_CHAIN if close else None)
+        numbers, poses, idle = match_scans(sweeps, chain=close)
         if close and numbers:
             graph = close_loops(sweeps, numbers, poses)
             poses = graph.corrected
@@ -126,6 +124,12 @@ def make_map(
         graph=graph,
         left_out={why: count for why, count in {**sweeps.left_out, **idle}.items() if count},
     )
+
+
+def require_resolution(resolution: float) -> None:
+    """Raise SettingsError for a side of a cell [m] that no map can have."""
+    if not 0.01 <= resolution <= 1.0:
+        raise SettingsError(f"resolution is {resolution!r} m; accepted: from 0.01 to 1")
 
 
 def map_files(path: str | Path) -> tuple[Path, Path]:

@@ -31,6 +31,10 @@ _AROUND, _STEP, _BENT = 0.3, 0.25, 0.03  # [m] of a wall round an end, between i
 _RANGE_ERROR = 0.02  # [m] standard deviation
 _STEP_ERROR, _TURN_ERROR = 0.01, 0.005  # [m], [rad] standard deviation of a step of the source, and
 _STEP_SHARE = 0.1  # of its length and its turn besides
+_CHAIN = 40  # scans laid down that others are laid on, of a chain
+_SCALE_ERROR, _SCALE_WALK = 0.06, 0.0003  # standard deviations of the constant error of the way, and of a step of it
+_MATCH_ERROR = 0.015  # [m] of a step that was corrected, along the car
+_UNSEEN = 0.5  # share of a step's error that the scan leaves, above which it says nothing of the way
 
 
 FEW = "with too few readings to match"
@@ -42,19 +46,20 @@ def standing(moved: float, turned: float) -> str:
     return f"taken within {moved:g} m and {math.degrees(turned):.1f} degrees of the one before"
 
 
-def match_scans(sweeps: Sweeps, *, newest: int | None = None) -> tuple[list[int], FloatArray, dict[str, int]]:
+def match_scans(sweeps: Sweeps, *, chain: bool = False) -> tuple[list[int], FloatArray, dict[str, int]]:
     """Return the scans that were matched, by number, and the corrected pose of the LiDAR at each, shape (n, 3).
 
     The third is how many were not matched, by the reason.
 
     Args:
       sweeps: the scans.
-      newest: so many of the scans that were laid down are matched with; None: all.
+      chain: whether loops are closed afterwards: scans are laid on what was seen shortly before only, so that each step
+        is as true as the others, and the constant error of the source's way is found and taken out.
     """
     left_out = {standing(_MOVED, _TURNED): 0, FEW: 0}
     numbers: list[int] = []
     poses: list[FloatArray] = []
-    laid = Walls(newest)
+    laid, scale = Walls(_CHAIN if chain else None), _WayScale()
     kept = np.full(3, math.inf)
     for number in range(len(sweeps.scans)):
         ends, walls = walls_seen(sweeps, number)
@@ -70,7 +75,12 @@ def match_scans(sweeps: Sweeps, *, newest: int | None = None) -> tuple[list[int]
                 continue
             far = _STEP_ERROR + _STEP_SHARE * math.hypot(step[0], step[1])
             prior = (_RANGE_ERROR / np.array((far, far, _TURN_ERROR + _STEP_SHARE * abs(step[2])))) ** 2
-            pose = laid.fitted(stepped(poses[-1], step), ends, prior)
+            if chain:
+                step[:2] *= 1.0 + scale.error
+            guess = stepped(poses[-1], step)
+            pose = laid.fitted(guess, ends, prior)
+            if chain:
+                scale.see(step, guess, pose, laid.information + np.diag(prior))
         numbers.append(number)
         poses.append(pose)
         away = step_between(kept, pose) if len(numbers) > 1 else np.full(3, math.inf)
@@ -90,6 +100,32 @@ def key_scans(poses: FloatArray) -> list[int]:
     return keys
 
 
+class _WayScale:
+    """The constant error of a source's way, by a Kalman filter: scans correct the steps along the car."""
+
+    def __init__(self) -> None:
+        self.error, self._variance = 0.0, _SCALE_ERROR**2
+
+    def see(self, step: FloatArray, guess: FloatArray, pose: FloatArray, information: FloatArray) -> None:
+        """Learn from a step, from the pose that it led to and the one that the scan made of it.
+
+        `information` is that of the pose, the step's own included, over that of a beam.
+        """
+        way = math.hypot(step[0], step[1])
+        if not information.any() or way < 0.5 * _MOVED:
+            return
+        ahead = np.array((math.cos(guess[2]), math.sin(guess[2]), 0.0))
+        own = (_RANGE_ERROR / (_STEP_ERROR + _STEP_SHARE * way)) ** 2
+        left = float(ahead @ np.linalg.solve(information, ahead)) * own  # share of the step's error that is left
+        if left > _UNSEEN:
+            return
+        off = float((pose - guess) @ ahead) / (1.0 - left)
+        variance = _MATCH_ERROR**2 / (1.0 - left) ** 2
+        gain = self._variance * way / (way * way * self._variance + variance)
+        self.error += gain * off
+        self._variance += _SCALE_WALK**2 - gain * way * self._variance
+
+
 class Walls:
     """The ends of beams, and the directions across the walls there.
 
@@ -100,6 +136,7 @@ class Walls:
     def __init__(self, newest: int | None = None) -> None:
         self._ends, self._normals = np.empty((0, 2)), np.empty((0, 2))
         self._newest, self._counts = newest, list[int]()
+        self.information = np.zeros((3, 3))  # of the last pose that was fitted, by the scan alone, over that of a beam
 
     def __bool__(self) -> bool:
         return len(self._ends) > 0
@@ -134,6 +171,7 @@ class Walls:
           prior: information of the guess over that of a beam, of x, y and heading (3,).
         """
         pose = guess.copy()
+        self.information = np.zeros((3, 3))
         if not len(self._ends):
             return pose
         for gate in _GATES:
@@ -146,7 +184,8 @@ class Walls:
             off = np.sum(across * (arm + pose[:2] - self._ends[nearest[found]]), axis=1)
             slopes = np.column_stack((across, across[:, 1] * arm[:, 0] - across[:, 0] * arm[:, 1]))
             weights = 1.0 / np.maximum(np.abs(off) / _RANGE_ERROR, 1.0)  # Huber's
-            matrix = (slopes * weights[:, None]).T @ slopes + np.diag(prior)
+            self.information = (slopes * weights[:, None]).T @ slopes
+            matrix = self.information + np.diag(prior)
             pose = pose + np.linalg.solve(matrix, -slopes.T @ (weights * off) + prior * (guess - pose))
         return pose
 
