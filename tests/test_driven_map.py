@@ -1,6 +1,7 @@
 """Maps from driving: pose graphs in closed form, and the map of a drive against the course it was driven on."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,9 @@ from fg_mujoco.mapping.driven_map import driven_files, map_course, mapped_walls,
 from fg_mujoco.mapping.pose_graph import laid_out
 from fg_mujoco.mapping.ray_model import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.mapping.scan_matching import step_between, stepped
+from fg_mujoco.racing.planner_files import planner_files
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import DriveSettings
 
 pytest.importorskip("scipy")
 COURSE = "elbow"
@@ -90,6 +93,20 @@ def test_the_map_can_be_raced_on(driven, tmp_path):
     assert np.abs(track.project(middle)[1]).max() < 0.5
     result = fg.race(track, "pure_pursuit[pose=scan_matching]", laps=1, max_speed=3.0, time_limit=1.0)
     assert result.car.end_reason == "time_limit"
+
+
+def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_driven(driven, "my_map")
+    context = DriveSettings().context(fg.Vehicle.load().parameters, fg.load_track(COURSE).map_line)
+    told = {"pose": "particle_filter", "pose_map": "my_map.yaml"}
+    planner = fg.make_controller("pure_pursuit", context, settings=told)
+    own, mapped = fg.make_controller("pure_pursuit", context), fg.load_track("my_map.yaml")
+    assert planner.speed_profile()[0, :2] == pytest.approx(mapped.map_line.points[0])
+    assert own.speed_profile()[0, :2] == pytest.approx(context.map_line.points[0])
+    assert [Path(file).name for file in planner_files(planner, told)] == ["my_map.yaml"]
+    with pytest.raises(TrackError, match=r"nowhere\.yaml"):
+        fg.make_controller("pure_pursuit", context, settings={"pose_map": "nowhere.yaml"})
 
 
 def test_a_graph_is_written_as_g2o_has_it(driven, tmp_path):

@@ -50,6 +50,7 @@ class PoseSettings(Settings):
     pose_start: Literal["given", "unknown"] = setting(
         "given", text="whether it is told where it starts, to 0.1 m and 3 degrees, or has to find that"
     )
+    pose_map: str = setting("", text="the path of a map that the planner is told in place of the course")
     particles: int = setting(
         2000, "", "of the filter, at most, once the car is found",
         Accepted(f"a whole number from {LEAST} to {MOST_PARTICLES}", lambda value: LEAST <= value <= MOST_PARTICLES),

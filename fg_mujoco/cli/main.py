@@ -182,7 +182,7 @@ _RENAMED = {
 
 _COMMANDS = (
     "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "scenarios",
-"league", "grade", "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "map",
+    "league", "grade", "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "map",
     "raceline", "identify", "validate", "bags",
 )  # fmt: skip
 """In the order in which the help lists them."""

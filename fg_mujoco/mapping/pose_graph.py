@@ -6,8 +6,8 @@
 
 1. Key poses are those of scans some way apart. Neighbours are tied by the step that scan matching found.
 2. Where the car comes back to a place, its scan is laid on the walls that were seen from there, from the guess on or,
-   where it does not fit then, from places round it, as far away as the chain may have drifted. Where it fits, a step ties
-   the two poses. Its errors are those of the fit: along a corridor it ties them loosely.
+   where it does not fit then, from places round it, as far away as the chain may have drifted. Where it fits, a step
+   ties the two poses. Its errors are those of the fit: along a corridor it ties them loosely.
 3. All poses are laid out anew by Gauss and Newton's method, with the weight of a step that does not fit reduced.
 
 Sources: G. Grisetti et al., A Tutorial on Graph-Based SLAM, IEEE Intelligent Transportation Systems Magazine 2(4),

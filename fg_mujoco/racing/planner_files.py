@@ -33,6 +33,7 @@ from ..course.files import file_sha256, is_file, is_folder
 from ..errors import ControllerError
 from ..messages import Controller
 from ..simulation.planner_failure import is_of_planner, one_line
+from .planner_loading import POSE_SETTINGS
 from .planner_sources import source_file
 
 Files = dict[str, str | None]
@@ -136,6 +137,8 @@ def _said(planner: Controller) -> list[str] | None:
 
 def _texts(planner: Controller, settings: Mapping[str, Any]) -> list[str]:
     """Return the settings of a planner that may name files: its texts, but for words of which one is chosen."""
+    map_ = {name: value for name, value in settings.items() if name == "pose_map"}
+    settings = {name: value for name, value in settings.items() if name not in POSE_SETTINGS}
     values, kind = dict(settings), getattr(type(planner), "Settings", None)
     if isinstance(kind, type) and is_dataclass(kind):
         try:
@@ -146,6 +149,7 @@ def _texts(planner: Controller, settings: Mapping[str, Any]) -> list[str]:
         except BaseException as error:  # an object that was built with settings that nobody knows
             if not is_of_planner(error):
                 raise
+    values |= map_
     return [os.fsdecode(value) for value in values.values() if isinstance(value, (str, os.PathLike)) and str(value)]
 
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine, PlannerContext
+from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
 from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
 from .planner_sources import A_PLANNER, find_controller, planner_of
@@ -22,7 +23,7 @@ from .planner_sources import A_PLANNER, find_controller, planner_of
 if TYPE_CHECKING:
     from fg_mujoco.controllers.localisation.localiser import Localiser
 
-POSE_SETTINGS = frozenset({"pose", "pose_start", "particles"})
+POSE_SETTINGS = frozenset({"pose", "pose_start", "pose_map", "particles"})
 """Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
 
 
@@ -76,7 +77,7 @@ def build_controller(
 ) -> Controller:
     """Return a controller of the class that `find_controller(source)` returned; otherwise as `make_controller`."""
     origin = f"controller {source!r}"
-    factory, settings, localiser = _with_pose(factory, source, context, settings or {})
+    factory, settings, context, localiser = _with_pose(factory, source, context, settings or {})
     offered = {each.name: getattr(context, each.name) for each in fields(context)}
     try:
         parameters = inspect.signature(factory).parameters.values()
@@ -108,28 +109,32 @@ def build_controller(
 
 def _with_pose(
     factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any]
-) -> tuple[Any, Mapping[str, Any], Localiser | None]:
-    """Return the class to be built, its own settings, and what finds its pose; None: it has the true one.
+) -> tuple[Any, Mapping[str, Any], PlannerContext, Localiser | None]:
+    """Return the class to be built, its own settings, its context, and what finds its pose; None: it has the true one.
 
     Raises:
       ControllerError: settings of the pose that cannot be, or a map in which no pose can be found.
+      TrackError: a map that cannot be read.
     """
     kind = getattr(factory, "Settings", None)
     own_names = {f.name for f in fields(kind)} if isinstance(kind, type) and is_dataclass(kind) else set[str]()
     if getattr(factory, "any_settings", False) and "pose" not in settings:
-        return factory, settings, None  # they are parameters of its nodes
+        return factory, settings, context, None  # they are parameters of its nodes
     chosen = {name: value for name, value in settings.items() if name in POSE_SETTINGS - own_names}
     if not chosen:
-        return factory, settings, None
+        return factory, settings, context, None
     from fg_mujoco.controllers.localisation.localised import localised
     from fg_mujoco.controllers.localisation.localiser import Localiser, PoseSettings
 
     origin, own = f"controller {source!r}", {name: settings[name] for name in settings if name not in chosen}
     try:
         pose = PoseSettings(**chosen)
+        if pose.pose_map:
+            context = replace(context, map_line=load_track(pose.pose_map).map_line)
         if pose.pose == "truth":
-            return factory, own, None
-        return localised(factory), own, Localiser.of(pose, context.map_line, context.car, context.seed)
+            return factory, own, context, None
+        localiser = Localiser.of(pose, context.map_line, context.car, context.seed)
+        return localised(factory), own, context, localiser
     except SettingsError as error:
         raise ControllerError(f"{origin}: {str(error).removeprefix('PoseSettings.')}") from error
 
