@@ -1,27 +1,25 @@
 """Overtaker: the gap finder among other cars, from the scan and odometry alone.
 
 1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
-2. The beams that end on a car are lengthened to what is next to it. Guidance gets that scan: its map has no cars.
-3. Each car is drawn into the scan as large as it is, for the box that is seen is smaller. It is drawn wherever it could
-   be when the planner's car is there, and, if it is ahead, where it would come to stand if it began to brake now.
-4. The gap finder drives in that scan, and so do the speed laws and the safety filter, as if all in it stood. What
-   moves and is no car is tracked and predicted as every planner does it (safety.predictions).
+2. The beams that end on a car are lengthened to what is next to it. The course ahead of the car is where it is expected
+   to go, with the room to both sides (perception.corridor).
+3. Each car is followed or passed, by the room that there is (safety.passing). While the planner's car follows, it
+   drives as the gap finder does in the scan without cars, so slowly that it could stop behind the car ahead.
+4. While it passes, it keeps a lane: the other car's way, moved aside into the room there. Guidance does not change it.
+5. The safety filter simulates its stops in the scan without cars, and compares each place of a stop with the places
+   where the others may be then. What moves and is no car is predicted as every planner does it (safety.predictions).
+6. A car that has stood for two seconds is an obstacle. So is, once a car has been met, a thing that stands and is as
+   large as the box on a car: it is drawn into the scan as large as a car.
 
-So the planner's car keeps such a distance from one ahead that it could stop behind it, should that one stop, too. Where
-there is room next to a car, a gap leads past it, and where there is none, the planner's car stays behind. The ground
-that a neighbouring car is about to reach counts as occupied: the planner's car does not turn there.
-
-Source of the distance: S. Shalev-Shwartz, S. Shammah and A. Shashua, On a Formal Model of Safe and Scalable
-Self-driving Cars, arXiv 1708.06374, where it is called the safe longitudinal distance.
-
-Limits: cars are taken to hold their speed, then to brake, and to turn as they do. One that comes up from behind is not
-seen; nor is one that is hidden. Without a moving car in sight this is the gap finder, to the last bit.
+Limits: cars are taken to keep their share of the course's width. One that comes up from behind is not seen; nor is one
+that is hidden. Without a car that has moved in sight this is the gap finder, to the last bit.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
@@ -30,13 +28,15 @@ from .control.driving import refer_to_goal
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from .gap_finder import GapFinder, GapFinderSettings
 from .perception.intermediate_scans import IntermediateScans, keep
-from .perception.other_cars import OTHER_CARS, WIDEST, watch_cars
+from .perception.other_cars import MOST_CARS, WIDEST, watch_cars
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import sees
+from .safety.passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
 from .safety.predictions import draw_disc, place_of, separate, track, write_predictions
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop
+_STANDS, _STANDING = 4, 0.26  # sightings of what may be a car that stands, and its radius [m]
 _OF_CAR = 0.6  # [m] from the middle of what may be a car: what moves there is a part of it
 _ALONG = 0.7  # of the velocity of a thing is along the car's heading: it drives, as cars do
 _find_goal = GapFinder.goal
@@ -46,19 +46,29 @@ _find_goal = GapFinder.goal
 class OvertakerSettings(GapFinderSettings):
     """Parameters of the gap finder, and of the cars that it meets."""
 
-    braking: float = setting(6.0, "m/s^2", "with which another car may stop", POSITIVE)
+    renamed: ClassVar[dict[str, str]] = {**GapFinderSettings.renamed, "closing_braking": "slowing", "beside": "aside"}
+
+    braking: float = setting(5.0, "m/s^2", "with which another car may stop", POSITIVE)
     car_margin: float = setting(0.06, "m", "round another car", FROM_ZERO)
     least_lead: float = setting(0.2, "s", "for which a car goes on at least", FROM_ZERO)
     closing: float = setting(1.5, "m/s", "faster than a car that it passes, at most", POSITIVE)
-    closing_braking: float = setting(4.0, "m/s^2", "with which it slows to that behind a car", POSITIVE)
-    beside: float = setting(1.2, "m", "to either side: cars that it passes no faster than that", FROM_ZERO)
+    slowing: float = setting(3.0, "m/s^2", "with which the car can slow behind another, in a bend, too", POSITIVE)
+    behind: float = setting(0.2, "m", "from a car that it follows, beside what braking takes", FROM_ZERO)
+    look_at: float = setting(4.0, "m", "from a car that it may pass", POSITIVE)
+    aside: float = setting(0.35, "m", "from a car that it passes, at most", FROM_ZERO)
+    patience: float = setting(0.6, "s", "from giving up a pass to the next one", FROM_ZERO)
+    clear: float = setting(0.08, "m", "from side to side, from which on it goes faster than a car ahead", FROM_ZERO)
+    clear_by_speed: float = setting(0.02, "s", "the same, more for each m/s of the other car", FROM_ZERO)
+    room_to_pass: float = setting(0.5, "m", "to a side of another car, for a pass to begin", POSITIVE)
+    room_by_speed: float = setting(0.03, "s", "the same, more for each m/s of the other car", FROM_ZERO)
+    room_to_go_on: float = setting(0.45, "m", "the same, for it to go on", POSITIVE)
 
 
 class Overtaker(GapFinder):
     """The gap finder among other cars."""
 
     Settings = OvertakerSettings
-    memory_type = OTHER_CARS
+    memory_type = RACING
     hides_cars = True
 
     @staticmethod
@@ -74,24 +84,61 @@ class Overtaker(GapFinder):
                 drawn, without, clear = valid[world], valid[count + world], valid[2 * count + world]
                 keep(drawn, valid_ranges(ranges[world], scan[0].range_max))
                 keep(without, drawn)
-                driver, bearing, distance, limit = driven[world].driver, math.nan, 0.0, math.inf
+                driver, bearing, distance = driven[world].driver, math.nan, 0.0
+                limit, among = math.inf, False
                 predictions = driven[world].memory.predictions
                 if sees(scan[0], drawn):
                     memory, settings = own[world].memory, own[world].settings
-                    if watch_cars(memory, scan[0], drawn, odometry[world], driver.car.lidar_offset):
+                    among = watch_cars(memory.seen, scan[0], drawn, odometry[world], driver.car.lidar_offset)
+                    draw_standing(memory, scan[0], drawn, driver.car, settings.car_margin)
+                    keep(without, drawn)
+                    if among:
                         hide_cars(memory, scan[0], without)
                         keep(drawn, without)
+                        limit = choose(memory, scan[0], without, driver.car, settings)
                         draw_cars(memory, scan[0], drawn, odometry[world].speed, driver.car, settings)
-                        limit = passing_speed(memory, driver.car, settings)
                     moves = track(scan[0], without, odometry[world], driver, predictions)
-                    if moves and leave_cars_out(memory, predictions):
+                    if among:
+                        keep(clear, without)
+                    if moves and leave_cars_out(memory.seen, predictions):
                         separate(scan[0], without, clear, odometry[world].speed, predictions)
                         separate(scan[0], drawn, clear, odometry[world].speed, predictions)
+                        keep(clear, without)
+                    if among and driver.prediction:
+                        predict_cars(memory, driver.car, settings.braking, predictions)
                     keep(scans.filtered, drawn)
                     bearing, distance = _find_goal(scan[0], drawn, driver.car, settings, scans)
                 reference = driven[world].reference
                 refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
                 reference.limit = limit
+                if among:
+                    take_lane(own[world].memory, odometry[world].speed, driver, own[world].settings, reference)
+                    if reference.places > 0:
+                        keep(drawn, without)
+
+
+@kernel
+def draw_standing(memory: Record, scan: Record, ranges: FloatArray, parameters: Record, margin: float) -> None:
+    """Shorten beams (n,) [m] to what stands and may be a car, once cars have been met: a box is less than all of it.
+
+    Args:
+      memory: of type RACING, whose `met` is written to.
+      scan: of type SCAN.
+      ranges: readings, written to.
+      parameters: of a car.
+      margin: round a car whose heading is known [m].
+    """
+    seen = memory.seen
+    for car in seen.cars:
+        memory.met = memory.met or (car.age > 0 and car.moves)
+    if memory.met:
+        for k in range(MOST_CARS):
+            car = seen.cars[k]
+            ahead, left = _seen_from(seen, car.x, car.y)
+            if car.age >= _STANDS and not car.moves:
+                draw_disc(scan, ranges, ahead, left, _STANDING)
+            elif car.age > 0 and car.moves and memory.passing[k].stood > STANDS_FOR:
+                _draw_car(scan, ranges, ahead, left, car.heading - seen.heading, parameters, margin)
 
 
 @kernel
@@ -119,12 +166,13 @@ def leave_cars_out(memory: Record, predictions: Record) -> bool:
 
 @kernel
 def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
-    """Lengthen the beams (n,) [m] that end on cars to what is next to them."""
-    count = len(ranges)
-    for car in memory.cars:
-        if car.age == 0 or not car.moves:
+    """Lengthen the beams (n,) [m] that end on cars to what is next to them; `memory` is of type RACING."""
+    count, seen = len(ranges), memory.seen
+    for place in range(MOST_CARS):
+        car = seen.cars[place]
+        if car.age == 0 or not car.moves or memory.passing[place].stood > STANDS_FOR:
             continue
-        ahead, left = _seen_from(memory, car.x, car.y)
+        ahead, left = _seen_from(seen, car.x, car.y)
         far = math.hypot(ahead, left)
         middle = round((math.atan2(left, ahead) - scan.angle_min) / scan.angle_increment)
         half = math.ceil(math.asin(min(_HIDDEN / max(far, _HIDDEN), 1.0)) / scan.angle_increment)
@@ -168,51 +216,32 @@ def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
 def draw_cars(
     memory: Record, scan: Record, ranges: FloatArray, own_speed: float, car: Record, settings: Record
 ) -> None:
-    """Shorten beams (n,) [m] to the cars where the planner's car could meet them, and to where those ahead would stop.
+    """Shorten beams (n,) [m] to the cars that are passed, where the planner's car could meet them.
 
     Args:
-      memory: of type OTHER_CARS.
+      memory: of type RACING.
       scan: of type SCAN.
       ranges: readings without cars, written to.
       own_speed: of the planner's car [m/s].
       car: its parameters, which the others are taken to have.
       settings: fields of OvertakerSettings.
     """
-    for other in memory.cars:
-        if other.age == 0 or not other.moves:
+    for k in range(MOST_CARS):
+        other, passing = memory.seen.cars[k], memory.passing[k]
+        if passing.places == 0 or passing.what == FOLLOWS:
             continue
-        x, y, heading = other.x, other.y, other.heading
-        speed, time = math.hypot(other.vx, other.vy), 0.0
+        speed, time, way = math.hypot(other.vx, other.vy), 0.0, 0.0
         step = (speed / settings.braking + settings.least_lead) / _STEPS
-        ahead, left = _seen_from(memory, x, y)
-        is_ahead = ahead > 0.5 * car.length
+        is_ahead = passing.along > 0.5 * car.length
         for place in range(_STEPS + 1):
-            ahead, left = _seen_from(memory, x, y)
+            ahead, left, heading = place_on(passing, way)
             reached = own_speed * time
             if (place == _STEPS and is_ahead) or abs(math.hypot(ahead, left) - reached) < car.length:
-                _draw_car(scan, ranges, ahead, left, heading - memory.heading, car, settings.car_margin)
-            x += step * speed * math.cos(heading)
-            y += step * speed * math.sin(heading)
-            heading += step * other.turn_rate
+                _draw_car(scan, ranges, ahead, left, heading, car, settings.car_margin)
+            way += step * speed
             time += step
             if time > settings.least_lead:
                 speed = max(speed - step * settings.braking, 0.0)
-
-
-@kernel
-def passing_speed(memory: Record, car: Record, settings: Record) -> float:
-    """Return the speed at which the car may approach and pass others [m/s], should they turn into its way."""
-    limit = math.inf
-    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
-    for other in memory.cars:
-        if other.age == 0 or not other.moves:
-            continue
-        ahead, left = _seen_from(memory, other.x, other.y)
-        if abs(left) < settings.beside and ahead > -0.5 * car.length:
-            gap = max(ahead - 0.8 * car.length, 0.0)  # from bumper to bumper
-            closing = max(settings.closing, math.sqrt(2.0 * settings.closing_braking * gap))
-            limit = min(limit, max(cos * other.vx + sin * other.vy, 0.0) + closing)
-    return limit
 
 
 @kernel

@@ -26,7 +26,7 @@ OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS)
 
 def target(x, y, vx, vy, radius=0.25, to_wall=math.inf, braking=0.0, spread=0.0):
     speed = math.hypot(vx, vy)
-    return np.array([x, y, vx / speed, vy / speed, speed, radius, to_wall, braking, spread])
+    return np.array([x, y, vx / speed, vy / speed, speed, radius, to_wall, braking, spread, 0.0])
 
 
 def test_the_places_of_a_target_are_between_braking_and_going_on():
@@ -99,7 +99,7 @@ def filtered(rows, speed=4.0, ahead=12.0):
     widened = np.minimum(ahead / np.maximum(np.cos(bearings), 1e-3), 30.0)
     return safe_steering(
         LIMITER.record[0], np.zeros(1, LIMITER_MEMORY)[0], row[0], widened, bearings[0], math.radians(0.25), 0.0, speed,
-        0.0, speed, 0.025, np.empty((0, 4)), False, np.array(rows).reshape(-1, 9), 0.17,
+        0.0, speed, 0.025, np.empty((0, 4)), False, np.array(rows).reshape(-1, 10), 0.17,
     )  # fmt: skip
 
 

@@ -195,6 +195,9 @@ DRIVING_MEMORY = np.dtype(
 )
 """Type of what they keep of its car from tick to tick; zero at the beginning."""
 
+MOST_LANE = 20
+"""Greatest number of places of a lane beside another car."""
+
 REFERENCE = np.dtype(
     [
         ("steering_angle", np.float64),  # [rad]; NaN: there is no reference, and the car brakes
@@ -203,6 +206,8 @@ REFERENCE = np.dtype(
         ("distance", np.float64),  # [m] of the goal from the LiDAR
         ("own_speed", np.float64),  # [m/s] before any speed law
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
+        ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
+        ("places", np.int64),  # of the lane; 0: there is none
     ]
 )
 """Type of the reference of a planner for one scan."""
@@ -288,7 +293,7 @@ def refer(
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
     reference.speed = reference.own_speed = min(speed, driver.max_speed)
-    reference.limit = math.inf
+    reference.limit, reference.places = math.inf, 0
     if math.isnan(bearing):
         reference.steering_angle = math.nan
     elif driver.range_ratio:
@@ -399,10 +404,13 @@ def _drive(
             memory.guidance.turning.slow = 0  # what is in the way moves on
         if driver.remembers:
             see_lap(remembered[0].lap, scan, guiding, odometry, driver.car.lidar_offset)
+        own = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
         guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+        if reference.places > 0:
+            reference.steering_angle, reference.speed, reference.bearing, reference.distance = own
         note(reasons, GUIDED, reference.steering_angle, reference.speed)
         turning = memory.guidance.turning
-        if turning.active:
+        if turning.active and reference.places == 0:
             note(reasons, MOVES, turning.steering_angle, turning.speed)
             _extend_history(scan, odometry, driver, memory)
             least = driver.limiter.settings.least_lateral_use
@@ -431,7 +439,7 @@ def _drive(
         if driver.safety_filter:
             return _drive_filtered(
                 scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight, predictions,
-                table.radius,
+                table.radius, reference.lane[: reference.places],
             )  # fmt: skip
         speed = min(speed, in_sight)
         note(reasons, SIGHT, reference.steering_angle, speed)
@@ -495,6 +503,7 @@ def _drive_filtered(
     in_sight: float,
     predictions: FloatArray,
     radius: float,
+    lane: FloatArray,
 ) -> tuple[float, float]:
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
@@ -511,8 +520,9 @@ def _drive_filtered(
       steering_angle: of the reference [rad].
       speed: of the reference, by the speed laws [m/s].
       in_sight: from which the car stops within what it sees [m/s].
-      predictions: of targets that move (k, 9), see safety.predictions.
+      predictions: of targets that move (k, 10), see safety.predictions.
       radius: of the disc over the car's front [m].
+      lane: motion (m, 4) on which the car stays beside another one; m may be 0.
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
     limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
@@ -521,19 +531,33 @@ def _drive_filtered(
         speed = min(speed, driver.recovery_settings.speed)
         note(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
     guidance = memory.guidance
-    reference_speed = speed if guidance.knows_speed else min(speed, max(in_sight, settings.crawl_speed))
-    if not guidance.knows_speed:
+    keeps = len(lane) > 0
+    knows_speed, path = guidance.knows_speed and not keeps, path_ahead(guidance)
+    if keeps:
+        path = lane.copy()
+    reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
+    if not knows_speed:
         note(memory.reasons, SIGHT, steering_angle, reference_speed)
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period, path_ahead(guidance), memory.kept, predictions, radius,
+        angle, now, period, path, memory.kept, predictions, radius,
     )  # fmt: skip
     memory.kept = found and safe == reference
-    if len(predictions) > 0 and not memory.kept:
+    among = memory.predictions.cars > 0
+    if among and not memory.kept:
+        without, use_without, _ = safe_steering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
+            angle, now, period, path, True, predictions[:0], radius,
+        )  # fmt: skip
+        if without == reference:
+            note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            use_without = 1.0 if keeps else use_without  # beside another car it has to follow the course
+            return _hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
+    if len(predictions) > 0 and not memory.kept and not among:
         onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))
         past, use_past, passes = passing_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference,
-            onwards, angle, now, period, path_ahead(guidance), predictions, radius,
+            onwards, angle, now, period, path, predictions, radius,
         )  # fmt: skip
         if passes:
             note(memory.reasons, SAFETY_FILTER, past, onwards)
@@ -545,7 +569,7 @@ def _drive_filtered(
         return _hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
-        if guidance.follows:  # it is free, as far as its search could tell
+        if guidance.follows and not keeps:  # it is free, as far as its search could tell
             note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
             return _hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
         note(memory.reasons, SAFETY_FILTER, safe, speed)

@@ -41,7 +41,8 @@ _LEAST_SPEED = 0.5  # [m/s]
 _MOVED = 0.2  # [m]
 _FORGOTTEN = 0.8  # [s]
 _FORGOTTEN_IN_VIEW = 0.1  # [s] the same, of one that would be seen there
-_RIM = 0.5  # [rad] from the end of the view: a car that is expected there may still be behind it
+_NEAR, _FORGOTTEN_NEAR = 1.2, 0.4  # [m] and [s]: of a car that is nearer, parts are seen, and its box may be missed
+_RIM = 0.25  # [rad] from the end of the view: a car that is expected there may still be behind it
 _SLOWING = 0.93  # of its speed, in each tick
 _PART = 0.5  # [m] from the middle of a car: what is found there is a part of it
 _ALPHA, _BETA = 0.5, 0.13  # least gains
@@ -157,7 +158,8 @@ def _follow(
                 car.vx *= _SLOWING
                 car.vy *= _SLOWING
             else:
-                patience = _FORGOTTEN_IN_VIEW
+                near = math.hypot(car.x - memory.x, car.y - memory.y) < _NEAR
+                patience = _FORGOTTEN_NEAR if near else _FORGOTTEN_IN_VIEW
         if car.unseen > patience:
             car.age = 0
         return

@@ -32,13 +32,17 @@ from fg_mujoco.messages import ODOMETRY, FloatArray
 
 from ..control.planner_settings import Record
 from ..control.slip import course_angle
+from ..perception.other_cars import MOST_CARS
 from ..perception.scan_geometry import nearest_place, sees
 from ..perception.targets import MOST_TARGETS, TARGETS, track_targets
+
+MOST_ROWS = MOST_TARGETS + 3 * MOST_CARS
+"""Predictions: targets, and for each car that a planner follows by rules of its own three discs."""
 
 MOST_LATE = 16
 """Ticks from which on scans are too late to be compared with."""
 
-X, Y, COS, SIN, SPEED, RADIUS, TO_WALL, BRAKING, SPREAD = range(9)  # columns of a prediction
+X, Y, COS, SIN, SPEED, RADIUS, TO_WALL, BRAKING, SPREAD, CURVATURE = range(10)  # columns of a prediction
 
 _BRAKING = 6.0  # [m/s^2] of a target that drives in the car's direction
 _SLOWING = 0.3  # [1/s] share of its speed that a target which crosses loses in a second
@@ -60,9 +64,10 @@ PREDICTIONS = np.dtype(
         ("yaw_rates", np.float64, (MOST_LATE,)),  # [rad/s]
         ("tick", np.int64),
         ("count", np.int64),
+        ("cars", np.int64),  # how many of them, at the end, are of cars that a planner follows by its own rules
         # middle, ahead and left of the LiDAR [m], cosine and sine of its course, speed [m/s], radius [m], way to what
-        # stands [m], braking [m/s^2] and uncertainty of the speed [m/s]
-        ("rows", np.float64, (MOST_TARGETS, 9)),
+        # stands [m], braking [m/s^2], uncertainty of the speed [m/s] and curvature of its path [1/m]
+        ("rows", np.float64, (MOST_ROWS, 10)),
     ]
 )
 """Type of what is kept from tick to tick; zero at the beginning."""
@@ -96,7 +101,7 @@ def predict(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, 
 @kernel
 def track(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, memory: Record) -> bool:
     """Track the targets in a scan; return whether one moves. Arguments as of `predict`."""
-    memory.count = 0
+    memory.count = memory.cars = 0
     if not (driver.prediction and sees(scan, ranges)):
         return False
     _keep_odometry(memory, odometry, driver.late)
@@ -141,7 +146,7 @@ def write_predictions(memory: Record) -> bool:
                 row[COS] = (cos * target.vx + sin * target.vy) / speed
                 row[SIN] = (cos * target.vy - sin * target.vx) / speed
             row[BRAKING] = _BRAKING * row[COS] * row[COS] + _SLOWING * speed
-            row[SPREAD] = math.sqrt(target.p_speed)
+            row[SPREAD], row[CURVATURE] = math.sqrt(target.p_speed), 0.0
     return bool(memory.count > 0)
 
 
@@ -197,11 +202,19 @@ def interval(row: FloatArray, time: float) -> tuple[float, float]:
 
 
 @kernel
+def along_arc(along: float, across: float, curvature: float) -> tuple[float, float]:
+    """Return a place along and across an arc that begins in the direction of `along` [m]; curvature [1/m], not 0."""
+    turned, off = curvature * along, 1.0 - curvature * across
+    beyond = 2.0 * across - curvature * (along * along + across * across)
+    return math.atan2(turned, off) / curvature, beyond / (1.0 + math.hypot(turned, off))
+
+
+@kernel
 def meets(rows: FloatArray, ahead: float, left: float, radius: float, time: float) -> bool:
     """Return whether a disc at a place [m] could touch a target at a time [s].
 
     Args:
-      rows: predictions (k, 9).
+      rows: predictions (k, 10).
       ahead: of where the LiDAR is now.
       left: the same.
       radius: [m].
@@ -211,6 +224,8 @@ def meets(rows: FloatArray, ahead: float, left: float, radius: float, time: floa
         row = rows[k]
         dx, dy = ahead - row[X], left - row[Y]
         along, across = row[COS] * dx + row[SIN] * dy, row[COS] * dy - row[SIN] * dx
+        if row[CURVATURE] != 0.0:
+            along, across = along_arc(along, across, row[CURVATURE])
         reach = radius + row[RADIUS]
         if abs(across) < reach:
             near, far = interval(row, time)
@@ -222,7 +237,7 @@ def meets(rows: FloatArray, ahead: float, left: float, radius: float, time: floa
 
 @kernel
 def turned(memory: Record, angle: float) -> FloatArray:
-    """Return the predictions (k, 9) in a frame that is turned to the left by an angle [rad] round the LiDAR."""
+    """Return the predictions (k, 10) in a frame that is turned to the left by an angle [rad] round the LiDAR."""
     rows: FloatArray = memory.rows[: memory.count].copy()
     if angle != 0.0:
         cos, sin = math.cos(angle), math.sin(angle)

@@ -126,7 +126,7 @@ def safe_steering(
       period: between commands [s].
       path: motion (m, 4) that the reference leads along, in the frame of the rear axle; m may be 0.
       kept: whether the reference passed at the last scan.
-      predictions: of targets that move (k, 9), see `predictions`; the scan is the one without them.
+      predictions: of targets that move (k, 10), see `predictions`; the scan is the one without them.
       radius: of the disc that covers the car's front [m].
     """
     car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
@@ -276,7 +276,7 @@ def speed_at_contact(
       speed: present [m/s].
       period: of a tick [s].
       path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
-      predictions: of targets that move (k, 9), which the same discs have to keep clear of, see `predictions`.
+      predictions: of targets that move (k, 10), which the same discs have to keep clear of, see `predictions`.
       radius: of these discs [m].
     """
     car, (bearing, distance) = limiter.car, goal
