@@ -51,6 +51,18 @@ def test_a_straight_stop_takes_less_room_on_better_ground():
     assert safe_speed(scan, stopping=paths) == pytest.approx(straight_stop(4.0, paths, wet), abs=SPEED_STEP + 0.05)
 
 
+@pytest.mark.parametrize("wall", [2.0, 4.0, 6.0])
+@pytest.mark.parametrize("steering_angle", [0.0, 0.1])
+def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, steering_angle):
+    """A planner that learns relies on it between the frictions that its trajectories are planned for."""
+    less, more = (FrictionLimiter(CAR, mu) for mu in (0.56, 0.59))
+    faster = math.sqrt(more.lateral / less.lateral)
+    scan = corridor(0.6, 0.8, BUMPER + wall)
+    by_table = safe_speed(scan, 3.0, steering_angle, BrakingTrajectories(CAR, more, TOP_SPEED))
+    scaled = faster * safe_speed(scan, 3.0 / faster, steering_angle, BrakingTrajectories(CAR, less, TOP_SPEED))
+    assert scaled == pytest.approx(by_table, abs=1.05 * SPEED_STEP)
+
+
 def test_on_an_open_plain_any_speed_is_safe():
     assert safe_speed(scan_of(np.full(1081, math.inf))) == TOP_SPEED
     assert safe_speed(corridor(1.0, 1.0)) == TOP_SPEED

@@ -433,8 +433,10 @@ def _drive(
         surroundings = clear if len(predictions) > 0 else valid
         widened = widen_all(surroundings, scan.angle_increment, table.radius)
         _extend_history(scan, odometry, driver, memory)
-        in_sight = safe_speed(
-            table, widened, scan.angle_min, scan.angle_increment, odometry.speed, odometry.steering_angle
+        # a stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts
+        faster = math.sqrt(driver.limiter.lateral / table.lateral)
+        in_sight = faster * safe_speed(
+            table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
         )
         if driver.safety_filter:
             return _drive_filtered(

@@ -34,7 +34,7 @@ from fg_mujoco.messages import ODOMETRY, CarParameters
 
 from ..perception.scan_geometry import SCAN, period_of
 from .planner_settings import Record
-from .steering import saturate
+from .steering import late_by, saturate
 
 _MOST_USE = 0.97  # of an axle's peak: a greater force has the slip angle of this
 _LAG_USE = 0.9  # of that: where the lag is taken
@@ -193,6 +193,14 @@ def fastest_on(slip: Record, angle: float) -> float:
 def path_lag(slip: Record, speed: float) -> float:
     """Return the way [m] over which the path of a car follows its steering: v^2 s / a for a slip angle s at a."""
     return float(slip.lag * speed * speed + slip.relaxation_length)
+
+
+@kernel
+def late_on_path(slip: Record, car: Record, speed: float) -> float:
+    """Return by how much later the path of a car follows its commands than the F1TENTH car's [s], see `path_lag`."""
+    if not slip.soft:
+        return late_by(car)
+    return float(late_by(car) + path_lag(slip, speed) / max(speed, _SLOW))
 
 
 @kernel

@@ -45,10 +45,22 @@ def errors(point: FloatArray, x: float, y: float, heading: float) -> tuple[float
 
 @kernel
 def steer_along(
-    points: FloatArray, place: int, x: float, y: float, heading: float, speed: float, wheelbase: float, late: float
+    points: FloatArray,
+    place: int,
+    x: float,
+    y: float,
+    heading: float,
+    speed: float,
+    wheelbase: float,
+    late: float,
+    path_late: float,
 ) -> float:
-    """Return the steering angle [rad] for a car on a motion; arguments as of `steer_within`."""
-    length = _LENGTH + _LENGTH_TIME * max(speed, 0.0)
+    """Return the steering angle [rad] for a car on a motion; arguments as of `steer_within`.
+
+    `path_late` is by how much later the car's path follows its commands than the F1TENTH car's [s]. The length over
+    which errors fall is greater by the way of this time: a car that answers late would swing about the motion else.
+    """
+    length = _LENGTH + (_LENGTH_TIME + path_late) * max(speed, 0.0)
     return steer_within(points, place, x, y, heading, speed, wheelbase, late, length)
 
 

@@ -32,6 +32,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
+from ..control.slip import late_on_path
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from ..perception.frontiers import (
@@ -169,7 +170,7 @@ def guide(
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
     followed = memory.motion if memory.follows else memory.trial
     if followed.count > 0:
-        _follow(memory, followed, memory.progress if memory.follows else 0, car, speed, reference)
+        _follow(memory, followed, memory.progress if memory.follows else 0, limiter, speed, reference)
     else:
         reference.steering_angle = odometry.steering_angle
         reference.bearing, reference.distance = bearing, at
@@ -296,11 +297,13 @@ def _bend(memory: Record, car: Record) -> float:
 
 
 @kernel
-def _follow(memory: Record, motion: Record, first: int, car: Record, speed: float, reference: Record) -> None:
+def _follow(memory: Record, motion: Record, first: int, limiter: Record, speed: float, reference: Record) -> None:
     """Write the reference that keeps the car on a motion."""
-    world, points = memory.way.map, motion.points[: motion.count]
-    x, y, heading = world.x, world.y, world.heading
-    reference.steering_angle = steer_along(points, first, x, y, heading, speed, car.wheelbase, late_by(car))
+    world, points, car = memory.way.map, motion.points[: motion.count], limiter.car
+    late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
+    reference.steering_angle = steer_along(
+        points, first, world.x, world.y, world.heading, speed, car.wheelbase, late, path_late
+    )
     dx, dy = points[first, X] - world.x, points[first, Y] - world.y
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     reference.bearing = math.atan2(cos * dy - sin * dx, cos * dx + sin * dy)

@@ -36,7 +36,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.slip import path_lag
+from ..control.slip import late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_place, steer_along
@@ -296,7 +296,8 @@ def speed_at_contact(
         reference = angle
         if len(path) > 0:
             place = next_place(path, place, x, y, heading)
-            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase, late_by(car))
+            late, path_late = late_by(car), late_on_path(limiter.slip, car, speed)
+            reference = steer_along(path, place, x, y, heading, speed, car.wheelbase, late, path_late)
         elif distance > settings.arrived:
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
@@ -344,9 +345,7 @@ def speed_at_contact(
 
 
 @kernel
-def _reading_towards(
-    ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float
-) -> float:
+def _reading_towards(ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
     """Return the one of `ranges` (n,) [m] that is nearest to the bearing of a point [m] in the frame of the LiDAR."""
     place = nearest_place(angle_min, angle_increment, ahead, left)
     return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])

@@ -196,10 +196,7 @@ def test_its_look_takes_its_states(name):
 @pytest.mark.slow
 @every_vehicle
 @pytest.mark.parametrize("track", ["chicanes", "fast", "hairpins", "l_corridor", "oval", "tight"])
-def test_the_gap_finder_drives_it_five_laps_without_a_crash_or_a_slide(name, track, request):
-    if name == "ipz" and track in ("chicanes", "tight"):
-        said = "a miss, whose cause was not measured: it hits a wall in lap 5 and in lap 4"
-        request.applymarker(pytest.mark.xfail(reason=said, strict=True))
+def test_the_gap_finder_drives_it_five_laps_without_a_crash_or_a_slide(name, track):
     reason, figures = drive(load(name), track, laps=5)
     assert reason == "finished"
     assert figures["max_slide_m_s"] <= slides_above(load(name).tires.model) and figures["slide_time_fraction"] == 0.0
