@@ -22,6 +22,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from ..control.slip import late_on_path
 from ..control.steering import late_by, saturate
 from ..control.tracking import steer_along
 from ..perception.corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
@@ -269,8 +270,9 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
     if count < _LEAST_LANE:
         return
     reference.places = count
+    path_late = late_on_path(limiter.slip, car, own_speed)
     reference.steering_angle = steer_along(
-        reference.lane[:count], 0, 0.0, 0.0, 0.0, own_speed, car.wheelbase, late_by(car)
+        reference.lane[:count], 0, 0.0, 0.0, 0.0, own_speed, car.wheelbase, late_by(car), path_late
     )
     reference.bearing = math.atan2(reference.lane[count - 1, 1], reference.lane[count - 1, 0] - car.lidar_offset)
     reference.distance = math.hypot(reference.lane[count - 1, 1], reference.lane[count - 1, 0] - car.lidar_offset)
