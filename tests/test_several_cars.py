@@ -260,3 +260,19 @@ def test_another_timestep_is_refused(tmp_path: Path) -> None:
     path.write_text(text.replace('timestep="0.005"', 'timestep="0.0025"'), encoding="utf-8")
     with pytest.raises(ModelError, match="has timestep"):
         World("oval", others=[WorldCar(vehicle=path)])
+
+
+def test_four_planners_finish_a_lap_unless_another_pushes_them_out() -> None:
+    names = ("overtaker", "gap_finder", "pure_pursuit", "disparity_extender")
+    marks: list[int] = []
+    result = race(
+        "oval", entries=[Entry(controller=name, name=name) for name in names], laps=1,
+        watch=lambda progress: marks.append(progress.racing),
+    )  # fmt: skip
+    assert len(marks) == len(result.ctrl) and marks[0] == 4 and marks[-1] == 0
+    assert sorted(car.position for car in result.cars) == [1, 2, 3, 4]
+    for car in result.cars:  # it finishes, unless another has pushed it out
+        pushed = [contact for contact in result.contacts if car.name in contact.cars and not contact.blames(car.name)]
+        assert (car.finished and car.collisions_wall == 0) or pushed, (car.name, car.end)
+        assert len(car.telemetry) == len(result.ctrl)
+    assert result.winner == min(result.cars, key=lambda car: car.position).name
