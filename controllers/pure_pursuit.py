@@ -12,8 +12,9 @@
    within what the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is
    and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 
-The line is the centreline, or that of a CSV file (racelines.read_line), driven in the order of its points; it is closed
-if the map's own line is, and then it has to go round in the same direction.
+The line is the centreline, that of a CSV file (racelines.read_line), driven in the order of its points, or the one of
+least lap time between the map's walls (line_optimizer). It is closed if the map's own line is, and then it has to go
+round in the same direction.
 
 Source: R. Coulter, Implementation of the Pure Pursuit Path Tracking Algorithm, CMU-RI-TR-92-01.
 
@@ -36,6 +37,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw
+from .control.line_optimizer import limited_grip, optimize_line, walls_beside
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
@@ -51,7 +53,8 @@ class PurePursuitSettings(DrivingSettings):
 
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
-    line: str = setting("centreline", text="or the path of a CSV file")
+    line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
+    margin: float = setting(0.1, "m", "raceline: between the car and the walls", FROM_ZERO)
     least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
     lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)
     joining_lookahead: float = setting(3.0, "m/m", "as much more for each metre off the line", FROM_ZERO)
@@ -64,7 +67,8 @@ class PurePursuitSettings(DrivingSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.line, str) or not self.line:
-            raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: centreline, or a path to a .csv")
+            accepted = "centreline, raceline, or a path to a .csv"
+            raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: {accepted}")
 
 
 @kernel
@@ -181,7 +185,10 @@ class PurePursuit(Planner):
         if type(settings) is not PurePursuitSettings:  # which is refused
             super().__init__(car, mu, max_speed, settings)
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
-        if settings.line != "centreline":
+        if settings.line == "raceline":
+            points = _raceline(map_line, car, mu, max_speed, for_car(settings, car))
+            speeds = np.full(len(points), math.inf)
+        elif settings.line != "centreline":
             points, speeds = read_line(settings.line)
             self._check_direction(points, map_line, settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
@@ -242,6 +249,20 @@ class PurePursuit(Planner):
         offset = distance_to(self.line, nearest, x, y)
         lookahead = lookahead_at(self.settings_row[0], self.driver[0]["car"], abs(odometry.speed), offset)
         return goal_ahead(self.line, nearest, lookahead, x, y)
+
+
+@lru_cache(maxsize=8)
+def _raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float, settings: Any) -> FloatArray:
+    """Return the line of least lap time between the walls of a map, by what its profile may use of the tires. (n, 2).
+
+    Raises:
+      SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
+    """
+    if not (map_line.closed and map_line.walls and math.isfinite(mu)):
+        raise SettingsError("line is 'raceline'; accepted: on a circuit whose walls are known, with friction limits")
+    grip = limited_grip(FrictionLimiter(car, mu), max_speed, settings.cornering_use, settings.braking_use)
+    walls = walls_beside(map_line.points, map_line.walls)
+    return optimize_line(map_line.points, walls, car, grip, margin=settings.margin).points
 
 
 @lru_cache(maxsize=8)

@@ -195,7 +195,7 @@ def test_in_a_batch_each_follows_its_own_line_as_alone():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"line": 3}, r"PurePursuitSettings\.line is 3; accepted: centreline, or a path"),
+        ({"line": 3}, r"PurePursuitSettings\.line is 3; accepted: centreline, raceline, or a path"),
         ({"least_lookahead": 0.0}, r"PurePursuitSettings\.least_lookahead is 0\.0; accepted: a positive number"),
         ({"reaction": -1.0}, r"PurePursuitSettings\.reaction is -1\.0; accepted: a number from 0"),
         ({"braking_use": 1.1}, r"PurePursuitSettings\.braking_use is 1\.1; accepted: a share above 0, at most 1"),

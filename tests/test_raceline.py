@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control import line_optimizer
 from fg_mujoco.controllers.control.line_optimizer import Grip, Walls, optimize_line, spread
 from fg_mujoco.controllers.control.racelines import read_line
-from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.errors import ControllerError, SettingsError, TrackError
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.studies.friction_lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
@@ -181,3 +182,21 @@ def test_solver_that_does_not_converge_is_said(objective, monkeypatch):
     monkeypatch.setattr(line_optimizer, "least_on_ring", lambda *_: None)
     with pytest.raises(SettingsError, match="does not converge; accepted"):
         make_raceline(Setup(track="oval"), objective=objective)
+
+
+def test_pure_pursuit_makes_its_own_line_and_is_faster_on_it():
+    centreline, own = (fg.race("oval", f"pure_pursuit[line={line}]", laps=1).car for line in ("centreline", "raceline"))
+    assert own.finished and own.max_slide_m_s < 0.01 and own.lap_times_s[0] < centreline.lap_times_s[0]
+
+
+def test_walls_are_told_apart_by_the_side_of_the_line_on_which_they_lie():
+    box = np.array([[5.2, 0.1], [4.7, 0.1], [4.7, -0.1], [5.2, -0.1]])  # most of it to the left of the line
+    walls = line_optimizer.walls_beside(ring(5.0), (ring(6.0), ring(4.0), box))
+    radius = np.hypot(*walls.points.T)
+    assert (walls.sides[radius > 5.5, 0] == -1.0).all() and (walls.sides[radius < 4.5, 0] == 1.0).all()
+    assert (walls.sides[(radius > 4.5) & (radius < 5.5), 0] == 1.0).all()
+
+
+def test_own_line_without_walls_is_refused():
+    with pytest.raises(ControllerError, match="on a circuit whose walls are known"):
+        fg.race("scene:dead_end:0", "pure_pursuit[line=raceline]")

@@ -1,7 +1,7 @@
 """The fastest closed line between walls: of least curvature, or of least lap time.
 
     walls = Walls.of(left=[left_wall], right=[right_wall])
-    found = optimize_line(centreline, walls, car, grip_of(limiter, ...), margin=0.1, objective="time")
+    found = optimize_line(centreline, walls, car, limited_grip(limiter, 8.0, 1.0, 0.9), margin=0.1)
     found.points, found.lap_time
 
 1. The line is points that are evenly apart. Each may move along its normal, within the room that walls and obstacles
@@ -35,12 +35,14 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray
 
+from ..safety.friction_limiter import FrictionLimiter, longitudinal_share
 from .band_program import least_on_ring
 
 Objective = Literal["time", "curvature"]
 
 SPACING = 0.2  # [m] of the points of a line that is shaped
 _WALL_SPACING = 0.05  # [m] of the points of walls
+_ENTRIES = 65  # of a grip's tables
 _CELL = 0.5  # [m] of the grid in which walls are looked up
 _THROUGH = 0.05  # [m] by which a wall may lie on the wrong side of the line, and still be that wall
 _THROUGH_OBSTACLE = 1.5  # [m] the same for obstacles, through which the first line leads
@@ -72,6 +74,17 @@ class Grip:
     max_speed: float  # [m/s]
 
 
+def limited_grip(limiter: FrictionLimiter, max_speed: float, cornering_use: float, braking_use: float) -> Grip:
+    """Return shares of what a friction limiter allows, up to a speed [m/s], as a grip; arguments as of `line_table`."""
+    car, lateral = limiter.car, cornering_use * limiter.lateral
+    used = np.linspace(0.0, lateral, _ENTRIES) / (limiter.mu * car.gravity)
+    left = braking_use * np.array([longitudinal_share(use, limiter.exponent) for use in used.tolist()])
+    return Grip(
+        lateral=lateral, accelerating=limiter.accelerating * left, braking=limiter.braking * left,
+        power=car.max_acceleration * car.power_limit_speed, max_speed=max_speed,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walls:
     """Points of walls and obstacles, sorted by the cells of a grid."""
@@ -98,6 +111,8 @@ class Walls:
                 dense = _divided(outline, _WALL_SPACING)
                 points.append(dense)
                 sides.append(np.tile([side, through], (len(dense), 1)))
+        if not points:
+            raise SettingsError("a line without walls beside it; accepted: a circuit whose walls are known")
         every, side_of = np.concatenate(points), np.concatenate(sides)
         origin = every.min(axis=0)
         cells = np.floor((every - origin) / _CELL).astype(np.int64)
@@ -106,6 +121,26 @@ class Walls:
         order = np.argsort(index, kind="stable")
         starts = np.searchsorted(index[order], np.arange(columns)[:, None] * rows + np.arange(rows + 1))
         return cls(points=every[order], sides=side_of[order], origin=origin, starts=starts.astype(np.int64))
+
+
+def walls_beside(line: FloatArray, outlines: Iterable[FloatArray]) -> Walls:
+    """Return closed outlines (k, 2) [m] as walls of a closed line (n, 2) [m], each on the side where most of it lies.
+
+    One that lies on both sides stands on the line, as islands do, and is passed on the other side.
+
+    Raises:
+      SettingsError: there is none.
+    """
+    ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    kinds: list[list[FloatArray]] = [[], [], [], []]
+    for outline in outlines:
+        points = _divided(outline, _CELL)
+        nearest = [int(np.argmin((line[:, 0] - x) ** 2 + (line[:, 1] - y) ** 2)) for x, y in points.tolist()]
+        away = points - line[nearest]
+        leftwards = ahead[nearest, 0] * away[:, 1] - ahead[nearest, 1] * away[:, 0] > 0.0
+        share = float(leftwards.mean())
+        kinds[(0 if share in (0.0, 1.0) else 2) + (share < 0.5)].append(outline)
+    return Walls.of(*kinds)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
