@@ -17,7 +17,7 @@ def add_scenarios(add_command: Callable[..., argparse.ArgumentParser], commands:
     text = "drive a planner through a suite of overtaking scenarios that a file defines"
     command = add_command(commands, "scenarios", _scenarios, text)
     add = command.add_argument
-    add("suite", metavar="SUITE.toml", help="the scenarios, such as examples/scenarios/end2race.toml")
+    add("suite", metavar="SUITE.toml", help="the scenarios, such as examples/scenarios/overtaking.toml")
     add(
         "--controller", type=names_in, default=["overtaker"], metavar="LIST",
         help="NAME, path/to/file.py:ClassName or a policy's file, with settings in brackets, comma between two; "

@@ -1,6 +1,6 @@
 """A suite of scenarios that a file defines, driven for any planner, and how often each was safe and passed.
 
-    study = drive_suite("end2race.toml", "overtaker", out="runs/suite")
+    study = drive_suite("examples/scenarios/overtaking.toml", "overtaker", out="runs/suite")
     print(study.markdown())
 
 The file has the seconds of a scenario and groups of them, in each of which every value is combined with every other:
