@@ -101,7 +101,7 @@ def test_corners_are_those_of_the_box_that_it_is():
             for name in ("length", "width", "height", "speed")
             for value in (0.0, -1.0, math.nan, math.inf)
         ),
-        *(("headway", value) for value in (-0.1, math.nan, math.inf)),
+        *(("headway", value) for value in (math.nan, math.inf, -math.inf)),
         *(("heading", value) for value in (math.nan, math.inf)),
         *((name, value) for name in ("start", "end") for value in ((0.0, math.nan), (1.0,), (1.0, 2.0, 3.0))),
         ("end", (6.0, 0.0)),  # where it starts

@@ -21,6 +21,7 @@ controller = "follow_the_gap[point=deepest]"
 laps = 2
 obstacles = 3
 obstacle-seed = 4
+moving = "crossing:2"
 mu = 0.9
 planner_mu = "off"
 max-speed = 5
