@@ -22,7 +22,7 @@ from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.studies.drives.channels import Channel
 from fg_mujoco.studies.identification import fit, identification
 from fg_mujoco.studies.identification.drive_log import Drive
-from fg_mujoco.studies.identification.fit import fitted_starts
+from fg_mujoco.studies.identification.fit import fitted_starts, inverse_dynamics, output_error
 from fg_mujoco.studies.identification.identification import Estimate, identify_drives
 from fg_mujoco.studies.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.studies.identification.smoothed_motion import smooth
@@ -31,6 +31,7 @@ from fg_mujoco.studies.identification.steering_response import Steering
 from fg_mujoco.studies.identification.tire_file import tire_text, write_tires
 from fg_mujoco.studies.identification.vehicle_file import write_vehicle
 from fg_mujoco.vehicle.single_track import friction_curve
+from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -339,6 +340,22 @@ def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
     result = fg.race("oval", "pure_pursuit", laps=1, max_speed=3.0, tires=tmp_path / "tires.toml")
     assert result.car.finished
     assert result.car.max_slide_m_s == 0.0
+
+
+def test_a_curve_that_turns_back_before_its_peak_is_told_by_one_that_has_it():
+    turning_back = (5.1, 1.02, 1.25, 1.39)  # .79 at .31 rad, which is .63 of its D: no tire file may have it
+    with pytest.raises(fg.SettingsError, match="no peak"):
+        MagicFormula(**dict(zip("BCDE", turning_back, strict=True)))
+    tires = (turning_back, TIRES[1], TIRES[2])
+    drive = car.recorded(car.exciting(3, tires, 20.0), tires, seed=3, **STEERING)
+    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
+    start = inverse_dynamics([problem])
+    start[:4] = stiffness(turning_back), *turning_back[1:]  # where the search would stay
+    found = output_error([problem], start).parameters
+    slope, c, d, e = found[:4]
+    front = MagicFormula(B=slope / (c * d), C=c, D=d, E=e)
+    slips = np.linspace(0.02, 0.3, 15)
+    assert np.allclose([front.force(slip) for slip in slips], car.magic_formula(slips, turning_back), rtol=0.05)
 
 
 @pytest.fixture(scope="module")

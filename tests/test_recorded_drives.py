@@ -107,6 +107,8 @@ def test_commands_hold_and_measurements_are_interpolated(tmp_path):
             lambda m: {"yaw": np.degrees(np.remainder(0.8 * m["time"], 2.0 * np.pi) - np.pi)},
             "yaw_rad: yaw jumps by .* looks like deg",
         ),
+        (lambda m: {"steering": -m["steering"]}, "steering turns the other way than the yaw rate; .* scale of -1"),
+        (lambda m: {"yaw_rate": -m["yaw_rate"]}, "yaw_rate turns the other way than the poses; .* scale of -1"),
     ],
 )
 def test_a_wrong_unit_is_recognised(tmp_path, changes, said):

@@ -1,4 +1,4 @@
-"""Recognises columns in another unit than is said: degrees, km/h, milliseconds, ticks."""
+"""Recognises columns in another unit than is said, or of another sign: degrees, km/h, milliseconds, ticks."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ _LONGEST_PERIOD = 0.6  # [s] of the median row
 _SHORTEST_PERIOD = 5e-5  # [s]
 _NEAR = 0.2  # of the logarithm of a ratio, by which a unit is recognised
 _FEWEST = 20  # rows
+_TO_THE_RIGHT = "it looks positive to the right, which needs a scale of -1: here left is positive"
+_OPPOSITE = -0.5  # cosine between two columns that should turn alike, below which one of them has the other sign
 
 
 def wrong_unit(name: str, values: FloatArray) -> str | None:
@@ -49,7 +51,7 @@ def wrong_unit(name: str, values: FloatArray) -> str | None:
 def disagreement(
     time: FloatArray, speed: FloatArray, yaw_rate: FloatArray, steering: FloatArray, pose: FloatArray | None
 ) -> tuple[str, str] | None:
-    """Return which column disagrees with the others by a unit, and what it looks like; None: they agree.
+    """Return which column disagrees with the others by a unit or a sign, and what it looks like; None: they agree.
 
     Args:
       time: (n,) [s].
@@ -76,10 +78,14 @@ def disagreement(
                     return "speed", f"is {ratio:.3g} times what the poses say; it looks like {unit}"
             if abs(math.log(ratio * 1e3)) < _NEAR:
                 return "x", f"moves {1.0 / ratio:.3g} times as far as the speed says; it looks like mm"
-        turns = np.abs(np.diff(np.unwrap(yaw)))
-        turned, by_gyro = float(turns[turns < 1.0].sum()), float(np.abs(yaw_rate[:-1]) @ seconds)
+        signed = np.diff(np.unwrap(yaw))
+        turns = np.abs(signed)
+        steady = turns < 1.0
+        turned, by_gyro = float(turns[steady].sum()), float(np.abs(yaw_rate[:-1]) @ seconds)
         if turned > 1.0 and by_gyro > 0.0 and abs(math.log(by_gyro / turned / (180.0 / math.pi))) < _NEAR:
             return "yaw_rate", f"is {by_gyro / turned:.3g} times what the poses say; it looks like deg/s"
+        if turned > 1.0 and _cosine(signed[steady], (yaw_rate[:-1] * seconds)[steady]) < _OPPOSITE:
+            return "yaw_rate", f"turns the other way than the poses; {_TO_THE_RIGHT}"
     moving = (np.abs(speed) > 1.0) & (np.abs(yaw_rate) > 0.1)
     if np.count_nonzero(moving) < _FEWEST:
         return None
@@ -89,4 +95,12 @@ def disagreement(
         return "steering", f"says a wheelbase of {degrees:.3g} m; it looks like deg"
     if slope < 0.02:
         return "yaw_rate", f"says a wheelbase of {slope:.2g} m; it looks like deg/s"
+    if _cosine(steering[moving] * speed[moving], yaw_rate[moving]) < _OPPOSITE:
+        return "steering", f"turns the other way than the yaw rate; {_TO_THE_RIGHT}"
     return None
+
+
+def _cosine(first: FloatArray, second: FloatArray) -> float:
+    """Return the cosine of the angle between two signals; 0 where one of them is nothing."""
+    size = math.sqrt(float(first @ first) * float(second @ second))
+    return float(first @ second) / size if size > 0.0 else 0.0

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ...errors import missing_extra
 from ...messages import FloatArray
 from ...vehicle.single_track import STATES, axle_loads, friction_curve
+from ...vehicle.tires.law import GREATEST_SLIP
 from .problem import GAIN, INERTIA, LIMIT, PARAMETERS, ROLL, DriveProblem, assumed_noise, huber, measured_noise
 
 _LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1, 0.3, 0.7))
@@ -29,6 +30,12 @@ _EXPECTED = np.array((12.0, 1.5, 1.0, 0.5) * 2 + (1.0, 0.0, 0.05, 0.0, 0.045, 0.
 # How far from that (a standard deviation). Of the tires no more is assumed than that their curves are of a usual shape:
 # the published sets have stiffnesses of 3 to 20. At one speed, gain and front stiffness look the same.
 _SPREAD = np.array((20.0, 0.5, 1.0, 0.7) * 2 + (0.3, 0.5, 1.0, 1.0, 0.02, 0.02, 0.5, 0.05, 0.02, 0.02, 0.3, 0.1))
+_REACHED = 0.92  # of D, that a curve reaches at least: one that reaches less than .9 is no tire (vehicle/tires)
+_SURELY = 0.002  # of D: how strictly, as a standard deviation
+_MOST_LACKING = 0.015  # of D: no step may lead to a curve that lacks more of it
+_TIRES = 8  # parameters of both curves, the first ones
+_DIFFERENCE = 1e-6
+_SLIPS = np.linspace(0.0, GREATEST_SLIP, 201)[1:]  # [rad]
 _LINEAR = np.array((1.0, 1e4, 0.0))  # C, D, E with which the formula is a straight line
 _SHARES = (1.0, 0.3, 0.0)  # of a segment's step of its start, of which the best is taken
 _SETTLING = 5  # steps of Gauss and Newton to find the starts alone
@@ -179,7 +186,7 @@ def output_error(
     used = _spread(fitted, _FIRST_SEGMENTS)
     found = []
     for gain in _GAINS if free[GAIN] else (1.0,):
-        begun = parameters.copy()
+        begun = _with_peaks(parameters, free)
         begun[GAIN] = gain * parameters[GAIN]
         starts = [fitted_starts(problem, begun, noise) for problem in used]
         found.append(_minimise(used, begun, starts, noise, free, told(1), deadline, _CONVERGED_SHARES[0]))
@@ -256,6 +263,55 @@ class _Reduced:
     eliminated: list[list[tuple[FloatArray, FloatArray]]]  # of each segment: step of its start, and by the parameters'
 
 
+def _lacks(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
+    """Return how much of D the curves of both axles lack of `_REACHED` (2,) [-]; 0 where a curve is held a line.
+
+    With E above 1 a curve may turn back before its sine reaches one. Such a curve fits as well as others, but D is not
+    its peak then, and no tire file may have it.
+    """
+    found = np.zeros(2)
+    for axle in (0, 1):
+        places = slice(4 * axle, 4 * axle + 4)
+        if free[places].all():
+            tire = parameters[places]
+            found[axle] = max(0.0, _REACHED - float(friction_curve(_SLIPS, tire).max()) / tire[2])
+    return found
+
+
+def _with_peaks(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
+    """Return parameters with a greater C, and then with a smaller D, where a curve does not reach its D."""
+    found = parameters.copy()
+    while (lacks := _lacks(found, free)).any():
+        for axle in np.flatnonzero(lacks):
+            c, d = 4 * axle + 1, 4 * axle + 2
+            if found[c] < _GREATEST[c] - 0.02:
+                found[c] += 0.02
+            else:
+                found[d] *= 0.98
+    return found
+
+
+def _prior(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
+    """Return what the parameters are off from what is usual, over its spread, and what the curves lack of a peak."""
+    usual = (parameters - _EXPECTED)[free] / _SPREAD[free]
+    return np.append(usual, _lacks(parameters, free) / _SURELY)
+
+
+def _prior_slopes(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray:
+    """Return the derivatives of `_prior` by the free parameters."""
+    places = np.flatnonzero(free)
+    slopes = np.vstack((np.diag(1.0 / _SPREAD[free]), np.zeros((2, len(places)))))
+    here = _lacks(parameters, free)
+    if here.any():
+        for column, index in enumerate(places):
+            if index < _TIRES:
+                moved = parameters.copy()
+                step = _DIFFERENCE * max(1.0, abs(moved[index]))
+                moved[index] += step
+                slopes[-2:, column] = (_lacks(moved, free) - here) / (step * _SURELY)
+    return slopes
+
+
 def _reduce(
     problems: Sequence[DriveProblem],
     parameters: FloatArray,
@@ -263,9 +319,9 @@ def _reduce(
     noise: FloatArray,
     free: NDArray[np.bool_],
 ) -> _Reduced:
-    prior = (parameters - _EXPECTED)[free] / _SPREAD[free]
+    prior = _prior(parameters, free)
     cost = float(prior @ prior)
-    rows, wanted = [np.diag(1.0 / _SPREAD[free])], [prior]
+    rows, wanted = [_prior_slopes(parameters, free)], [prior]
     scores, eliminated = [], []
     for problem, begun in zip(problems, starts, strict=True):
         lines = problem.linearise(parameters, begun, noise, free)
@@ -302,7 +358,7 @@ def _stepped(
 
     Each segment takes the share of its own step at which it fits best: past the peak, a whole one may lead far away.
     """
-    prior = (parameters - _EXPECTED)[free] / _SPREAD[free]
+    prior = _prior(parameters, free)
     cost, stepped = float(prior @ prior), []
     for problem, begun, kept in zip(problems, starts, reduced.eliminated, strict=True):
         own, along = np.array([here for here, _ in kept]), np.array([by @ step for _, by in kept])
@@ -356,7 +412,7 @@ def _minimise(
                 tried = parameters.copy()
                 tried[free] = np.clip(parameters[free] + step, _LEAST[free], _GREATEST[free])
                 cost, begun = _stepped(problems, reduced, tried, step, starts, noise, free)
-                accepted = cost < reduced.cost
+                accepted = cost < reduced.cost and not (_lacks(tried, free) > _MOST_LACKING).any()
                 damping = damping / 5.0 if accepted else damping * 5.0
             if not accepted:
                 break
