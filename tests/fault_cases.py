@@ -156,6 +156,13 @@ CASES = (
          reason=fault.NOT_BESIDE),
     Case(name="B passes inside and runs wide into A", bend=True, a=Drive(offset=0.5, speed=4.0),
          b=Drive(s=0.1, speed=4.2, commands=turn(0.2, 0.1, 4.2)), fault="b", reason=fault.MOVED_OVER),
+    # a wreck
+    Case(name="B moves over into a wreck that lies aslant", a=Drive(s=2.0, offset=0.73, heading=-0.3),
+         b=Drive(speed=4.0, commands=turn(0.2, 0.15, 4.0)), fault="b", reason=fault.RAN_INTO_STANDING),
+    Case(name="B passes a wreck that lies aslant, and leaves no room", a=Drive(s=2.0, offset=0.34, heading=-0.3),
+         b=Drive(speed=5.0), fault="b", reason=fault.RAN_INTO_STANDING),
+    Case(name="B drives on into a wreck that lies aslant", a=Drive(s=2.0, offset=0.48, heading=-0.5), bend=True,
+         b=Drive(speed=2.0, commands=turn(0.2, 0.02, 2.0)), fault="b", reason=fault.RAN_INTO_STANDING),
 )  # fmt: skip
 """Cars A and B of each; a third one that pushes is staged in the tests of race control."""
 

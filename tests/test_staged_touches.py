@@ -128,3 +128,20 @@ def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case: str, war
     drive(engine, [found.a, found.b], [control], ticks=80)
     assert [warning.car for warning in control.warnings][: len(warned)] == warned
     assert len(control.restarts) == bool(warned)
+
+
+def test_a_long_push_of_a_car_that_rolls_is_not_free_and_a_short_one_is() -> None:
+    """A car at 1 m/s is caught up with by one that would go at 1.1 m/s, which displaces it by less than 5 cm."""
+    for lasts, warned in ((math.inf, ["b"]), (0.8, [])):
+        pusher = Drive(speed=1.1, commands=((0.0, 0.0, 1.1), (0.2 + lasts, 0.0, 0.0)))
+        drives = [Drive(s=0.6, speed=1.0), pusher]
+        engine = Engine(fg.World(stadium(0.0), others=[WorldCar()]), laps=5)
+        engine.place(starts(tuple(drives), STRAIGHT))
+        for rules in ("none", "roboracer_2026"):
+            control = RaceControl(engine, names="ab", rules=RULES[rules])
+            engine.place(starts(tuple(drives), STRAIGHT))
+            drive(engine, drives, [control], ticks=100)
+            assert [contact.at_fault for contact in control.contacts] == ["b"]
+            assert control.contacts[0].displacement_m < RULES["roboracer_2026"].free_displacement
+            assert [warning.car for warning in control.warnings] == (warned if rules != "none" else [])
+            assert len(control.restarts) == len(control.warnings)

@@ -10,7 +10,7 @@ and who is ahead chooses the line. Here these are rules of geometry, in the fram
 Two cars are apart while they are apart along the course, or across it. The one of the two gaps that closes last says
 how they met. Where it is the gap across, they met side to side, and the car that moved over is at fault. Where it is
 the gap along, they met end to end, and the car behind is at fault, unless the one ahead cut in, braked hard without
-cause, or drove against the direction of the race. A share of a third or more of the motion is a share of the fault.
+cause, or drove against the direction of the race. A car that stands is at fault for nothing. A share of a third or more of the motion is a share of the fault.
 
 `judge` reads its argument only: mirrored, with the cars swapped, or elsewhere on the map, its verdict is the same.
 """
@@ -68,6 +68,9 @@ AGAINST = 0.3
 
 STANDS = 0.1
 """[m/s] below which a car stands."""
+
+STOOD = 0.5
+"""[s] for which a car that stands has to have stood, at less than STANDS on average, to be at fault for nothing."""
 
 LINE_SLOPE = math.tan(math.radians(20.0))
 """Greatest way across the course per way along it of a car that follows a line through a bend."""
@@ -197,6 +200,9 @@ class _Meeting:
         """Return the cars at fault and the reason."""
         sideways, met = self._closed_last()
         found = self._side_to_side(met) if sideways else self._end_to_end()
+        stood = [self._stood(car) for car in self.cars]
+        if stood[0] != stood[1]:  # however it lies, and wherever it is hit
+            found = (stood.index(False),), RAN_INTO_STANDING
         return self._with_those_against_the_race(found, sideways, met)
 
     def _closed_last(self) -> tuple[bool, int]:
@@ -365,6 +371,14 @@ class _Meeting:
     def _is_beside(self, i: int) -> bool:
         """Return whether the cars overlap along the course by half the length of the shorter one in a sample."""
         return bool(-self.gap_along[i] >= BESIDE * min(car.length for car in self.cars))
+
+    def _stood(self, car: Approach) -> bool:
+        """Return whether no part of a car moved faster than STANDS, in all, in the time STOOD before the touch."""
+        first = int(np.searchsorted(self.time, self.time[-1] - STOOD - 1e-9))
+        way = np.hypot(car.along[first:] - car.along[-1], car.across[first:] - car.across[-1])
+        turned = np.abs(np.remainder(car.heading[first:] - car.heading[-1] + math.pi, 2.0 * math.pi) - math.pi)
+        lasted = float(self.time[-1] - self.time[first])
+        return bool(np.max(way + 0.5 * car.length * turned) <= STANDS * lasted)
 
     def _behind(self, i: int) -> int:
         """Return which car is behind in a sample."""

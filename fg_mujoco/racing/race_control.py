@@ -44,7 +44,7 @@ APART = 0.2
 """[s] without touching after which race control intervenes, where there are rules; cars that push each other bounce."""
 
 LONGEST_PUSH = 1.0
-"""[s] after which it intervenes where cars still touch: one that pushes another on and on."""
+"""[s] after which it intervenes where cars still touch: one that pushes another on and on. That is never free."""
 
 PUSHED_ON = 0.5
 """[s] after a touch for which a car that was pushed is not at fault for what it drives into."""
@@ -58,7 +58,7 @@ class Rules:
     """The interventions of race control, which otherwise only keeps a record. Lengths in metres."""
 
     name: str
-    free_displacement: float = math.inf  # a touch that displaces a car by less is free
+    free_displacement: float = math.inf  # a touch that displaces a car by less is free; inf: all are, long pushes, too
     restart_behind: float = 2.0  # the car at fault starts again so far behind the other
     restart_behind_driving: float = 3.0  # and so far where the other drove on by itself
     most_warnings: int = 3  # the last of them disqualifies
@@ -132,6 +132,7 @@ class _Touching:
     """A contact that is not over."""
 
     time: float
+    since: float  # when the cars began to touch without a pause of APART
     last: float
     impulse: float
     pushed: dict[int, tuple[float, float]]  # of each car, how fast [m/s] and how far [m] it would have been pushed
@@ -267,11 +268,16 @@ class RaceControl:
         for pair, found in readings.items():
             contact, touching = self._open[pair], found[:, 0] > 0.0
             if touching.any():
+                if time - contact.last >= APART:
+                    contact.since = time
                 contact.last = time
             self._push(contact, np.where(touching, np.linalg.norm(found[:, 1:4], axis=1), 0.0))
-            settled = time - contact.last >= APART or time - contact.time >= LONGEST_PUSH
+            settled = time - contact.last >= APART or _is_long_push(contact)
             if (settled and self._is_crash(contact)) or time - contact.last >= CONTACT_ENDS:
-                self._intervene(self._close(pair), pair, time)
+                asked = not self._is_free(contact)
+                self._close(pair)
+                if asked:
+                    self._intervene(contact, pair, time)
 
     def _open_contacts(self, readings: Mapping[tuple[int, int], FloatArray], begun: float) -> None:
         """Judge the touches that begin in a tick, each by the sensor's readings (substeps, TOUCH_READINGS)."""
@@ -289,7 +295,7 @@ class RaceControl:
             where = readings[pair][int((forces > 0.0).argmax()), 4:6] if forces.any() else self._recent.between(pair)
             place = (float(where[0]), float(where[1]))
             self._open[pair] = _Touching(
-                time=begun, last=begun, impulse=0.0, closing=self._recent.closing_speed(pair, step, place),
+                time=begun, since=begun, last=begun, impulse=0.0, closing=self._recent.closing_speed(pair, step, place),
                 at_fault=tuple(pair[car] for car in verdict.at_fault), reason=verdict.reason, place=place,
                 pushed=dict.fromkeys(pair, (0.0, 0.0)),
             )  # fmt: skip
@@ -316,34 +322,41 @@ class RaceControl:
     def _is_crash(self, contact: _Touching) -> bool:
         """Return whether the rules ask for something after a contact, of a car that still races."""
         at_fault = any(self._engine.running[self._rows][car] for car in contact.at_fault)
-        return at_fault and self._displacement(contact) >= self._rules.free_displacement
+        return at_fault and not self._is_free(contact)
 
+    def _is_free(self, contact: _Touching) -> bool:
+        """Return whether the rules ask for nothing after a contact: it displaces little, and was no long push.
+
+        Displacement is that of a car that stands. One that rolls is pushed on by far less force.
+        """
+        if self._displacement(contact) >= self._rules.free_displacement:
+            return False
+        return math.isinf(self._rules.free_displacement) or not _is_long_push(contact)
     def _displacement(self, contact: _Touching) -> float:
         """Return how far the more easily pushed of two cars would have been pushed [m], see Contact."""
         return max(way + speed * speed / (2.0 * self._grips[car]) for car, (speed, way) in contact.pushed.items())
 
-    def _close(self, pair: tuple[int, int]) -> Contact:
-        """Keep a contact that is over, and return it."""
+    def _close(self, pair: tuple[int, int]) -> None:
+        """Keep a contact that is over."""
         touching = self._open.pop(pair)
         names = [self._names[car] for car in touching.at_fault]
-        contact = Contact(
+        self.contacts.append(Contact(
             time_s=touching.time, cars=(self._names[pair[0]], self._names[pair[1]]), impulse_Ns=touching.impulse,
             closing_speed_m_s=touching.closing, displacement_m=self._displacement(touching),
             at_fault=BOTH if len(names) == 2 else (names or [NO_FAULT])[0], reason=touching.reason,
             x_m=touching.place[0], y_m=touching.place[1],
-        )  # fmt: skip
-        self.contacts.append(contact)
-        return contact
+        ))  # fmt: skip
 
-    def _intervene(self, contact: Contact, pair: tuple[int, int], time: float) -> None:
+    def _intervene(self, contact: _Touching, pair: tuple[int, int], time: float) -> None:
         """Do what the rules ask for after a contact: warn who is at fault, and put one of them behind the other."""
-        rules, engine = self._rules, self._engine
-        if contact.displacement_m < rules.free_displacement:
-            return
-        guilty = [car for car in pair if contact.blames(self._names[car]) and engine.running[self._rows][car]]
+        rules, engine, displaced = self._rules, self._engine, self._displacement(contact)
+        guilty = [car for car in contact.at_fault if engine.running[self._rows][car]]
         for car in guilty:
             other = pair[1] if car == pair[0] else pair[0]
-            said = f"contact with {self._names[other]}, displaced by {100.0 * contact.displacement_m:.0f} cm"
+            said = f"displaced by {100.0 * displaced:.0f} cm"
+            if displaced < rules.free_displacement:
+                said = f"for {contact.last - contact.since:.1f} s"
+            said = f"contact with {self._names[other]}, {said}"
             self.warnings.append(Warned(time_s=time, car=self._names[car], reason=said))
         for car in list(guilty):
             if sum(warned.car == self._names[car] for warned in self.warnings) >= rules.most_warnings:
@@ -415,6 +428,11 @@ def find_rules(name: str) -> Rules:
     if not isinstance(name, str) or name not in RULES:
         raise SettingsError(f"rules is {shown(name)}; {accepted_names(name, RULES)}")
     return RULES[name]
+
+
+def _is_long_push(contact: _Touching) -> bool:
+    """Return whether two cars have touched for LONGEST_PUSH, without a pause of APART."""
+    return contact.last - contact.since >= LONGEST_PUSH - 1e-9
 
 
 def _innocent(pair: tuple[int, int], at_fault: Sequence[int]) -> list[int]:
