@@ -10,7 +10,8 @@ and who is ahead chooses the line. Here these are rules of geometry, in the fram
 Two cars are apart while they are apart along the course, or across it. The one of the two gaps that closes last says
 how they met. Where it is the gap across, they met side to side, and the car that moved over is at fault. Where it is
 the gap along, they met end to end, and the car behind is at fault, unless the one ahead cut in, braked hard without
-cause, or drove against the direction of the race. A car that stands is at fault for nothing. A share of a third or more of the motion is a share of the fault.
+cause, or drove against the direction of the race. A car that stands is at fault for nothing. A share of a third or more
+of the motion is a share of the fault.
 
 `judge` reads its argument only: mirrored, with the cars swapped, or elsewhere on the map, its verdict is the same.
 """
