@@ -7,7 +7,8 @@
    how late the car's wheels turn, and with the distance to the line, so that the car joins it at a flat angle. Beyond
    the end of an open line it is straight on.
 3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
-   goal behind the car leads away from it at first: there the car turns as sharply as it can.
+   goal behind the car leads away from it at first: there the car turns as sharply as it can. With `tracker` the car
+   steers by another law where it is near the line (line_trackers).
 4. The speed is that of a profile computed once (racelines.limit_speeds): cornering, braking and accelerating
    within what the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is
    and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
@@ -28,7 +29,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -38,12 +39,15 @@ from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw
 from .control.line_optimizer import limited_grip, optimize_line, walls_beside
+from .control.line_trackers import lqr_steering, next_point, stanley_steering
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
 from .control.steering import late_by, pursue
 from .safety.friction_limiter import FrictionLimiter
 
+_STANLEY, _LQR = 1, 2  # places of the words of the setting `tracker`
+_OFF_LINE = 0.4  # [m] from the line, beyond which every tracker joins it by pure pursuit
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
@@ -54,6 +58,7 @@ class PurePursuitSettings(DrivingSettings):
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
+    tracker: Literal["pure_pursuit", "stanley", "lqr"] = setting("pure_pursuit", text="how it steers along the line")
     margin: float = setting(0.1, "m", "raceline: between the car and the walls", FROM_ZERO)
     least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
     lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)
@@ -69,14 +74,6 @@ class PurePursuitSettings(DrivingSettings):
         if not isinstance(self.line, str) or not self.line:
             accepted = "centreline, raceline, or a path to a .csv"
             raise SettingsError(f"PurePursuitSettings.line is {self.line!r}; accepted: {accepted}")
-
-
-@kernel
-def next_point(line: FloatArray, point: int, direction: int) -> int:
-    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
-    if line[-1, STEP] > 0.0:
-        return (point + direction) % len(line)
-    return min(max(point + direction, 0), len(line) - 1)
 
 
 @kernel
@@ -226,13 +223,18 @@ class PurePursuit(Planner):
         nearest = nearest_point(line, memory, settings.lost_distance, x, y)
         if line[nearest, SPEED] == 0.0:
             return math.nan, 0.0, math.nan
-        lookahead = lookahead_at(settings, car, now, distance_to(line, nearest, x, y))
+        offset = distance_to(line, nearest, x, y)
+        lookahead = lookahead_at(settings, car, now, offset)
         goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
         bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
         bearing = math.atan2(math.sin(bearing), math.cos(bearing))
         steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
         if abs(bearing) > 0.5 * math.pi:
             steering_angle = math.copysign(car.max_steering_angle, bearing)
+        elif settings.tracker == _STANLEY and offset < _OFF_LINE:
+            steering_angle = stanley_steering(line, nearest, x, y, heading, now, car)
+        elif settings.tracker == _LQR and offset < _OFF_LINE:
+            steering_angle = lqr_steering(line, nearest, x, y, heading, now, car)
         return steering_angle, profile_speed(line, nearest, (settings.reaction + late_by(car)) * now), bearing
 
     def speed_profile(self) -> FloatArray:

@@ -1,0 +1,115 @@
+"""Trackers: the steering angle that keeps a car on a line through the map, by its error now and the curvature ahead.
+
+    steering_angle = stanley_steering(line, nearest, x, y, heading, speed, car)
+
+- `stanley`: the angle to the line at the front axle, and the arc tangent of a gain times the distance there over the
+  speed. The front axle is at the wheelbase ahead, so that the line's curvature is steered by the angle.
+- `lqr`: the curvature of the line as far ahead as the steering takes, and a feedback of distance and angle. For the
+  kinematic car the distance e and the angle a obey e' = a, a' = u along the way. The feedback that is least for the
+  integral of e^2 / L^4 + u^2 is u = -e / L^2 - sqrt(2) a / L in closed form. L grows with the speed and with how late
+  the car answers.
+
+Sources: G. Hoffmann et al., Autonomous Automobile Trajectory Tracking for Off-Road Driving, ACC 2007, for Stanley;
+B. Anderson and J. Moore, Optimal Control: Linear Quadratic Methods, 1990, for the regulator of the double integrator.
+
+Limits: both are kinematic. Tires that need slip angles are steered for afterwards, by their look-up (slip.steered).
+"""
+
+from __future__ import annotations
+
+import math
+
+from fg_mujoco.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from .planner_settings import Record
+from .racelines import STEP, X, Y
+from .steering import late_by
+from .tracking import LAG
+
+_SPAN = 0.2  # [m] to either side of a point, for the direction of the line
+_BEND_SPAN = 0.4  # [m] the same for its curvature
+_STANLEY_GAIN, _STANLEY_SLOWEST = 2.5, 1.0  # [1/s] and [m/s]
+_LENGTH, _LENGTH_TIME = 0.4, 0.1  # [m] and [s]: of the regulator's L
+
+
+@kernel
+def next_point(line: FloatArray, point: int, direction: int) -> int:
+    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
+    if line[-1, STEP] > 0.0:
+        return (point + direction) % len(line)
+    return min(max(point + direction, 0), len(line) - 1)
+
+
+@kernel
+def moved_along(line: FloatArray, point: int, distance: float) -> int:
+    """Return the point that is `distance` [m] further along the line, or before where negative."""
+    direction = 1 if distance > 0.0 else -1
+    for _ in range(round(abs(distance) / line[0, STEP])):
+        point = next_point(line, point, direction)
+    return point
+
+
+@kernel
+def direction_at(line: FloatArray, point: int) -> float:
+    """Return the direction [rad] of the line at a point."""
+    before, after = moved_along(line, point, -_SPAN), moved_along(line, point, _SPAN)
+    return math.atan2(line[after, Y] - line[before, Y], line[after, X] - line[before, X])
+
+
+@kernel
+def curvature_at(line: FloatArray, point: int) -> float:
+    """Return the curvature [1/m] of the line at a point: of the circle through it and one to either side."""
+    before, after = moved_along(line, point, -_BEND_SPAN), moved_along(line, point, _BEND_SPAN)
+    ux, uy = line[point, X] - line[before, X], line[point, Y] - line[before, Y]
+    vx, vy = line[after, X] - line[point, X], line[after, Y] - line[point, Y]
+    sides = math.hypot(ux, uy) * math.hypot(vx, vy) * math.hypot(ux + vx, uy + vy)
+    return 2.0 * (ux * vy - uy * vx) / sides if sides > 0.0 else 0.0
+
+
+@kernel
+def errors_at(line: FloatArray, point: int, x: float, y: float, heading: float) -> tuple[float, float]:
+    """Return how far to the left of the line (x, y) is [m], and the angle of a heading to the line [rad]."""
+    along = direction_at(line, point)
+    aside = math.cos(along) * (y - line[point, Y]) - math.sin(along) * (x - line[point, X])
+    angle = heading - along
+    return aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+
+
+@kernel
+def stanley_steering(
+    line: FloatArray, nearest: int, x: float, y: float, heading: float, speed: float, car: Record
+) -> float:
+    """Return the steering angle [rad] of Stanley's law; arguments as of `lqr_steering`."""
+    front = moved_along(line, nearest, car.wheelbase)
+    front_x, front_y = x + car.wheelbase * math.cos(heading), y + car.wheelbase * math.sin(heading)
+    aside, angle = errors_at(line, front, front_x, front_y, heading)
+    return -angle - math.atan2(_STANLEY_GAIN * aside, max(speed, _STANLEY_SLOWEST))
+
+
+@kernel
+def lqr_feedback(aside: float, angle: float, length: float) -> float:
+    """Return the curvature [1/m] to steer more than the line's, see above, for the length L [m]."""
+    return -aside / (length * length) - math.sqrt(2.0) * angle / length
+
+
+@kernel
+def lqr_steering(
+    line: FloatArray, nearest: int, x: float, y: float, heading: float, speed: float, car: Record
+) -> float:
+    """Return the steering angle [rad] of the regulator, with the line's curvature ahead.
+
+    Args:
+      line: as of racelines.line_table.
+      nearest: its point that is nearest to the rear axle.
+      x: of the rear axle [m].
+      y: of the rear axle [m].
+      heading: of the car [rad].
+      speed: of the car, from 0 [m/s].
+      car: of type CAR.
+    """
+    aside, angle = errors_at(line, nearest, x, y, heading)
+    late = LAG + late_by(car)
+    ahead = curvature_at(line, moved_along(line, nearest, late * speed))
+    length = _LENGTH + (_LENGTH_TIME + late_by(car)) * speed
+    return math.atan(car.wheelbase * (ahead + lqr_feedback(aside, angle, length)))

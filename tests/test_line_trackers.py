@@ -1,0 +1,42 @@
+"""Trackers of a line: closed forms, the regulator against Riccati's equation, and a car that joins a line."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_are
+from test_pure_pursuit import CAR, OPEN, at, circle, driven, pursuer
+
+from fg_mujoco.controllers.control.line_trackers import lqr_feedback
+from fg_mujoco.messages import MapLine
+
+
+@pytest.mark.parametrize("length", [0.3, 0.8, 2.0])
+def test_the_regulator_solves_riccatis_equation(length):
+    a, b = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    gain = b.T @ solve_continuous_are(a, b, np.diag([length**-4, 0.0]), np.eye(1))
+    for aside, angle in ((0.1, 0.0), (0.0, 0.2), (-0.3, 0.1)):
+        assert lqr_feedback(aside, angle, length) == pytest.approx(-(gain @ [aside, angle])[0], rel=1e-9)
+
+
+def test_stanleys_law_on_a_straight_line():
+    line = MapLine(points=np.array([[0.0, 0.0], [30.0, 0.0]]), closed=False)
+    command = pursuer(line, mu=math.inf, tracker="stanley")(OPEN, at(5.0, 0.1, -0.05, 2.0))
+    front = 0.1 - CAR.wheelbase * math.sin(0.05)
+    assert command.steering_angle == pytest.approx(0.05 - math.atan(2.5 * front / 2.0), rel=1e-9)
+
+
+@pytest.mark.parametrize("tracker", ["stanley", "lqr"])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_on_a_circle_it_stays(tracker, direction):
+    trace = driven(pursuer(circle(2.0, direction), tracker=tracker), (2.0, 0.0, direction * math.pi / 2), 300)
+    assert np.abs(np.hypot(trace[:, 0], trace[:, 1]) - 2.0).max() < 0.06
+
+
+@pytest.mark.parametrize("tracker", ["stanley", "lqr"])
+@pytest.mark.parametrize("offset", [0.3, -1.5])
+def test_it_joins_a_straight_line_and_stays_on_it(tracker, offset):
+    line = MapLine(points=np.array([[0.0, 0.0], [100.0, 0.0]]), closed=False)
+    trace = driven(pursuer(line, max_speed=4.0, tracker=tracker), (0.0, offset, 0.5), 500)
+    settled = trace[trace[:, 0] > 38.0]
+    assert len(settled) > 10 and np.abs(settled[:, 1]).max() < 0.02
