@@ -163,6 +163,10 @@ CASES = (
          b=Drive(speed=5.0), fault="b", reason=fault.RAN_INTO_STANDING),
     Case(name="B drives on into a wreck that lies aslant", a=Drive(s=2.0, offset=0.48, heading=-0.5), bend=True,
          b=Drive(speed=2.0, commands=turn(0.2, 0.02, 2.0)), fault="b", reason=fault.RAN_INTO_STANDING),
+    # a pause
+    Case(name="A comes in on B beside it, which gives way for a moment and comes back a little",
+         a=Drive(offset=0.72, speed=4.0, heading=-0.15), fault="a", reason=fault.MOVED_OVER,
+         b=Drive(s=0.05, speed=4.0, commands=((0.0, 0.0, 4.0), (0.2, -0.13, 4.0), (0.3, 0.13, 4.0), (0.5, 0.0, 4.0)))),
 )  # fmt: skip
 """Cars A and B of each; a third one that pushes is staged in the tests of race control."""
 

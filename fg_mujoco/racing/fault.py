@@ -73,6 +73,9 @@ STANDS = 0.1
 STOOD = 0.5
 """[s] for which a car that stands has to have stood, at less than STANDS on average, to be at fault for nothing."""
 
+PAUSE = 0.2
+"""[s] for which two cars must not come nearer to each other, so that what they did before does not count."""
+
 LINE_SLOPE = math.tan(math.radians(20.0))
 """Greatest way across the course per way along it of a car that follows a line through a bend."""
 
@@ -386,15 +389,16 @@ class _Meeting:
         return 0 if self.cars[0].along[i] < self.cars[1].along[i] else 1
 
     def _nearer_since(self, met: int) -> int:
-        """Return the sample since which the gap across has closed without a pause until it was closed in another."""
+        """Return the sample since which the gap across has closed, with no pause of PAUSE, until it was closed."""
         began, gap = met, self.gap_across
         if not np.any(gap > 0.0):  # the boxes along the course overlap where the cars, turned from it, do not
             gap = self._gaps_between()[1]
-        while began > 0:
-            taken = float(self.time[began] - self.time[began - 1])
-            if gap[began - 1] - gap[began] < _CREEP * taken:
+        for i in range(met - 1, -1, -1):
+            taken = float(self.time[began] - self.time[i])
+            if gap[i] - gap[began] >= _CREEP * taken:
+                began = i
+            elif taken >= PAUSE - 1e-9:
                 break
-            began -= 1
         return began
 
     def _moved_over(self, began: int, met: int) -> list[float]:
