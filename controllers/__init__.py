@@ -16,6 +16,7 @@ CONTROLLERS = {
     "gap_finder": "gap_finder:GapFinder",
     "overtaker": "overtaker:Overtaker",
     "pure_pursuit": "pure_pursuit:PurePursuit",
+    "scout": "scout:Scout",
     "threshold_gap": "threshold_gap:ThresholdGap",
     "wall_follow": "wall_follow:WallFollow",
     "weighted_gap": "weighted_gap:WeightedGap",

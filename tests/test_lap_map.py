@@ -21,6 +21,7 @@ from fg_mujoco.controllers.safety.known_line import (
     shape_line,
     speed_on,
 )
+from fg_mujoco.controllers.scout import Scout
 from fg_mujoco.messages import ODOMETRY
 
 RADIUS_DRIVEN = 3.0  # [m] of the circle that is driven in the ring
@@ -157,3 +158,14 @@ def test_laps_after_the_first_are_faster_and_no_tire_slides():
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01
+
+
+def test_the_scout_is_the_gap_finder_that_remembers_and_its_line_is_closed():
+    told = [fg.race("oval", name, laps=2).car.lap_times_s for name in ("scout", "gap_finder[remember=true]")]
+    assert told[0] == told[1]
+    planner = Scout(CAR, 1.0489)
+    assert planner.known_line().shape == (0, 2)
+    assert fg.race("oval", planner, laps=2).car.finished
+    points = planner.known_line()
+    steps = np.hypot(*(np.roll(points, -1, 0) - points).T)
+    assert np.ptp(steps) < 0.02 and 35.0 < steps.sum() < 60.0

@@ -199,6 +199,16 @@ class Planner:
         """
         return motion_ahead(self._alone.memory[0]["guidance"])
 
+    def known_line(self) -> FloatArray:
+        """Return the closed line through the ground of its first lap; no points where it has none.
+
+        Points are in the frame in which the first lap began. Shape (n, 2) [m].
+        """
+        if not (len(self._alone.remembered) and self._alone.remembered[0]["line"]["ready"]):
+            return np.empty((0, 2))
+        line = self._alone.remembered[0]["line"]
+        return np.array(line["points"][: line["count"], :2])
+
 
 class GoalPlanner(Planner):
     """A planner that drives to a goal that it finds in the scan.
