@@ -27,7 +27,7 @@ brakes without a pose, and without a scan: a car whose LiDAR is dead does not kn
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -46,7 +46,8 @@ from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_tabl
 from .control.steering import late_by, pursue
 from .safety.friction_limiter import FrictionLimiter
 
-_STANLEY, _LQR = 1, 2  # places of the words of the setting `tracker`
+_PURE_PURSUIT, _STANLEY, _LQR = 1, 2, 3  # places of the words of the setting `tracker`
+_SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
 _OFF_LINE = 0.4  # [m] from the line, beyond which every tracker joins it by pure pursuit
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
@@ -58,7 +59,9 @@ class PurePursuitSettings(DrivingSettings):
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
-    tracker: Literal["pure_pursuit", "stanley", "lqr"] = setting("pure_pursuit", text="how it steers along the line")
+    tracker: Literal["auto", "pure_pursuit", "stanley", "lqr"] = setting(
+        "auto", text="how it steers along the line; auto: lqr on a raceline, else pure_pursuit"
+    )
     margin: float = setting(0.1, "m", "raceline: between the car and the walls", FROM_ZERO)
     least_lookahead: float = setting_of_car(0.8, "m", "from the rear axle", POSITIVE)
     lookahead_time: float = setting(0.15, "s", "the lookahead is at least the way of this time", FROM_ZERO)
@@ -120,7 +123,10 @@ def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: flo
 def lookahead_at(settings: Record, car: Record, speed: float, offset: float) -> float:
     """Return the lookahead [m] of a car at a speed [m/s] and a distance to the line [m]."""
     on_line = max(settings.least_lookahead, settings.lookahead_time * speed) + late_by(car) * speed
-    return float(on_line + settings.joining_lookahead * offset)
+    joining = settings.joining_lookahead
+    if settings.tracker > _PURE_PURSUIT:
+        joining = min(joining, _SHORT_JOINING)
+    return float(on_line + joining * offset)
 
 
 @kernel
@@ -181,6 +187,8 @@ class PurePursuit(Planner):
         settings = PurePursuitSettings() if settings is None else settings
         if type(settings) is not PurePursuitSettings:  # which is refused
             super().__init__(car, mu, max_speed, settings)
+        if settings.tracker == "auto":
+            settings = replace(settings, tracker="lqr" if settings.line == "raceline" else "pure_pursuit")
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
         if settings.line == "raceline":
             points = _raceline(map_line, car, mu, max_speed, for_car(settings, car))

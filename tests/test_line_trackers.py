@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import solve_continuous_are
 from test_pure_pursuit import CAR, OPEN, at, circle, driven, pursuer
 
+import fg_mujoco as fg
 from fg_mujoco.controllers.control.line_trackers import lqr_feedback
 from fg_mujoco.messages import MapLine
 
@@ -40,3 +41,12 @@ def test_it_joins_a_straight_line_and_stays_on_it(tracker, offset):
     trace = driven(pursuer(line, max_speed=4.0, tracker=tracker), (0.0, offset, 0.5), 500)
     settled = trace[trace[:, 0] > 38.0]
     assert len(settled) > 10 and np.abs(settled[:, 1]).max() < 0.02
+
+
+def test_a_raceline_near_the_lock_is_driven_unless_by_pure_pursuit():
+    ends = [
+        fg.race("u_turns", f"pure_pursuit[line=raceline{tracker}]", laps=1).car
+        for tracker in ("", ",tracker=lqr", ",tracker=pure_pursuit")
+    ]
+    assert [end.end_reason for end in ends] == ["finished", "finished", "crash"]
+    assert ends[0].lap_times_s == ends[1].lap_times_s and ends[0].max_slide_m_s < 0.01
