@@ -179,7 +179,7 @@ def test_friction_colours_go_from_blue_to_red():
 
 
 PLANNERS_WITH_GAPS = (
-    "gap_finder", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
+    "gap_finder", "scout", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
 )  # fmt: skip
 
 
