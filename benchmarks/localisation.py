@@ -35,7 +35,8 @@ from fg_mujoco.controllers.localisation.distance_field import DistanceField, Dis
 from fg_mujoco.controllers.localisation.localiser import Localiser, PoseSettings
 from fg_mujoco.controllers.localisation.particle_filter import ParticleFilter, costs_of
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry
+from fg_mujoco.mapping.driven_map import Recorder
+from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 from fg_mujoco.simulation.settings import DriveSettings
 
 METHODS = ("particle_filter", "scan_matching")
@@ -44,24 +45,6 @@ CIRCUITS = "chicanes,fast,hairpins,l_corridor,oval,tight"
 LAPS, LONGEST = 2, 120.0  # [s] of a drive
 FOUND_WITHIN, RIGHT, RIGHT_TURN = 3.0, 0.3, 10.0  # [s], [m], [deg]
 NEAR = 0.15  # [m]
-
-
-class Recorder:
-    """Drives as another planner does, and keeps what it was given."""
-
-    def __init__(self, planner: Any) -> None:
-        self.planner, self.given = planner, list[tuple[LaserScan, Odometry]]()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.planner.reset()
-        self.given = []
-
-    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        """Answer what the planner answers."""
-        self.given.append((scan, odometry))
-        command: DriveCommand = self.planner(scan, odometry)
-        return command
 
 
 def keywords(options: argparse.Namespace) -> dict[str, Any]:

@@ -39,10 +39,10 @@ from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw
 from .control.line_optimizer import limited_grip, optimize_line, walls_beside
-from .control.line_trackers import lqr_steering, next_point, stanley_steering
+from .control.line_trackers import lqr_steering, stanley_steering
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
-from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, read_line
+from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, moved_along, next_point, read_line
 from .control.steering import late_by, pursue
 from .safety.friction_limiter import FrictionLimiter
 
@@ -152,10 +152,7 @@ def goal_ahead(line: FloatArray, nearest: int, lookahead: float, x: float, y: fl
 @kernel
 def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
     """Return the speed [m/s] of the profile at a point or `ahead` [m] further on, the slower of the two."""
-    point = nearest
-    for _ in range(round(ahead / line[0, STEP])):
-        point = next_point(line, point, 1)
-    return float(min(line[nearest, SPEED], line[point, SPEED]))
+    return float(min(line[nearest, SPEED], line[moved_along(line, nearest, ahead), SPEED]))
 
 
 class PurePursuit(Planner):

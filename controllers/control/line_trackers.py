@@ -23,7 +23,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .planner_settings import Record
-from .racelines import STEP, X, Y
+from .racelines import X, Y, moved_along
 from .steering import late_by
 from .tracking import LAG
 
@@ -31,23 +31,6 @@ _SPAN = 0.2  # [m] to either side of a point, for the direction of the line
 _BEND_SPAN = 0.4  # [m] the same for its curvature
 _STANLEY_GAIN, _STANLEY_SLOWEST = 2.5, 1.0  # [1/s] and [m/s]
 _LENGTH, _LENGTH_TIME = 0.4, 0.1  # [m] and [s]: of the regulator's L
-
-
-@kernel
-def next_point(line: FloatArray, point: int, direction: int) -> int:
-    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
-    if line[-1, STEP] > 0.0:
-        return (point + direction) % len(line)
-    return min(max(point + direction, 0), len(line) - 1)
-
-
-@kernel
-def moved_along(line: FloatArray, point: int, distance: float) -> int:
-    """Return the point that is `distance` [m] further along the line, or before where negative."""
-    direction = 1 if distance > 0.0 else -1
-    for _ in range(round(abs(distance) / line[0, STEP])):
-        point = next_point(line, point, direction)
-    return point
 
 
 @kernel

@@ -189,3 +189,20 @@ def limit_speeds(
                 reached = math.sqrt(known * known + 2.0 * most * share * step)
                 table[near, SPEED] = min(table[near, SPEED], reached)
             point = near
+
+
+@kernel
+def next_point(line: FloatArray, point: int, direction: int) -> int:
+    """Return the point after (direction 1) or before (-1) one of the line; at the end of an open line, the same."""
+    if line[-1, STEP] > 0.0:
+        return (point + direction) % len(line)
+    return min(max(point + direction, 0), len(line) - 1)
+
+
+@kernel
+def moved_along(line: FloatArray, point: int, distance: float) -> int:
+    """Return the point that is `distance` [m] further along the line, or before where negative."""
+    direction = 1 if distance > 0.0 else -1
+    for _ in range(round(abs(distance) / line[0, STEP])):
+        point = next_point(line, point, direction)
+    return point

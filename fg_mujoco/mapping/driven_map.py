@@ -77,17 +77,19 @@ def _spread(errors: FloatArray) -> str:
     return f"median {100.0 * np.median(errors):.1f} cm, 95 % {100.0 * np.quantile(errors, 0.95):.1f} cm"
 
 
-class _Recorder:
+class Recorder:
     """Drives as a planner does, and keeps what it was given."""
 
     def __init__(self, planner: Controller) -> None:
         self._planner, self.given = planner, list[tuple[LaserScan, Odometry]]()
 
     def reset(self) -> None:
+        """Begin anew."""
         self._planner.reset()
         self.given = []
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Answer what the planner answers."""
         self.given.append((scan, odometry))
         return self._planner(scan, odometry)
 
@@ -114,7 +116,7 @@ def map_course(
     require_resolution(resolution)
     course = setup.load_course()
     car = setup.world(course, ()).parameters
-    recorder = _Recorder(entry_planner(setup.named[0], car=car, map_line=course.map_line, alone=True))
+    recorder = Recorder(entry_planner(setup.named[0], car=car, map_line=course.map_line, alone=True))
     result = race_setup(setup.replace(controller=recorder, planner_settings={}), watch=watch)
     given = recorder.given
     if len(given) < 2:

@@ -332,6 +332,7 @@ class RaceControl:
         if self._displacement(contact) >= self._rules.free_displacement:
             return False
         return math.isinf(self._rules.free_displacement) or not _is_long_push(contact)
+
     def _displacement(self, contact: _Touching) -> float:
         """Return how far the more easily pushed of two cars would have been pushed [m], see Contact."""
         return max(way + speed * speed / (2.0 * self._grips[car]) for car, (speed, way) in contact.pushed.items())

@@ -20,9 +20,20 @@ from numpy.typing import NDArray
 
 from ...errors import missing_extra
 from ...messages import FloatArray
-from ...vehicle.single_track import STATES, axle_loads, friction_curve
+from ...vehicle.single_track import STATES, TIRE, axle_loads, friction_curve
 from ...vehicle.tires.law import GREATEST_SLIP
-from .problem import GAIN, INERTIA, LIMIT, PARAMETERS, ROLL, DriveProblem, assumed_noise, huber, measured_noise
+from .problem import (
+    DIFFERENCE,
+    GAIN,
+    INERTIA,
+    LIMIT,
+    PARAMETERS,
+    ROLL,
+    DriveProblem,
+    assumed_noise,
+    huber,
+    measured_noise,
+)
 
 _LEAST = np.array((1.0, 1.0, 0.1, -4.0) * 2 + (0.5, -0.2, 0.0, 0.0, 0.01, -0.2, -2.0, 0.7, -0.1, -0.1, 0.3, 0.7))
 _GREATEST = np.array((100.0, 3.0, 3.0, 1.5) * 2 + (1.6, 0.2, 0.6, 0.4, 0.5, 0.2, 2.0, 1.3, 0.1, 0.1, 3.0, 1.3))
@@ -33,8 +44,7 @@ _SPREAD = np.array((20.0, 0.5, 1.0, 0.7) * 2 + (0.3, 0.5, 1.0, 1.0, 0.02, 0.02, 
 _REACHED = 0.92  # of D, that a curve reaches at least: one that reaches less than .9 is no tire (vehicle/tires)
 _SURELY = 0.002  # of D: how strictly, as a standard deviation
 _MOST_LACKING = 0.015  # of D: no step may lead to a curve that lacks more of it
-_TIRES = 8  # parameters of both curves, the first ones
-_DIFFERENCE = 1e-6
+_TIRES = 2 * len(TIRE)  # parameters of both curves, the first ones
 _SLIPS = np.linspace(0.0, GREATEST_SLIP, 201)[1:]  # [rad]
 _LINEAR = np.array((1.0, 1e4, 0.0))  # C, D, E with which the formula is a straight line
 _SHARES = (1.0, 0.3, 0.0)  # of a segment's step of its start, of which the best is taken
@@ -306,7 +316,7 @@ def _prior_slopes(parameters: FloatArray, free: NDArray[np.bool_]) -> FloatArray
         for column, index in enumerate(places):
             if index < _TIRES:
                 moved = parameters.copy()
-                step = _DIFFERENCE * max(1.0, abs(moved[index]))
+                step = DIFFERENCE * max(1.0, abs(moved[index]))
                 moved[index] += step
                 slopes[-2:, column] = (_lacks(moved, free) - here) / (step * _SURELY)
     return slopes

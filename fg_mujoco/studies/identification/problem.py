@@ -50,12 +50,14 @@ GAIN = PARAMETERS.index("steering_gain")
 LIMIT = PARAMETERS.index("limit_ratio")
 """Of the parameter that the greatest angle of the front wheels is multiplied by."""
 
+DIFFERENCE = 1e-6
+"""By which a parameter, or a state, is moved for a derivative; of a parameter above 1, times it."""
+
 _SHORTEST_SEGMENT = 0.5  # [s]
 _SPIN = 0.5  # [rad] of sideslip, beyond which a car spins: far behind the peak, where tires are not what a formula says
 _AROUND_SPIN = 0.2  # [s] before and after it that are left out, too: wheels spin and lock there
 _START_NOISE = np.array((0.3, 0.1, 0.05, 0.05, 0.03))  # of the smoothed states that segments start at, as STATES
 _PLACE, _HEADING = 2, 4  # of the states: x, y and heading, with which the motion only moves and turns
-_DIFFERENCE = 1e-6
 _CHANNELS = ("gyro", "accelerometer", "position", "heading")
 _HUBER = 2.0  # standard deviations beyond which a residual counts linearly
 
@@ -206,11 +208,11 @@ class DriveProblem:
     def _moved(self, nodes: FloatArray, starts: FloatArray, state: int) -> FloatArray:
         """Return simulated nodes after a small change of where the segments start; the motion stays the same."""
         moved = nodes.copy()
-        moved[:, state] += _DIFFERENCE
+        moved[:, state] += DIFFERENCE
         if state == _HEADING:
             for (first, end), start in zip(self.segments, starts, strict=True):
-                moved[first:end, _PLACE] -= _DIFFERENCE * (nodes[first:end, _PLACE + 1] - start[_PLACE + 1])
-                moved[first:end, _PLACE + 1] += _DIFFERENCE * (nodes[first:end, _PLACE] - start[_PLACE])
+                moved[first:end, _PLACE] -= DIFFERENCE * (nodes[first:end, _PLACE + 1] - start[_PLACE + 1])
+                moved[first:end, _PLACE + 1] += DIFFERENCE * (nodes[first:end, _PLACE] - start[_PLACE])
         return moved
 
     def linearise(
@@ -231,7 +233,7 @@ class DriveProblem:
         columns = np.zeros((len(here), len(PARAMETERS)))
         for index in np.flatnonzero(free):
             moved = parameters.copy()
-            step = _DIFFERENCE * max(1.0, abs(moved[index]))
+            step = DIFFERENCE * max(1.0, abs(moved[index]))
             moved[index] += step
             again = self.run(moved, starts) if index < SIMULATED or index in (ROLL, INERTIA, LIMIT) else nodes
             columns[:, index] = (self.measured(moved, again) - here) / step
@@ -239,11 +241,11 @@ class DriveProblem:
         for state in range(STATES):
             if state < _PLACE:
                 shifted = starts.copy()
-                shifted[:, state] += _DIFFERENCE
+                shifted[:, state] += DIFFERENCE
                 again = self.run(parameters, shifted)
             else:
                 again = self._moved(nodes, starts, state)
-            begun[:, state] = (self.measured(parameters, again) - here) / _DIFFERENCE
+            begun[:, state] = (self.measured(parameters, again) - here) / DIFFERENCE
         ends = np.cumsum(self._counts)[:-1]
         order = self._order
         start_rows = (starts - self.smoothed) / _START_NOISE
