@@ -35,7 +35,7 @@ from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from .kernel_files import read_kept, say, write_kept
+from .kernel_files import made_once, read_kept, say, write_kept
 from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 
@@ -166,8 +166,8 @@ class Dispatcher(CPUDispatcher):  # type: ignore[misc]
 
     def compile(self, signature: Any) -> Any:
         """Compile for a signature, or load from disk, and return what Python is to call."""
-        with event.trigger_event(LOADING):  # until all that was made for it is collected, which may take a second
-            return self._made(signature)
+        with event.trigger_event(LOADING), self._cache.made_once(signature, self.targetctx):
+            return self._made(signature)  # timed until all that was made for it is collected, which may take a second
 
     def _made(self, signature: Any) -> Any:
         collecting = gc.isenabled()
@@ -413,6 +413,14 @@ class _KernelCache(NullCache):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function
         self.texts: dict[tuple[Any, ...], str] = {}
+
+    @contextlib.contextmanager
+    def made_once(self, signature: Any, target: Any) -> Iterator[None]:
+        """Let other processes wait that compile the same at the same time."""
+        with contextlib.ExitStack() as stack:
+            with contextlib.suppress(Exception):  # a function without source, a signature that numba refuses
+                stack.enter_context(made_once(self._file(signature, target.codegen())))
+            yield
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return what was compiled for a signature; None where it is not there, or damaged."""

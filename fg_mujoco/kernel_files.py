@@ -14,6 +14,7 @@ import re
 import stat
 import sys
 import tempfile
+import time
 import uuid
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -21,10 +22,16 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 if TYPE_CHECKING:
     from importlib.abc import Traversable
 
 _PACKAGE = "fg_mujoco"
+_LOCKS = "locks"
 _ELSEWHERE = ("controllers", "models", "tracks")  # packages of ours that are top-level folders in the repository
 
 
@@ -96,6 +103,43 @@ def write_kept(file: Path, payload: bytes) -> None:
             unfinished.replace(file)
         except OSError:
             unfinished.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def made_once(file: Path, patience: float = 300.0) -> Iterator[None]:
+    """Make a file inside this: other processes that want to make the same one wait, and find it there.
+
+    A lock of the system ends with its process, and is of a byte of one file, at a place that is the kernel's. Nobody
+    waits where the file is there, where the folder has no locks, or for longer than `patience` [s].
+    """
+    place, end = int(file.name[-15:], 16), time.monotonic() + patience
+    try:
+        lock = None if fcntl is None or file.exists() else _lock_file(file.parent)
+    except OSError:
+        lock = None
+    held = False
+    while lock is not None and not held and time.monotonic() < end:
+        try:
+            fcntl.lockf(lock, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+            held = True
+        except (BlockingIOError, PermissionError):
+            time.sleep(0.02)
+        except OSError:  # a file system without locks
+            break
+    try:
+        yield
+    finally:
+        if lock is not None and held:
+            fcntl.lockf(lock, fcntl.LOCK_UN, 1, place)
+
+
+@cache
+def _lock_file(folder: Path) -> int:
+    """Return a descriptor of the file that has the locks of a folder, open until the process ends.
+
+    Were it closed, all locks of this process on the file would end.
+    """
+    return os.open(folder / _LOCKS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
 def source_digest(function: Callable[..., Any]) -> str:

@@ -9,6 +9,7 @@ import pickle
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.kernel_files import made_once
 from fg_mujoco.kernels import cache_folder, kernel, package_files
 
 FOLDER = "from fg_mujoco.kernels import cache_folder; print(cache_folder())"
@@ -65,7 +67,7 @@ def halve_anew():
 
 
 def kept_in(cache):
-    return sorted((cache / "fg_mujoco" / "kernels").iterdir())
+    return sorted(file for file in (cache / "fg_mujoco" / "kernels").iterdir() if file.name != "locks")
 
 
 def test_division_by_zero_is_numpys():
@@ -187,6 +189,34 @@ def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkey
         monkeypatch.setattr(Path, failing, fail)
         assert halve_anew() and halve_anew()
         assert kept_in(cache) == []
+
+
+WAITS = """
+import sys
+from pathlib import Path
+from fg_mujoco.kernel_files import made_once
+file = Path(sys.argv[1])
+print("starts", flush=True)
+with made_once(file, patience=float(sys.argv[2])):
+    print(file.exists())
+"""
+
+
+@pytest.mark.parametrize(("patience", "found"), [(60.0, True), (0.1, False)])
+def test_a_process_waits_for_what_another_one_makes(tmp_path, patience, found):
+    file = tmp_path / "tick-0123456789abcdef"
+    command = [sys.executable, "-c", WAITS, str(file), str(patience)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        with made_once(file):
+            assert other.stdout.readline() == "starts\n"
+            with made_once(file.with_name("step-fedcba9876543210")):  # the end of another lock does not free this one
+                time.sleep(0.2)
+            if found:
+                file.touch()
+            else:
+                assert other.stdout.readline() == "False\n"
+        if found:
+            assert other.stdout.readline() == "True\n"
 
 
 def times(factor):
