@@ -1,4 +1,4 @@
-"""The commands `fg-mujoco serve`: races whose cars DevKits of AutoDRIVE drive, and a live race for Foxglove."""
+"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive, and live ones for Foxglove and rosbridge."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..messages import STOP
 from .config import add_config
 from .options import CAR, add_setup_options, add_trust_option, number, setup_of, whole
 from .out import RUN, add_out_options
@@ -47,12 +48,19 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add_trust_option(add)
 
     command = add_command(served, "foxglove", _foxglove, "a live race for Foxglove, which may drive the car")
+    _add_live_options(command, port=8765)
+    text = "a live race for programs of roslibpy or roslibjs, which drive the car without ROS"
+    driver = "drives until a program does; default: the car stands until then"
+    _add_live_options(add_command(served, "rosbridge", _rosbridge, text), port=9090, controller=driver)
+
+
+def _add_live_options(command: argparse.ArgumentParser, port: int, **texts: str) -> None:
+    """Add the options of a live race; `texts` are the help of some of them."""
     add = command.add_argument
-    add_setup_options(
-        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches"
-    )
+    names = ("seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches")
+    add_setup_options(add, "track", "controller", *CAR, *names, **texts)
     add("--host", metavar="ADDRESS", help="listen there; default: 127.0.0.1, this machine alone")
-    add("--port", type=whole, metavar="N", help="default: 8765")
+    add("--port", type=whole, metavar="N", help=f"default: {port}")
     add("--step-on-drive", action="store_true", help="drive a tick for each command on /drive; default: real time")
     add_config(command)
     add_trust_option(add)
@@ -68,6 +76,29 @@ def _foxglove(options: argparse.Namespace) -> int:
     with FoxgloveServer(session, host=host, port=port, step_on_drive=options.step_on_drive) as server:
         try:
             print(f"{server.url}, in Foxglove: Open connection; Ctrl-C ends it", flush=True)
+            server.run()
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    return _DONE
+
+
+def _rosbridge(options: argparse.Namespace) -> int:
+    from ..ros.rosbridge.network import require_rosbridge
+    from ..ros.rosbridge.server import HOST, PORT, RosbridgeServer
+    from ..viz.live.live_session import LiveSession
+
+    require_rosbridge()
+    host, port = options.host or HOST, PORT if options.port is None else options.port
+    session = LiveSession(setup_of(options))
+    if not hasattr(options, "controller") and getattr(options, "setup", None) is None:
+        session.hold(STOP)
+
+    def log(line: str) -> None:
+        print(line, file=sys.stderr, flush=True)
+
+    with RosbridgeServer(session, host=host, port=port, step_on_drive=options.step_on_drive, log=log) as server:
+        try:
+            print(f"{server.url}, for roslibpy and roslibjs; Ctrl-C ends it", flush=True)
             server.run()
         except KeyboardInterrupt:
             print(file=sys.stderr)

@@ -51,7 +51,6 @@ from .bag_messages import (
     drive_message,
     from_cdr,
     grid_message,
-    heading_of,
     imu_message,
     joints_message,
     nanoseconds,
@@ -62,12 +61,11 @@ from .bag_messages import (
     transform_message,
 )
 from .bag_writer import LATCHED, car_mounts
-from .node_host.drive_topics import steering_of_twist
+from .client_commands import HELD, TWIST, command_of, pose_of
 from .occupancy_grid import grid_of
 
 HOST, PORT = "127.0.0.1", 8765
 
-TWIST = "geometry_msgs/msg/Twist"
 ACCEPTED = {"/drive": DRIVE, "/cmd_vel": TWIST, "/initialpose": POSE_WITH_COVARIANCE}
 """Topics that clients may publish on, with their types."""
 
@@ -76,7 +74,6 @@ SERVICES = ("/reset", "/pause")
 _SILENT = 100  # above all levels of Python's logging
 _SCENE, _CAR = "/scene", "/car"
 _DRIVERS = ("planner", "commands")
-_HELD = 0.5  # [s] of wall time for which a command is held, unless another comes: as joysticks do on a car
 _FRAME_OF_BODY = "body_{}"
 _SLOW = 0.25  # [s] between two messages to which parameters and status belong
 
@@ -163,7 +160,7 @@ class FoxgloveServer:
 
     def tick(self) -> None:
         """Drive on for a tick, and publish what the car senses then."""
-        late = self._commanded is not None and time.monotonic() - self._commanded > _HELD
+        late = self._commanded is not None and time.monotonic() - self._commanded > HELD
         if late and not self._step_on_drive and self.session.held_from_outside:
             self.session.hold(STOP)  # whoever has driven is gone, or has let go
         self.session.tick()
@@ -190,7 +187,7 @@ class FoxgloveServer:
         self._log("/scan", scan_message(session.scan), now)
         steering_angle, speed = simulation.engine.commands[0].tolist()
         self._log("/drive", drive_message(DriveCommand(steering_angle=steering_angle, speed=speed), now), now)
-        self._channel(_CAR).log(self._numbers(), log_time=now)
+        self._channel(_CAR).log(session.numbers(), log_time=now)
         asked, self._asked = self._asked, set()
         for topic in asked & set(self._last):
             self._channels[topic].log(self._last[topic][0], log_time=self._last[topic][1])
@@ -241,18 +238,9 @@ class FoxgloveServer:
         message = _read(topic, encoding, content)
         try:
             if topic == "/initialpose":
-                pose = message.pose.pose
-                place = float(pose.position.x), float(pose.position.y), heading_of(pose.orientation)
-                if not all(map(math.isfinite, place)):
-                    raise ValueError(f"the pose {place}")
-                self.session.put(*place)
+                self.session.put(*pose_of(message))
                 return
-            if topic == "/cmd_vel":
-                speed, turning = float(message.linear.x), float(message.angular.z)
-                angle = steering_of_twist(speed, turning, self.session.world.parameters.wheelbase)
-            else:
-                speed, angle = float(message.drive.speed), float(message.drive.steering_angle)
-            command = DriveCommand(steering_angle=angle, speed=speed)
+            command = command_of(ACCEPTED[topic], message, self.session.world.parameters.wheelbase)
         except (AttributeError, TypeError, ValueError) as error:
             said = " ".join(str(error).split())
             accepted = f"finite numbers of {ACCEPTED[topic]}"
@@ -272,19 +260,6 @@ class FoxgloveServer:
         else:
             self.session.paused = not self.session.paused
         return {"success": True, "message": ""}
-
-    def _numbers(self) -> dict[str, Any]:
-        session, laps = self.session, self.session.laps
-        steering_angle, speed = session.simulation.engine.commands[0].tolist()
-        values = {
-            "speed_m_s": session.simulation.speed, "command_speed_m_s": speed, "command_steering_rad": steering_angle,
-            "steering_angle_rad": session.odometry.steering_angle, "yaw_rate_rad_s": session.odometry.yaw_rate,
-            "limit_speed_m_s": session.limit_speed, "friction_utilisation": session.friction_utilisation,
-            "sliding_speed_m_s": session.sliding_speed, "progress_m": laps.progress, "offset_m": laps.offset,
-            "best_lap_s": min(laps.lap_times, default=math.nan),
-        }  # fmt: skip
-        finite = {name: float(value) for name, value in values.items() if math.isfinite(value)}
-        return {**finite, "laps": laps.laps_completed, "message": session.message}
 
     def _publish_slowly(self) -> None:
         from foxglove import Parameter

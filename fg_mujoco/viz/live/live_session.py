@@ -142,6 +142,11 @@ class LiveSession:
         self.hand.press(name, self.simulation.time)
 
     @without_exit()
+    def obey(self) -> None:
+        """Do what was asked for, without driving on."""
+        self._obey()
+
+    @without_exit()
     def tick(self) -> bool:
         """Do what was asked for, and drive on for one tick unless paused; answer whether it did."""
         self._obey()
@@ -203,6 +208,20 @@ class LiveSession:
         if self._opponents:
             return self._last_in("slide_front_left_m_s")
         return _greatest(self.simulation.slip.sliding_speed)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return numbers to plot by name and unit, those that are known, with `laps` and `message`."""
+        laps = self.laps
+        steering_angle, speed = self.simulation.engine.commands[0].tolist()
+        values = {
+            "speed_m_s": self.simulation.speed, "command_speed_m_s": speed, "command_steering_rad": steering_angle,
+            "steering_angle_rad": self.odometry.steering_angle, "yaw_rate_rad_s": self.odometry.yaw_rate,
+            "limit_speed_m_s": self.limit_speed, "friction_utilisation": self.friction_utilisation,
+            "sliding_speed_m_s": self.sliding_speed, "progress_m": laps.progress, "offset_m": laps.offset,
+            "best_lap_s": min(laps.lap_times, default=math.nan),
+        }  # fmt: skip
+        finite = {name: float(value) for name, value in values.items() if math.isfinite(value)}
+        return {**finite, "laps": laps.laps_completed, "message": self.message}
 
     def scan_points(self, step: int = 1) -> FloatArray:
         """Return the end of every `step`-th beam in the world, without those that have no reading. (n, 3) [m]."""
@@ -289,7 +308,12 @@ class LiveSession:
                 self.message = " ".join(str(error).split())
         if reset or asked is not None:
             try:
-                self._place(self._start if asked is None else self._start_at(*asked))
+                own = self._start if asked is None else self._start_at(*asked)
+            except FgMujocoError as error:  # of the pose: the car stays where it is
+                self.message = " ".join(str(error).split())
+                return
+            try:
+                self._place(own)
             except FgMujocoError as error:  # the planner's reset
                 self.message, self.paused = " ".join(str(error).split()), True
 
