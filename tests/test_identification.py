@@ -50,7 +50,7 @@ def exciting_drive():
 
 @pytest.fixture(scope="module")
 def gentle_drive():
-    time = np.arange(0.0, 40.0, 0.025)
+    time = np.arange(0.0, 20.0, 0.025)
     fast = (time // 5.0) % 2 > 0  # at one speed, the steering's gain and the front stiffness would look the same
     steering = (0.021 * np.sin(2.5 * time) + 0.018 * np.sin(0.7 * time)) * np.where(fast, 1.0, 2.0)
     commands = time, steering, np.where(fast, 4.5, 2.2)
@@ -118,18 +118,6 @@ def lap_error(found, tires, steering):
 
 def test_a_lap_that_was_not_driven_is_predicted(found):
     assert lap_error(found, TIRES, STEERING) < 0.03
-
-
-@pytest.mark.slow
-def test_the_tires_of_a_real_car_are_found():
-    tires = car.SETS["nuc6"]  # docs/identification.md has what comes of others
-    drives = [car.recorded(car.exciting(seed, tires), tires, seed=seed, **STEERING) for seed in (100, 101)]
-    found = identify_drives(drives, front_drive=0.0, single_track=True)
-    for axle, tire in ((found.front, tires[0]), (found.rear, tires[1])):
-        assert axle.stiffness.value == pytest.approx(stiffness(tire), rel=0.05)
-        assert axle.peak.value == pytest.approx(car.magic_formula(SLIPS, tire).max(), rel=0.03)
-    assert found.steering_lag.value + found.steering_delay.value == pytest.approx(STEERING["lag"], abs=0.01)
-    assert lap_error(found, tires, STEERING) < 0.03
 
 
 def test_the_lateral_velocity_is_smoothed_from_poses_and_accelerations(exciting_drive):
@@ -347,7 +335,7 @@ def test_a_curve_that_turns_back_before_its_peak_is_told_by_one_that_has_it():
     with pytest.raises(fg.SettingsError, match="no peak"):
         MagicFormula(**dict(zip("BCDE", turning_back, strict=True)))
     tires = (turning_back, TIRES[1], TIRES[2])
-    drive = car.recorded(car.exciting(3, tires, 20.0), tires, seed=3, **STEERING)
+    drive = car.recorded(car.exciting(3, tires, 12.0), tires, seed=3, **STEERING)
     problem = DriveProblem(drive, front_drive=0.0, single_track=True)
     start = inverse_dynamics([problem])
     start[:4] = stiffness(turning_back), *turning_back[1:]  # where the search would stay
@@ -518,7 +506,7 @@ def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_dr
     other = identify_drives([gentle_drive], hold_out=[exciting_drive, gentle_drive], **options)
     assert np.array_equal(whole.fit.parameters, other.fit.parameters)
     assert [name for name, _ in other.of_each] == [exciting_drive.name, gentle_drive.name]
-    assert whole.fit.seconds > 30.0  # nothing of the drive itself is held back
+    assert whole.fit.seconds > 15.0  # nothing of the drive itself is held back
     with pytest.raises(fg.SettingsError, match="explains nothing of the yaw rate"):
         identify_drives([gentle_drive], hold_out=[turned], **options)
 

@@ -167,7 +167,7 @@ def run(code, tmp_path, interpreted):
 
 
 def test_races_have_the_same_bits(tmp_path):
-    compiled, interpreted = (run(RACES, tmp_path, mode).splitlines() for mode in (False, True))
+    interpreted, compiled = (run(RACES, tmp_path, mode).splitlines() for mode in (True, False))
     assert len(compiled) == len(PLANNERS) + 4 and interpreted == compiled
 
 

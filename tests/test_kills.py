@@ -14,13 +14,14 @@ SCRIPT = Path(__file__).parent.parent / "benchmarks" / "kills.py"
 RACE = "race --time-limit 0.5 --out runs/a"
 
 
-@pytest.mark.parametrize(("commands", "kills"), [("race,rollout,compare", 6), ("export,render,friction", 5)])
-def test_a_killed_command_ends_as_one_that_was_not_when_it_is_run_again(tmp_path, commands, kills):
-    arguments = [str(kills), "--commands", commands, "--seed", "1", "--json", "figures.json"]
+@pytest.mark.parametrize("commands", ["race,rollout,compare", "export,render,friction"])
+def test_a_killed_command_ends_as_one_that_was_not_when_it_is_run_again(tmp_path, commands):
+    """Each is killed once; the benchmark kills them hundreds of times."""
+    arguments = ["3", "--commands", commands, "--seed", "1", "--json", "figures.json"]
     done = subprocess.run([sys.executable, SCRIPT, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "figures.json").read_text())
-    assert [figures[name]["kills"] for name in commands.split(",")] == [2, 2, kills - 4]
+    assert [figures[name]["kills"] for name in commands.split(",")] == [1, 1, 1]
 
 
 def command(arguments, folder, **options):

@@ -7,7 +7,7 @@ The contract: for any scan and any odometry a finite DriveCommand, without an ex
 - back only over ground that it came by, or that guidance has seen, when it has stood there without a way, slowly and
   not for ever;
 - STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan;
-- all that for scans drawn at random, 10,000 of them, with a pose on a map and without;
+- all that for scans drawn at random, 2,000 of them and 20,000 in `make fuzz`, with a pose on a map and without;
 - where its class offers `batch`, the planners of a batch decide as each does alone, to the last bit.
 """
 
@@ -114,16 +114,17 @@ def test_the_catalogue_is_what_the_loader_knows():
     assert controller_names() == tuple(sorted(CONTROLLERS))
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", ODD)
-def test_it_answers_a_command_that_the_car_can_follow(planner, name, motion):
-    scan, odometry = ODD[name], odometry_of(*motion)
+def test_it_answers_a_command_that_the_car_can_follow(planner, name):
+    scan = ODD[name]
     before = scan.ranges.copy()
-    planner.reset()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for _ in range(3):
-            assert_keeps_contract(planner(scan, odometry), odometry, scan)
+    for motion in MOTIONS:
+        odometry = odometry_of(*motion)
+        planner.reset()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for _ in range(3):
+                assert_keeps_contract(planner(scan, odometry), odometry, scan)
     np.testing.assert_array_equal(scan.ranges, before)
 
 
@@ -149,25 +150,27 @@ def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
     planner.reset()
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
 @pytest.mark.parametrize("name", BLIND)
-def test_it_stops_where_it_cannot_plan(planner, name, motion):
+def test_it_stops_where_it_cannot_plan(planner, name):
     """At rest that is STOP; a moving car is brought to rest, as fast as the planner thinks the tires hold."""
-    planner.reset()
-    speed, steering_angle = motion
-    for _ in range(200 if abs(speed) < 20.0 else 1):
-        command = planner(BLIND[name], odometry_of(speed, steering_angle))
-        assert abs(command.steering_angle) <= abs(steering_angle)
-        before, steering_angle = abs(speed), command.steering_angle
-        speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
-        assert abs(speed) <= before
-    assert abs(speed) < 1e-2 or abs(motion[0]) >= 20.0
+    for speed, steering_angle in MOTIONS:
+        planner.reset()
+        brakes = abs(speed) < 20.0  # a car of 1e9 m/s does not come to rest
+        for _ in range(200 if brakes else 1):
+            command = planner(BLIND[name], odometry_of(speed, steering_angle))
+            assert abs(command.steering_angle) <= abs(steering_angle)
+            before, steering_angle = abs(speed), command.steering_angle
+            speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
+            assert abs(speed) <= before
+            if abs(speed) < 1e-6:
+                break
+        assert abs(speed) < 1e-2 or not brakes
     planner.reset()
     assert planner(BLIND[name], odometry_of(0.0, 0.0)) == STOP
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     ranges=arrays(np.float64, st.integers(0, 50), elements=st.floats(allow_nan=True, allow_infinity=True)),
     increment=st.floats(1e-4, 1.0),
@@ -181,25 +184,10 @@ def test_it_answers_any_scan(planner, ranges, increment, angle_min, speed, steer
     assert_keeps_contract(planner(scan, odometry), odometry, scan)
 
 
-@pytest.mark.slow
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    corners=arrays(np.float64, 24, elements=st.floats(0.02, 30.0)),
-    speed=st.floats(0.0, TOP_SPEED),
-    steering_angle=st.floats(-0.4189, 0.4189),
-)
-def test_it_answers_any_room(planner, corners, speed, steering_angle):
-    scan = scan_of(np.interp(np.arange(1081), np.linspace(0, 1080, len(corners)), corners))
-    odometry = odometry_of(speed, steering_angle)
-    planner.reset()
-    assert_keeps_contract(planner(scan, odometry), odometry, scan)
-
-
 # -- scans drawn at random, a family at a time: hypothesis draws what a family is like, and shrinks that
 
 SCANS_IN_A_FAMILY = 20
 REPEATED = 5  # of them after a reset: what a planner keeps over it shows in the first ones
-FAMILIES = 520  # 10,000 scans, and some
 SHARE = st.just(0.0) | st.floats(0.0, 1.0)
 FAMILY = {
     "seed": st.integers(0, 2**32 - 1),
@@ -241,12 +229,12 @@ def shape_of(shape, count, rng):
 
 
 @pytest.mark.slow
-def test_each_keeps_its_contract_on_ten_thousand_scans():
+def test_each_keeps_its_contract_on_thousands_of_scans():
     """Drawing the scans takes longer than deciding on them, so that they are drawn once for all planners."""
     planners = [made(name) for name in sorted(CONTROLLERS)]
     judged = dict.fromkeys(planners, 0)
 
-    @settings(max_examples=FAMILIES, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(suppress_health_check=list(HealthCheck))
     @given(**FAMILY)
     def keep_their_contract(**parameters):
         family = list(family_of(**parameters))
@@ -257,7 +245,7 @@ def test_each_keeps_its_contract_on_ten_thousand_scans():
             judged[planner] += len(family)
 
     keep_their_contract()
-    assert min(judged.values()) >= 10_000
+    assert min(judged.values()) >= 2_000
 
 
 def keeps_its_contract(planner, family):
@@ -405,7 +393,7 @@ def test_a_batch_decides_as_its_planners_do(fleet, name):
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     ranges=st.integers(0, 40).flatmap(
         lambda count: arrays(

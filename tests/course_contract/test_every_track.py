@@ -29,7 +29,7 @@ REAL = (
 ROOM_TOLERANCE = 2.0 * WALL_TOLERANCE
 
 
-RANDOM = (*(f"random:{seed}" for seed in range(20)), *(f"random:{seed}:tight" for seed in range(8)))
+RANDOM = (*(f"random:{seed}" for seed in range(8)), *(f"random:{seed}:tight" for seed in range(4)))
 
 
 @pytest.fixture(scope="module", params=[*track_names(), *RANDOM, *REAL])
