@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from moving_worlds import GEOMETRY, WALLS, box, moving, odometry_row, ranges_of, watched
+from moving_worlds import GEOMETRY, PERIOD, WALLS, box, moving, odometry_row, ranges_of, watched
 from scan_worlds import CAR
 
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
@@ -43,6 +43,22 @@ def test_the_velocity_of_what_moves_is_that_of_the_closed_form(velocity, thing, 
     middle = target["ends"].mean(axis=0) + np.array((CAR.lidar_offset, 0.0))
     truth = (6.0 + 31 * 0.025 * vx, -0.5 * vy + 31 * 0.025 * vy)
     assert middle == pytest.approx(truth, abs=0.16)  # how long the box is behind its face is not seen
+
+
+def test_what_crosses_slowly_is_found_from_a_fast_car():
+    """Odometry that errs shifts a box ahead towards the car, and not aside: 0.1 m of motion aside is enough."""
+    _, known = watched(lambda time: (WALLS + box(13.0, -0.6 + 0.4 * time), ()), 48, speed=8.0)
+    assert known is not None
+    assert known * PERIOD < 0.7  # it is near enough to be tracked after 0.1 s
+
+
+def test_a_slow_thing_that_turns_back_is_measured_anew_within_0_2_s():
+    def turns_back(time):
+        return WALLS + box(5.0, 0.3 - 0.5 * abs(0.8 - time)), ()
+
+    memory, _ = watched(turns_back, 41)  # it turns in tick 32
+    (target,) = moving(memory)
+    assert target["vy"] == pytest.approx(-0.5, abs=0.15)
 
 
 def test_a_wall_that_slides_along_itself_does_not_move_nor_does_one_that_ends():

@@ -9,15 +9,17 @@
    shadow, and says nothing of motion.
 3. Clusters are followed from scan to scan in a frame that stands still, by dead reckoning. A Kalman filter with
    constant velocity, whose covariance is the same for x and y, is fed with the mean innovation of the ends that belong
-   to the thing. So a thing that comes out of cover is measured by the end that leads.
+   to the thing. So a thing that comes out of cover is measured by the end that leads. Innovations against the velocity
+   are summed up (CUSUM): a slow thing that turns back is noticed after some scans, and its velocity is measured anew.
 4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, faster than an odometry error of `_DRIFT`
    makes standing things appear, and if the scans of the last 0.4 s agree: where it is now, one saw past, or where it
    was, one sees past now. What only changes its outline, as a wall's end does when the car turns round it, never
    covers ground that was seen free.
 
 Sources: R. Kalman, A New Approach to Linear Filtering and Prediction Problems, Journal of Basic Engineering 82(1),
-1960; D. Hähnel, R. Triebel, W. Burgard and S. Thrun, Map Building with Mobile Robots in Dynamic Environments, IEEE ICRA
-2003, for ground that was free before.
+1960; E. Page, Continuous Inspection Schemes, Biometrika 41, 1954, for the sums of innovations; D. Hähnel, R. Triebel,
+W. Burgard and S. Thrun, Map Building with Mobile Robots in Dynamic Environments, IEEE ICRA 2003, for ground that was
+free before.
 
 Limits: a thing that touches a wall, or one nearer than `_EDGE` to what is behind it, is part of it, and so is one that
 the field of view cuts off. A target that is hidden is taken to go on as it did for `_FORGOTTEN`. Things wider than
@@ -52,6 +54,8 @@ _OUTLINE = 0.3  # [m] by which an end may err, for each metre of distance and sq
 _ACCELERATION = 1.5  # [m/s^2] standard deviation of what a target does between two scans
 _FIRST_SPEED = 2.0  # [m/s] the same, of the velocity of a new one
 _MISFIT = 9.0  # squared innovation over its variance; at the second in turn the velocity is uncertain again
+_TURNED = 3.0  # standard deviations: sum of innovations against the velocity, from which on it has turned
+_ALLOWED = 0.5  # the same, of each innovation, that is not counted
 _CERTAIN = 4.0  # standard deviations
 _LEAST_SPEED = 0.25  # [m/s]
 _DRIFT = 0.06  # share by which odometry may err
@@ -79,6 +83,7 @@ TARGET = np.dtype(
         ("p_mixed", np.float64),  # [m^2/s]
         ("p_speed", np.float64),  # [m^2/s^2]
         ("misfits", np.int64),  # innovations in turn that were too great
+        ("against", np.float64),  # sum of those against its velocity, in standard deviations
         ("evidence", np.int64),  # scans that agree that it moves
         ("still", np.float64),  # [s] for which it has not moved
         ("unseen", np.float64),  # [s]
@@ -95,7 +100,6 @@ SNAPSHOT = np.dtype(
         ("y", np.float64),  # [m]
         ("heading", np.float64),  # [rad]
         ("tick", np.int64),  # when it was taken; 0: none is kept
-        ("driven", np.float64),  # [m] until then
         ("turned", np.float64),  # [rad] until then
         ("ranges", np.float32, (_BINS,)),  # [m] least of each bin
     ]
@@ -107,7 +111,6 @@ TARGETS = np.dtype(
         ("heading", np.float64),  # [rad]
         ("speed", np.float64),  # [m/s] at the last scan: the mean of two is that of the time between them
         ("yaw_rate", np.float64),  # [rad/s]
-        ("driven", np.float64),  # [m]
         ("turned", np.float64),  # [rad] to either side
         ("tick", np.int64),
         ("beams", np.int64),  # of the scans that are kept
@@ -158,7 +161,6 @@ def track_targets(
     y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(towards)
     memory.heading += turn
     memory.x, memory.y = x + lidar_offset * math.cos(memory.heading), y + lidar_offset * math.sin(memory.heading)
-    memory.driven += abs(way)
     memory.turned += abs(turn)
     memory.tick += 1
     found = np.empty(_FOUND, _CLUSTER)
@@ -269,12 +271,11 @@ def _follow(
     if ends == 0:  # only edges of shadows: it is there, and its motion is not seen
         noise *= 100.0
     sum_of_both = target.p_place + noise
-    target.misfits = target.misfits + 1 if dx * dx + dy * dy > 2.0 * _MISFIT * sum_of_both else 0
-    if target.misfits >= 2:  # it has changed its velocity
+    change = _change_of_speed(target, dx, dy, ends, sum_of_both)
+    if change > 0.0:
         target.p_place += 0.5 * (dx * dx + dy * dy)
-        target.p_speed += 0.25 * _FIRST_SPEED * _FIRST_SPEED
+        target.p_speed += change * change
         sum_of_both = target.p_place + noise
-        target.misfits = 0
     gain, gain_speed = target.p_place / sum_of_both, target.p_mixed / sum_of_both
     target.vx += gain_speed * dx
     target.vy += gain_speed * dy
@@ -294,6 +295,34 @@ def _follow(
     target.age += 1
     target.unseen = 0.0
     _judge(memory, target, scan, ranges, odometry, period)
+
+
+@kernel
+def _change_of_speed(target: Record, dx: float, dy: float, ends: int, variance: float) -> float:
+    """Return by how much a target may have changed its velocity [m/s]; 0: its innovations do not say that it has.
+
+    Args:
+      target: of type TARGET, written to.
+      dx: innovation [m].
+      dy: the same.
+      ends: how many ends say so.
+      variance: of the innovation [m^2].
+    """
+    speed = math.hypot(target.vx, target.vy)
+    if speed < _LEAST_SPEED or target.age <= _LEAST_AGE:
+        target.against = 0.0
+    elif ends > 0:
+        against = -(dx * target.vx + dy * target.vy) / (speed * math.sqrt(variance))
+        target.against = max(target.against + against - _ALLOWED, 0.0)
+    target.misfits = target.misfits + 1 if dx * dx + dy * dy > 2.0 * _MISFIT * variance else 0
+    change = 0.0
+    if target.misfits >= 2:
+        change = 0.5 * _FIRST_SPEED
+    elif target.against > _TURNED:
+        change = speed
+    if change > 0.0:
+        target.misfits, target.against = 0, 0.0
+    return change
 
 
 @kernel
@@ -360,23 +389,28 @@ def _judge(memory: Record, target: Record, scan: Record, ranges: FloatArray, odo
 
 @kernel
 def _has_moved(memory: Record, target: Record, scan: Record, ranges: FloatArray) -> bool:
-    """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there."""
+    """Return whether a target covers ground that a kept scan saw free, or has left ground that it covered there.
+
+    An error of the odometry's speed moves what stands along the car's way: of something ahead, towards the car or
+    away, and not aside. So ground that it leaves or covers aside has to be wider by an error of the turn only.
+    """
     stride = max((target.end - target.first) // _SAMPLES, 1)
     x, y = 0.5 * (target.ends[0, 0] + target.ends[1, 0]), 0.5 * (target.ends[0, 1] + target.ends[1, 1])
     distance = math.hypot(x - memory.x, y - memory.y)
-    x -= target.radius * (x - memory.x) / distance  # from its middle to its face
-    y -= target.radius * (y - memory.y) / distance
+    cos, sin = (x - memory.x) / distance, (y - memory.y) / distance
+    x, y = x - target.radius * cos, y - target.radius * sin  # from its middle to its face
     for snapshot in memory.snapshots:
         if snapshot.tick == 0:
             continue
-        drift = memory.driven - snapshot.driven + distance * (memory.turned - snapshot.turned)
-        free = _FREE + _DRIFT * drift
+        dx, dy, turned = memory.x - snapshot.x, memory.y - snapshot.y, distance * (memory.turned - snapshot.turned)
+        free = _FREE + _DRIFT * (abs(dx * cos + dy * sin) + turned)
+        wide = _LEAST_FREE + _DRIFT * (abs(dx * sin - dy * cos) + turned)
         covered = 0
         for beam in range(target.first, target.end, stride):
             bearing = memory.heading + bearing_of(scan, beam)
             at_x, at_y = memory.x + ranges[beam] * math.cos(bearing), memory.y + ranges[beam] * math.sin(bearing)
             covered += _beyond(snapshot, scan, memory.beams, at_x, at_y) > free
-        if covered * stride * scan.angle_increment * distance > _LEAST_FREE + _DRIFT * drift and covered > 1:
+        if covered * stride * scan.angle_increment * distance > wide and covered > 1:
             return True
         since = (memory.tick - snapshot.tick) * period_of(scan)
         old_x, old_y = x - target.vx * since, y - target.vy * since
@@ -442,6 +476,7 @@ def _begin(targets: Record, cluster: Record, scan: Record) -> None:
             target.p_place, target.p_mixed = _noise(cluster, scan), 0.0
             target.p_speed = _FIRST_SPEED * _FIRST_SPEED
             target.misfits = target.evidence = 0
+            target.against = 0.0
             target.moves = False
             return
 
@@ -462,7 +497,7 @@ def _keep_snapshot(memory: Record, ranges: FloatArray) -> None:
     """Keep a scan in place of the oldest one."""
     snapshot = memory.snapshots[(memory.tick // _EVERY) % _SNAPSHOTS]
     snapshot.x, snapshot.y, snapshot.heading, snapshot.tick = memory.x, memory.y, memory.heading, memory.tick
-    snapshot.driven, snapshot.turned = memory.driven, memory.turned
+    snapshot.turned = memory.turned
     count = len(ranges)
     if count <= _BINS:
         for beam in range(count):
