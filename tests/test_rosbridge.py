@@ -157,15 +157,20 @@ def test_200_ticks_in_lockstep_have_the_bits_of_the_same_planner_in_a_race():
     assert drives[0][1] == list(zip(result.car.column("x_m"), result.car.column("y_m"), strict=True))
 
 
+def narrow_peer(server):
+    """Return a peer that holds little of what it has not read."""
+    narrow = socket.create_connection(("127.0.0.1", server.port))
+    narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+    return Peer(server, sock=narrow, max_queue=1)
+
+
 def test_a_peer_that_reads_slowly_loses_the_oldest_messages_and_nobody_waits_for_it():
     with served() as (_, server):
-        narrow = socket.create_connection(("127.0.0.1", server.port))
-        narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
-        slow, quick = Peer(server, sock=narrow, max_queue=1), Peer(server)
+        slow, asleep, quick = narrow_peer(server), narrow_peer(server), Peer(server)
         quick.send(op="advertise", topic="/big", type="std_msgs/String")
-        quick.call("/rosapi/get_time")
-        slow.send(op="subscribe", topic="/big", type="std_msgs/String")
-        slow.call("/rosapi/get_time")
+        for peer in (slow, asleep):  # the other never reads again, and the server ends all the same
+            peer.send(op="subscribe", topic="/big", type="std_msgs/String")
+            peer.call("/rosapi/get_time")
         for number in range(60):
             quick.send(op="publish", topic="/big", msg={"data": f"{number} " + "x" * 200_000})
         assert quick.call("/step")["result"] is True  # it was not kept waiting
@@ -240,6 +245,14 @@ def test_what_cannot_be_used_is_said_and_the_connection_lives_on(shared, text, s
     assert peer.call("/rosapi/get_time")["result"] is True
 
 
+def test_an_error_that_nobody_thought_of_leaves_the_race_alone(shared, monkeypatch):
+    _, server, peer = shared
+    monkeypatch.setitem(server._operations, "status", lambda client, operation: 1 / 0)
+    peer.send(op="status", id="s")
+    assert "ZeroDivisionError" in peer.receive("status", id="s")["msg"]
+    assert peer.call("/rosapi/get_time")["result"] is True
+
+
 def test_a_port_that_is_taken_is_refused_in_one_line(shared, capsys):
     assert main(["serve", "rosbridge", "--port", str(shared[1].port)]) == 2
     said = capsys.readouterr().err
@@ -264,6 +277,20 @@ def test_services_place_and_pause_the_car(shared):
     assert len(grid["data"]) == grid["info"]["width"] * grid["info"]["height"]
     refused = peer.call("/resett")
     assert refused["result"] is False and "did you mean '/reset'?" in refused["values"]
+
+
+def test_a_crash_is_told_and_a_reset_goes_on():
+    with served() as (session, server):
+        peer = Peer(server)
+        for _ in range(60):
+            peer.drive(8.0, 0.4)
+        told = peer.receive("status", level="error")["msg"]
+        assert told == "crashed: reset to go on" and session.simulation.crashed
+        peer.send(op="subscribe", topic="/car")
+        numbers = json.loads(peer.receive("publish", topic="/car")["msg"]["data"])
+        assert numbers["message"] == told
+        assert "no tick was driven: crashed" in peer.call("/step")["values"]
+        assert peer.call("/reset")["result"] is True and peer.call("/step")["result"] is True
 
 
 def test_peers_talk_to_each_other(shared):

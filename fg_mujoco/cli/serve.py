@@ -27,16 +27,24 @@ _RULES = "autodrive_2026"
 
 def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the commands; `add_command` is the one that adds the others."""
-    text = "be the simulator, or the car, that another program talks to"
-    served = commands.add_parser("serve", help=text).add_subparsers(title="commands", required=True)
-    command = add_command(served, "autodrive", _autodrive, "race the car of an AutoDRIVE DevKit")
+    text = "race a car that another program drives or watches: Foxglove, roslibpy or roslibjs, an AutoDRIVE DevKit"
+    served = commands.add_parser("serve", help=text, description=text, allow_abbrev=False)
+    served = served.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    text = "connect to a DevKit of AutoDRIVE, in the place of its simulator, and race the car that it drives"
+    command = add_command(served, "autodrive", _autodrive, text)
     add = command.add_argument
     add(
         "--devkit", action="append", metavar="HOST[:PORT]",
-        help="where the DevKit of a car listens; again for each car; default: 127.0.0.1:4567",
+        help="where a DevKit listens, which is to be started first; again for each car; default: 127.0.0.1:4567",
     )  # fmt: skip
-    add("--real-time", action="store_true", help="a tick takes 25 ms; default: it waits for the DevKit's answer")
-    add("--patience", type=number, metavar="S", help="after which a DevKit that does not answer is gone; default: 10")
+    add(
+        "--real-time", action="store_true",
+        help="a tick takes 25 ms and holds the last command; default: it waits for the DevKit's answer",
+    )  # fmt: skip
+    add(
+        "--patience", type=number, metavar="S",
+        help="time after which a DevKit that does not answer is taken to be gone; default: 10",
+    )  # fmt: skip
     add("--camera", action="store_true", help="draw the pictures of the front camera; default: they are blank")
     add_setup_options(
         add, "track", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar", "motion_distortion",
@@ -47,21 +55,24 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     add_config(command)
     add_trust_option(add)
 
-    command = add_command(served, "foxglove", _foxglove, "a live race for Foxglove, which may drive the car")
-    _add_live_options(command, port=8765)
-    text = "a live race for programs of roslibpy or roslibjs, which drive the car without ROS"
-    driver = "drives until a program does; default: the car stands until then"
+    text = "serve a live race to Foxglove, which shows it, and may drive and change the car"
+    _add_live_options(add_command(served, "foxglove", _foxglove, text), port=8765)
+    text = "serve a live race to programs of roslibpy or roslibjs, which drive the car as on a robot, without ROS"
+    driver = "planner that drives until a program does, as in race; default: the car stands until then"
     _add_live_options(add_command(served, "rosbridge", _rosbridge, text), port=9090, controller=driver)
 
 
 def _add_live_options(command: argparse.ArgumentParser, port: int, **texts: str) -> None:
     """Add the options of a live race; `texts` are the help of some of them."""
     add = command.add_argument
-    names = ("seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches")
-    add_setup_options(add, "track", "controller", *CAR, *names, **texts)
-    add("--host", metavar="ADDRESS", help="listen there; default: 127.0.0.1, this machine alone")
-    add("--port", type=whole, metavar="N", help=f"default: {port}")
-    add("--step-on-drive", action="store_true", help="drive a tick for each command on /drive; default: real time")
+    add_setup_options(add, "track", "controller", **texts)
+    add("--host", metavar="ADDRESS", help="address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone")
+    add("--port", type=whole, metavar="N", help=f"to listen on; default: {port}")
+    add(
+        "--step-on-drive", action="store_true",
+        help="time stands still between commands, and each one on /drive is a tick of 25 ms; default: real time",
+    )  # fmt: skip
+    add_setup_options(add, *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches")
     add_config(command)
     add_trust_option(add)
 

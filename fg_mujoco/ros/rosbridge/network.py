@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import queue
 import socket
 import threading
@@ -17,6 +18,7 @@ from .client import Client
 _MOST_UNREAD = 64  # texts of a client that wait for the race; then no more are read from it
 _POLL = 0.005  # [s] between two looks whether one may be read
 _LONGEST = 1 << 24  # bytes of a text
+_OPENING = 5.0  # [s] that a client has to say what it speaks
 _CLOSING = 1.0  # [s] that a client has to say goodbye
 
 
@@ -40,6 +42,7 @@ class Network:
         self.port = int(self._listening.getsockname()[1])
         self._loop = asyncio.new_event_loop()
         self._ends = asyncio.Event()
+        self._transports: set[Any] = set()  # of open connections
         self._thread = threading.Thread(target=self._run, name="rosbridge", daemon=True)
         self._thread.start()
 
@@ -64,24 +67,28 @@ class Network:
         log.addHandler(logging.NullHandler())
         async with serve(
             self._talk, sock=self._listening, compression=None, max_size=_LONGEST, ping_interval=None,
-            close_timeout=_CLOSING, logger=log,
+            open_timeout=_OPENING, close_timeout=_CLOSING, logger=log,
         ):  # fmt: skip
             await self._ends.wait()
+            self._loop.call_later(_CLOSING, self._abort)  # the library waits for peers that read nothing
+
+    def _abort(self) -> None:
+        for transport in self._transports:
+            transport.abort()
 
     async def _talk(self, connection: Any) -> None:
         """Read what a client sends, as fast as the race takes it, while another task writes to it."""
         from websockets.exceptions import ConnectionClosed
 
-        # asyncio does so for sockets that it has made itself only: a tick in lockstep would wait 40 ms for the client
-        connection.transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, True)
+        transport = connection.transport
+        self._transports.add(transport)
         filled = asyncio.Event()
         host, port = connection.remote_address[:2]
-        abort = connection.transport.abort
-        client = Client(f"{host}:{port}", lambda: self._call(filled.set), lambda: self._call(abort))
+        client = Client(f"{host}:{port}", lambda: self._call(filled.set), lambda: self._call(transport.abort))
         writing = asyncio.create_task(_write(client, connection, filled))
         try:
             async for text in connection:
-                while len(client.inbox) >= _MOST_UNREAD:
+                while len(client.inbox) >= _MOST_UNREAD and not self._ends.is_set():
                     await asyncio.sleep(_POLL)
                 client.inbox.append(text)
                 self._jobs.put(client)
@@ -89,6 +96,7 @@ class Network:
             pass
         finally:
             writing.cancel()
+            self._transports.discard(transport)
             client.inbox.append(None)
             self._jobs.put(client)
 
@@ -126,10 +134,24 @@ def _listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise SettingsError(f"port is {port}; accepted: 1 to 65535")
     try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        return socket.create_server((host, port), family=family)
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        # asyncio sends at once only on sockets that name their protocol; else a tick in lockstep would wait 40 ms
+        listening = socket.socket(family, kind, socket.IPPROTO_TCP)
     except OSError as error:
-        raise SettingsError(
-            f"{host}:{port} cannot be listened on: {error.strerror or error}; accepted: an address of this machine "
-            "and a port that is free, by --port"
-        ) from error
+        raise _not_listened_on(host, port, error) from error
+    try:
+        if os.name == "posix":
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        raise _not_listened_on(host, port, error) from error
+    return listening
+
+
+def _not_listened_on(host: str, port: int, error: OSError) -> SettingsError:
+    return SettingsError(
+        f"{host}:{port} cannot be listened on: {error.strerror or error}; accepted: an address of this machine and a "
+        "port that is free, by --port"
+    )
