@@ -15,6 +15,7 @@ from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.envs.onnx_policy import require_onnx, require_onnxruntime
 from fg_mujoco.errors import install_command
 from fg_mujoco.ros.bag_messages import require_ros_extra
+from fg_mujoco.ros.rosbridge.network import require_rosbridge
 from fg_mujoco.studies.identification.fit import require_scipy
 from fg_mujoco.studies.rollout.dataset import require_h5py, require_minari
 from fg_mujoco.studies.rollout.ray_cluster import require_ray
@@ -44,6 +45,7 @@ def bare(monkeypatch):
         (require_viser, "live", "the live view in a browser needs viser"),
         (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
+        (require_rosbridge, "rosbridge", "a server of rosbridge needs websockets, mcap, rosbags and SciPy"),
         (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
         (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
