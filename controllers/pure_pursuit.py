@@ -37,16 +37,21 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
-from .control.driving import DrivingSettings, SpeedLaw
+from .control.driving import DrivingSettings, SpeedLaw, refer
 from .control.line_optimizer import limited_grip, optimize_line, walls_beside
-from .control.line_trackers import lqr_steering, stanley_steering
+from .control.line_trackers import lqr_steering, map_steering, stanley_steering
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, moved_along, next_point, read_line
+from .control.slip import late_on_path
 from .control.steering import late_by, pursue
+from .perception.intermediate_scans import keep
+from .perception.scan_filters import valid_ranges
+from .perception.scan_geometry import sees
 from .safety.friction_limiter import FrictionLimiter
+from .safety.predictions import foresee
 
-_PURE_PURSUIT, _STANLEY, _LQR = 1, 2, 3  # places of the words of the setting `tracker`
+_PURE_PURSUIT, _STANLEY, _LQR, _MAP = 1, 2, 3, 4  # places of the words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
 _OFF_LINE = 0.4  # [m] from the line, beyond which every tracker joins it by pure pursuit
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
@@ -59,7 +64,7 @@ class PurePursuitSettings(DrivingSettings):
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
-    tracker: Literal["auto", "pure_pursuit", "stanley", "lqr"] = setting(
+    tracker: Literal["auto", "pure_pursuit", "stanley", "lqr", "map"] = setting(
         "auto", text="how it steers along the line; auto: lqr on a raceline, else pure_pursuit"
     )
     margin: float = setting(0.1, "m", "raceline: between the car and the walls", FROM_ZERO)
@@ -120,9 +125,10 @@ def nearest_point(line: FloatArray, memory: Record, lost_distance: float, x: flo
 
 
 @kernel
-def lookahead_at(settings: Record, car: Record, speed: float, offset: float) -> float:
+def lookahead_at(settings: Record, slip: Record, car: Record, speed: float, offset: float) -> float:
     """Return the lookahead [m] of a car at a speed [m/s] and a distance to the line [m]."""
-    on_line = max(settings.least_lookahead, settings.lookahead_time * speed) + late_by(car) * speed
+    late = late_on_path(slip, car, speed) if settings.tracker == _MAP else late_by(car)
+    on_line = max(settings.least_lookahead, settings.lookahead_time * speed) + late * speed
     joining = settings.joining_lookahead
     if settings.tracker > _PURE_PURSUIT:
         joining = min(joining, _SHORT_JOINING)
@@ -153,6 +159,36 @@ def goal_ahead(line: FloatArray, nearest: int, lookahead: float, x: float, y: fl
 def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
     """Return the speed [m/s] of the profile at a point or `ahead` [m] further on, the slower of the two."""
     return float(min(line[nearest, SPEED], line[moved_along(line, nearest, ahead), SPEED]))
+
+
+@kernel
+def _follow(
+    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray
+) -> tuple[float, float, float]:
+    """Return the steering angle [rad], the speed of the profile [m/s] and the goal's bearing [rad]; NaN: brake."""
+    car, slip = driver.car, driver.limiter.slip
+    x, y, heading = odometry.pose
+    if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
+        return math.nan, 0.0, math.nan
+    now = min(abs(odometry.speed), car.max_speed)
+    nearest = nearest_point(line, memory, settings.lost_distance, x, y)
+    if line[nearest, SPEED] == 0.0:
+        return math.nan, 0.0, math.nan
+    offset = distance_to(line, nearest, x, y)
+    goal_x, goal_y = goal_ahead(line, nearest, lookahead_at(settings, slip, car, now, offset), x, y)
+    bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
+    bearing = math.atan2(math.sin(bearing), math.cos(bearing))
+    if abs(bearing) > 0.5 * math.pi:
+        steering_angle = math.copysign(car.max_steering_angle, bearing)
+    elif settings.tracker == _STANLEY and offset < _OFF_LINE:
+        steering_angle = stanley_steering(line, nearest, x, y, heading, now, car)
+    elif settings.tracker == _LQR and offset < _OFF_LINE:
+        steering_angle = lqr_steering(line, nearest, x, y, heading, now, car)
+    elif settings.tracker == _MAP:
+        steering_angle = map_steering(line, nearest, bearing, distance, now, car, slip)
+    else:
+        steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
+    return steering_angle, profile_speed(line, nearest, (settings.reaction + late_by(car)) * now), bearing
 
 
 class PurePursuit(Planner):
@@ -211,36 +247,24 @@ class PurePursuit(Planner):
 
     @staticmethod
     @kernel
-    def reference(
-        scan: Record,
-        ranges: FloatArray,
-        odometry: Record,
-        car: Record,
-        settings: Record,
-        memory: Record,
-        line: FloatArray,
-    ) -> tuple[float, float, float]:
-        """Return the steering angle [rad], the speed of the profile [m/s] and the goal's bearing [rad]; NaN: brake."""
-        x, y, heading = odometry.pose
-        if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-            return math.nan, 0.0, math.nan
-        now = min(abs(odometry.speed), car.max_speed)
-        nearest = nearest_point(line, memory, settings.lost_distance, x, y)
-        if line[nearest, SPEED] == 0.0:
-            return math.nan, 0.0, math.nan
-        offset = distance_to(line, nearest, x, y)
-        lookahead = lookahead_at(settings, car, now, offset)
-        goal_x, goal_y = goal_ahead(line, nearest, lookahead, x, y)
-        bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
-        bearing = math.atan2(math.sin(bearing), math.cos(bearing))
-        steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
-        if abs(bearing) > 0.5 * math.pi:
-            steering_angle = math.copysign(car.max_steering_angle, bearing)
-        elif settings.tracker == _STANLEY and offset < _OFF_LINE:
-            steering_angle = stanley_steering(line, nearest, x, y, heading, now, car)
-        elif settings.tracker == _LQR and offset < _OFF_LINE:
-            steering_angle = lqr_steering(line, nearest, x, y, heading, now, car)
-        return steering_angle, profile_speed(line, nearest, (settings.reaction + late_by(car)) * now), bearing
+    def refer_worlds(  # type: ignore[no-untyped-def]
+        scan, ranges, odometry, running, own, driven, lines, valid, shown
+    ):
+        """Write the references of all running worlds."""
+        for world in range(len(running)):
+            if running[world]:
+                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
+                driver, planner, memory = driven[world].driver, own[world], driven[world].memory
+                steering_angle, speed, bearing = math.nan, 0.0, math.nan
+                clear = valid[len(valid) - len(running) + world]
+                foresee(scan[0], valid[world], clear, odometry[world], driver, memory.predictions)
+                if sees(scan[0], valid[world]):
+                    line = lines[driver.line_first : driver.line_end]
+                    steering_angle, speed, bearing = _follow(
+                        odometry[world], driver, planner.settings, planner.memory, line
+                    )
+                reference = driven[world].reference
+                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, reference)
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
@@ -254,7 +278,9 @@ class PurePursuit(Planner):
             return None
         nearest = nearest_of_all(self.line, x, y)
         offset = distance_to(self.line, nearest, x, y)
-        lookahead = lookahead_at(self.settings_row[0], self.driver[0]["car"], abs(odometry.speed), offset)
+        driver = self.driver[0]
+        slip, car = driver["limiter"]["slip"], driver["car"]
+        lookahead = lookahead_at(self.settings_row[0], slip, car, abs(odometry.speed), offset)
         return goal_ahead(self.line, nearest, lookahead, x, y)
 
 

@@ -8,11 +8,19 @@
   kinematic car the distance e and the angle a obey e' = a, a' = u along the way. The feedback that is least for the
   integral of e^2 / L^4 + u^2 is u = -e / L^2 - sqrt(2) a / L in closed form. L grows with the speed and with how late
   the car answers.
+- `map`: model- and acceleration-based pursuit. The arc through a goal on the line at the distance L asks for a lateral
+  acceleration a = 2 v^2 sin(n) / L; n is the angle from the course, where the rear axle moves, to the goal. The
+  steering angle for it is looked up in the steady curves of the car on its tires (slip.steady_arc). The course differs
+  from the heading by the rear slip angle of a steady curve along the line. Where tires need no slip angles, this is
+  pure pursuit that joins the line as the other trackers do.
 
 Sources: G. Hoffmann et al., Autonomous Automobile Trajectory Tracking for Off-Road Driving, ACC 2007, for Stanley;
-B. Anderson and J. Moore, Optimal Control: Linear Quadratic Methods, 1990, for the regulator of the double integrator.
+B. Anderson and J. Moore, Optimal Control: Linear Quadratic Methods, 1990, for the regulator of the double integrator;
+J. Becker et al., Model- and Acceleration-based Pursuit Controller for High-Performance Autonomous Racing, ICRA 2023,
+for `map`. There the angle is that from the heading, and the look-up is simulated.
 
-Limits: both are kinematic. Tires that need slip angles are steered for afterwards, by their look-up (slip.steered).
+Limits: `stanley` and `lqr` are kinematic. What tires need is added to their angle afterwards, but only as far as any
+harder cornering needs it, too (slip.steered), and their angle to the line is the heading's.
 """
 
 from __future__ import annotations
@@ -24,14 +32,14 @@ from fg_mujoco.messages import FloatArray
 
 from .planner_settings import Record
 from .racelines import X, Y, moved_along
-from .steering import late_by
+from .slip import course_angle, steady_arc
+from .steering import late_by, pursue
 from .tracking import LAG
 
 _SPAN = 0.2  # [m] to either side of a point, for the direction of the line
 _BEND_SPAN = 0.4  # [m] the same for its curvature
 _STANLEY_GAIN, _STANLEY_SLOWEST = 2.5, 1.0  # [1/s] and [m/s]
 _LENGTH, _LENGTH_TIME = 0.4, 0.1  # [m] and [s]: of the regulator's L
-
 
 @kernel
 def direction_at(line: FloatArray, point: int) -> float:
@@ -96,3 +104,24 @@ def lqr_steering(
     ahead = curvature_at(line, moved_along(line, nearest, late * speed))
     length = _LENGTH + (_LENGTH_TIME + late_by(car)) * speed
     return math.atan(car.wheelbase * (ahead + lqr_feedback(aside, angle, length)))
+
+
+@kernel
+def map_steering(
+    line: FloatArray, nearest: int, bearing: float, distance: float, speed: float, car: Record, slip: Record
+) -> float:
+    """Return the steering angle [rad] of the model- and acceleration-based pursuit of a goal, see above.
+
+    Args:
+      line: as of racelines.line_table.
+      nearest: its point that is nearest to the rear axle.
+      bearing: of the goal from the rear axle [rad].
+      distance: of the goal [m].
+      speed: of the car, from 0 [m/s].
+      car: of type CAR.
+      slip: of type SLIP.
+    """
+    if not slip.soft:
+        return pursue(bearing, distance, 0.0, car.wheelbase)
+    course = course_angle(slip, car, speed, speed * curvature_at(line, nearest))
+    return steady_arc(slip, car, pursue(bearing - course, distance, 0.0, car.wheelbase), speed)

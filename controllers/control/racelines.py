@@ -22,6 +22,7 @@ from fg_mujoco.messages import FloatArray
 
 from ..safety.friction_limiter import FrictionLimiter, longitudinal_share
 from .planner_settings import Record
+from .slip import fastest_on
 
 SPACING = 0.1  # [m] of the points of a table, about
 X, Y, SPEED, STEP = range(4)
@@ -174,6 +175,9 @@ def limit_speeds(
     for point in range(count):
         if bend[point] != 0.0:
             corner = math.sqrt(cornering_use * limiter.lateral / abs(bend[point]))
+            if limiter.slip.soft:
+                arc = math.atan(limiter.car.wheelbase * abs(bend[point]) / cornering_use)
+                corner = min(corner, fastest_on(limiter.slip, arc))
             table[point, SPEED] = min(table[point, SPEED], corner)
     if not closed:
         table[-1, SPEED] = 0.0

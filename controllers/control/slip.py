@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import ODOMETRY, CarParameters
+from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 
 from ..perception.scan_geometry import SCAN, period_of
 from .planner_settings import Record
@@ -56,6 +56,7 @@ SLIP = np.dtype(
         ("rear_stiffness", np.float64),  # [1/rad]
         ("most", np.float64),  # [-] greatest lateral acceleration over g that is looked at
         ("lead", np.float64, (_FORCES,)),  # [rad] by which to steer more than the arc's angle, from 0 to `most`
+        ("steady", np.float64, (_FORCES,)),  # [rad] by which in a steady curve, from the lead on
         ("top_speed", np.float64),  # [m/s] last of the speeds of `tightest`
         ("tightest", np.float64, (_SPEEDS,)),  # [rad] greatest angle of an arc, by speed
         ("least_speed", np.float64),  # [m/s] to which the lock slows the car at most
@@ -93,6 +94,7 @@ def slip_row(car: CarParameters, lateral: float) -> NDArray[np.void]:
     forces = np.linspace(0.0, most, _FORCES)
     needed = np.array([slip_angle(slip["front"], u) - slip_angle(slip["rear"], u) for u in forces.tolist()])
     slip["lead"] = np.maximum(np.minimum.accumulate(needed[::-1])[::-1], 0.0)
+    slip["steady"] = np.maximum(needed, slip["lead"])
     gradient = np.minimum.accumulate(np.gradient(needed, forces))
     slip["top_speed"] = car.max_speed
     for place, speed in enumerate(np.linspace(0.0, car.max_speed, _SPEEDS).tolist()):
@@ -126,9 +128,15 @@ def slip_angle(axle: Record, force: float) -> float:
 @kernel
 def _lead(slip: Record, force: float) -> float:
     """Return by how much more than the arc's angle the car is steered [rad], at a lateral acceleration over g."""
-    place = min(force / slip.most, 1.0) * (_FORCES - 1)
+    return _read(slip.lead, force / slip.most)
+
+
+@kernel
+def _read(table: FloatArray, share: float) -> float:
+    """Return a value of a table over the lateral acceleration, at a share of the greatest."""
+    place = min(share, 1.0) * (_FORCES - 1)
     at = min(int(place), _FORCES - 2)
-    return float(slip.lead[at] + (place - at) * (slip.lead[at + 1] - slip.lead[at]))
+    return float(table[at] + (place - at) * (table[at + 1] - table[at]))
 
 
 @kernel
@@ -136,6 +144,17 @@ def steered(slip: Record, car: Record, angle: float, speed: float) -> float:
     """Return the steering angle [rad] with which a car at `speed` [m/s] runs on the arc of `angle` [rad]."""
     force = speed * speed * math.tan(abs(angle)) / (car.wheelbase * car.gravity)
     return saturate(angle + math.copysign(_lead(slip, force), angle), car.max_steering_angle)
+
+
+@kernel
+def steady_arc(slip: Record, car: Record, angle: float, speed: float) -> float:
+    """Return the angle [rad] to command in place of that of an arc, so that `steered` steers for a steady curve.
+
+    That is the look-up of the model- and acceleration-based pursuit. A car whose rear axle needs more than the one in
+    front would be steered less than the arc's angle, and by any error turn in by itself: it gets the arc's angle.
+    """
+    share = speed * speed * math.tan(abs(angle)) / (car.wheelbase * car.gravity * slip.most)
+    return angle + math.copysign(_read(slip.steady, share) - _read(slip.lead, share), angle)
 
 
 @kernel
