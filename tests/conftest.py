@@ -32,16 +32,19 @@ sys.dont_write_bytecode = False
 # Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
 os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 
-# The files that take longest, which start first: a worker that begins one of them last keeps the others waiting.
-# The first compiles the kernels of every race. The second compiles others, and the third waits for most of its time, so
-# that three workers do not compile the same ones.
+# The files that take longest, which start first: a worker that begins one of them last keeps the others waiting. The
+# first compiles the kernels of all planners. The next two take as long, and call hardly any kernel until then. What a
+# worker compiles the others wait for.
 SLOWEST = (
-    "test_fuzz.py", "test_kernels.py", "test_rollout_ray.py", "test_interpreted.py", "test_identification.py",
-    "test_identification_benchmark.py", "test_mission.py", "test_f110_scripts.py",
-    "test_controller_contract.py", "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
-    "test_report_pages.py", "test_live_view.py", "test_readme.py", "test_replay_proof.py", "test_cli.py",
-    "test_docs.py", "test_hostile_runs.py", "test_leaks.py", "test_debug.py", "test_every_track.py",
-    "test_compare_cli.py", "test_two_policies_example.py", "test_tight_tracks.py",
+    "test_fuzz.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
+    "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_controller_contract.py",
+    "test_identification_benchmark.py", "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
+    "test_leaks.py", "test_report_pages.py", "test_car_dynamics.py", "test_comparison.py", "test_hostile_runs.py",
+    "test_every_track.py", "test_replay_proof.py", "test_tight_tracks.py", "test_bag_map.py", "test_f110_lap_times.py",
+    "test_readme.py", "test_cli.py", "test_f110_interfaces.py", "test_field_report.py", "test_beam_comparison.py",
+    "test_friction_cli.py", "test_compare_cli.py", "test_friction_learning.py", "test_bag_run.py",
+    "test_two_policies_example.py", "test_f1tenth_gym_benchmark.py", "test_autodrive_bridge.py", "test_live_view.py",
+    "test_debug.py",
 )  # fmt: skip
 
 # What takes a second or more here is in whole files of studies, benchmarks, examples, pages, bags, and of what starts

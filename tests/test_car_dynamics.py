@@ -352,7 +352,7 @@ def test_steady_circle_holds_up_to_the_speed_law_and_slides_beyond(mu, radius, h
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mu", "fraction"), [(0.6, 1.02), (0.6, 1.03), (0.6, 1.04), (0.4, 1.05)])
+@pytest.mark.parametrize(("mu", "fraction"), [(0.6, 1.02), (0.4, 1.05)])
 def test_front_tires_run_wide_as_fast_as_the_closed_form_says(mu, fraction):
     """Beyond the limit the circle is k^2 times as wide, and the front tires cross it, above what all creep.
 

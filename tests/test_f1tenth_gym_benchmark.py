@@ -40,8 +40,7 @@ class Simulator:
             pose += self.time_step * speed * np.array(
                 (math.cos(pose[2]), math.sin(pose[2]), math.tan(steering) / self.wheelbase)
             )
-        while time.perf_counter() - began < 1e-3:
-            pass
+        time.sleep(max(1e-3 - (time.perf_counter() - began), 0.0))
         names = ("poses_x", "poses_y", "poses_theta")
         seen = dict(zip(names, self.poses.T.tolist(), strict=True))
         outside = (np.abs(self.poses[:, :2]) > 20.0).any(axis=1)

@@ -22,8 +22,11 @@ def measure(mu, steering, ks=(), tires="coulomb"):
 
 
 # Measured: k_grip .9977, .9977, .9977 and .9945 of the law on bristles; .9977, .9965, .9977 and .9930 on contacts.
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize(("mu", "steering"), [(0.5, 0.1), (1.0489, -0.1), (0.7, 0.05), (0.9, 0.2)])
+@pytest.mark.parametrize(
+    ("mu", "steering", "tires"),
+    [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.7, 0.05, "coulomb"), (0.9, 0.2, "coulomb"),
+     (1.0489, -0.1, "contact"), (0.9, 0.2, "contact")],
+)  # fmt: skip
 def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
     row, _ = measure(mu, steering, tires=tires)
     assert row["k_grip"] == pytest.approx(1.0, abs=0.01)
@@ -36,7 +39,7 @@ def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
 @pytest.mark.parametrize(
     ("vehicle", "tires", "steering"),
     [*((vehicle, "coulomb", steering) for vehicle in ("f1tenth", "nuc2") for steering in (0.05, 0.1, 0.15, 0.2)),
-     ("f1tenth", "contact", 0.05), ("nuc2", "contact", 0.1), ("f1tenth", "contact", 0.15), ("nuc2", "contact", 0.2)],
+     ("f1tenth", "contact", 0.05), ("nuc2", "contact", 0.2)],
 )  # fmt: skip
 def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, steering):
     """Measured: .9969 to 1.0094 on bristles, .9957 to 1.0066 on contacts."""
@@ -45,8 +48,7 @@ def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, ste
     assert 0.99 < before.k < after.k < 1.01
 
 
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize("mu", [0.3, 1.0489])
+@pytest.mark.parametrize(("mu", "tires"), [(0.3, "coulomb"), (1.0489, "coulomb"), (1.0489, "contact")])
 def test_on_the_tightest_circle_they_let_go_where_a_rigid_car_does(mu, tires):
     """3.0 and 2.6 % below the law, by geometry alone: the closed form has it to .3 %.
 
@@ -57,8 +59,9 @@ def test_on_the_tightest_circle_they_let_go_where_a_rigid_car_does(mu, tires):
     assert row["k_grip"] == pytest.approx(row["k_grip_closed_form"], abs=0.004)
 
 
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize(("mu", "steering"), [(0.5, 0.1), (1.0489, 0.2)])
+@pytest.mark.parametrize(
+    ("mu", "steering", "tires"), [(0.5, 0.1, "coulomb"), (1.0489, 0.2, "coulomb"), (1.0489, 0.2, "contact")]
+)
 def test_curvature_falls_as_the_square_of_the_speed(mu, steering, tires):
     """Measured: .992 and .986 of 1/k^2 at the worst."""
     _, rows = measure(mu, steering, (0.95, 1.1, 1.3), tires)

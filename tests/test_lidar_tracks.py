@@ -19,7 +19,7 @@ from fg_mujoco.course.obstacles import Box, Cylinder
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.simulation.world import World
 
-POSES = 100
+POSES = 40
 TOLERANCE = 1e-9  # [m]
 DATA = Path(__file__).parents[2] / "shared" / "data"
 CIRCUITS = [
