@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,13 @@ def place(name):
 LAYERS = layers()
 
 
+@cache
 def arrows(name, text):
+    """Return how and what a module imports by name, see `each_arrow`."""
+    return tuple(each_arrow(name, text))
+
+
+def each_arrow(name, text):
     """Yield how and what a module imports by name: the modules, or None where the name is worked out."""
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call):
