@@ -16,12 +16,12 @@ PLANNERS = (
 RACES = f"""
 import fg_mujoco as fg
 for planner in {PLANNERS!r}:
-    print(planner, fg.race("oval", planner, laps=1, time_limit=0.1, max_speed=3.0).trajectory_sha256)
-crossing = fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.075, max_speed=3.0)
+    print(planner, fg.race("oval", planner, laps=1, time_limit=0.05, max_speed=3.0).trajectory_sha256)
+crossing = fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.05, max_speed=3.0)
 print("obstacle", crossing.trajectory_sha256)
-print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1, tires="contact").trajectory_sha256)
+print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.05, tires="contact").trajectory_sha256)
 print("slides", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0).trajectory_sha256)
-worlds = fg.rollout("oval", "pure_pursuit", n=2, laps=1, time_limit=0.1, randomize={{"mu": (0.5, 1.0)}}).worlds
+worlds = fg.rollout("oval", "pure_pursuit", n=2, laps=1, time_limit=0.05, randomize={{"mu": (0.5, 1.0)}}).worlds
 print("rollout", worlds.tobytes().hex())
 """
 
