@@ -77,8 +77,10 @@ class FrictionLearningSettings(Settings):
     stiffness: float = setting(120.0, "1/rad", "of tires whose car says none: force over friction and load", POSITIVE)
     relaxation_length: float = setting(0.045, "m", "of tires whose car says none", FROM_ZERO)
     age: float = setting(0.0025, "s", "of the accelerometer's reading: half a physics step", FROM_ZERO)
+    load_lag: float = setting(0.006, "s", "of what acceleration moves of the loads, behind it: the springs", FROM_ZERO)
+    damping_ratio: float = setting(0.3, "", "of a wheel's spin on its tire: that of rubber and foam", FROM_ZERO)
     resolution: float = setting(3e-4, "m/s", "of wheel speeds: no fit is taken for better", POSITIVE)
-    independent: float = setting(20.0, "", "readings in a row that say as much as one", POSITIVE)
+    independent: float = setting(8.0, "", "readings in a row that say as much as one", POSITIVE)
     least_speed: float = setting(1.5, "m/s", "slower, nothing is learned", POSITIVE)
     most_steering: float = setting(0.3, "rad", "beyond it nothing is learned", POSITIVE)
     sliding: float = setting(0.02, "m/s", "of wheels that is not explained: the least that counts as sliding", POSITIVE)
@@ -105,6 +107,7 @@ LEARNING = np.dtype(
         ("rear_slip", np.float64, (_POINTS,)),
         ("compliance", np.float64),  # [-] mean slip of both axles by use, at none
         ("relaxation_length", np.float64),  # [m]
+        ("damping_time", np.float64),  # [s] at friction 1: a tire's damping over its stiffness
     ]
 )
 """Type of what `learn` reads of a planner."""
@@ -167,6 +170,9 @@ def learning_row(car: CarParameters, settings: FrictionLearningSettings | None =
             row[f"{axle}_slip"] = (uses + (_STEEPNESS - 1.0) * beyond) / settings.stiffness
     row["compliance"] = 0.5 * (row["front_slip"][:, 1] + row["rear_slip"][:, 1]) / uses[1]
     row["relaxation_length"] = car.relaxation_length if slip["soft"] else settings.relaxation_length
+    load = 0.25 * car.mass * car.gravity
+    stiffness = load / (row["compliance"] * row["relaxation_length"])  # [N/m] of a tire, at friction 1
+    row["damping_time"] = 2.0 * settings.damping_ratio * np.sqrt(car.wheel_inertia / stiffness) / car.wheel_radius
     return row
 
 
@@ -225,17 +231,18 @@ def _compare(
     half, slope = 0.5 * yaw_rate * car.track_width, math.tan(angle)
     lever = 0.5 * car.track_width / car.wheelbase
     rear = 0.5 * (speeds[2] + speeds[3])
-    rolling, loads, at_rest = np.empty(4), np.empty(4), np.empty(4)  # [m/s], and of the car's weight
+    rolling, loads, at_rest, moved = np.empty(4), np.empty(4), np.empty(4), np.empty(4)  # [m/s], of the car's weight
     sines = np.zeros(4)
     on_front, on_rear = 0.5 * car.rear_axle_distance / car.wheelbase, 0.5 * car.front_axle_distance / car.wheelbase
     spins = 4.0 * car.wheel_inertia / (car.mass * car.wheel_radius)  # [m] what turns the wheels faster, pitches the car
     along = 0.5 * (car.center_of_gravity_height + spins) / car.wheelbase * forward
+    along *= 1.0 + settings.load_lag / car.speed_time_constant  # of an acceleration that falls over this time
     across = car.center_of_gravity_height / car.track_width * left
     for wheel in range(4):
         side = 1.0 if wheel % 2 == 1 else -1.0  # the right wheels are the odd ones
         at_rest[wheel] = on_front if wheel < 2 else on_rear
-        moved = 2.0 * side * across * at_rest[wheel] + (-along if wheel < 2 else along)
-        loads[wheel] = max(at_rest[wheel] + moved, _LEAST_LOAD)
+        moved[wheel] = -along if wheel < 2 else along
+        loads[wheel] = max(at_rest[wheel] + 2.0 * side * across * at_rest[wheel] + moved[wheel], _LEAST_LOAD)
         rolling[wheel] = rear + side * half
         if wheel < 2:
             turned = math.atan2(slope, 1.0 + side * lever * slope)
@@ -252,7 +259,7 @@ def _compare(
     seen = _between_axles(excess)
 
     slips = np.empty(4)
-    _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, learned.mu, slips)
+    _slip_speeds(learning, car, odometry.speed, rolling, loads, moved, sines, force, left, learned.mu, slips)
     use: float = math.hypot(force / loads.min(), left)
     if _slides(learning, learned, regressors, seen, excess, slips, pressed, yaw_rate, max(use, learned.use), period):
         return use
@@ -265,7 +272,7 @@ def _compare(
             learned.squares[i, j] = learned.squares[i, j] * forget + regressors[i] * regressors[j]
     for level in range(_BANK):
         mu = learning.mus[level]
-        _slip_speeds(learning, car, odometry.speed, rolling, loads, sines, force, left, mu, slips)
+        _slip_speeds(learning, car, odometry.speed, rolling, loads, moved, sines, force, left, mu, slips)
         rest = seen - _between_axles(slips)
         for i in range(_UNKNOWNS):
             learned.products[level, i] = learned.products[level, i] * forget + regressors[i] * rest
@@ -331,6 +338,7 @@ def _slip_speeds(
     speed: float,
     rolling: FloatArray,
     loads: FloatArray,
+    moved: FloatArray,
     sines: FloatArray,
     force: float,
     left: float,
@@ -339,18 +347,21 @@ def _slip_speeds(
 ) -> None:
     """Write by how much each wheel turns faster than it would roll [m/s], at a friction.
 
-    The motor's servo lets the force fall over its time constant between two commands, and the slip of a tire whose
-    force falls is less, by its relaxation length. The wheels of soft tires turn faster for the same force, so that the
-    servo takes longer.
+    The motor's servo lets the force fall over its time constant between two commands, and with it the part of the load
+    that acceleration has moved, `moved`. The slip of a tire whose force over load falls is less, by its relaxation
+    length: falling force lowers it on all wheels, and the load that comes back lowers it most on the lighter axle. A
+    tire's damping, which takes a part of the force, works the other way. The wheels of soft tires turn faster for the
+    same force, so that the servo takes longer.
     """
     lasting = car.speed_time_constant + speed * learning.compliance / (car.gravity * mu)
-    falling = 1.0 - (learning.settings.age + learning.relaxation_length / speed) / lasting
+    fallen = (learning.settings.age + learning.relaxation_length / speed - learning.damping_time / mu) / lasting
     sideways = math.copysign(_slip_of(learning.rear_slip, abs(left) / mu), left) * speed
     for wheel in range(4):
         along = force / loads[wheel]
         used = math.hypot(along, left)
         slip = _slip_of(learning.front_slip if wheel < 2 else learning.rear_slip, used / mu)
-        slips[wheel] = max(falling, 0.0) * rolling[wheel] * slip * along / max(used, 1e-9) - sideways * sines[wheel]
+        falling = max(1.0 - fallen * (1.0 - moved[wheel] / loads[wheel]), 0.0)
+        slips[wheel] = falling * rolling[wheel] * slip * along / max(used, 1e-9) - sideways * sines[wheel]
 
 
 @kernel
