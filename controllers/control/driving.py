@@ -428,12 +428,13 @@ def _drive(
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.stopping:
-        table = trajectories[driver.trajectories + memory.learned.level]
+        table = trajectories[driver.trajectories + memory.learned.stops]
         predictions = turned(memory.predictions, course.angle if slip.soft else 0.0)
         surroundings = clear if len(predictions) > 0 else valid
         widened = widen_all(surroundings, scan.angle_increment, table.radius)
         _extend_history(scan, odometry, driver, memory)
-        # a stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts
+        # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less
+        # from a slower speed, and so the stops are those of as much friction or more.
         faster = math.sqrt(driver.limiter.lateral / table.lateral)
         in_sight = faster * safe_speed(
             table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle

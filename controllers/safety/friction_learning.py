@@ -80,7 +80,7 @@ class FrictionLearningSettings(Settings):
     load_lag: float = setting(0.006, "s", "of what acceleration moves of the loads, behind it: the springs", FROM_ZERO)
     damping_ratio: float = setting(0.3, "", "of a wheel's spin on its tire: that of rubber and foam", FROM_ZERO)
     resolution: float = setting(3e-4, "m/s", "of wheel speeds: no fit is taken for better", POSITIVE)
-    independent: float = setting(8.0, "", "readings in a row that say as much as one", POSITIVE)
+    independent: float = setting(12.0, "", "readings in a row that say as much as one", POSITIVE)
     least_speed: float = setting(1.5, "m/s", "slower, nothing is learned", POSITIVE)
     most_steering: float = setting(0.3, "rad", "beyond it nothing is learned", POSITIVE)
     sliding: float = setting(0.02, "m/s", "of wheels that is not explained: the least that counts as sliding", POSITIVE)
@@ -117,6 +117,7 @@ LEARNED = np.dtype(
         ("begun", np.bool_),
         ("mu", np.float64),  # that is used
         ("level", np.int64),  # of the bank: the greatest that is not above it
+        ("stops", np.int64),  # of the bank: the least that is not below it
         ("mean", np.float64),  # of the learned friction, and its standard deviation; 0: nothing is learned yet
         ("deviation", np.float64),
         ("weight", np.float64),  # readings, the older ones for less
@@ -198,7 +199,7 @@ def learn(learning: Record, learned: Record, car: Record, odometry: Record, peri
     """
     settings = learning.settings
     if not learned.begun:
-        learned.begun, learned.mu, learned.level = True, settings.start, _BELOW
+        learned.begun, learned.mu, learned.level, learned.stops = True, settings.start, _BELOW, _BELOW
     learned.pause = max(learned.pause - period, 0.0)
     learned.ceiling *= 1.0 + settings.ceiling_rise * period
     total = odometry.speed + odometry.steering_angle + odometry.angular_velocity[2]
@@ -498,6 +499,7 @@ def _bound(learning: Record, learned: Record, period: float) -> None:
     while level < _USED - 1 and learning.mus[level + 1] <= learned.mu:
         level += 1
     learned.level = level
+    learned.stops = level if learning.mus[level] >= learned.mu else min(level + 1, _USED - 1)
 
 
 @kernel
