@@ -1,6 +1,7 @@
 """Laps of a planner that is not told the friction, beside those of one that is, and a floor that becomes slippery.
 
     python benchmarks/learning.py
+    python benchmarks/learning.py --maps
     python benchmarks/learning.py --tires forzaeth_nuc7 --mu 0.5,0.9 --track oval,tight --laps 3
     python benchmarks/learning.py --step
 
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from race_maps import SETTINGS
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
@@ -22,6 +24,7 @@ from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight", "random:0", "random:1")
 OTHERS = ("circuits/Spielberg_map.yaml", "race_maps/rca2.yaml", "race_maps/icra2022.yaml", "race_maps/jfr_v6.yaml")
+MAPS = ("f", "fisica", "hangar", "ipz33", "jfr_v5", "lausitzring1", "levine_slam", "milan1", "track_1")
 MUS = (0.4, 0.6, 0.8, 1.1)
 ASKED = 1.08  # of the told planner's lap, from lap 2 on
 SLIDES = 0.01  # [m/s] a tire slides above it
@@ -33,6 +36,12 @@ AFTER = 20.0  # [s] that are driven on it
 def circuits() -> list[str]:
     """Return twelve circuits, those of the shared data where there are any."""
     return [*BUNDLED, *(str(DATA / name) for name in OTHERS if (DATA / name).exists())]
+
+
+def other_maps() -> list[str]:
+    """Return the race maps of the shared data that are not among the twelve circuits."""
+    paths = {name: DATA / "race_maps" / f"{name}.yaml" for name in MAPS}
+    return [f"{path}{SETTINGS.get(name, '')}" for name, path in paths.items() if path.exists()]
 
 
 def compare(tracks: list[str], tires: str, mus: list[float], laps: int, keywords: dict[str, Any]) -> None:
@@ -105,6 +114,7 @@ def main() -> None:
     """Run one of the two."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--track", help="one or several, with commas; default: twelve circuits")
+    parser.add_argument("--maps", action="store_true", help="the race maps that are not among the twelve circuits")
     parser.add_argument("--tires", default="coulomb")
     parser.add_argument("--mu", default=",".join(map(str, MUS)))
     parser.add_argument("--laps", type=int, default=5)
@@ -114,7 +124,7 @@ def main() -> None:
     parser.add_argument("--steering-gain", type=float, default=1.0)
     parser.add_argument("--step", action="store_true", help="a floor that becomes slippery in mid-race")
     options = parser.parse_args()
-    tracks = options.track.split(",") if options.track else circuits()
+    tracks = options.track.split(",") if options.track else other_maps() if options.maps else circuits()
     mus = [float(text) for text in options.mu.split(",")]
     if options.step:
         step(tracks, options.tires, mus)
