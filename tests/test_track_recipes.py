@@ -24,7 +24,8 @@ def test_circuit_is_what_its_header_says_makes_it(name, tmp_path):
     command = next(line.partition("made by: ")[2] for line in bundled.splitlines() if "made by: " in line)
     assert command == f"python -m fg_mujoco.course.recipes {name}"
     assert main([*command.split()[3:], str(tmp_path / f"{name}.csv")]) == 0
-    assert (tmp_path / f"{name}.csv").read_text(encoding="utf-8") == bundled
+    made = (tmp_path / f"{name}.csv").read_text(encoding="utf-8")
+    assert made.replace("-0.0,", "0.0,") == bundled.replace("-0.0,", "0.0,")  # a zero's sign is the processor's
 
 
 def test_characters():
