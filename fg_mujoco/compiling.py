@@ -430,7 +430,7 @@ class _KernelCache(NullCache):  # type: ignore[misc]
                 return self.unpacked(self._numbas(kept), target)
         if _ANNOUNCED not in os.environ:  # in the first of a family of processes that compiles kernels
             os.environ[_ANNOUNCED] = "announced"
-            say("compiling kernels, once; this takes 10 to 30 s")
+            say("compiling kernels, once; the first race takes about a minute longer")
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
