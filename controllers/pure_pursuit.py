@@ -8,7 +8,7 @@
    the end of an open line it is straight on.
 3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
    goal behind the car leads away from it at first: there the car turns as sharply as it can. With `tracker` the car
-   steers by another law where it is near the line (line_trackers).
+   steers by another law where it is near the line (line_trackers, line_mpc).
 4. The speed is that of a profile computed once (racelines.limit_speeds): cornering, braking and accelerating
    within what the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is
    and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
@@ -38,22 +38,37 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
 from .control.driving import DrivingSettings, SpeedLaw, refer
-from .control.line_optimizer import limited_grip, optimize_line, walls_beside
+from .control.line_mpc import MPC, SOLVED, plan_steering
+from .control.line_optimizer import limited_grip, optimize_line, room_beside, walls_beside
 from .control.line_trackers import lqr_steering, map_steering, stanley_steering
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
-from .control.racelines import SPEED, STEP, X, Y, is_counterclockwise, line_table, moved_along, next_point, read_line
+from .control.racelines import (
+    LEFT,
+    RIGHT,
+    ROOM,
+    SPEED,
+    STEP,
+    X,
+    Y,
+    is_counterclockwise,
+    line_table,
+    moved_along,
+    next_point,
+    read_line,
+)
 from .control.slip import late_on_path
 from .control.steering import late_by, pursue
 from .perception.intermediate_scans import keep
 from .perception.scan_filters import valid_ranges
-from .perception.scan_geometry import sees
+from .perception.scan_geometry import period_of, sees
 from .safety.friction_limiter import FrictionLimiter
 from .safety.predictions import foresee
 
-_PURE_PURSUIT, _STANLEY, _LQR, _MAP = 1, 2, 3, 4  # places of the words of the setting `tracker`
+_PURE_PURSUIT, _STANLEY, _LQR, _MAP, _MPC = 1, 2, 3, 4, 5  # places of the words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
 _OFF_LINE = 0.4  # [m] from the line, beyond which every tracker joins it by pure pursuit
+_LEAST_MARGIN = 0.5  # share of the margin that a plan leaves to the walls
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
@@ -64,7 +79,7 @@ class PurePursuitSettings(DrivingSettings):
     speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
     guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
-    tracker: Literal["auto", "pure_pursuit", "stanley", "lqr", "map"] = setting(
+    tracker: Literal["auto", "pure_pursuit", "stanley", "lqr", "map", "mpc"] = setting(
         "auto", text="how it steers along the line; auto: lqr on a raceline, else pure_pursuit"
     )
     margin: float = setting(0.1, "m", "raceline: between the car and the walls", FROM_ZERO)
@@ -163,32 +178,42 @@ def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
 
 @kernel
 def _follow(
-    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray
-) -> tuple[float, float, float]:
-    """Return the steering angle [rad], the speed of the profile [m/s] and the goal's bearing [rad]; NaN: brake."""
-    car, slip = driver.car, driver.limiter.slip
+    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray, period: float
+) -> tuple[float, float, float, int]:
+    """Return the steering angle [rad], the speed of the profile [m/s], the goal's bearing [rad], and the plan it is by.
+
+    NaN: brake. The plan is line_mpc.SOLVED, LAST_PLAN or NO_PLAN; of trackers that do not plan it is SOLVED.
+    """
+    car, slip, mpc = driver.car, driver.limiter.slip, memory.mpc
     x, y, heading = odometry.pose
+    planned, mpc.planned = mpc.planned, False
     if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-        return math.nan, 0.0, math.nan
+        return math.nan, 0.0, math.nan, SOLVED
     now = min(abs(odometry.speed), car.max_speed)
     nearest = nearest_point(line, memory, settings.lost_distance, x, y)
     if line[nearest, SPEED] == 0.0:
-        return math.nan, 0.0, math.nan
+        return math.nan, 0.0, math.nan, SOLVED
     offset = distance_to(line, nearest, x, y)
     goal_x, goal_y = goal_ahead(line, nearest, lookahead_at(settings, slip, car, now, offset), x, y)
     bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
     bearing = math.atan2(math.sin(bearing), math.cos(bearing))
+    speed = profile_speed(line, nearest, (settings.reaction + late_by(car)) * now)
+    plan = SOLVED
     if abs(bearing) > 0.5 * math.pi:
         steering_angle = math.copysign(car.max_steering_angle, bearing)
     elif settings.tracker == _STANLEY and offset < _OFF_LINE:
         steering_angle = stanley_steering(line, nearest, x, y, heading, now, car)
     elif settings.tracker == _LQR and offset < _OFF_LINE:
         steering_angle = lqr_steering(line, nearest, x, y, heading, now, car)
+    elif settings.tracker == _MPC and offset < (ROOM if planned else _OFF_LINE):
+        mpc.planned = planned
+        steering_angle, slower, plan = plan_steering(line, nearest, odometry, driver, period, mpc)
+        speed = min(speed, slower)
     elif settings.tracker == _MAP:
         steering_angle = map_steering(line, nearest, bearing, distance, now, car, slip)
     else:
         steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
-    return steering_angle, profile_speed(line, nearest, (settings.reaction + late_by(car)) * now), bearing
+    return steering_angle, speed, bearing, plan
 
 
 class PurePursuit(Planner):
@@ -204,7 +229,7 @@ class PurePursuit(Planner):
     """
 
     Settings = PurePursuitSettings
-    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
+    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_), ("mpc", MPC)])
 
     def __init__(
         self,
@@ -230,7 +255,8 @@ class PurePursuit(Planner):
             points, speeds = read_line(settings.line)
             self._check_direction(points, map_line, settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
-        table = _table(*shape, car, mu, max_speed, for_car(settings, car))
+        walled = map_line if settings.tracker == "mpc" and map_line.closed and map_line.walls else None
+        table = _table(*shape, car, mu, max_speed, for_car(settings, car), walled)
         super().__init__(car, mu, max_speed, settings, latency=latency, period=period, line=table)
 
     @staticmethod
@@ -255,16 +281,17 @@ class PurePursuit(Planner):
             if running[world]:
                 keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
                 driver, planner, memory = driven[world].driver, own[world], driven[world].memory
-                steering_angle, speed, bearing = math.nan, 0.0, math.nan
+                steering_angle, speed, bearing, plan = math.nan, 0.0, math.nan, SOLVED
                 clear = valid[len(valid) - len(running) + world]
                 foresee(scan[0], valid[world], clear, odometry[world], driver, memory.predictions)
                 if sees(scan[0], valid[world]):
                     line = lines[driver.line_first : driver.line_end]
-                    steering_angle, speed, bearing = _follow(
-                        odometry[world], driver, planner.settings, planner.memory, line
+                    steering_angle, speed, bearing, plan = _follow(
+                        odometry[world], driver, planner.settings, planner.memory, line, period_of(scan[0])
                     )
                 reference = driven[world].reference
                 refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, reference)
+                reference.plan = plan
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
@@ -300,9 +327,19 @@ def _raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float
 
 @lru_cache(maxsize=8)
 def _table(
-    points: bytes, speeds: bytes, closed: bool, car: CarParameters, mu: float, max_speed: float, settings: Any
+    points: bytes,
+    speeds: bytes,
+    closed: bool,
+    car: CarParameters,
+    mu: float,
+    max_speed: float,
+    settings: Any,
+    walled: MapLine | None,
 ) -> FloatArray:
-    """Return the table of a line, read-only: planners of the same line and settings share it."""
+    """Return the table of a line, read-only: planners of the same line and settings share it.
+
+    `walled` has the walls that the car keeps clear of beside the line; None: it does not look at them.
+    """
     table = line_table(
         np.frombuffer(points).reshape(-1, 2),
         np.frombuffer(speeds),
@@ -313,5 +350,8 @@ def _table(
         cornering_use=settings.cornering_use,
         braking_use=settings.braking_use,
     )
+    if walled is not None:
+        walls, line = walls_beside(walled.points, walled.walls), table[:, : Y + 1].copy()
+        table[:, [RIGHT, LEFT]] = room_beside(line, walls, car, _LEAST_MARGIN * settings.margin, ROOM)
     table.flags.writeable = False
     return table

@@ -31,14 +31,14 @@ def test_stanleys_law_on_a_straight_line():
     assert command.steering_angle == pytest.approx(0.05 - math.atan(2.5 * front / 2.0), rel=1e-9)
 
 
-@pytest.mark.parametrize("tracker", ["stanley", "lqr", "map"])
+@pytest.mark.parametrize("tracker", ["stanley", "lqr", "map", "mpc"])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_on_a_circle_it_stays(tracker, direction):
     trace = driven(pursuer(circle(2.0, direction), tracker=tracker), (2.0, 0.0, direction * math.pi / 2), 300)
     assert np.abs(np.hypot(trace[:, 0], trace[:, 1]) - 2.0).max() < 0.06
 
 
-@pytest.mark.parametrize("tracker", ["stanley", "lqr", "map"])
+@pytest.mark.parametrize("tracker", ["stanley", "lqr", "map", "mpc"])
 @pytest.mark.parametrize("offset", [0.3, -1.5])
 def test_it_joins_a_straight_line_and_stays_on_it(tracker, offset):
     line = MapLine(points=np.array([[0.0, 0.0], [100.0, 0.0]]), closed=False)

@@ -69,10 +69,12 @@ from .reasons import (
     AHEAD,
     GRIP,
     KNOWN_LINE,
+    LAST_PLAN,
     LOCK,
     MAXIMUM,
     MEAN_RANGE,
     MOVES,
+    NO_PLAN,
     NO_REFERENCE,
     PLANNER,
     REASONS,
@@ -205,6 +207,7 @@ REFERENCE = np.dtype(
         ("bearing", np.float64),  # [rad] of the goal; NaN: there is none
         ("distance", np.float64),  # [m] of the goal from the LiDAR
         ("own_speed", np.float64),  # [m/s] before any speed law
+        ("plan", np.int64),  # of line_mpc, by which it is: 0 that of now, 1 the last one, 2 none, and the car brakes
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
         ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
         ("places", np.int64),  # of the lane; 0: there is none
@@ -293,7 +296,7 @@ def refer(
     """Write a reference, no faster than by the law of the mean range; arguments as in `refer_to_goal` and REFERENCE."""
     reference.steering_angle, reference.bearing, reference.distance = steering_angle, bearing, distance
     reference.speed = reference.own_speed = min(speed, driver.max_speed)
-    reference.limit, reference.places = math.inf, 0
+    reference.limit, reference.places, reference.plan = math.inf, 0, 0
     if math.isnan(bearing):
         reference.steering_angle = math.nan
     elif driver.range_ratio:
@@ -395,6 +398,8 @@ def _drive(
         reference.bearing -= course.angle
     note(reasons, MAXIMUM, math.nan, driver.max_speed)
     note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
+    if reference.plan > 0:
+        note(reasons, LAST_PLAN if reference.plan == 1 else NO_PLAN, reference.steering_angle, reference.own_speed)
     if driver.range_ratio:
         note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
     if driver.friction:

@@ -180,6 +180,14 @@ def optimize_line(
     return OptimizedLine(points=line, speeds=speeds, lap_time=time)
 
 
+def room_beside(line: FloatArray, walls: Walls, car: CarParameters, margin: float, most: float) -> FloatArray:
+    """Return how far the car may be to the right (negative) and to the left of each point of a closed line, (n, 2) [m].
+
+    A car along the line then is `margin` [m] from the walls; it is `most` [m] at most. See `room`.
+    """
+    return np.column_stack(room(line, _geometry(line)[0], walls, car, margin, most))
+
+
 def _not_converged(objective: str) -> SettingsError:
     return SettingsError(
         f"the solver of the line of least {objective} does not converge; accepted: more room, a smaller margin"

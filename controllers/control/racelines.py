@@ -25,8 +25,12 @@ from .planner_settings import Record
 from .slip import fastest_on
 
 SPACING = 0.1  # [m] of the points of a table, about
-X, Y, SPEED, STEP = range(4)
-"""Columns of a table: the place [m], the speed there [m/s], and how far it is to the next point [m]; 0: the end."""
+X, Y, SPEED, STEP, RIGHT, LEFT = range(6)
+"""Columns of a table: the place [m], the speed there [m/s], how far it is to the next point [m] (0: the end), and how
+far the car may be beside it, from (negative, to the right) and to [m]."""
+
+ROOM = 1.0
+"""[m] Greatest room to either side, and all that is known where there are no walls."""
 
 _REPEATED = 1e-3  # [m] points nearer than this are one
 _FURTHEST = 1e6  # [m], as of tracks; of a speed and a curvature, too
@@ -100,7 +104,9 @@ def line_table(
     cornering_use: float,
     braking_use: float,
 ) -> FloatArray:
-    """Return a line for a planner: points about SPACING apart, with the speed at each. Shape (m, 4), columns as above.
+    """Return a line for a planner: points about SPACING apart, with the speed at each. Shape (m, 6), columns as above.
+
+    How far the car may be beside the line is ROOM.
 
     Args:
       points: in driving order, (n, 2) [m].
@@ -126,7 +132,8 @@ def line_table(
     along = np.concatenate(([0.0], np.cumsum(steps)))
     count = max(math.ceil(length / SPACING), 2)
     places = np.linspace(0.0, length, count + 1)[: count if closed else count + 1]
-    table = np.zeros((len(places), 4))
+    table = np.zeros((len(places), 6))
+    table[:, RIGHT], table[:, LEFT] = -ROOM, ROOM
     table[:, X], table[:, Y] = np.interp(places, along, points[:, 0]), np.interp(places, along, points[:, 1])
     table[:, STEP] = length / count
     if not closed:

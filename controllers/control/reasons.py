@@ -17,12 +17,14 @@ import numpy as np
 from fg_mujoco.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
-MAXIMUM, PLANNER, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD, AFTER_RECOVERY = range(9)
-SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(9, 16)
+MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD = range(10)
+AFTER_RECOVERY, SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 18)
 
 _STEPS = (
     ("maximum speed", "the fastest that the planner may command"),
     ("planner", "the planner's own reference"),
+    ("last plan", "tracker mpc: its program did not converge, and the car steers by the last plan"),
+    ("no plan", "tracker mpc: the last plan is over, too; the car brakes, and keeps its last angle"),
     ("mean range", "speed law range_ratio: slower where the mean range towards the goal is short"),
     ("guidance", "leads the car along a motion, or slows it, where the planner's goal does not lead on"),
     ("turning in moves", "guidance turns the car in several moves, forward and in reverse"),

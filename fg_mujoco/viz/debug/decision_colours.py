@@ -9,7 +9,8 @@ GOAL, COMMAND, MOTION = "#12a066", "#2f7ed8", "#a04bd0"
 UNKNOWN = "#8a8f98"
 
 _LAWS = {
-    "maximum speed": "#9aa1ab", "planner": "#2f7ed8", "mean range": "#59b4e0", "guidance": "#a04bd0",
+    "maximum speed": "#9aa1ab", "planner": "#2f7ed8", "last plan": "#b06a00", "no plan": "#7a1f2b",
+    "mean range": "#59b4e0", "guidance": "#a04bd0",
     "turning in moves": "#d06bd0", "no reference": "#7a1f2b", "distance ahead": "#b8a200", "after recovery": "#c98a5a",
     "sight": "#e07b00", "safety filter": "#e0314b", "recovery": "#8a5a2b", "friction limiter": "#12a066",
     "clamped by the car": "#3b4252", "the planner failed": "#e0314b", "not known": UNKNOWN,
