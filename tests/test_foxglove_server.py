@@ -116,9 +116,7 @@ def test_each_command_is_one_tick_with_the_bits_of_a_simulation_stepped_by_hand(
                 angle, speed = (float(np.float32(v)) for v in (message.drive.steering_angle, message.drive.speed))
                 drive = {"steering_angle": angle, "speed": speed}
                 client.publish(1, {"drive": drive} if encoding == "json" else to_cdr(message))
-                assert server._driven.wait(_PATIENCE)
-                server._driven.clear()
-                server.tick()
+                assert server.step(_PATIENCE)
                 assert session.simulation.time == pytest.approx(0.025 * number)
             states.append(session.simulation.state)
     simulation = fg.Simulation(fg.World("oval"))
@@ -127,6 +125,20 @@ def test_each_command_is_one_tick_with_the_bits_of_a_simulation_stepped_by_hand(
         angle, speed = (float(np.float32(value)) for value in (drive.steering_angle, drive.speed))
         simulation.step(DriveCommand(steering_angle=angle, speed=speed))
     assert states[0].tobytes() == states[1].tobytes() == simulation.state.tobytes()
+
+
+def test_commands_that_come_at_once_are_a_tick_each_in_their_order_and_too_many_are_dropped_and_told():
+    with served(step_on_drive=True) as (session, server, client):
+        client.advertise(1, "/drive")
+        for number in range(403):
+            client.publish(1, {"drive": {"steering_angle": 0.001 * number, "speed": 1.0}})
+        client.wait_for(lambda: sum("400 wait" in said for said in client.said) == 3)
+        assert session.simulation.time == 0.0
+        for number in range(3):
+            assert server.step(_PATIENCE)
+            assert session.simulation.time == pytest.approx(0.025 * (number + 1))
+            assert session.simulation.engine.commands[0].tolist() == pytest.approx([0.001 * number, 1.0])
+        assert server._waiting.qsize() == 397
 
 
 def test_a_twist_is_the_angle_at_which_the_car_turns_at_that_rate():

@@ -23,8 +23,10 @@ address is given: whoever reaches it may drive the car.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import queue
 import threading
 import time
 from collections.abc import Mapping
@@ -75,6 +77,7 @@ _SILENT = 100  # above all levels of Python's logging
 _SCENE, _CAR = "/scene", "/car"
 _DRIVERS = ("planner", "commands")
 _FRAME_OF_BODY = "body_{}"
+_MOST_WAITING = 400  # commands, 10 s of ticks
 _SLOW = 0.25  # [s] between two messages to which parameters and status belong
 
 
@@ -85,7 +88,8 @@ class FoxgloveServer:
       session: to be shown, and driven on.
       host: address to listen on.
       port: to listen on; 0: any that is free.
-      step_on_drive: a tick is driven for each command on /drive, and time stands still between them.
+      step_on_drive: a tick is driven for each command, in the order in which they come, and time stands still between
+        them. At most 400 commands wait for their ticks. Further ones are dropped, and clients are told.
 
     Attributes:
       session: the same.
@@ -107,7 +111,8 @@ class FoxgloveServer:
         from foxglove.websocket import Capability
 
         self.session, self._step_on_drive = session, step_on_drive
-        self._stop, self._driven = threading.Event(), threading.Event()
+        self._stop = threading.Event()
+        self._waiting: queue.Queue[DriveCommand | None] = queue.Queue(_MOST_WAITING)  # None: nothing more comes
         foxglove.set_log_level(_SILENT)  # of clients that leave
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
@@ -137,19 +142,19 @@ class FoxgloveServer:
     def close(self) -> None:
         """End `run`, and stop serving."""
         self._stop.set()
-        self._driven.set()
+        with contextlib.suppress(queue.Full):  # then nobody waits for a command
+            self._waiting.put_nowait(None)
         self._server.stop()
 
     def run(self) -> None:
-        """Drive on in real time, or a tick for each command on /drive, until `close` or Ctrl-C."""
+        """Drive on in real time, or a tick for each command, until `close` or Ctrl-C."""
         due = slow = time.monotonic()
         while not self._stop.is_set():
-            if self._step_on_drive:
-                if not self._driven.wait(_SLOW):
-                    self._publish_slowly()
-                    continue
-                self._driven.clear()
-            self.tick()
+            if not self._step_on_drive:
+                self.tick()
+            elif not self.step(_SLOW):
+                self._publish_slowly()
+                continue
             now = time.monotonic()
             if now - slow >= _SLOW:
                 slow = now
@@ -157,6 +162,18 @@ class FoxgloveServer:
             if not self._step_on_drive:
                 due = max(due + self.session.period, now - 4.0 * self.session.period)
                 self._stop.wait(max(0.0, due - time.monotonic()))
+
+    def step(self, patience: float) -> bool:
+        """Drive a tick by the next command that waits; answer whether there was one within a time [s]."""
+        try:
+            command = self._waiting.get(timeout=patience)
+        except queue.Empty:
+            return False
+        if command is None:
+            return False
+        self.session.hold(command)
+        self.tick()
+        return True
 
     def tick(self) -> None:
         """Drive on for a tick, and publish what the car senses then."""
@@ -231,7 +248,8 @@ class FoxgloveServer:
         """Take a message that a client has published.
 
         Raises:
-          MessageError: a topic that is not listened to, or a message that is not of its type.
+          MessageError: a topic that is not listened to, a message that is not of its type, or a command for which too
+            many others wait.
         """
         if topic not in ACCEPTED:
             raise MessageError(f"nobody listens to {topic}; accepted: {', '.join(ACCEPTED)}")
@@ -246,8 +264,15 @@ class FoxgloveServer:
             accepted = f"finite numbers of {ACCEPTED[topic]}"
             raise MessageError(f"a message on {topic}: {said}; accepted: {accepted}") from error
         self._commanded = time.monotonic()
-        self.session.hold(command)
-        self._driven.set()
+        if not self._step_on_drive:
+            self.session.hold(command)
+            return
+        try:
+            self._waiting.put_nowait(command)
+        except queue.Full:
+            raise MessageError(
+                f"a command on {topic} is dropped: {_MOST_WAITING} wait for their ticks; accepted: one for each scan"
+            ) from None
 
     def subscribed(self, topic: str) -> None:
         """Send a latched topic once more, to who has just subscribed."""
