@@ -13,9 +13,10 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control import line_mpc, ltv_program
 from fg_mujoco.controllers.control.line_mpc import DT, STEPS
 from fg_mujoco.controllers.control.ltv_program import HIGH, INPUT, LAST, LOW, SOFTNESS
+from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, X
 from fg_mujoco.controllers.control.slip import steered
 from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
-from fg_mujoco.messages import MapLine
+from fg_mujoco.messages import ODOMETRY, MapLine
 
 STRAIGHT = MapLine(points=np.array([[0.0, 0.0], [60.0, 0.0]]), closed=False)
 SOFT = replace(
@@ -238,10 +239,20 @@ def test_it_drives_by_the_pose_of_the_particle_filter():
     assert car.end_reason == "finished"
 
 
-def test_the_plan_keeps_to_the_room_that_walls_leave_beside_the_line():
-    ahead = ahead_of(3.0, 0.0)
-    ahead[:, 4], ahead[:, 5] = -1.0, np.where(np.arange(STEPS + 1) < 8, 1.0, 0.05)
-    states = np.zeros((STEPS + 1, 3))
-    assert line_mpc._outside(ahead, states) == 0.0
-    states[:, 0] = 0.35
-    assert line_mpc._outside(ahead, states) == pytest.approx(0.29)
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_plan_keeps_to_the_room_beside_the_line_and_the_car_slows_where_it_cannot(side):
+    planner, speed = pursuer(STRAIGHT, tracker="mpc"), 4.0
+    odometry = np.zeros(1, ODOMETRY)
+    odometry["speed"], odometry["pose"] = speed, (10.0, 0.0, 0.0)
+    reached, slower = {}, {}
+    for narrow in (math.inf, 12.0, 10.5):  # [m] along the line, from where on the car has to be 0.1 m beside it
+        line, plan = planner.line.copy(), np.zeros(1, line_mpc.MPC)
+        line[line[:, X] > narrow, LEFT if side > 0 else RIGHT] = -0.1 * side
+        nearest = int(np.argmin(np.abs(line[:, X] - 10.0)))
+        _, slower[narrow], state = line_mpc.plan_steering(line, nearest, odometry[0], planner.driver[0], 0.025, plan[0])
+        assert state == line_mpc.SOLVED
+        headings = np.cumsum(np.append(0.0, speed * DT * np.tan(plan[0]["angles"]) / CAR.wheelbase))
+        reached[narrow] = np.sum(speed * DT * side * headings[:-2])
+    assert reached[math.inf] == pytest.approx(0.0, abs=1e-3)
+    assert reached[12.0] == pytest.approx(-0.1, abs=0.03)
+    assert slower[math.inf] == slower[12.0] == math.inf and speed - 0.2 <= slower[10.5] < speed

@@ -130,7 +130,7 @@ def plan_steering(
     else:
         state = LAST_PLAN if mpc.planned and mpc.age + 0.5 * period < STEPS * DT else NO_PLAN
     mpc.command = angle
-    if mpc.planned:
+    if mpc.planned and math.isfinite(begin[3]):
         wanted = _planned_angle(mpc, mpc.age + period)
         mpc.command = saturate(begin[3] + (wanted - begin[3]) / share, car.max_steering_angle)
     slowest = max(now - min(_SLOWER * outside, _MOST_SLOWER), _SLOWEST) if outside > 0.0 else math.inf
@@ -160,7 +160,7 @@ def _place_at_command(odometry: Record, car: Record, angle: float, mpc: Record) 
     """Return where the car is once a command reaches its servos: x and y [m], heading and steering angle [rad]."""
     x, y, heading = odometry.pose
     delay = car.command_delay
-    if delay == 0.0 or not mpc.planned or math.isnan(mpc.command):
+    if delay == 0.0 or not mpc.planned:
         return x, y, heading, angle
     then = mpc.command + (angle - mpc.command) * math.exp(-delay / car.steering_time_constant)
     way = odometry.speed * delay
