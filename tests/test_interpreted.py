@@ -14,14 +14,18 @@ PLANNERS = (
 """Without gap_finder, which the race with an obstacle has. Guidance takes Python longest, and is the same for all."""
 
 RACES = f"""
+import numpy as np
 import fg_mujoco as fg
+angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)  # small: Python looks all over a course for long
+circle = np.column_stack([2.0 * np.cos(angles), 2.0 * np.sin(angles), np.full((60, 2), 0.8)])
+np.savetxt("circle.csv", circle, delimiter=",", header="x_m, y_m, w_tr_right_m, w_tr_left_m")
 for planner in {PLANNERS!r}:
-    print(planner, fg.race("oval", planner, laps=1, time_limit=0.05, max_speed=3.0).trajectory_sha256)
+    print(planner, fg.race("circle.csv", planner, laps=1, time_limit=0.05, max_speed=3.0).trajectory_sha256)
 crossing = fg.race("scene:crossing_box:0", "gap_finder", laps=1, time_limit=0.05, max_speed=3.0)
 print("obstacle", crossing.trajectory_sha256)
-print("contact", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.05, tires="contact").trajectory_sha256)
-print("slides", fg.race("oval", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0).trajectory_sha256)
-worlds = fg.rollout("oval", "pure_pursuit", n=2, laps=1, time_limit=0.05, randomize={{"mu": (0.5, 1.0)}}).worlds
+print("contact", fg.race("circle.csv", "pure_pursuit", laps=1, time_limit=0.05, tires="contact").trajectory_sha256)
+print("slides", fg.race("circle.csv", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0).trajectory_sha256)
+worlds = fg.rollout("circle.csv", "pure_pursuit", n=2, laps=1, time_limit=0.05, randomize={{"mu": (0.5, 1.0)}}).worlds
 print("rollout", worlds.tobytes().hex())
 """
 
@@ -160,7 +164,7 @@ def run(code, tmp_path, interpreted):
     program.write_text(code)
     setting = {"NUMBA_DISABLE_JIT": "1"} if interpreted else {}  # compiled kernels of other settings are kept apart
     environment = {**os.environ, **setting}
-    done = subprocess.run([sys.executable, str(program)], env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, str(program)], env=environment, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert not interpreted or done.stderr == ""
     return done.stdout

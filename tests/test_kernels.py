@@ -365,7 +365,8 @@ def test_a_kernel_that_is_called_from_another_one_is_recompiled_there(installed,
     code = "from fg_mujoco.one.above import above; print(above(3.0))"
     environment = {"cwd": installed, "XDG_CACHE_HOME": str(tmp_path)}
     assert run(code, **environment).stdout == "7.0\n"
-    assert (run(code, **environment).stdout, run(code, **environment).stderr) == ("7.0\n", "")
+    again = run(code, **environment)
+    assert (again.stdout, again.stderr) == ("7.0\n", "")
     path = installed / "fg_mujoco/one/two/constants.py"
     whole = path.read_text()
     path.write_text("OFFSET = 2.0\n")
@@ -477,12 +478,13 @@ def test_kernels_that_call_each_other_answer_as_python_does_compiled_and_from_di
     program = tmp_path / "calls.py"
     program.write_text(CALLS)
     code = f"import runpy; runpy.run_path({str(program)!r})"
+    kept = []
     for _ in range(2):  # compiled, then from disk, but for what cannot be kept
         done = run(code, XDG_CACHE_HOME=str(tmp_path))
         assert (done.returncode, done.stdout) == (0, ANSWERS), done.stderr
-    kept = kept_in(tmp_path)
-    assert run(code, XDG_CACHE_HOME=str(tmp_path)).returncode == 0 and kept_in(tmp_path) == kept
-    names = {file.name.rpartition("-")[0] for file in kept}
+        kept.append(kept_in(tmp_path))
+    assert kept[0] == kept[1]
+    names = {file.name.rpartition("-")[0] for file in kept[0]}
     assert {"passes_on", "refuses", "quarters", "quarter", "fibonacci"} <= names
     assert not names & {"even", "odd"}, "machine code that calls each other's addresses"
 
@@ -533,7 +535,7 @@ def command_everywhere(number):
     return result.trajectory_sha256
 
 
-@pytest.mark.parametrize("number", (int, np.int32, np.float32))
+@pytest.mark.parametrize("number", (int, np.float32))
 def test_a_command_in_other_numbers_compiles_nothing_anew(number):
     bits, before = command_everywhere(float), signatures()
     assert any("drive" in name and compiled for (_, name), compiled in before.items())

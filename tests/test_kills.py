@@ -14,9 +14,9 @@ SCRIPT = Path(__file__).parent.parent / "benchmarks" / "kills.py"
 RACE = "race --time-limit 0.5 --out runs/a"
 
 
-@pytest.mark.parametrize("commands", ["race,rollout,compare", "export,render,friction"])
+@pytest.mark.parametrize("commands", ["race,rollout,export"])
 def test_a_killed_command_ends_as_one_that_was_not_when_it_is_run_again(tmp_path, commands):
-    """Each is killed once; the benchmark kills them hundreds of times."""
+    """Each is killed once: a folder, one that is filled in steps, a file. The benchmark kills all, often."""
     arguments = ["3", "--commands", commands, "--seed", "1", "--json", "figures.json"]
     done = subprocess.run([sys.executable, SCRIPT, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -67,7 +67,7 @@ def once_measured(leaks, name, share, warm):
     return leaks.Growth(**json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.mark.parametrize(("name", "share"), (("races", 0.2), ("races of four cars", 0.12), ("resets", 0.1)))
+@pytest.mark.parametrize(("name", "share"), (("races of four cars", 0.1), ("resets", 0.1)))
 def test_what_is_done_again_and_again_leaves_nothing_behind(leaks, name, share):
     found = measured(leaks, name, share)
     assert is_flat(found), found
@@ -107,7 +107,7 @@ def test_growth_that_repeats_counts_and_growth_that_does_not_is_no_leak(monkeypa
 
 
 def test_renderers_that_are_closed_leave_nothing_behind(leaks):
-    found = measured(leaks, "renderers", 0.12, warm=0.75)  # Mesa's threads take memory at the first of them
+    found = measured(leaks, "renderers", 0.08, warm=0.75)  # Mesa's threads take memory at the first of them
     assert is_flat(found), found
 
 
