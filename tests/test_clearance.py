@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
@@ -69,6 +69,7 @@ def test_known_distances(segment, distance):
     assert least_clearance(np.zeros((1, 3)), np.array([segment]), CAR) == pytest.approx(distance, abs=1e-12)
 
 
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_the_least_of_many_is_the_least_of_each_alone(seed):
     random = np.random.default_rng(seed)

@@ -25,7 +25,7 @@ def measure(mu, steering, ks=(), tires="coulomb"):
 @pytest.mark.parametrize(
     ("mu", "steering", "tires"),
     [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.7, 0.05, "coulomb"), (0.9, 0.2, "coulomb"),
-     (1.0489, -0.1, "contact"), (0.9, 0.2, "contact")],
+     (0.9, 0.2, "contact")],
 )  # fmt: skip
 def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
     row, _ = measure(mu, steering, tires=tires)
@@ -39,7 +39,7 @@ def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
 @pytest.mark.parametrize(
     ("vehicle", "tires", "steering"),
     [*((vehicle, "coulomb", steering) for vehicle in ("f1tenth", "nuc2") for steering in (0.05, 0.1, 0.15, 0.2)),
-     ("f1tenth", "contact", 0.05), ("nuc2", "contact", 0.2)],
+     ("f1tenth", "contact", 0.05)],
 )  # fmt: skip
 def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, steering):
     """Measured: .9969 to 1.0094 on bristles, .9957 to 1.0066 on contacts."""

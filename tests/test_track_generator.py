@@ -65,9 +65,9 @@ def test_other_settings_are_kept_as_well(seed, width, radius, gap):
 
 
 @pytest.mark.slow
-def test_the_first_200_seeds_are_valid_and_quick():
+def test_the_first_seeds_are_valid_and_quick():
     slowest, lengths, sharpest = 0.0, [], []
-    for seed in range(201):
+    for seed in range(60):
         start = time.process_time()
         track = generate_track(seed)
         slowest = max(slowest, time.process_time() - start)
@@ -76,7 +76,7 @@ def test_the_first_200_seeds_are_valid_and_quick():
         sharpest.append(np.abs(track.curvature).max())
     assert slowest < 1.0
     assert min(lengths) < 60.0 and max(lengths) > 170.0
-    assert len({round(length, 3) for length in lengths}) == 201
+    assert len({round(length, 3) for length in lengths}) == 60
 
 
 def test_circuits_have_straights_hairpins_chicanes_and_both_directions():
