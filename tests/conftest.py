@@ -29,6 +29,9 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # Workers find compiled what others of them have compiled, see `import_share`.
 sys.dont_write_bytecode = False
 
+# No test outlives the machine: what they write may stay in memory, where waiting for the disk would take them minutes.
+os.fsync = lambda descriptor: None
+
 # Commands that the tests run write nothing about kernels, in a cache that is empty as in one that is not.
 os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 
