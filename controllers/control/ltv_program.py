@@ -12,7 +12,7 @@ soft: then it costs a weight times half of the squared distance beyond it.
 The method is the predictor and corrector of Mehrotra, an interior-point method. With slacks and multipliers as they
 are, a step is a linear-quadratic regulator without bounds: each bound adds to the weight of its value, and to its
 slope. Such a program is solved by Riccati's recursion: once backward for the gains, then for each of the two right
-sides once backward for the feed-forward and once forward for the states. A program takes 3 to 15 steps, whatever bounds
+sides once backward for the feed-forward and once forward for the states. A program takes 3 to 20 steps, whatever bounds
 are active.
 
 Sources: S. Mehrotra, On the Implementation of a Primal-Dual Interior Point Method, SIAM Journal on Optimization 2(4),
