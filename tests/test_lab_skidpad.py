@@ -1,6 +1,7 @@
 """The skidpad against closed forms: where the tires let go, how the circle widens, and what it refuses."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,17 +15,23 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
+SECTION_KS = (0.95, 1.1, 1.2)  # of a quick section
+
+
+@cache
+def tables_of(tires, mu, steering, ks):
+    return EXPERIMENT.measure({"tires": tires, "mu": mu, "steering": steering, "ks": list(ks)})
 
 
 def measure(mu, steering, ks=(), tires="coulomb"):
-    tables = EXPERIMENT.measure({"tires": tires, "mu": mu, "steering": steering, "ks": list(ks)})
+    tables = tables_of(tires, mu, steering, tuple(ks))
     return tables["onset"][0], tables["curvature"]
 
 
-# Measured: k_grip .9977, .9977, .9977 and .9945 of the law on bristles; .9977, .9965, .9977 and .9930 on contacts.
+# Measured: k_grip .9977, .9977 and .9945 of the law on bristles, .9930 on contacts.
 @pytest.mark.parametrize(
     ("mu", "steering", "tires"),
-    [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.7, 0.05, "coulomb"), (0.9, 0.2, "coulomb"),
+    [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.9, 0.2, "coulomb"),
      (0.9, 0.2, "contact")],
 )  # fmt: skip
 def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
@@ -38,7 +45,7 @@ def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
 
 @pytest.mark.parametrize(
     ("vehicle", "tires", "steering"),
-    [*((vehicle, "coulomb", steering) for vehicle in ("f1tenth", "nuc2") for steering in (0.05, 0.1, 0.15, 0.2)),
+    [*((vehicle, "coulomb", steering) for vehicle in ("f1tenth", "nuc2") for steering in (0.05, 0.2)),
      ("f1tenth", "contact", 0.05)],
 )  # fmt: skip
 def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, steering):
@@ -48,20 +55,18 @@ def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, ste
     assert 0.99 < before.k < after.k < 1.01
 
 
-@pytest.mark.parametrize(("mu", "tires"), [(0.3, "coulomb"), (1.0489, "coulomb"), (1.0489, "contact")])
+@pytest.mark.parametrize(("mu", "tires"), [(1.0489, "coulomb"), (1.0489, "contact")])
 def test_on_the_tightest_circle_they_let_go_where_a_rigid_car_does(mu, tires):
     """3.0 and 2.6 % below the law, by geometry alone: the closed form has it to .3 %.
 
     On bristles .2 % later, on the circle that their slip angles of .5 deg make wider.
     """
-    row, _ = measure(mu, 0.4, tires=tires)
+    row, _ = measure(mu, 0.4, SECTION_KS, tires)
     assert 0.965 < row["k_grip"] < 0.98
     assert row["k_grip"] == pytest.approx(row["k_grip_closed_form"], abs=0.004)
 
 
-@pytest.mark.parametrize(
-    ("mu", "steering", "tires"), [(0.5, 0.1, "coulomb"), (1.0489, 0.2, "coulomb"), (1.0489, 0.2, "contact")]
-)
+@pytest.mark.parametrize(("mu", "steering", "tires"), [(0.5, 0.1, "coulomb"), (1.0489, 0.2, "contact")])
 def test_curvature_falls_as_the_square_of_the_speed(mu, steering, tires):
     """Measured: .992 and .986 of 1/k^2 at the worst."""
     _, rows = measure(mu, steering, (0.95, 1.1, 1.3), tires)
@@ -176,7 +181,7 @@ def test_section_tells_the_worst_cell_and_draws():
     cells = EXPERIMENT.cells(LabSettings(mus=(1.0489,), steerings=(0.005, 0.4), quick=True))
     tables = {"onset": [], "curvature": []}
     for cell in cells[::2]:
-        for name, rows in EXPERIMENT.measure(cell).items():
+        for name, rows in tables_of(cell["tires"], cell["mu"], cell["steering"], tuple(cell["ks"])).items():
             tables[name] += rows
     section = EXPERIMENT.section(tables)
     assert "mu 1.0489 and +0.4 rad" in section.sentences[0]
