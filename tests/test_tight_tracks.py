@@ -74,7 +74,7 @@ def check_lap(track, poses, margin=MARGIN):
     assert not np.any((np.cumsum(gone) < 0.0) & (np.arange(len(gone)) > 20))  # never round the wrong way
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=6)
 @given(seed=st.integers(0, 2**63 - 1))
 def test_every_seed_keeps_the_default_settings_and_has_a_lap_that_the_car_can_drive(seed):
     track = generate_tight_track(seed)
@@ -123,7 +123,7 @@ class Follow:
         return fg.DriveCommand(steering_angle=min(max(steering, -most), most), speed=0.6)
 
 
-@pytest.mark.parametrize("name", [*BUNDLED, *SEEDS])
+@pytest.mark.parametrize("name", ["boxes", "maze", SEEDS[0]])
 def test_the_simulated_car_drives_the_lap_that_was_found_on(name):
     track, lap = lap_of(name)
     result = fg.race(track, Follow(lap), laps=1, time_limit=4.0 * track.length)
@@ -223,13 +223,13 @@ def test_same_seed_same_bytes_and_other_seed_other_circuit():
 
 
 def test_circuits_differ():
-    tracks = [generate_tight_track(seed) for seed in range(40)]
+    tracks = [generate_tight_track(seed) for seed in range(16)]
     lengths = [track.length for track in tracks]
-    assert min(lengths) < 22.0 and max(lengths) > 50.0 and len({round(length, 3) for length in lengths}) == 40
+    assert min(lengths) < 22.0 and max(lengths) > 50.0 and len({round(length, 3) for length in lengths}) == 16
     with_boxes_on_it = [(track.width_left + track.width_right).min() < 0.95 for track in tracks]
-    assert 10 < sum(with_boxes_on_it) < 35
+    assert 4 < sum(with_boxes_on_it) < 14
     counterclockwise = [enclosed_area(track.centreline) > 0.0 for track in tracks]
-    assert 8 < sum(counterclockwise) < 32
+    assert 3 < sum(counterclockwise) < 13
 
 
 @pytest.mark.parametrize(
