@@ -129,8 +129,8 @@ def test_all_holes_are_closed_at_once_and_the_widest_is_named(tmp_path):
     )
 
 
-def test_a_hole_of_two_hundred_pixels_is_closed(tmp_path):
-    path = draw_map(tmp_path, np.kron(double_wall(20), np.ones((11, 11), bool)), resolution=0.005)
+def test_a_hole_of_a_hundred_pixels_is_closed(tmp_path):
+    path = draw_map(tmp_path, np.kron(double_wall(20), np.ones((5, 5), bool)), resolution=0.011)
     with pytest.raises(TrackError, match=r"a hole, 1.10 m wide, .*close=1.2\]"):
         read_map(path)
     assert load_map(f"{path}[close=1.1]").length == pytest.approx(1.1 * (2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
