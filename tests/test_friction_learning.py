@@ -191,13 +191,12 @@ def test_between_two_levels_the_limiter_is_that_of_the_friction():
 
 @pytest.mark.parametrize(("tires", "mu"), [("coulomb", 0.6), ("coulomb", 1.1), ("forzaeth_nuc6", 0.9)])
 def test_a_race_that_is_not_told_the_friction_has_no_slide_and_is_near_the_told_one(tires, mu):
-    """Three laps of a track with tight bends: from lap 2 on within 8 %, and no tire past its peak."""
+    """Two laps of a track with tight bends: lap 2 within 8 %, and no tire past its peak."""
     names = ("gap_finder", "gap_finder[learn=true]")
-    told, learns = (fg.race("tight", name, laps=3, mu=mu, tires=tires).car for name in names)
+    told, learns = (fg.race("tight", name, laps=2, mu=mu, tires=tires).car for name in names)
     assert learns.end_reason == "finished"
     assert learns.max_slide_m_s < 0.01
-    for own, other in zip(learns.lap_times_s[1:], told.lap_times_s[1:], strict=True):
-        assert own < 1.08 * other
+    assert learns.lap_times_s[1] < 1.08 * told.lap_times_s[1]
     assert learns.lap_times_s[0] > 1.02 * told.lap_times_s[0]  # it has not been told
 
 
