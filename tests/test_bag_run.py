@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ def lap(tmp_path_factory):
     result = fg.race("oval", laps=2, max_speed=4.0, time_limit=17.0)
     fg.write_run(result, folder / "run", picture=False)
     export_bag(folder / "run", folder / "lap.mcap")
+    (folder / "out").mkdir()  # an empty folder is as good as none
     assert (
         main(["bag", str(folder / "lap.mcap"), "--map", str(folder / "made.yaml"), "--out", str(folder / "out")]) == 0
     )
@@ -124,9 +126,8 @@ def test_a_summary_has_null_for_what_is_no_number_however_deep():
 
 def test_force_replaces_a_run_and_nothing_else(lap, tmp_path, capsys):
     bag, out = str(lap[1] / "lap.mcap"), tmp_path / "out"
-    out.mkdir()
+    shutil.copytree(lap[1] / "out", out)
     command = ["bag", bag, "--out", str(out)]
-    assert main(command) == 0
     first = (out / "summary.json").read_bytes()
     (out / "telemetry_car_3.csv").write_text("old", "utf-8")
     (out / "notes.txt").write_text("mine", "utf-8")
