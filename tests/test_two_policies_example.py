@@ -12,7 +12,7 @@ pytest.importorskip("cma")
 EXAMPLES = Path(__file__).parent.parent / "examples"
 if not EXAMPLES.exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
-SHORT = {"generations": 3, "population": 8, "starts": 2, "seconds": 4.0}
+SHORT = {"generations": 2, "population": 8, "starts": 2, "seconds": 4.0}
 
 
 @pytest.fixture(scope="module")
