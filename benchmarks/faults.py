@@ -88,8 +88,8 @@ FAULTS = {
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(
         file="controllers/safety/known_line.py",
-        old="used = square * points[min(k + 1, len(points) - 1), DEMAND] / grip",
-        new="used = 0.0 * points[min(k + 1, len(points) - 1), DEMAND] / grip",
+        old="used = square * demand / grip",
+        new="used = 0.0 * demand / grip",
         tests="test_lap_map.py",
     ),
     # floors, and the LiDAR of real cars

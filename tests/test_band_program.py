@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from fg_mujoco.controllers.control.band_program import least_on_ring, solve_ring
+from fg_mujoco.controllers.control.band_program import least_on_ring, least_on_ring_into, solve_ring
 
 
 def program(seed, count):
@@ -40,6 +40,16 @@ def test_least_place_within_bounds_is_that_of_least_squares(seed, count):
     expected = lsq_linear(factor, target, (low, high), method="bvls", tol=1e-14)
     assert found is not None and (found >= low).all() and (found <= high).all()
     assert np.sum((factor @ found - target) ** 2) == pytest.approx(2.0 * expected.cost, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_kernel_finds_the_same_place(seed):
+    _, _, bands, right = program(seed, 40)
+    low, high, found = np.full(40, -0.3), np.full(40, 0.2), np.empty(40)
+    assert least_on_ring_into(bands, -right, low, high, found)
+    assert found == pytest.approx(least_on_ring(bands, -right, low, high), abs=1e-6)
+    right[3] = np.nan
+    assert not least_on_ring_into(bands, right, low, high, found)
 
 
 def test_program_without_finite_numbers_has_no_solution():

@@ -7,7 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import CAR, record_values
-from fg_mujoco.controllers.control.speedometer import SPEEDOMETER, command_speed, read_speedometer
+from fg_mujoco.controllers.control.speedometer import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -23,7 +23,7 @@ def driven(error, seconds, acceleration=0.0, start=4.0):
     for _ in range(round(seconds / PERIOD)):
         told.append(speed * (1.0 + error))
         read_speedometer(memory, told[-1], ROW, PERIOD)
-        command = command_speed(memory, told[-1] + acceleration * PERIOD / SHARE, ROW, TOP, PERIOD)
+        command = command_speed(memory, told[-1] + acceleration * PERIOD / SHARE, ROW, TOP, PERIOD, LEFT_ALONE)
         speed += SHARE * (command - speed)
     return memory, np.array(told)
 
@@ -44,7 +44,8 @@ def test_the_error_is_measured_and_the_speed_becomes_what_was_asked_for(error, a
 def test_an_error_that_a_car_without_one_shows_changes_no_command(error):
     memory, _ = driven(error, 1.0, 1.0)
     memory["error"] = error
-    assert command_speed(memory, 3.7, ROW, TOP, PERIOD) == pytest.approx(3.7, rel=1e-15)
+    assert command_speed(memory, 3.7, ROW, TOP, PERIOD, LEFT_ALONE) == pytest.approx(3.7, rel=1e-15)
+    assert command_speed(memory, 3.7, ROW, TOP, PERIOD, 0.0) == pytest.approx(3.7 / (1.0 + error), rel=1e-12)
 
 
 @pytest.mark.parametrize("told", (0.0, 0.3, 4.0, 8.0))
@@ -53,7 +54,7 @@ def test_whatever_was_measured_the_told_speed_stays_between_a_stop_and_the_great
     memory = np.zeros(1, SPEEDOMETER)[0]
     memory["error"], memory["speed"] = error, told
     for asked in (0.05, told, TOP):
-        reached = told + SHARE * (command_speed(memory, asked, ROW, TOP, PERIOD) - told)
+        reached = told + SHARE * (command_speed(memory, asked, ROW, TOP, PERIOD, LEFT_ALONE) - told)
         assert -1e-12 <= reached <= TOP + 1e-12
 
 
@@ -61,9 +62,9 @@ def test_what_cannot_be_is_not_measured():
     memory = np.zeros(1, SPEEDOMETER)[0]
     for speed in (math.nan, math.inf, 4.0, -3.0):
         read_speedometer(memory, speed, ROW, PERIOD)
-        command_speed(memory, 4.0, ROW, TOP, PERIOD)
+        command_speed(memory, 4.0, ROW, TOP, PERIOD, LEFT_ALONE)
         assert memory["error"] == 0.0 or math.isfinite(memory["error"])
-    assert command_speed(memory, -1.0, ROW, TOP, PERIOD) == -1.0  # in reverse nothing is corrected
+    assert command_speed(memory, -1.0, ROW, TOP, PERIOD, LEFT_ALONE) == -1.0  # in reverse nothing is corrected
 
 
 @pytest.mark.parametrize("drift", (0.05, -0.05))

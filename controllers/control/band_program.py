@@ -12,6 +12,8 @@ the LDL factors of the band, with the last two points as a border. A program tak
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from fg_mujoco.kernels import kernel
@@ -47,17 +49,17 @@ def least_on_ring(bands: FloatArray, gradient: FloatArray, low: FloatArray, high
         stiff[0] += np.sum(forces / slacks, axis=0)
         step = solve_ring(stiff, -pulled)
         changes = -forces - forces / slacks * inwards * step
-        share = min(_until(slacks, inwards * step), _until(forces, changes), 1.0)
+        share = min(_first(slacks, inwards * step), _first(forces, changes), 1.0)
         reached = float(np.sum((slacks + share * inwards * step) * (forces + share * changes))) / (2 * count)
         centred = ((reached / gap) ** 3 * gap - inwards * step * changes) / slacks
         step = solve_ring(stiff, -pulled + centred[0] - centred[1])
         changes = -forces + centred - forces / slacks * inwards * step
-        share = min(_SHORT_OF * min(_until(slacks, inwards * step), _until(forces, changes)), 1.0)
+        share = min(_SHORT_OF * min(_first(slacks, inwards * step), _first(forces, changes)), 1.0)
         x, slacks, forces = x + share * step, slacks + share * inwards * step, forces + share * changes
     return None
 
 
-def _until(values: FloatArray, changes: FloatArray) -> float:
+def _first(values: FloatArray, changes: FloatArray) -> float:
     """Return how many times the changes bring the first of the values to 0; inf: none falls."""
     falls = changes < 0.0
     return float(np.min(values[falls] / -changes[falls], initial=np.inf))
@@ -70,15 +72,96 @@ def _times(bands: FloatArray, x: FloatArray) -> FloatArray:
     return np.asarray(result + second * np.roll(x, -2) + np.roll(second * x, 2))
 
 
+@kernel
+def least_on_ring_into(
+    bands: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray, x: FloatArray
+) -> bool:
+    """Write where the program is least to x (n,), and return whether the method converges.
+
+    The kernel of `least_on_ring`, for planners that solve it in a tick; they agree but for rounding.
+    """
+    n = len(gradient)
+    scale = 1e-12
+    for i in range(n):
+        scale = max(scale, abs(gradient[i]))
+    slacks, forces = np.empty((2, n)), np.full((2, n), 0.1 * scale)  # to the lower and to the upper bound; multipliers
+    for i in range(n):
+        x[i] = 0.5 * (low[i] + high[i])
+        slacks[0, i] = slacks[1, i] = 0.5 * (high[i] - low[i])
+    stiff, right, step = np.empty((3, n)), np.empty(n), np.empty(n)
+    pulled, changes, centred = np.empty(n), np.empty((2, n)), np.empty((2, n))
+    for _ in range(_STEPS):
+        off, gap = 0.0, 0.0
+        for i in range(n):
+            pulled[i] = gradient[i] + _row_times(bands, x, i)
+            off = max(off, abs(pulled[i] - forces[0, i] + forces[1, i]))
+            gap += slacks[0, i] * forces[0, i] + slacks[1, i] * forces[1, i]
+        gap /= 2 * n
+        if not math.isfinite(gap):
+            return False
+        if off <= 10.0 * _TOLERANCE * scale and gap <= _TOLERANCE * scale:
+            return True
+        for i in range(n):
+            stiff[0, i] = bands[0, i] + forces[0, i] / slacks[0, i] + forces[1, i] / slacks[1, i]
+            stiff[1, i], stiff[2, i], right[i] = bands[1, i], bands[2, i], -pulled[i]
+        solve_ring_into(stiff, right, step)
+        centred[:] = 0.0
+        share = min(_until(slacks, forces, centred, step, changes), 1.0)
+        reached = 0.0
+        for i in range(n):
+            reached += (slacks[0, i] + share * step[i]) * (forces[0, i] + share * changes[0, i])
+            reached += (slacks[1, i] - share * step[i]) * (forces[1, i] + share * changes[1, i])
+        reached /= 2 * n
+        centre = (reached / gap) ** 3 * gap
+        for i in range(n):
+            centred[0, i] = (centre - step[i] * changes[0, i]) / slacks[0, i]
+            centred[1, i] = (centre + step[i] * changes[1, i]) / slacks[1, i]
+            right[i] = -pulled[i] + centred[0, i] - centred[1, i]
+        solve_ring_into(stiff, right, step)
+        share = min(_SHORT_OF * _until(slacks, forces, centred, step, changes), 1.0)
+        for i in range(n):
+            x[i] += share * step[i]
+            slacks[0, i] += share * step[i]
+            slacks[1, i] -= share * step[i]
+            forces[0, i] += share * changes[0, i]
+            forces[1, i] += share * changes[1, i]
+    return False
+
+
+@kernel
+def _until(slacks: FloatArray, forces: FloatArray, centred: FloatArray, step: FloatArray, changes: FloatArray) -> float:
+    """Write the changes of the forces (2, n) by a step, and return its share that brings a slack or a force to 0."""
+    share = math.inf
+    for i in range(len(step)):
+        for bound in range(2):
+            inwards = step[i] if bound == 0 else -step[i]
+            change = centred[bound, i] - forces[bound, i] - forces[bound, i] / slacks[bound, i] * inwards
+            changes[bound, i] = change
+            if inwards < 0.0:
+                share = min(share, slacks[bound, i] / -inwards)
+            if change < 0.0:
+                share = min(share, forces[bound, i] / -change)
+    return share
+
+
+@kernel
+def _row_times(bands: FloatArray, x: FloatArray, i: int) -> float:
+    """Return a value of H x."""
+    n = len(x)
+    before, first, after, second = (i - 1) % n, (i - 2) % n, (i + 1) % n, (i + 2) % n
+    value = bands[0, i] * x[i] + bands[1, i] * x[after] + bands[1, before] * x[before]
+    return float(value + bands[2, i] * x[second] + bands[2, first] * x[first])
+
+
 def solve_ring(bands: FloatArray, right: FloatArray) -> FloatArray:
     """Return x of H x = right, (n,); arguments as of `least_on_ring`."""
     x = np.empty(len(right))
-    _solve_ring(np.ascontiguousarray(bands), np.ascontiguousarray(right), x)
+    solve_ring_into(np.ascontiguousarray(bands), np.ascontiguousarray(right), x)
     return x
 
 
 @kernel
-def _solve_ring(bands: FloatArray, right: FloatArray, x: FloatArray) -> None:
+def solve_ring_into(bands: FloatArray, right: FloatArray, x: FloatArray) -> None:
     """Write x of H x = right: the band without the last two points first, for the right side and for these two."""
     n = len(right)
     core = n - 2

@@ -93,7 +93,7 @@ from .reasons import (
 )
 from .slip import COURSE, see_from_course, steered
 from .speed import forward_distance_speed, range_ratio_speed
-from .speedometer import SPEEDOMETER, command_speed, read_speedometer
+from .speedometer import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
@@ -425,7 +425,9 @@ def _drive(
         ):  # fmt: skip
             _extend_history(scan, odometry, driver, memory)
             speed = min(reference.speed, reference.limit, driver.max_speed)
-            return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, _LINE_USE)
+            limiter = remembered[0].line.limiter
+            steering = reference.steering_angle
+            return _hold_by(limiter, scan, odometry, driver, memory, steering, speed, _LINE_USE, 0.0)
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
     speed = min(reference.speed, reference.limit)
@@ -478,7 +480,7 @@ def _follow_known_line(
         forget_line(line)
         return False
     if not line.ready:
-        shape_line(line, lap, scan, len(valid), driver.limiter)
+        shape_line(line, lap, scan, len(valid), driver.limiter, driver.max_speed)
         return False
     if memory.guidance.follows and not line.follows:
         return False
@@ -622,8 +624,24 @@ def _hold(
     least_use: float,
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that the friction limiter allows."""
+    return _hold_by(driver.limiter, scan, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE)
+
+
+@kernel
+def _hold_by(
+    limiter: Record,
+    scan: Record,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    least_use: float,
+    left_alone: float,
+) -> tuple[float, float]:
+    """Return the command nearest to a reference that a friction limiter allows; `left_alone` as of `command_speed`."""
     angle, now = odometry.steering_angle, odometry.speed
-    limiter, period, reasons = driver.limiter, period_of(scan), memory.reasons
+    period, reasons = period_of(scan), memory.reasons
     note(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
     target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
     note(reasons, GRIP, target, allowed)
@@ -631,6 +649,6 @@ def _hold(
     note(reasons, TRANSIENTS, steering, speed)
     if limiter.slip.soft:
         steering = steered(limiter.slip, driver.car, steering, now)
-    command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period)
+    command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period, left_alone)
     note(reasons, BY_SPEEDOMETER, steering, command)
     return steering, command

@@ -174,7 +174,7 @@ def optimize_line(
     count = len(line)
     speeds, unused = np.empty(count), np.empty(count)
     _, bends, before, _ = _geometry(line)
-    time = _lap(bends, np.roll(before, -1), *_numbers(grip), math.inf, speeds, unused, unused)
+    time = fastest_lap(bends, np.roll(before, -1), *_numbers(grip), math.inf, 0.0, speeds, unused, unused)
     if not math.isfinite(time):
         raise _not_converged(objective)
     return OptimizedLine(points=line, speeds=speeds, lap_time=time)
@@ -294,7 +294,7 @@ def _least_time(line: FloatArray, walls: Walls, car: CarParameters, grip: Grip, 
     for number in range(_MOVES):
         normals, bends, to, on = _geometry(line)
         by_bend, by_step, speeds = np.empty(len(line)), np.empty(len(line)), np.empty(len(line))
-        time = _lap(bends, on, *_numbers(grip), lock, speeds, by_bend, by_step)
+        time = fastest_lap(bends, on, *_numbers(grip), lock, _LOCK_PRICE, speeds, by_bend, by_step)
         if not math.isfinite(time):
             raise _not_converged("time")
         low, high = room(line, normals, walls, car, margin, _MOST_MOVED)
@@ -314,7 +314,7 @@ def _least_time(line: FloatArray, walls: Walls, car: CarParameters, grip: Grip, 
         while moved is not None and share > 0.2 and not taken:
             moves = line + share * moved[:, None] * normals
             _, bent, _, stepped = _geometry(moves)
-            after = _lap(bent, stepped, *_numbers(grip), lock, speeds, by_bend, by_step)
+            after = fastest_lap(bent, stepped, *_numbers(grip), lock, _LOCK_PRICE, speeds, by_bend, by_step)
             taken = after < time + outside
             share *= 0.5
         weight *= 3.0 if not taken else 1.3 if share < 0.5 else 0.75
@@ -401,7 +401,7 @@ def _left(table: FloatArray, lateral: float, most: float) -> tuple[float, float]
 
 
 @kernel
-def _lap(
+def fastest_lap(
     bends: FloatArray,
     steps: FloatArray,
     most: float,
@@ -410,6 +410,7 @@ def _lap(
     power: float,
     max_speed: float,
     lock: float,
+    lock_price: float,
     speeds: FloatArray,
     by_bend: FloatArray,
     by_step: FloatArray,
@@ -422,6 +423,7 @@ def _lap(
       most: of Grip, like the next four.
       accelerating, braking, power, max_speed: of Grip.
       lock: greatest curvature without a price [1/m].
+      lock_price: of the squared curvature beyond [s m].
       speeds: (n,) [m/s], written to.
       by_bend: derivative by each curvature (n,) [s m], written to.
       by_step: derivative by each step (n,) [s/m], written to.
@@ -487,6 +489,6 @@ def _lap(
             by_bend[i] -= by_square[i] * limit[i] / bends[i]
         beyond = abs(bends[i]) - lock
         if beyond > 0.0:
-            time += _LOCK_PRICE * beyond * beyond * steps[i]
-            by_bend[i] += 2.0 * _LOCK_PRICE * math.copysign(beyond, bends[i]) * steps[i]
+            time += lock_price * beyond * beyond * steps[i]
+            by_bend[i] += 2.0 * lock_price * math.copysign(beyond, bends[i]) * steps[i]
     return time

@@ -4,7 +4,7 @@ The friction limiter asks for an acceleration a by commanding the speed v + a ta
 servo. Odometry that says 5 % too much, as with worn tires, makes .05 v / tau of it that nobody asked for: 4 m/s^2 at
 8 m/s. So the error is measured while driving: in each tick the measured speed moves by the share
 1 - exp(-period / tau) of the way to the command. A car whose odometry is right measures errors within 1 % in this
-way, and such errors are left alone.
+way, and such errors are left alone, but for a car on a known line, which counts on most of its braking.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _LEAST_SPEED = 1.0  # [m/s] of a command that is measured by
 _MOST_USE = 0.9  # of what the motor can do: its limits show above it
 _GAIN = 0.1  # of a measurement
 _MOST = 0.15  # error of one
-_LEFT_ALONE = 0.01  # error
+LEFT_ALONE = 0.01
+"""Error of the measured speed, as a share, that is left alone."""
 
 SPEEDOMETER = np.dtype(
     [
@@ -55,7 +56,9 @@ def read_speedometer(memory: Record, speed: float, car: Record, period: float) -
 
 
 @kernel
-def command_speed(memory: Record, speed: float, car: Record, max_speed: float, period: float) -> float:
+def command_speed(
+    memory: Record, speed: float, car: Record, max_speed: float, period: float, left_alone: float
+) -> float:
     """Return the speed to command so that the measured one becomes `speed` [m/s], and keep it.
 
     Forward, the measured speed stays within 0 and the greatest one until the next command, as it would by the command
@@ -67,12 +70,13 @@ def command_speed(memory: Record, speed: float, car: Record, max_speed: float, p
       car: of type CAR.
       max_speed: of the planner [m/s].
       period: until the next command [s].
+      left_alone: share of an error that is not corrected.
     """
     command, now = speed, memory.speed
     if speed > 0.0:
         share = share_of_way(period, car.speed_time_constant)
         lowest, highest = now - max(now, 0.0) / share, now + max(max_speed - now, 0.0) / share
-        command = speed / (1.0 + memory.error - saturate(memory.error, _LEFT_ALONE))
+        command = speed / (1.0 + memory.error - saturate(memory.error, left_alone))
         command = max(min(command, max(highest, speed)), min(lowest, speed))
     memory.command = command
     return command

@@ -1,15 +1,18 @@
-"""Known line: a line of little curvature through the ground of the first lap, and how fast it can be driven.
+"""Known line: a line of little lap time through the ground of the first lap, and how fast it can be driven.
 
-    shape_line(line, lap, scan, beams, limiter)  # in every tick after the lap is closed, until the line is ready
+    shape_line(line, lap, scan, beams, limiter, max_speed)  # in every tick until the line is ready
     place = follow_line(line, lap, scan, ranges, limiter, odometry, reference)  # AWAY, NEAR or ON
 
 1. Shaping. The line begins as the path of the first lap. In each of several rounds its points are spread evenly, and
    the room to both sides of each is read off the recorded ends of beams. The points are then moved sideways within that
    room so that the sum of the squared second differences is least. This quadratic program is solved by successive
-   over-relaxation with projection. The first rounds have few points, so that the whole line moves.
+   over-relaxation with projection. The first rounds have few points, so that the whole line moves. In the last rounds
+   the points are moved so that the lap takes less time (least_time).
 2. Joining. NEAR the line the car is led towards a point of it further on, with all the protections of the planner.
-3. Following. ON the line the car steers along it (control.tracking). Its speed is the greatest from which the tires
-   hold the car through what comes: cornering, turning the wheels, and braking before with what cornering leaves. Known
+3. Following. ON the line the car steers along it, as in control.tracking. Its place on the line and the curvature there
+   are read between the points: steps of the steering angle would take from braking. Its speed is the greatest from
+   which the tires hold the car through what comes: cornering, turning the wheels, and braking before with what
+   cornering leaves. The limiter turns the wheels faster there, and braking takes nothing of the cornering. Known
    ground counts as free although it is not in sight, so neither the speed law of sight nor the safety filter applies.
 4. Something new. Where a beam ends on the line, the car brakes to stop before it. Near to it, the planner drives again.
 
@@ -19,8 +22,8 @@ Dynamics 58(10), 2020, for the rounds; C. Cryer, The Solution of a Quadratic Pro
 Overrelaxation, SIAM Journal on Control 9, 1971, for the relaxation.
 
 Limits: what stands on the line behind a corner, and was not there in the first lap, is seen late: the car comes faster
-than it could stop within what it sees. Second differences reward a shorter line, so hairpins are driven at their inner
-wall. A line that is sharper somewhere than 1.25 times the curvature at full lock is not followed at all.
+than it could stop within what it sees. A line that is sharper somewhere than 1.25 times the curvature at full lock is
+not followed at all.
 """
 
 from __future__ import annotations
@@ -34,16 +37,19 @@ from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
 from ..control.steering import arc_through, late_by, saturate
-from ..control.tracking import CURVATURE, HEADING, X, Y, errors, next_place, steer_within
+from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
 from ..perception.lap_map import FAR, LAP_MAP, PLACES, tell_sides, wall_points
 from ..perception.scan_geometry import nearest_place, sees
-from .friction_limiter import longitudinal_share
+from .friction_limiter import LIMITER, longitudinal_share
+from .least_time import quicken
 
 RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
 
-_APART = (4, 4, 4, 2, 2, 1, 1)  # spacing of the points in each round, in places
-_MOVES = (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15)  # [m] at most to each side in each round
+_APART = (4, 4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # spacing of the points in each round, in places
+_MOVES = (1.0, 0.8, 0.6, 0.4, 0.3, 0.2, 0.15, 0.4, 0.3, 0.2, 0.2)  # [m] at most to each side in each round
+_SHORTER = 7  # first of the rounds in which the lap gets shorter
+_TIMES = 16  # moves in such a round
 _SWEEPS = 500  # of a round
 _RELAXED = 1.7  # over-relaxation
 _SMOOTHED = 6  # times that the path is smoothed before the first round
@@ -54,18 +60,19 @@ _PLACES_A_TICK = 12  # whose beams are told to be to the left or right in a tick
 _POINTS_A_TICK = 12  # whose room is read in a tick
 _MOVES_A_TICK = 30_000  # of points
 _POINTS = 64  # that the car looks ahead
-_LATERAL_USE = 0.9  # share of the limiter's cornering acceleration
+# shares of the limiter's cornering acceleration and of its braking; of tires that need slip angles, and so answer late
+_USES, _USES_WHEN_LATE = (0.93, 0.85), (0.9, 0.7)
 _NEAR_LOCK = 0.8  # share of the curvature at full lock from which on the car is slower, as it hardly can correct
 _SLOWER = 0.5  # share by which the squared speed is less at full lock
 _TOO_SHARP = 1.25  # share of the curvature at full lock: a line that is sharper somewhere is not followed
-_TURNING_USE = 0.53  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
-_BRAKING_USE = 0.7  # share of the limiter's braking
+_TURNS_FASTER = 1.35  # times the share of the grip for turning the wheels, on the line
+_TURNING_USE = 0.58  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
 _CORRECTION_USE = 0.9  # share of the limiter's cornering acceleration for coming back to the line
-_LOOKAHEAD = 0.15  # [s] for which the speed is read ahead
+_LOOKAHEAD = 0.1  # [s] for which the speed is read ahead
 _NEAR = (1.5, 0.7)  # [m] to the side of the line and [rad] from it, within which the car is led to it
 # within which the car begins to follow the line: [m] to its side, [rad] from it, share of the cornering acceleration
 # from its curvature, and [m/s] above its speed
-_JOINS = (0.15, 0.2, 0.3, 0.5)
+_JOINS = (0.1, 0.2, 0.3, 0.0)
 _LENGTH, _LENGTH_TIME = 0.35, 0.15  # [m] and [s]: over which the distance from the line falls
 _REACH, _REACH_TIME = 0.8, 0.3  # [m] and [s] to the point of the line to which the car is led
 _ON_IT = 0.06  # [m] to the side of the line from which on the car is slower,
@@ -93,7 +100,9 @@ KNOWN_LINE = np.dtype(
         ("spacing", np.float64),  # [m]
         ("base", np.float64, (PLACES, 2)),  # [m] points before they are moved
         ("normal", np.float64, (PLACES, 2)),  # to the left of each
+        ("weight", np.float64),  # of the change of curvature, see least_time
         ("aside", np.float64, (PLACES, 3)),  # [m] to the left: how far each is moved, at least and at most
+        ("limiter", LIMITER),  # of a car on the line
         ("points", np.float64, (PLACES, 6)),  # x, y [m], heading [rad], curvature [1/m], RADIUS and DEMAND
     ]
 )
@@ -104,7 +113,7 @@ REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", KNOWN_LINE)])
 
 
 @kernel
-def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Record) -> None:
+def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Record, max_speed: float) -> None:
     """Do a tick's part of the shaping.
 
     Args:
@@ -113,7 +122,9 @@ def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Rec
       scan: of type SCAN.
       beams: of a scan.
       limiter: of type LIMITER.
+      max_speed: [m/s].
     """
+    _limit(line, limiter)
     if line.shape == 0:
         for _ in range(_PLACES_A_TICK):
             if line.done < lap.count:
@@ -130,18 +141,31 @@ def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Rec
                 line.done += 1
         if line.done == line.count:
             line.shape, line.done = 3, 0
-    else:
+    elif line.round < _SHORTER:
         for _ in range(max(1, _MOVES_A_TICK // line.count)):
             if line.done < _SWEEPS:
                 _sweep(line)
                 line.done += 1
         if line.done == _SWEEPS:
-            line.shape, line.round = 1, line.round + 1
-            for k in range(line.count):
-                line.base[k, 0] += line.aside[k, 0] * line.normal[k, 0]
-                line.base[k, 1] += line.aside[k, 0] * line.normal[k, 1]
-            if line.round == len(_APART):
-                _finish(line, limiter)
+            _end_round(line)
+    else:
+        places, normals, aside = line.base[: line.count], line.normal[: line.count], line.aside[: line.count]
+        lateral_use, braking_use = _uses(limiter)
+        line.weight = quicken(places, normals, aside, line.weight, line.limiter, lateral_use, braking_use, max_speed)
+        line.done += 1
+        if line.done == _TIMES:
+            _end_round(line)
+
+
+@kernel
+def _end_round(line: Record) -> None:
+    """Put the points where they have been moved to. After the last round the line is finished."""
+    line.shape, line.round, line.weight = 1, line.round + 1, 1.0
+    for k in range(line.count):
+        line.base[k, 0] += line.aside[k, 0] * line.normal[k, 0]
+        line.base[k, 1] += line.aside[k, 0] * line.normal[k, 1]
+    if line.round == len(_APART):
+        _finish(line, line.limiter)
 
 
 @kernel
@@ -257,15 +281,16 @@ def _finish(line: Record, limiter: Record) -> None:
         bend = (here[0] - before[0]) * (after[1] - here[1]) - (here[1] - before[1]) * (after[0] - here[0])
         points[k, CURVATURE] = bend / (line.spacing * line.spacing * 0.5 * math.hypot(dx, dy))
     _smooth(points[:count], CURVATURE)
+    lateral_use, _ = _uses(limiter)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car
     tightest = math.tan(car.max_steering_angle) / car.wheelbase
     rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
     for k in range(count):
         bend = points[k, CURVATURE]
-        change = (points[(k + 1) % count, CURVATURE] - points[k - 1 if k > 0 else count - 1, CURVATURE])
+        change = points[(k + 1) % count, CURVATURE] - points[k - 1 if k > 0 else count - 1, CURVATURE]
         change /= 2.0 * line.spacing
         inwards, bend, change = bend * change > 0.0, abs(bend), abs(change)
-        most = max(bend / _LATERAL_USE, lag * change / (share * limiter.settings.most_left))
+        most = max(bend / lateral_use, lag * change / (share * limiter.settings.most_left))
         if inwards:  # the limiter turns the wheels in with a share of what cornering leaves
             most = max(most, lag * change / share + bend)
         near_lock = min(max((bend / tightest - _NEAR_LOCK) / (1.0 - _NEAR_LOCK), 0.0), 1.0)
@@ -305,45 +330,48 @@ def follow_line(
       odometry: of type ODOMETRY.
       reference: of type REFERENCE, written to.
     """
+    _limit(line, limiter)
+    limiter = line.limiter
     now, car = odometry.speed, limiter.car
     if lap.driven < line.until or not (sees(scan, ranges) and math.isfinite(now)):
         line.follows = False
         return AWAY
     if not line.follows:
         line.next = _nearest(line.points[: line.count], lap.x, lap.y)
-    window = ahead_on(line)
-    point = next_place(window, 0, lap.x, lap.y, lap.heading)
-    line.next = (line.next + point) % line.count
-    _, aside, turned = errors(window[point], lap.x, lap.y, lap.heading)
+    window, spacing = ahead_on(line), line.spacing
+    point = next_place(window, 1, lap.x, lap.y, lap.heading)
+    line.next = (line.next + point - 1) % line.count
+    along, aside, turned = place_on(window, point, spacing, lap.x, lap.y, lap.heading)
     if abs(aside) > _NEAR[0] or abs(turned) > _NEAR[1]:
         line.follows = False
         return AWAY
-    free = free_on(window[point:], line.spacing, lap, scan, ranges, car)
+    free = free_on(window[point:], spacing, lap, scan, ranges, car)
     if free < 2.0 * _STOPS_BEFORE:
         line.follows, line.until = False, lap.driven + _PLANNER_DRIVES
         return AWAY
-    speed = speed_on(window[point:], line.spacing, limiter, now)
+    speed = speed_on(window, along, spacing, limiter, now)
     length = _LENGTH + _LENGTH_TIME * max(now, 0.0)
-    steering = steer_within(window, point, lap.x, lap.y, lap.heading, now, car.wheelbase, late_by(car), length)
+    bend = curvature_at(window, along)
+    ahead = curvature_at(window, along + (LAG + late_by(car)) * max(now, 0.0) / spacing)
+    steering = math.atan(car.wheelbase * (ahead - aside / (length * length) - 2.0 * math.sin(turned) / length))
     wanted = abs(math.tan(steering)) / car.wheelbase
     held = limiter.lateral / max(now * now, 0.5)
     if not line.follows:
-        bend = math.tan(odometry.steering_angle) / car.wheelbase
-        off = abs(bend - window[point, CURVATURE])
+        off = abs(math.tan(odometry.steering_angle) / car.wheelbase - bend)
         near = abs(aside) < _JOINS[0] and abs(turned) < _JOINS[1] and off < _JOINS[2] * held
         line.follows = near and now < speed + _JOINS[3]
     elif abs(aside) > _LEAVES:
         line.follows = False
     if not line.follows:  # towards a point further on: to lead the car there needs no sharp turns
-        target = window[min(point + int((_REACH + _REACH_TIME * max(now, 0.0)) / line.spacing), _POINTS - 1)]
+        target = window[min(point + int((_REACH + _REACH_TIME * max(now, 0.0)) / spacing), _POINTS - 1)]
         dx, dy = target[X] - lap.x, target[Y] - lap.y
         cos, sin = math.cos(lap.heading), math.sin(lap.heading)
         steering = arc_through(cos * dx + sin * dy, cos * dy - sin * dx, car.wheelbase)
     elif abs(aside) > _JOINS[0]:
         speed = min(speed, math.sqrt(_CORRECTION_USE * limiter.lateral / max(wanted, 1e-3)))
     speed *= 1.0 - _SLOWER_OFF * min(max(abs(aside) - _ON_IT, 0.0), _LEAVES)
-    speed = min(speed, math.sqrt(2.0 * _BRAKING_USE * limiter.braking * (free - _STOPS_BEFORE)))
-    most = max(abs(window[point, CURVATURE]), _CORRECTION_USE * held)
+    speed = min(speed, math.sqrt(2.0 * _uses(limiter)[1] * limiter.braking * (free - _STOPS_BEFORE)))
+    most = max(abs(bend), _CORRECTION_USE * held)
     reference.steering_angle = saturate(steering, math.atan(car.wheelbase * most))
     reference.speed = min(reference.speed, speed) if not line.follows else speed
     dx, dy = window[point, X] - lap.x, window[point, Y] - lap.y
@@ -354,9 +382,27 @@ def follow_line(
 
 
 @kernel
-def free_on(
-    points: FloatArray, spacing: float, lap: Record, scan: Record, ranges: FloatArray, car: Record
-) -> float:
+def _uses(limiter: Record) -> tuple[float, float]:
+    """Return the shares of a limiter's cornering acceleration and of its braking that speed on the line counts on."""
+    return _USES_WHEN_LATE if limiter.slip.soft else _USES
+
+
+@kernel
+def _limit(line: Record, limiter: Record) -> None:
+    """Write the limiter of a car on the line: a wheel turns faster, and braking leaves it the whole cornering.
+
+    Tires that need slip angles keep the limiter that they have.
+    """
+    line.limiter = limiter
+    if limiter.slip.soft:
+        return
+    settings = line.limiter.settings
+    settings.turn_in_use = min(_TURNS_FASTER * limiter.settings.turn_in_use, 1.0)
+    settings.lateral_use_in_braking = 1.0
+
+
+@kernel
+def free_on(points: FloatArray, spacing: float, lap: Record, scan: Record, ranges: FloatArray, car: Record) -> float:
     """Return how far ahead the first beam ends on the line [m], where no wall was; inf: none does.
 
     The line is that of `points` (n, 6); the other arguments are as of `follow_line`.
@@ -385,11 +431,52 @@ def free_on(
 
 @kernel
 def ahead_on(line: Record) -> FloatArray:
-    """Return the points of the line from the next one on (_POINTS, 6)."""
+    """Return the points of the line from the one before the next on (_POINTS, 6)."""
     window = np.empty((_POINTS, 6))
     for k in range(_POINTS):
-        window[k] = line.points[(line.next + k) % line.count]
+        window[k] = line.points[(line.next + k - 1) % line.count]
     return window
+
+
+@kernel
+def place_on(
+    points: FloatArray, point: int, spacing: float, x: float, y: float, heading: float
+) -> tuple[float, float, float]:
+    """Return the place of a car between two points of a line: their arc leads from one to the other.
+
+    That is the place along the line in points, how far to the left of the line the car is [m], and its angle to the
+    line [rad], positive to the left.
+
+    Args:
+      points: of a line (n, 6).
+      point: index of the one ahead of the car, from 1.
+      spacing: of the points [m].
+      x: of the rear axle [m].
+      y: of the rear axle [m].
+      heading: of the car [rad].
+    """
+    before, after = points[point - 1], points[point]
+    left = math.cos(after[HEADING]) * (after[X] - x) + math.sin(after[HEADING]) * (after[Y] - y)
+    share = min(max(1.0 - left / spacing, 0.0), 1.0)
+    turn = after[HEADING] - before[HEADING]
+    turn -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
+    direction = before[HEADING] + share * turn
+    dx = x - before[X] - share * (after[X] - before[X])
+    dy = y - before[Y] - share * (after[Y] - before[Y])
+    aside = math.cos(direction) * dy - math.sin(direction) * dx
+    aside += 0.5 * share * (1.0 - share) * spacing * turn  # from the chord to the arc
+    angle = heading - direction
+    return point - 1 + share, aside, angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
+
+
+@kernel
+def curvature_at(points: FloatArray, place: float) -> float:
+    """Return the curvature [1/m] of a line at a place between its points; at the last one, if it is beyond."""
+    at = int(place)
+    if at + 1 >= len(points):
+        return float(points[len(points) - 1, CURVATURE])
+    share = place - at
+    return float((1.0 - share) * points[at, CURVATURE] + share * points[at + 1, CURVATURE])
 
 
 @kernel
@@ -404,17 +491,29 @@ def _nearest(points: FloatArray, x: float, y: float) -> int:
 
 
 @kernel
-def speed_on(points: FloatArray, spacing: float, limiter: Record, now: float) -> float:
-    """Return the greatest speed [m/s] from which the tires hold the car through all that comes."""
-    grip, braking = limiter.mu * limiter.car.gravity, _BRAKING_USE * limiter.braking
-    ahead = min(int(_LOOKAHEAD * max(now, 0.0) / spacing + 0.5), len(points) - 1)
-    square, best = math.inf, math.inf
+def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, now: float) -> float:
+    """Return the greatest speed [m/s] from which the tires hold the car through all that comes.
+
+    Args:
+      points: of a line (n, 6).
+      place: of the car, in points.
+      spacing: of the points [m].
+      limiter: of type LIMITER.
+      now: present speed [m/s].
+    """
+    grip, braking = limiter.mu * limiter.car.gravity, _uses(limiter)[1] * limiter.braking
+    squares = np.empty(len(points))
+    square, demand = math.inf, 0.0
     for k in range(len(points) - 1, -1, -1):
         corner = limiter.lateral * points[k, RADIUS]
         if square < corner:
-            used = square * points[min(k + 1, len(points) - 1), DEMAND] / grip
+            used = square * demand / grip
             square += 2.0 * braking * longitudinal_share(used, limiter.braking_exponent) * spacing
-        square = min(square, corner)
-        if k == ahead or k == 0:
-            best = min(best, square)
+        squares[k] = square = min(square, corner)
+        demand = points[k, DEMAND]
+    best = math.inf
+    for each in (place, place + _LOOKAHEAD * max(now, 0.0) / spacing):
+        at = min(int(each), len(points) - 2)
+        share = min(each - at, 1.0)
+        best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
     return math.sqrt(best)
