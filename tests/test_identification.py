@@ -509,7 +509,7 @@ def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_dr
     assert [name for name, _ in other.of_each] == [exciting_drive.name, gentle_drive.name]
     assert whole.fit.seconds > 15.0  # nothing of the drive itself is held back
     with pytest.raises(fg.SettingsError, match="explains nothing of the yaw rate"):
-        identify_drives([gentle_drive], hold_out=[turned], **options)
+        identify_drives([gentle_drive], hold_out=[turned], budget=1.0, **options)
 
 
 @pytest.mark.parametrize(("accelerations", "brakes"), [(False, True), (True, True), (True, False)])
