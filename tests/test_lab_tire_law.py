@@ -13,7 +13,7 @@ from fg_mujoco.studies.friction_lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.studies.friction_lab.experiment import LabSettings
 from fg_mujoco.studies.friction_lab.lab import run_lab
 from fg_mujoco.studies.friction_lab.lab_ground import Engine, LabGround
-from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle, UnreachableError
+from fg_mujoco.studies.friction_lab.steady_circle import SteadyCircle
 from fg_mujoco.studies.friction_lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
@@ -39,8 +39,7 @@ def onset(tires, steering, changes=None, mu=None):
     return circle, *circle.bisect(passes_peak, low=0.4, high=3.0)
 
 
-@pytest.mark.parametrize("steering", [0.05, -0.1])
-@pytest.mark.parametrize("mu", [1.0, 0.5])
+@pytest.mark.parametrize(("mu", "steering"), [(1.0, 0.05), (0.5, -0.1)])
 def test_equal_axles_on_level_loads_pass_their_peak_at_the_laws_speed(mu, steering):
     _, before, after = onset(stiff(), steering, FLAT, mu)
 
@@ -49,7 +48,7 @@ def test_equal_axles_on_level_loads_pass_their_peak_at_the_laws_speed(mu, steeri
     assert not before.sliding.any() and after.sliding.any()
 
 
-@pytest.mark.parametrize("sensitivity", [0.0, 0.18, 0.4])
+@pytest.mark.parametrize("sensitivity", [0.0, 0.4])
 def test_load_sensitivity_lowers_the_grip_as_the_closed_form_of_two_tires_says(sensitivity):
     tires = stiff(sensitivity)
     _, before, _ = onset(tires, 0.1)
@@ -171,11 +170,6 @@ def test_the_section_tells_the_worst_and_draws():
 def test_sets_that_cannot_be_measured_are_refused_in_one_line(tmp_path, monkeypatch, capsys, arguments, said):
     monkeypatch.chdir(tmp_path)
     assert said in refused(tmp_path, capsys, "friction", *arguments, "--out", "out")
-
-
-def test_a_circle_out_of_reach_says_so():
-    with pytest.raises(UnreachableError, match="above the car's greatest speed"):
-        onset(Tires.load("forzaeth_nuc6"), 0.05)
 
 
 def test_settings_name_sets():
