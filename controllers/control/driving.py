@@ -50,7 +50,7 @@ from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
 from ..safety.known_line import AWAY, ON, follow_line, forget_line, shape_line
 from ..safety.predictions import MOST_LATE, PREDICTIONS, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
-from ..safety.safety_filter import SafetyFilterSettings, passing_steering, safe_steering
+from ..safety.safety_filter import SafetyFilterSettings, least_cornering, passing_steering, safe_steering
 from .planner_settings import (
     CAR,
     FROM_ZERO,
@@ -561,7 +561,13 @@ def _drive_filtered(
         )  # fmt: skip
         if without == reference:
             note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
-            use_without = 1.0 if keeps else use_without  # beside another car it has to follow the course
+            if keeps:
+                use_without = 1.0  # beside another car it has to follow the course
+            else:
+                use_without = least_cornering(
+                    limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
+                    now, period, path, use_without, predictions, radius,
+                )  # fmt: skip
             return _hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
     if len(predictions) > 0 and not memory.kept and not among:
         onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))

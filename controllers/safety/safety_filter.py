@@ -51,6 +51,7 @@ At a friction of 1.0489; for other floors see `friction_limiter.evasive`.
 """
 
 _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's own first
+_BRAKES_FIRST = (0.0, 0.25)  # shares with which a car brakes harder than with the limiter's own
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
 _LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
@@ -173,6 +174,48 @@ def safe_steering(
         if left <= least:
             return angle_now, best_use, left == 0.0
     return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
+
+
+@kernel
+def least_cornering(
+    limiter: Record,
+    memory: Record,
+    settings: Record,
+    widened: FloatArray,
+    angle_min: float,
+    angle_increment: float,
+    steering_angle: float,
+    angle_now: float,
+    speed_now: float,
+    period: float,
+    path: FloatArray,
+    otherwise: float,
+    predictions: FloatArray,
+    radius: float,
+) -> float:
+    """Return the least share of the grip for cornering with which the car stops in time before what stands.
+
+    A car that corners with half of the grip brakes with little more than half of what it could straight ahead: one of
+    its rear tires slides first. Before another car it brakes, and corners only as far as walls make it.
+
+    Args are those of `safe_steering`, and:
+
+    Args:
+      otherwise: share if there is none below the limiter's own.
+    """
+    speed, pursuit = max(speed_now, settings.crawl_speed), settings.pursuit_distance
+    bearing = bearing_of_arc(steering_angle, pursuit, limiter.car.lidar_offset, limiter.car.wheelbase)
+    goal = (bearing, max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal))
+    for use in _BRAKES_FIRST:
+        last = memory.acceleration
+        left = speed_at_contact(
+            limiter, memory, settings, widened, angle_min, angle_increment, goal, use, settings.margin_aside, 0.0, 0.0,
+            angle_now, speed, period, path, predictions[:0], radius,
+        )  # fmt: skip
+        memory.acceleration = last
+        if left == 0.0:
+            return float(use)
+    return otherwise
 
 
 @kernel
