@@ -9,7 +9,13 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
-from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, bearing_of_arc, reading, safe_steering
+from fg_mujoco.controllers.safety.safety_filter import (
+    SafetyFilterSettings,
+    bearing_of_arc,
+    least_cornering,
+    reading,
+    safe_steering,
+)
 from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
@@ -89,6 +95,34 @@ def test_left_and_right_are_mirror_images():
     ranges[math.radians(8.0) < BEARINGS] = 1.2
     way, use, found = filtered(ranges, 0.15)
     assert filtered(ranges[::-1].copy(), -0.15) == (pytest.approx(-way), use, found)
+
+
+def bend(radius, aside):
+    """A left bend, with walls so far to either side of the way of the rear axle, as the disc over the front sees it."""
+    ahead, left = np.cos(BEARINGS), np.sin(BEARINGS)
+    x, y = CAR.lidar_offset, -radius  # of the LiDAR, from the middle of the bend
+    towards = x * ahead + y * left
+    ranges = np.full(BEAMS, 30.0)
+    for wall in (radius - aside + 0.17, radius + aside - 0.17):
+        root = towards**2 - (x * x + y * y - wall * wall)
+        for sign in (-1.0, 1.0):
+            found = -towards + sign * np.sqrt(np.maximum(root, 0.0))
+            ranges = np.where((root > 0.0) & (found > 0.0), np.minimum(ranges, found), ranges)
+    return ranges
+
+
+@pytest.mark.parametrize(
+    ("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.8), 0.5)]
+)
+def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use):
+    row = np.array([record_values(for_car(SafetyFilterSettings(), CAR))], record_type(SafetyFilterSettings))
+    memory = np.zeros(1, LIMITER_MEMORY)
+    angle = math.atan(CAR.wheelbase / 3.0)
+    found = least_cornering(
+        LIMITER.record[0], memory[0], row[0], ranges, START, INCREMENT, angle, angle, 4.2, 0.025, NO_PATH, 0.5,
+        NO_TARGETS, 0.17,
+    )  # fmt: skip
+    assert (found, memory["acceleration"][0]) == (use, 0.0)
 
 
 def test_where_no_way_is_free_it_says_so():
