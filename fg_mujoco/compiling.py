@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import itertools
 import os
 import pickle
 from collections.abc import Callable, Iterable, Iterator
@@ -19,6 +20,7 @@ import numba
 from llvmlite.binding import parse_bitcode
 from llvmlite.ir import Function, FunctionType, IRBuilder, VoidType
 from numba.core import cgutils, errors, event, types
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, CompilerBase, CompileResult, DefaultPassBuilder, compile_result
@@ -41,6 +43,21 @@ from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine
 
 _ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
 _functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
+
+
+def _number_apart() -> None:
+    """Number the functions that are compiled from a random number on.
+
+    Code is linked by names, which have the function's number where all else is the same, as of functions that one
+    function makes. Numba counts from 1 in each process: two processes gave two such functions one name, and a kernel
+    that was linked with both, from disk, called one of them in the place of the other.
+    """
+    FunctionIdentity._unique_ids = itertools.count(int.from_bytes(os.urandom(7), "little"))
+
+
+_number_apart()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_number_apart)
 
 
 def inlined_dispatcher(function: Callable[..., Any]) -> Any:

@@ -489,6 +489,43 @@ def test_kernels_that_call_each_other_answer_as_python_does_compiled_and_from_di
     assert not names & {"even", "odd"}, "machine code that calls each other's addresses"
 
 
+MADE = """
+import sys
+from fg_mujoco.kernels import kernel
+
+def made(number):
+    @kernel
+    def adds(x):
+        return x + number
+    return adds
+
+one, twenty = made(1.0), made(20.0)
+
+@kernel
+def first(x):
+    return one(x)
+
+@kernel
+def second(x):
+    return twenty(x)
+
+@kernel
+def both(x):
+    return one(x) + 100.0 * twenty(x)
+
+print(globals()[sys.argv[1]](0.0))
+"""
+
+
+def test_functions_of_one_name_are_told_apart_whatever_processes_compiled_them(tmp_path):
+    """Numba numbers functions from 1 on in each process, and code is linked by names that have these numbers."""
+    (tmp_path / "made.py").write_text(MADE)
+    for name, answer in (("first", 1.0), ("second", 20.0), ("both", 2001.0)):
+        code = f"import runpy, sys; sys.argv[1:] = [{name!r}]; runpy.run_path({str(tmp_path / 'made.py')!r})"
+        done = run(code, XDG_CACHE_HOME=str(tmp_path))
+        assert (done.returncode, done.stdout) == (0, f"{answer}\n"), done.stderr
+
+
 def test_decorating_leaves_the_cache_of_others_alone():
     import numba
 

@@ -37,7 +37,8 @@ def even_grip(lateral=8.0, ahead=4.0, back=5.0, power=30.0, max_speed=9.0):
 
 def lap(bends, steps, grip):
     arrays = [np.empty(len(bends)) for _ in range(3)]
-    time = line_optimizer._lap(bends, steps, *line_optimizer._numbers(grip), 1.3, *arrays)
+    numbers = *line_optimizer._numbers(grip), 1.3, line_optimizer._LOCK_PRICE
+    time = line_optimizer.fastest_lap(bends, steps, *numbers, *arrays)
     return time, *arrays
 
 
