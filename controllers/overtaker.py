@@ -1,6 +1,7 @@
 """Overtaker: the gap finder among other cars, from the scan and odometry alone.
 
 1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
+   With `knows=opponents` the cars are those whose odometry is told, as far as they are in sight.
 2. The beams that end on a car are lengthened to what is next to it. The course ahead of the car is where it is expected
    to go, with the room to both sides (perception.corridor).
 3. Each car is followed or passed, by the room that there is (safety.passing). While the planner's car follows, it
@@ -18,17 +19,18 @@ that is hidden. Without a car that has moved in sight this is the gap finder, to
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray
+from fg_mujoco.messages import FloatArray, Reading
 
 from .control.driving import refer_to_goal
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from .gap_finder import GapFinder, GapFinderSettings
 from .perception.intermediate_scans import IntermediateScans, keep
-from .perception.other_cars import MOST_CARS, WIDEST, watch_cars
+from .perception.other_cars import MOST_CARS, WIDEST, follow_told, is_told, read_told, watch_cars
 from .perception.scan_filters import valid_ranges
 from .perception.scan_geometry import sees
 from .safety.passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
@@ -72,6 +74,12 @@ class Overtaker(GapFinder):
     hides_cars = True
 
     @staticmethod
+    def read(memory: Any, readings: Mapping[str, Reading]) -> None:
+        """Put the odometry of the other cars, where the planner is told of it, into its memory."""
+        if "opponents" in readings:
+            read_told(memory["told"], readings["opponents"])
+
+    @staticmethod
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
         scan, ranges, odometry, running, own, driven, lines, valid, shown
@@ -89,7 +97,11 @@ class Overtaker(GapFinder):
                 predictions = driven[world].memory.predictions
                 if sees(scan[0], drawn):
                     memory, settings = own[world].memory, own[world].settings
-                    among = watch_cars(memory.seen, scan[0], drawn, odometry[world], driver.car.lidar_offset)
+                    if is_told(memory.told, odometry[world]):
+                        among = follow_told(memory.seen, memory.told, scan[0], drawn, odometry[world], driver.car)
+                    else:
+                        memory.told.follows = False
+                        among = watch_cars(memory.seen, scan[0], drawn, odometry[world], driver.car.lidar_offset)
                     draw_standing(memory, scan[0], drawn, driver.car, settings.car_margin)
                     keep(without, drawn)
                     if among:

@@ -290,6 +290,18 @@ class Odometry(Suggesting):
 
 NO_READINGS: Mapping[str, Reading] = Readings()
 
+OF_OTHER_CAR = ("x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s")
+"""What the sensor `opponents` says of another car: base_link in the map frame, speed over the ground, yaw rate."""
+
+MOST_OTHERS = 15
+"""Greatest number of other cars in a race."""
+
+
+def columns_of_others(cars: int) -> tuple[str, ...]:
+    """Return the columns of a reading of the sensor `opponents`, which tells of so many cars."""
+    return tuple(f"other_{number}_{name}" for number in range(1, cars + 1) for name in OF_OTHER_CAR)
+
+
 
 @explain_class
 @dataclass(frozen=True, kw_only=True)
@@ -502,6 +514,9 @@ class ControllerBatch(Protocol):
     It may have a method `compiled_calls` of the same arguments: it returns calls that decide for these arrays as often
     as they are made, (k, 2) whole numbers, in each row the address of a kernel's code (`fg_mujoco.kernels.call_at`) and
     the number that it is called with. An engine then makes them within its own compiled call.
+
+    It may have a method `take_readings(row, readings)`, which is called before each decision with the readings of each
+    running car that has sensors.
     """
 
     def __call__(

@@ -7,11 +7,20 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, corridor, odometry_of, scan_of
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
-from fg_mujoco.controllers.perception.other_cars import OTHER_CARS, find_boxes, watch_cars
+from fg_mujoco.controllers.overtaker import Overtaker
+from fg_mujoco.controllers.perception.other_cars import (
+    OTHER_CARS,
+    TOLD,
+    find_boxes,
+    follow_told,
+    is_told,
+    read_told,
+    watch_cars,
+)
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
-from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.messages import ODOMETRY, Reading, columns_of_others
 
 HALF = 0.06  # [m] of a box
 PERIOD = 0.025
@@ -38,6 +47,7 @@ def record(kind, values):
     return row[0]
 
 
+CAR_ROW = Overtaker(CAR, MU).driver[0]["car"]
 SCAN_ROW = record(SCAN, scan_values(WALLS))
 
 
@@ -116,3 +126,109 @@ def test_odometry_that_is_none_forgets_all():
     assert not watch_cars(memory, SCAN_ROW, np.array(WALLS.ranges), odometry_row(math.nan), CAR.lidar_offset)
     assert (memory["cars"]["age"] == 0).all()
     assert math.isfinite(memory["x"])
+
+
+# -- cars whose odometry is told
+
+
+def told_of(*cars, stamp=1.0):
+    """What a planner has been told: rows of x, y, heading, speed and yaw rate."""
+    memory = np.zeros(1, TOLD)[0]
+    values = np.array(cars, np.float64).ravel()
+    stamps = np.empty(0)
+    columns = columns_of_others(len(cars))
+    reading = Reading(
+        stamp=stamp, values=values, columns=columns, stamps=stamps, samples=np.empty((0, len(values)))
+    )  # fmt: skip
+    read_told(memory, reading)
+    return memory
+
+
+def own_row(pose, stamp=1.0, speed=0.0):
+    row = odometry_row(speed)
+    row["stamp"], row["pose"] = stamp, pose
+    return row
+
+
+def followed(seen, told, pose, ranges=WALLS.ranges, stamp=1.0):
+    """Whether there are cars, and where their middles are from the LiDAR, ahead and to the left [m]."""
+    there = follow_told(seen, told, SCAN_ROW, np.array(ranges), own_row(pose, stamp), CAR_ROW)
+    cos, sin = math.cos(seen["heading"]), math.sin(seen["heading"])
+    places = {}
+    for k, car in enumerate(seen["cars"]):
+        if car["age"] > 0:
+            dx, dy = car["x"] - seen["x"], car["y"] - seen["y"]
+            places[k] = cos * dx + sin * dy, cos * dy - sin * dx
+    return there, places
+
+
+def on_circle(time, radius=5.0, speed=2.0):
+    """Where a car is that drives a circle: pose, speed and yaw rate."""
+    angle = speed * time / radius
+    return radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle, speed, speed / radius
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1, 0.3])
+def test_a_car_that_is_told_is_where_it_has_come_since(late):
+    seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
+    there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
+    x, y, heading, speed, yaw_rate = on_circle(1.0)
+    middle = 0.5 * CAR.length - CAR.rear_overhang
+    dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
+    ahead, left = math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset, math.cos(0.1) * dy - math.sin(0.1) * dx
+    assert there
+    assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
+    car = seen["cars"][0]
+    assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
+    assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
+    assert car["moves"]
+
+
+def test_a_car_that_stands_is_known_at_once_and_one_behind_a_wall_is_not():
+    seen = np.zeros(1, OTHER_CARS)[0]
+    standing, next_door = (3.0, 0.3, 0.0, 0.0, 0.0), (3.0, 3.0, 0.0, 2.0, 0.0)
+    there, places = followed(seen, told_of(next_door, standing), (0.0, 0.0, 0.0))
+    assert there and len(places) == 1
+    (ahead, left) = places[0]
+    assert left == pytest.approx(0.3) and 2.5 < ahead < 3.5
+    there, places = followed(seen, told_of(next_door), (0.0, 0.0, 0.0))
+    assert not there and not places
+
+
+def test_a_car_that_goes_out_of_sight_is_kept_for_a_while_and_beside_as_long_as_it_is_near():
+    pose, ahead, beside = (0.0, 0.0, 0.0), (4.0, 0.0, 0.0, 2.0, 0.0), (-0.6, 0.6, 0.0, 2.0, 0.0)
+    hidden = np.minimum(WALLS.ranges, 2.0)
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(ahead, (0.5, 0.6, 0.0, 2.0, 0.0))
+    assert len(followed(seen, told, pose)[1]) == 2
+    told["cars"][1] = beside  # no beam goes there
+    kept = [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(80)]
+    assert kept[0] == [0, 1] and kept[-1] == [1]
+    assert [0, 1] in kept[30:33] and kept[34] == [1]  # 0.8 s
+    told["cars"][1, 0] = -3.0
+    assert [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(2)][-1] == []
+
+
+def test_of_many_cars_those_that_are_followed_stay_the_same():
+    pose, rows = (0.0, 0.0, 0.0), [(1.0 + 0.5 * k, 0.0, 0.0, 1.0, 0.0) for k in range(9)]
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(*rows)
+    first = followed(seen, told, pose)[1]
+    assert len(first) == len(seen["cars"])
+    told["cars"][2, :2] = math.nan  # it has left
+    second = followed(seen, told, pose)[1]
+    assert [second[k] == first[k] for k in range(6)].count(True) == 5 and len(second) == 6
+
+
+def test_what_is_told_too_late_or_without_a_pose_is_not_used():
+    told = told_of((3.0, 0.0, 0.0, 1.0, 0.0))
+    assert is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.4))
+    assert not is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.6))
+    assert not is_told(told, own_row((math.nan, 0.0, 0.0)))
+    assert not is_told(np.zeros(1, TOLD)[0], own_row((0.0, 0.0, 0.0), stamp=0.1))
+
+
+def test_a_reading_of_something_else_is_left_out():
+    told = np.zeros(1, TOLD)[0]
+    for values, columns in ((np.ones(5), ("a", "b", "c", "d", "e")), (np.ones(3), ("x_m", "y_m", "heading_rad"))):
+        stamps, samples = np.empty(0), np.empty((0, len(values)))
+        read_told(told, Reading(stamp=1.0, values=values, columns=columns, stamps=stamps, samples=samples))
+    assert told["stamp"] == 0.0

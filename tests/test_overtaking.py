@@ -161,15 +161,31 @@ def test_a_planner_that_cannot_drive_is_a_row(tmp_path, monkeypatch):
 def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = ["--track", "oval", "--opponents", "centreline", "--seed", "0:1", "--speed-ratio", ".4:.5"]
+    arguments += ["--knows", "opponents"]
     assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert (summary["duels"], summary["table"][0]["planner"]) == (1, "gap_finder")
     assert (tmp_path / "out" / "table.png").is_file()
+    assert json.loads((tmp_path / "out" / "manifest.json").read_text("utf-8"))["settings"]["knows"] == "opponents"
     assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out"]) == 0
     out = capsys.readouterr().out
     assert "1 duels, 1 of them by an earlier call; written to out" in out and "Wilson's at 95 %" in out
     assert (tmp_path / "out" / "differences.csv").read_text("utf-8").count("\n") == 1  # of one planner none
     assert "| median time lost [s] | quartiles [s] | of overtakes | median decision [us] |" in " ".join(out.split())
+
+
+def test_a_planner_that_knows_its_opponent_is_told_where_it_is():
+    settings, planner, told = DuelSettings(knows="opponents"), ControllerChoice.of("gap_finder"), []
+
+    def watch(engine):
+        told.append((engine.readings(0)["opponents"], engine.odometry["pose"][1].tolist(), engine.readings(1)))
+        if len(told) == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        drive_duel(Duel(DuelKey("gap_finder", None, "oval", "raceline", 1), planner, settings), watch)
+    for reading, pose, of_opponent in told[1:]:
+        assert reading.values[:3].tolist() == pose and not of_opponent
 
 
 @pytest.mark.parametrize(

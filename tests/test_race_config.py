@@ -35,6 +35,7 @@ odometry-drift = 0.05
 seed = 6
 opponents = ["wall_follow"]
 sensors = ["imu"]
+knows = "opponents"
 patches = [{x = 1, y = 2, length = 3, width = 1, mu = 0.4}]
 start-s = 2.5
 start-offset = 0.1

@@ -11,9 +11,9 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, RunFolderError
+from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
 from fg_mujoco.messages import MessageError, Reading
-from fg_mujoco.racing.resimulation import load_world, resimulate
+from fg_mujoco.racing.resimulation import load_world, resimulate, scan_at
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
@@ -250,6 +250,62 @@ def test_what_is_measured_changes_no_bit_of_the_race(planner):
     assert plain.trajectory_sha256 == measured.trajectory_sha256
     assert np.array_equal(plain.car.telemetry, measured.car.telemetry, equal_nan=True)
     assert "sensors" not in plain.summary() and "sensors" in measured.summary()
+
+
+# -- the others' odometry
+
+
+def among(listener, **settings):
+    """The result of a short race of three cars, of which the first listens."""
+    others = [fg.Entry(start=Start(s=4.0)), fg.Entry(start=Start(s=8.0, offset=0.2))]
+    entries = [fg.Entry(controller=listener, **settings), *others]
+    return fg.race("oval", entries=entries, laps=1, time_limit=TICKS * 0.025 - 0.01)
+
+
+def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
+    listener = Listener()
+    result = among(listener, knows="opponents", sensors=["imu"])
+    assert len(listener.told) == TICKS
+    for tick, odometry in enumerate(listener.told):
+        reading = odometry.readings["opponents"]
+        assert reading.stamp == odometry.stamp
+        for number, car in enumerate(result.cars[1:], start=1):
+            for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"):
+                assert reading[f"other_{number}_{name}"] == pytest.approx(car.column(name)[tick], abs=1e-12)
+        poses = result.cars[1].column("x_m"), result.cars[1].column("y_m")
+        if 0 < tick < TICKS - 1:
+            way = math.hypot(*(each[tick + 1] - each[tick - 1] for each in poses))
+            assert reading["other_1_speed"] == pytest.approx(way / 0.05, abs=0.1)
+        assert math.isnan(reading["other_3_x"])
+
+
+def test_what_it_knows_may_be_late_and_for_few_cars():
+    listener = Listener()
+    among(listener, knows="opponents", sensors=["imu", {"sensor": "opponents", "delay": 0.1, "cars": 1}])
+    readings = [odometry.readings["opponents"] for odometry in listener.told]
+    assert [reading.values.shape for reading in readings] == [(5,)] * TICKS
+    assert math.isnan(readings[3].stamp)
+    assert [reading.stamp for reading in readings[4:]] == pytest.approx([0.025 * tick for tick in range(TICKS - 4)])
+
+
+def test_replays_tell_a_planner_the_same_of_its_opponents():
+    result = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
+    again = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
+    unknown = among("overtaker", seed=3)
+    assert result.trajectory_sha256 == again.trajectory_sha256 != unknown.trajectory_sha256
+    late = scan_at(result, 0.3)[1].readings["opponents"]
+    assert late.values.tolist()[:5] == scan_at(again, 0.3)[1].readings["opponents"].values.tolist()[:5]
+    assert late["other_1_x"] != pytest.approx(result.cars[1].column("x_m")[12], abs=1e-3)  # its noise
+    assert math.isfinite(late["other_2_yaw_rate"])
+
+
+def test_knowledge_that_there_is_none_of_is_refused(capsys):
+    with pytest.raises(SettingsError, match="knows is 'all'; accepted: '' or 'opponents'"):
+        fg.Entry(knows="all")
+    with pytest.raises(SettingsError, match=r"OtherCars\.cars is 0; accepted"):
+        as_sensors([{"sensor": "opponents", "cars": 0}])
+    assert main(["race", "--knows", "everything"]) == 2
+    assert capsys.readouterr().err == "fg-mujoco: --knows is 'everything'; accepted: '' or 'opponents'\n"
 
 
 # -- planners

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from operator import attrgetter
 from typing import Any, ClassVar, cast
@@ -44,6 +44,7 @@ from fg_mujoco.messages import (
     FloatArray,
     LaserScan,
     Odometry,
+    Reading,
     ScanGeometry,
     require,
 )
@@ -167,6 +168,17 @@ class Planner:
         """Return planners of this class, one for each world, as new: they are decided together."""
         return PlannerBatch(cls, planners)
 
+    @staticmethod
+    def read(memory: Any, readings: Mapping[str, Reading]) -> None:
+        """Put what the planner uses of the readings of its car's sensors into its memory, before each decision.
+
+        Its kernels get no readings. Most planners use none.
+
+        Args:
+          memory: of `memory_type`, written to.
+          readings: by the names of the sensors; never none.
+        """
+
     def reset(self) -> None:
         """Forget everything seen so far."""
         self._alone.reset()
@@ -177,6 +189,8 @@ class Planner:
         if self._ranges.shape[1] != len(scan.ranges):
             self._ranges = np.empty((1, len(scan.ranges)))
         self._ranges[0] = scan.ranges
+        if odometry.readings:
+            self._alone.take_readings(0, odometry.readings)
         self._alone(scan, self._ranges, self._odometry, self._running, self._commands)
         steering_angle, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering_angle, speed=speed)
@@ -386,7 +400,7 @@ class PlannerBatch:
                 raise ControllerError(
                     f"a batch of {planner_class.__name__} was given a {type(planner).__name__}; accepted: its own class"
                 )
-        count = len(planners)
+        count, self._read = len(planners), planner_class.read
         tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
         ends_of_tables = np.cumsum([len(table) for table in tables.values()]).tolist()
         places = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
@@ -440,6 +454,10 @@ class PlannerBatch:
         _drive_at(self._table.address)
         if written is not commands:
             commands[:] = written
+
+    def take_readings(self, world: int, readings: Mapping[str, Reading]) -> None:
+        """Take the readings of the sensors of a world's car; see ControllerBatch."""
+        self._read(self._own["memory"][world], readings)
 
     def refer(
         self,

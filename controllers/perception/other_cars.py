@@ -10,6 +10,9 @@ Source: P. Kalata, The Tracking Index: A Generalized Parameter for alpha-beta an
 Transactions on Aerospace and Electronic Systems, 1984, for the filter; its gains at first are those of a least-squares
 line through all sightings.
 
+A planner that is told the odometry of the other cars follows these instead (`follow_told`), as long as it is told: at
+once, without error, and also where a car stands.
+
 Limits: a car that is partly hidden, or nearer to a wall behind it than `_EDGE`, may be taken for the wall. One that
 is hidden or behind the LiDAR's field of view is taken to go on as it did, for `_FORGOTTEN`.
 """
@@ -21,7 +24,7 @@ import math
 import numpy as np
 
 from fg_mujoco.kernels import kernel
-from fg_mujoco.messages import FloatArray
+from fg_mujoco.messages import MOST_OTHERS, OF_OTHER_CAR, FloatArray, Reading, columns_of_others
 
 from ..control.planner_settings import Record
 from ..control.steering import saturate
@@ -50,6 +53,8 @@ _JUMP = 0.05  # [m] from where it is expected: what is further counts as this fa
 _TURNING = 0.12  # gain of the turn rate
 _STEADY = 8  # sightings after which it is known where a thing goes
 _FASTEST_TURN = 3.0  # [rad/s]
+_OLDEST = 0.5  # [s] of odometry that was told
+_REACHED = 0.4  # [m] from the middle of a car: a beam that ends there ends on it
 _FOUND = 16  # runs of a scan that are kept
 
 CAR_SEEN = np.dtype(
@@ -67,6 +72,16 @@ CAR_SEEN = np.dtype(
         ("moves", np.bool_),  # it has moved
     ]
 )
+TOLD = np.dtype(
+    [
+        ("stamp", np.float64),  # [s] of the odometry; 0: none has been told
+        ("cars", np.float64, (MOST_OTHERS, len(OF_OTHER_CAR))),  # as OtherCars measures them, NaN: there is none
+        ("follows", np.bool_),  # they are followed now
+        ("places", np.int64, (MOST_OTHERS,)),  # of each in `cars` of OTHER_CARS, from 1; 0: it has none
+        ("unseen", np.float64, (MOST_OTHERS,)),  # [s]
+    ]
+)
+"""Type of what a planner is told of other cars, and where it keeps each; zero at the beginning."""
 OTHER_CARS = np.dtype(
     [
         ("x", np.float64),  # [m] of the LiDAR, by dead reckoning from where it began
@@ -90,15 +105,8 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
       lidar_offset: of the LiDAR ahead of the rear axle [m].
     """
     period = period_of(scan)
-    way, turn = odometry.speed * period, odometry.angular_velocity[2] * period
-    if not abs(way) + abs(turn) < 10.0:  # it is no odometry
-        for car in memory.cars:
-            car.age = 0
+    if not _move(memory, odometry, period, lidar_offset):
         return False
-    x = memory.x - lidar_offset * math.cos(memory.heading) + way * math.cos(memory.heading + 0.5 * turn)
-    y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(memory.heading + 0.5 * turn)
-    memory.heading += turn
-    memory.x, memory.y = x + lidar_offset * math.cos(memory.heading), y + lidar_offset * math.sin(memory.heading)
     found = np.empty((_FOUND, 2))
     count = find_boxes(scan, ranges, found)
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
@@ -115,6 +123,126 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
         if not math.isnan(found[k, 0]):
             _begin(memory.cars, found[k, 0], found[k, 1])
     return any_moves
+
+
+@kernel
+def _move(memory: Record, odometry: Record, period: float, lidar_offset: float) -> bool:
+    """Go on by dead reckoning; return False, and forget all cars, where it is no odometry."""
+    way, turn = odometry.speed * period, odometry.angular_velocity[2] * period
+    if not abs(way) + abs(turn) < 10.0:
+        for car in memory.cars:
+            car.age = 0
+        return False
+    x = memory.x - lidar_offset * math.cos(memory.heading) + way * math.cos(memory.heading + 0.5 * turn)
+    y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(memory.heading + 0.5 * turn)
+    memory.heading += turn
+    memory.x, memory.y = x + lidar_offset * math.cos(memory.heading), y + lidar_offset * math.sin(memory.heading)
+    return True
+
+
+def read_told(told: Record, reading: Reading) -> None:
+    """Keep what the sensor `opponents` has delivered; `told` of type TOLD is written to. Another one's is left out."""
+    count = len(reading.values) // len(OF_OTHER_CAR)
+    if 0 < count <= MOST_OTHERS and reading.columns == columns_of_others(count):
+        told["stamp"] = reading.stamp
+        told["cars"][:] = math.nan
+        told["cars"][:count] = reading.values.reshape(count, -1)
+
+
+@kernel
+def is_told(told: Record, odometry: Record) -> bool:
+    """Return whether the odometry of the others is known, and not too old; and where the planner's own car is."""
+    age, own = odometry.stamp - told.stamp, odometry.pose[0] + odometry.pose[1] + odometry.pose[2]
+    return bool(told.stamp > 0.0 and 0.0 <= age < _OLDEST and math.isfinite(own))
+
+
+@kernel
+def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, odometry: Record, car: Record) -> bool:
+    """Have the cars that were told of as those that are followed, and say whether there is one.
+
+    They are where they go from where they were, when that was measured, at a constant speed and turn rate. One counts
+    if a beam reaches it, and for _FORGOTTEN after; beside or behind, where no beam goes, for as long as it is near.
+
+    Args:
+      memory: of type OTHER_CARS, written to.
+      told: of type TOLD, written to.
+      scan: of type SCAN.
+      ranges: readings (n,) [m], without NaN or inf.
+      odometry: of type ODOMETRY, with a pose on the map.
+      car: parameters of the planner's car, which the others are taken to have.
+    """
+    period, age = period_of(scan), odometry.stamp - told.stamp
+    if not _move(memory, odometry, period, car.lidar_offset):
+        told.follows = False
+        return False
+    if not told.follows:
+        _forget(memory, told)
+        told.follows = True
+    own_x, own_y, own_heading = odometry.pose[0], odometry.pose[1], odometry.pose[2]
+    cos, sin, to_middle = math.cos(own_heading), math.sin(own_heading), 0.5 * car.length - car.rear_overhang
+    any_there = False
+    for k in range(MOST_OTHERS):
+        x, y, heading, speed, yaw_rate = told.cars[k]
+        way, turn = speed * age, yaw_rate * age
+        dx = x + way * math.cos(heading + 0.5 * turn) + to_middle * math.cos(heading + turn) - own_x
+        dy = y + way * math.sin(heading + 0.5 * turn) + to_middle * math.sin(heading + turn) - own_y
+        ahead, left = cos * dx + sin * dy - car.lidar_offset, cos * dy - sin * dx
+        told.unseen[k] = 0.0 if _reaches(scan, ranges, ahead, left) else told.unseen[k] + period
+        near = math.hypot(ahead, left) < _NEAR and not _in_field_of_view(scan, ranges, math.atan2(left, ahead))
+        place = told.places[k] - 1
+        stays = told.unseen[k] == 0.0 or (place >= 0 and (told.unseen[k] <= _FORGOTTEN or near))
+        if not (stays and math.isfinite(ahead + left + speed + yaw_rate)):
+            if place >= 0:
+                memory.cars[place].age = 0
+            told.places[k] = 0
+            continue
+        if place < 0:
+            place = _free_place(memory)
+            if place < 0:
+                continue
+            told.places[k] = place + 1
+        other, towards = memory.cars[place], heading + turn - own_heading + memory.heading
+        other.age, other.moves, other.unseen = _STEADY + 1, True, 0.0
+        other.x = memory.x + math.cos(memory.heading) * ahead - math.sin(memory.heading) * left
+        other.y = memory.y + math.sin(memory.heading) * ahead + math.cos(memory.heading) * left
+        other.first_x, other.first_y = other.x, other.y
+        other.vx, other.vy = speed * math.cos(towards), speed * math.sin(towards)
+        other.heading, other.turn_rate = towards, yaw_rate
+        any_there = True
+    return any_there
+
+
+@kernel
+def _forget(memory: Record, told: Record) -> None:
+    """Forget all cars."""
+    for other in memory.cars:
+        other.age = 0
+    for k in range(MOST_OTHERS):
+        told.places[k] = 0
+
+
+@kernel
+def _free_place(memory: Record) -> int:
+    """Return a place for one more car; -1: there is none."""
+    for place in range(MOST_CARS):
+        if memory.cars[place].age == 0:
+            return place
+    return -1
+
+
+@kernel
+def _in_field_of_view(scan: Record, ranges: FloatArray, bearing: float) -> bool:
+    """Return whether the LiDAR has a beam at a bearing [rad]."""
+    return bool(scan.angle_min <= bearing <= bearing_of(scan, len(ranges) - 1))
+
+
+@kernel
+def _reaches(scan: Record, ranges: FloatArray, ahead: float, left: float) -> bool:
+    """Return whether a beam reaches the car whose middle is at a place [m], or would if it were higher or lower."""
+    far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
+    if not (far < _FARTHEST and _in_field_of_view(scan, ranges, bearing)):
+        return False
+    return bool(ranges[round((bearing - scan.angle_min) / scan.angle_increment)] > far - _REACHED)
 
 
 @kernel

@@ -26,7 +26,7 @@ from ..control.slip import late_on_path
 from ..control.steering import late_by, saturate
 from ..control.tracking import steer_along
 from ..perception.corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
-from ..perception.other_cars import MOST_CARS, OTHER_CARS
+from ..perception.other_cars import MOST_CARS, OTHER_CARS, TOLD
 from ..perception.scan_geometry import period_of
 from . import predictions as rows
 
@@ -56,7 +56,7 @@ PASSING = np.dtype(
         ("way", np.float64, (_PLACES, 5)),  # on which it is expected, see corridor.walk
     ]
 )
-RACING = np.dtype([("seen", OTHER_CARS), ("met", np.bool_), ("passing", PASSING, (MOST_CARS,))])
+RACING = np.dtype([("seen", OTHER_CARS), ("told", TOLD), ("met", np.bool_), ("passing", PASSING, (MOST_CARS,))])
 """Type of what a planner among other cars keeps from tick to tick; zero at the beginning."""
 
 

@@ -13,7 +13,7 @@ from .options import add_setup_options, number, setup_of
 
 DRIVE = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
-    "command_delay",
+    "command_delay", "knows",
 )  # fmt: skip
 
 

@@ -55,7 +55,7 @@ def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
 
 
 def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
-    alike = ("vehicle", "tires", "mu", "floor", "changes", "sensors")
+    alike = ("vehicle", "tires", "mu", "floor", "changes", "sensors", "knows")
     same: dict[str, Any] = {name: getattr(own, name) for name in alike}
     if isinstance(opponent, Mapping):
         given = known_settings(opponent, Entry, f"opponent {number}")

@@ -169,7 +169,7 @@ class CarResult(Suggesting):
         for name in ("wrong_way", "crash", "decision_times", "lidar_effects", "start"):
             values[name] = None if values[name] is None else asdict(values[name])
         failure = self.planner_failure
-        sensors = {"sensors": [sensor.described() for sensor in self.entry.sensed]} if self.entry.sensors else {}
+        sensors = {"sensors": [sensor.described() for sensor in self.entry.sensed]} if self.entry.sensed else {}
         return values | {"planner_failure": None if failure is None else failure.summary()} | sensors
 
 

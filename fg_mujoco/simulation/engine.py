@@ -708,9 +708,10 @@ class Engine:
         """Return what can be measured on a car now. Live."""
         i, car = divmod(row, self.cars_per_world)
         batch, place = self._place_of(i)
+        cars = self._arrays.constants[row - car : row - car + self.cars_per_world]
         return CarState(
             time=self.time(i), qpos=self.qpos(i), qvel=self.qvel(i), sensordata=batch.physics.sensors[place],
-            ranges=self.ranges[row], constants=self._arrays.constants[row : row + 1],
+            ranges=self.ranges[row], constants=cars[car : car + 1], others=np.delete(cars, car),
             odometry_drift=float(self._odometry_drift[row]), model=batch.world.model, prefix=car_prefix(car),
         )  # fmt: skip
 

@@ -164,6 +164,7 @@ class BatchPlanners:
 
     def __init__(self, planners: ControllerBatch, kind: type, *, raises: bool = False) -> None:
         self._planners, self._kind, self._raises = planners, kind, raises
+        self._take_readings = getattr(planners, "take_readings", None)
         self.failures: dict[int, PlannerError] = {}
 
     def __call__(self, cars: Cars) -> Reasons | None:
@@ -174,6 +175,10 @@ class BatchPlanners:
             number.
         """
         try:
+            if self._take_readings is not None:
+                for row in np.flatnonzero(cars.running).tolist():
+                    if readings := cars.readings(row):
+                        self._take_readings(row, readings)
             self._planners(cars.beams.geometry, cars.ranges, cars.odometry, cars.running, cars.commands)
         except BaseException as error:
             if not is_of_planner(error):

@@ -27,7 +27,7 @@ from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.floors import Floor
 from ..vehicle.friction_patches import Patch
-from ..vehicle.sensors import Sensor, as_sensors
+from ..vehicle.sensors import SENSORS, Sensor, as_sensors
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import WorldCar, car_prefix, lidar_prefix
@@ -46,6 +46,9 @@ GREATEST_SPEED = 100.0
 """[m/s] Greatest `max_speed` that is accepted: five times what the motor of an F1TENTH car gives."""
 
 _ACCEPTED_SPEED = f"a positive number up to {GREATEST_SPEED:g} m/s; the motor of an F1TENTH car gives 20 m/s"
+
+KNOWN = ("", "opponents")
+"""Knowledge that `knows` accepts; each is the name of a sensor, too, which has noise, delay and rate as settings."""
 
 LONGEST_RACE = 86400.0
 """[s] Longest time limit that is accepted, a day: a race keeps about 60 kB for each second."""
@@ -180,12 +183,18 @@ class CarSettings:
     sensors: Sequence[Sensor | str | Mapping[str, Any]] = ()  # besides LiDAR and odometry, as `as_sensors` takes them
     floor: Floor | str | Path | Mapping[str, Any] | None = None  # whose friction the tires have, in place of `mu`: a
     # bundled name, the path of a TOML file, or Floor; None: that of `mu`
+    knows: str = field(  # of KNOWN: what the planner is told that nothing on its car measures
+        default="", metadata={"help": "opponents: the planner is told the odometry of the other cars; default: nothing"}
+    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
         object.__setattr__(self, "patches", as_parts(self.patches, Patch, "patches"))
         object.__setattr__(self, "sensors", as_sensors(self.sensors))
+        if not isinstance(self.knows, str) or self.knows not in KNOWN:
+            accepted = " or ".join(map(repr, KNOWN))
+            raise SettingsError(f"{type(self).__name__}.knows is {shown(self.knows)}; accepted: {accepted}")
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:
@@ -221,8 +230,11 @@ class CarSettings:
 
     @property
     def sensed(self) -> tuple[Sensor, ...]:
-        """The sensors, made."""
-        return cast("tuple[Sensor, ...]", self.sensors)
+        """The sensors, made, and that of what the planner knows, unless one of them has its name."""
+        own = cast("tuple[Sensor, ...]", self.sensors)
+        if not self.knows or any(sensor.name == self.knows for sensor in own):
+            return own
+        return (*own, SENSORS.find(self.knows)())
 
     @property
     def tires_mu(self) -> float:
@@ -317,6 +329,7 @@ class CarKeywords(TypedDict, total=False):
     effects: LidarEffects | Mapping[str, Any]
     odometry_drift: float
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
+    knows: str
     lidar_effects: MeasuredErrors | Mapping[str, Any] | str | Path | None
     lidar_noise: float
     lidar_dropout: float

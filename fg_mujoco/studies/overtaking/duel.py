@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -73,7 +74,7 @@ class DuelSettings(CarSettings):
         """Return the context of the planner."""
         return DriveSettings(
             vehicle=self.vehicle, tires=self.tires, mu=self.mu, floor=self.floor, changes=self.changes,
-            planner_mu=self.planner_mu, max_speed=self.max_speed,
+            planner_mu=self.planner_mu, max_speed=self.max_speed, knows=self.knows,
         )  # fmt: skip
 
     def manifest(self) -> dict[str, Any]:
@@ -197,7 +198,7 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
     engine = Engine(world, laps=settings.laps + 1)
     timed = Timed(adapt([build_planner(duel.planner, world, settings)]))
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), timed), (np.array([_OPPONENT]), adapt([opponent]))])
-    engine.place([Start(s=start), Start(s=start + headway)])
+    place_cars(engine, [Start(s=start), Start(s=start + headway)], settings)
     half = 0.5 * world.parameters.length
     timers, since = engine.monitor.timers, math.nan
     outcome = ""
@@ -265,6 +266,12 @@ def alike_cars(track: str, settings: DuelSettings, cars: int) -> World:
     )  # fmt: skip
 
 
+def place_cars(engine: Engine, starts: Sequence[Start], settings: DuelSettings) -> None:
+    """Place the cars of a world, of which the first has what its planner knows."""
+    sensors = [settings.sensed, *[()] * (len(starts) - 1)]
+    engine.place(starts, seeds=[0] * len(starts), sensors=sensors)
+
+
 def build_planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
     """Return the planner of the first car of a world.
 
@@ -285,7 +292,7 @@ def pace(track: str, planner: ControllerChoice, settings: DuelSettings) -> Pace:
     world = alike_cars(track, settings, 1)
     engine = Engine(world, laps=2)
     engine.planners = adapt([build_planner(planner, world, settings)])
-    engine.place([Start()])
+    place_cars(engine, [Start()], settings)
     length = world.track.length
     sums = np.zeros((2, round(length / _BIN)))
     while engine.running[0]:
@@ -306,7 +313,7 @@ def time_alone(duel: Duel, start: float, progress: float) -> float:
     world = alike_cars(duel.key.track, duel.settings, 1)
     engine = Engine(world, laps=duel.settings.laps + 1)
     engine.planners = adapt([build_planner(duel.planner, world, duel.settings)])
-    engine.place([Start(s=start)])
+    place_cars(engine, [Start(s=start)], duel.settings)
     before = 0.0
     while engine.running[0]:
         engine.tick()

@@ -85,7 +85,8 @@ def overtake(
       setup: that all duels have in common.
       watch: called several times a second.
       keywords: of a Setup, see there, that change `setup`: `laps` within which the planner is to overtake, by default
-        2, `max_speed` of both cars, and which car both are: `vehicle`, `tires`, `mu`, `planner_mu`, `changes`.
+        2, `max_speed` of both cars, what the planner `knows`, and which car both are: `vehicle`, `tires`, `mu`,
+        `planner_mu`, `changes`.
 
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
@@ -100,8 +101,8 @@ def overtake(
     first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(
         vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,
-        planner_mu=first.planner_mu, max_speed=first.max_speed, laps=2 if base.laps is None else base.laps,
-        slowest=slowest, fastest=fastest,
+        planner_mu=first.planner_mu, max_speed=first.max_speed, knows=first.knows,
+        laps=2 if base.laps is None else base.laps, slowest=slowest, fastest=fastest,
     )  # fmt: skip
     planners, tracks, opponents, seeds = map(as_axis, (controller, track, opponents, seed))
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)

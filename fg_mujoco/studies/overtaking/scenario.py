@@ -29,7 +29,7 @@ from ...simulation.planner_adapter import PlannersOfEach, adapt
 from ...simulation.settings import Start
 from ...simulation.termination import END_REASONS
 from ..grid_study import GridKey, GridRow, figures_of, why_failed
-from .duel import DuelSettings, alike_cars, build_planner, closed_track
+from .duel import DuelSettings, alike_cars, build_planner, closed_track, place_cars
 from .slower_opponents import least_curvature, write_line
 
 LANES = {
@@ -143,7 +143,7 @@ def drive_scenario(scenario: Scenario) -> ScenarioFigures:
     engine = Engine(world, laps=settings.laps)
     planner = adapt([build_planner(scenario.planner, world, settings)])
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), planner), (np.array([_OPPONENT]), adapt([opponent]))])
-    engine.place(starts)
+    place_cars(engine, starts, settings)
     control = RaceControl(engine, names=("planner", "opponent"), rules=RULES["none"])
     progress, outcome = engine.monitor.timers["progress"], ""
     ticks = round(scenario.seconds / engine.period)

@@ -1,4 +1,4 @@
-"""The sensors that every car can have: odometry, IMU, wheel encoders, localisation, and LiDAR.
+"""The sensors that every car can have: odometry, IMU, wheel encoders, localisation, LiDAR, and the others' odometry.
 
 A planner gets the same quantities once a tick in its scan and odometry, without a rate, noise or dropouts of their own.
 """
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...arguments import explain_class
+from ...messages import MOST_OTHERS, OF_OTHER_CAR, columns_of_others, require_whole
 from ..car import WHEELS
+from ..motion import ground_speed, planar_pose
 from .sensor import SENSORS, CarState, Sensor
 
 
@@ -86,5 +88,41 @@ class LidarRanges(Sensor):
         return beams
 
 
+@explain_class
+@dataclass(frozen=True, kw_only=True)
+class OtherCars(Sensor):
+    """Where base_link of each other car is in the map frame, its speed over the ground and its yaw rate.
+
+    So it is as if the cars sent each other their odometry. The others are in the order of the race: those of car 0 are
+    cars 1, 2 and so on. The columns of the first are `other_1_x_m`, `other_1_y_m` and so on. The rest of them is NaN
+    where a race has fewer cars.
+
+    Raises:
+      SettingsError: a value out of its range.
+    """
+
+    frame = "map"
+
+    cars: int = MOST_OTHERS  # how many are told, the first ones
+
+    def __post_init__(self) -> None:
+        require_whole(f"{type(self).__name__}.cars", self.cars, 1, MOST_OTHERS)
+        super().__post_init__()
+
+    @property
+    def columns(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the measured values."""
+        return columns_of_others(self.cars)
+
+    def measure(self, car: CarState) -> ArrayLike:
+        """See Sensor."""
+        values = np.full((self.cars, len(OF_OTHER_CAR)), np.nan)
+        for k, row in enumerate(values[: len(car.others)]):
+            other = car.others[k : k + 1]
+            yaw_rate = car.qvel[other[0]["free_dof"] + 5]
+            row[:] = *planar_pose(car.qpos, other), ground_speed(car.qpos, car.qvel, other), yaw_rate
+        return values.ravel()
+
+
 SENSORS["odometry"], SENSORS["imu"], SENSORS["wheel_speeds"] = WheelOdometry, Imu, WheelSpeeds
-SENSORS["pose"], SENSORS["lidar"] = Pose, LidarRanges
+SENSORS["pose"], SENSORS["lidar"], SENSORS["opponents"] = Pose, LidarRanges, OtherCars

@@ -49,6 +49,7 @@ class CarState:
     sensordata: FloatArray  # of the last physics step, as in mujoco.MjData
     ranges: FloatArray  # (beams,) [m] of the last sweep of the LiDAR, without its effects
     constants: NDArray[np.void]  # (1,) of vehicle.motion.CAR: where the car is in these arrays, and its limits
+    others: NDArray[np.void]  # (m - 1,) of the other cars of its world, in their order
     odometry_drift: float  # relative error of the wheels' speeds and of the yaw rate
     model: mujoco.MjModel  # of the world
     prefix: str  # of the names in the model that belong to the car
