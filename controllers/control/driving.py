@@ -91,7 +91,7 @@ from .reasons import (
 from .reasons import (
     SPEEDOMETER as BY_SPEEDOMETER,
 )
-from .slip import COURSE, see_from_course, steered
+from .slip import COURSE, held_arc, see_from_course, steered
 from .speed import forward_distance_speed, range_ratio_speed
 from .speedometer import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from .steering import pursue, saturate
@@ -599,7 +599,7 @@ def _drive_filtered(
 
 @kernel
 def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
-    """Return the command to stop as hard as the tires hold, with the present steering angle; arguments as in `drive`.
+    """Return the command to stop as hard as the tires hold, on the car's present way; arguments as in `drive`.
 
     Without the friction law, and without odometry, that is 0 and 0.
     """
@@ -607,8 +607,9 @@ def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tu
     note(memory.reasons, NO_REFERENCE, odometry.steering_angle if driver.friction else 0.0, 0.0)
     if not driver.friction:
         return 0.0, 0.0
-    least = driver.limiter.settings.least_lateral_use
-    return _hold(scan, odometry, driver, memory, odometry.steering_angle, 0.0, least)
+    least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
+    held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
+    return _hold(scan, odometry, driver, memory, held, 0.0, least)
 
 
 @kernel

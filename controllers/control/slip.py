@@ -16,6 +16,7 @@ and its rear axle moves outwards of its heading by the rear slip angle (T. Gille
    in by itself: b + v^2 / g d(lead)/d(a / g) = 0 (`tightest_arc`, `fastest_on`).
 3. Scan and yaw rate are seen from the course, where the rear axle moves, not from the heading (`see_from_course`).
 4. The path follows the steering over a way of its own (`path_lag`), in all that is simulated.
+5. A car that brakes and has no path to follow is steered against turning in by itself (`held_arc`).
 
 A planner knows of an axle what can be identified on a real car: cornering stiffness, peak, and the peak's slip angle.
 Through these leads one Magic Formula D sin(C atan(B s)), which read backwards is s = tan(asin(u) / C) / B at the share
@@ -206,6 +207,28 @@ def fastest_on(slip: Record, angle: float) -> float:
             speed = slip.top_speed * (at - 1 + (before - size) / (before - here)) / (_SPEEDS - 1)
             return float(max(speed, slip.least_speed))
     return float(slip.least_speed)
+
+
+@kernel
+def held_arc(slip: Record, car: Record, angle: float, curvature: float) -> float:
+    """Return the angle [rad] of the arc to command so that the car keeps its way; that of its wheels if not soft.
+
+    Braking takes load off the rear axle, whose slip angle then grows: the car turns in more than its wheels say, by
+    itself, and the harder it turns the more. A planner that follows a path steers against that. Where there is none,
+    the wheels are turned out by as much as the path of the car is tighter than their arc.
+
+    Args:
+      slip: of type SLIP.
+      car: of type CAR.
+      angle: of the arc of the wheels [rad].
+      curvature: of the path that the car is on [1/m].
+    """
+    if not slip.soft:
+        return angle
+    more = curvature - math.tan(angle) / car.wheelbase
+    if not more * curvature > 0.0:
+        return angle
+    return math.atan(math.tan(angle) - car.wheelbase * more)
 
 
 @kernel

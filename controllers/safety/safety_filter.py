@@ -36,7 +36,7 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, setting, setting_of_car
-from ..control.slip import late_on_path, path_lag
+from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_place, steer_along
@@ -172,7 +172,7 @@ def safe_steering(
         )  # fmt: skip
         memory.acceleration = last
         if left <= least:
-            return angle_now, best_use, left == 0.0
+            return held_arc(limiter.slip, car, angle_now, memory.curvature), best_use, left == 0.0
     return pursue(best, pursuit, car.lidar_offset, car.wheelbase), best_use, least == 0.0
 
 
