@@ -17,7 +17,7 @@ from map_oracles import draw_map, march, real_map, ring
 import fg_mujoco as fg
 from fg_mujoco.course.maps.map_server import read_map_file
 
-POSES = 200
+POSES = 100
 EVERY = 4  # of the 1081 beams
 CLOSEST = 3  # [pixel] from a wall that the LiDAR is put
 
@@ -78,7 +78,7 @@ def misses(world, occupancy, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["maps/aut", "maps/esp", "maps/gbr", "maps/mco", "maps/CornerHall"])
+@pytest.mark.parametrize("name", ["maps/aut", "maps/mco", "maps/CornerHall"])
 def test_scans_agree_with_the_image_within_a_pixel(name):
     path = real_map(name)
     beside, depth, difference = misses(fg.World(path), read_map_file(path), np.random.default_rng(7))

@@ -59,7 +59,7 @@ BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
 
 CIRCUITS = (
     *BUNDLED,
-    *(pytest.param(f"random:{seed}", marks=pytest.mark.slow) for seed in range(20)),
+    *(pytest.param(f"random:{seed}", marks=pytest.mark.slow) for seed in range(8)),
     *(pytest.param(name, marks=pytest.mark.slow) for name in REAL),
 )
 
