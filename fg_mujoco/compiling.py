@@ -228,7 +228,7 @@ def _in_less_time() -> Iterator[None]:
     with global_compiler_lock:
         changes: tuple[tuple[Any, str, Any], ...] = (
             (BaseFunction, "get_call_type", _call_type),
-            (errors, "_termcolor_inst", _Plain()),
+            (getattr(errors, "HighlightColorScheme", _Coloured), "_markup", _unmarked),
             (arrayobj, "raise_with_shape_context", _refuse_shapes),
             (_OverloadFunctionTemplate, "_get_jit_decorator", lambda template: _numbas_part),
         )
@@ -242,10 +242,13 @@ def _in_less_time() -> Iterator[None]:
                 setattr(place, name, value)
 
 
-class _Plain(errors._DummyColorScheme):  # type: ignore[misc, name-defined]
-    """Messages without colours, and not in bold."""
+class _Coloured:
+    """In the place of numba's colours, which it has where colorama is installed."""
 
-    code = errmsg = filename = indicate = highlight = reset = staticmethod(lambda message: message)
+
+def _unmarked(scheme: Any, message: str, *style: Any) -> str:
+    """Return a message as it is: without colours, and not in bold."""
+    return message
 
 
 def _refuse_shapes(source: Any, target: Any) -> None:
