@@ -297,6 +297,7 @@ MOST_OTHERS = 15
 """Greatest number of other cars in a race."""
 
 
+@lru_cache
 def columns_of_others(cars: int) -> tuple[str, ...]:
     """Return the columns of a reading of the sensor `opponents`, which tells of so many cars."""
     return tuple(f"other_{number}_{name}" for number in range(1, cars + 1) for name in OF_OTHER_CAR)
