@@ -130,8 +130,7 @@ def _move(memory: Record, odometry: Record, period: float, lidar_offset: float) 
     """Go on by dead reckoning; return False, and forget all cars, where it is no odometry."""
     way, turn = odometry.speed * period, odometry.angular_velocity[2] * period
     if not abs(way) + abs(turn) < 10.0:
-        for car in memory.cars:
-            car.age = 0
+        _forget(memory)
         return False
     x = memory.x - lidar_offset * math.cos(memory.heading) + way * math.cos(memory.heading + 0.5 * turn)
     y = memory.y - lidar_offset * math.sin(memory.heading) + way * math.sin(memory.heading + 0.5 * turn)
@@ -176,7 +175,8 @@ def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, 
         told.follows = False
         return False
     if not told.follows:
-        _forget(memory, told)
+        _forget(memory)
+        told.places[:] = 0
         told.follows = True
     own_x, own_y, own_heading = odometry.pose[0], odometry.pose[1], odometry.pose[2]
     cos, sin, to_middle = math.cos(own_heading), math.sin(own_heading), 0.5 * car.length - car.rear_overhang
@@ -187,8 +187,10 @@ def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, 
         dx = x + way * math.cos(heading + 0.5 * turn) + to_middle * math.cos(heading + turn) - own_x
         dy = y + way * math.sin(heading + 0.5 * turn) + to_middle * math.sin(heading + turn) - own_y
         ahead, left = cos * dx + sin * dy - car.lidar_offset, cos * dy - sin * dx
-        told.unseen[k] = 0.0 if _reaches(scan, ranges, ahead, left) else told.unseen[k] + period
-        near = math.hypot(ahead, left) < _NEAR and not _in_field_of_view(scan, ranges, math.atan2(left, ahead))
+        far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
+        in_sight = far < _FARTHEST and _ends_beyond(scan, ranges, bearing, far - _REACHED)
+        told.unseen[k] = 0.0 if in_sight else told.unseen[k] + period
+        near = far < _NEAR and not _ends_beyond(scan, ranges, bearing, -math.inf)
         place = told.places[k] - 1
         stays = told.unseen[k] == 0.0 or (place >= 0 and (told.unseen[k] <= _FORGOTTEN or near))
         if not (stays and math.isfinite(ahead + left + speed + yaw_rate)):
@@ -213,12 +215,10 @@ def follow_told(memory: Record, told: Record, scan: Record, ranges: FloatArray, 
 
 
 @kernel
-def _forget(memory: Record, told: Record) -> None:
+def _forget(memory: Record) -> None:
     """Forget all cars."""
-    for other in memory.cars:
-        other.age = 0
-    for k in range(MOST_OTHERS):
-        told.places[k] = 0
+    for car in memory.cars:
+        car.age = 0
 
 
 @kernel
@@ -228,21 +228,6 @@ def _free_place(memory: Record) -> int:
         if memory.cars[place].age == 0:
             return place
     return -1
-
-
-@kernel
-def _in_field_of_view(scan: Record, ranges: FloatArray, bearing: float) -> bool:
-    """Return whether the LiDAR has a beam at a bearing [rad]."""
-    return bool(scan.angle_min <= bearing <= bearing_of(scan, len(ranges) - 1))
-
-
-@kernel
-def _reaches(scan: Record, ranges: FloatArray, ahead: float, left: float) -> bool:
-    """Return whether a beam reaches the car whose middle is at a place [m], or would if it were higher or lower."""
-    far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
-    if not (far < _FARTHEST and _in_field_of_view(scan, ranges, bearing)):
-        return False
-    return bool(ranges[round((bearing - scan.angle_min) / scan.angle_increment)] > far - _REACHED)
 
 
 @kernel
@@ -334,10 +319,16 @@ def bearing_to(memory: Record, car: Record) -> float:
 @kernel
 def _is_in_view(memory: Record, car: Record, scan: Record, ranges: FloatArray) -> bool:
     """Return whether a car would be seen where it is expected: a beam ends beyond it."""
-    place = round((bearing_to(memory, car) - scan.angle_min) / scan.angle_increment)
+    return _ends_beyond(scan, ranges, bearing_to(memory, car), math.hypot(car.x - memory.x, car.y - memory.y))
+
+
+@kernel
+def _ends_beyond(scan: Record, ranges: FloatArray, bearing: float, distance: float) -> bool:
+    """Return whether there is a beam at a bearing [rad], and it ends beyond a distance [m]."""
+    place = round((bearing - scan.angle_min) / scan.angle_increment)
     if not 0 <= place < len(ranges):
         return False
-    return bool(ranges[int(place)] > math.hypot(car.x - memory.x, car.y - memory.y))
+    return bool(ranges[int(place)] > distance)
 
 
 @kernel

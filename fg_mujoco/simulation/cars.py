@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import explain_class
 from ..display import brief, changed
 from ..errors import ModelError, SettingsError
-from ..messages import CarParameters, FloatArray
+from ..messages import MOST_OTHERS, CarParameters, FloatArray
 from ..vehicle.bodywork import harden, stand_on_ground
 from ..vehicle.car import WHEELS, element_id, sensor_slice
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
-GREATEST_CARS = 16
+GREATEST_CARS = MOST_OTHERS + 1
 """In a world: what a state of 16 cars and their sensors need is measured; races of the field have two."""
 
 CAR_PREFIX = "car/"

@@ -38,7 +38,7 @@ from ..lidar.lidar import Lidar
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
-from ..vehicle.motion import ground_speed, planar_pose
+from ..vehicle.motion import ground_speed, point_motion
 from ..vehicle.sensors import CarState, Sampler, Sensor
 from ..vehicle.sensors.sensor import drift_odometry
 from .cars import car_prefix
@@ -301,8 +301,8 @@ class Engine:
         for other in range(row - own, row - own + self.cars_per_world):
             if other != row:
                 car = self._arrays.constants[other : other + 1]
-                yaw_rate = float(qvel[int(car[0]["free_dof"]) + 5])
-                others.append(OtherCar(pose=planar_pose(qpos, car), speed=self.speed(other), yaw_rate=yaw_rate))
+                x, y, heading, speed, _, yaw_rate = point_motion(qpos, qvel, 0.0, car)
+                others.append(OtherCar(pose=(x, y, heading), speed=speed, yaw_rate=yaw_rate))
         return Surroundings(world=self.world_of(i), others=tuple(others))
 
     def slip(self, i: int = 0) -> FloatArray:

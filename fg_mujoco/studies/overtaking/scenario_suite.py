@@ -298,8 +298,7 @@ def drive_suite(
     first = base.first
     settings = DuelSettings(
         vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,
-        planner_mu=first.planner_mu, max_speed=first.max_speed, knows=first.knows,
-        laps=_ENDLESS,
+        planner_mu=first.planner_mu, max_speed=first.max_speed, knows=first.knows, laps=_ENDLESS,
     )  # fmt: skip
     scenarios = plan_suite(suite, [ControllerChoice.of(text) for text in as_axis(controller)], settings, every)
     folder = GridFolder(out, ScenarioRow.of, title="suite of scenarios", command="scenarios", file="scenarios.jsonl")

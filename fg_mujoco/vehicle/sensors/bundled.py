@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ...arguments import explain_class
 from ...messages import MOST_OTHERS, OF_OTHER_CAR, columns_of_others, require_whole
 from ..car import WHEELS
-from ..motion import ground_speed, planar_pose
+from ..motion import point_motion
 from .sensor import SENSORS, CarState, Sensor
 
 
@@ -118,9 +118,8 @@ class OtherCars(Sensor):
         """See Sensor."""
         values = np.full((self.cars, len(OF_OTHER_CAR)), np.nan)
         for k, row in enumerate(values[: len(car.others)]):
-            other = car.others[k : k + 1]
-            yaw_rate = car.qvel[other[0]["free_dof"] + 5]
-            row[:] = *planar_pose(car.qpos, other), ground_speed(car.qpos, car.qvel, other), yaw_rate
+            x, y, heading, speed, _, yaw_rate = point_motion(car.qpos, car.qvel, 0.0, car.others[k : k + 1])
+            row[:] = x, y, heading, speed, yaw_rate
         return values.ravel()
 
 
