@@ -232,3 +232,14 @@ def test_a_reading_of_something_else_is_left_out():
         stamps, samples = np.empty(0), np.empty((0, len(values)))
         read_told(told, Reading(stamp=1.0, values=values, columns=columns, stamps=stamps, samples=samples))
     assert told["stamp"] == 0.0
+
+
+def test_a_car_that_comes_back_does_not_take_the_place_of_another_one():
+    pose, first, second, gone = (0.0, 0.0, 0.0), (2.0, 0.5, 0.0, 1.0, 0.0), (3.0, -0.5, 0.0, 1.0, 0.0), (math.nan,) * 5
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(first, gone)
+    assert sorted(followed(seen, told, pose)[1]) == [0]
+    told["cars"][:2] = gone, second
+    assert sorted(followed(seen, told, pose)[1]) == [0]
+    told["cars"][:2] = first, second
+    places = followed(seen, told, pose)[1]
+    assert sorted(left for _, left in places.values()) == pytest.approx([-0.5, 0.5])
