@@ -242,7 +242,8 @@ class Readings(dict[str, Reading]):
     """The readings of a car's sensors by name."""
 
     def __missing__(self, name: str) -> Reading:
-        raise MessageError(f"the car has no sensor {name!r}; {accepted_names(name, self)}")
+        accepted = accepted_names(name, self) if self else f"accepted: sensors=[{name!r}] of the car"
+        raise MessageError(f"the car has no sensor {name!r}; {accepted}")
 
 
 @explain_class

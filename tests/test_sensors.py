@@ -12,7 +12,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
-from fg_mujoco.messages import MessageError, Reading
+from fg_mujoco.messages import NO_READINGS, MessageError, Reading
 from fg_mujoco.racing.resimulation import load_world, resimulate, scan_at
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
@@ -297,6 +297,11 @@ def test_replays_tell_a_planner_the_same_of_its_opponents():
     assert late.values.tolist()[:5] == scan_at(again, 0.3)[1].readings["opponents"].values.tolist()[:5]
     assert late["other_1_x"] != pytest.approx(result.cars[1].column("x_m")[12], abs=1e-3)  # its noise
     assert math.isfinite(late["other_2_yaw_rate"])
+
+
+def test_a_reading_that_the_car_does_not_have_is_told_with_what_gives_it():
+    with pytest.raises(MessageError, match=r"no sensor 'opponents'; accepted: sensors=\['opponents'\] of the car$"):
+        NO_READINGS["opponents"]
 
 
 def test_knowledge_that_there_is_none_of_is_refused(capsys):
