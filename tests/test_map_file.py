@@ -13,7 +13,7 @@ from map_oracles import box_room, draw_map
 from PIL import Image
 
 from fg_mujoco.course.maps import map_server as map_file
-from fg_mujoco.course.maps.map_server import OccupancyMap, read_map_file
+from fg_mujoco.course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from fg_mujoco.errors import MissingExtraError, TrackError, install_command
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
@@ -130,6 +130,16 @@ def test_a_yaml_that_is_wrong_is_refused(tmp_path, settings, message):
     with pytest.raises(TrackError, match=message) as refusal:
         read_map_file(path)
     assert str(tmp_path) in str(refusal.value)
+
+
+@pytest.mark.parametrize("text", ["1e-06", "3e-1", "-2E3", "+1.5e+2", "1.0e5", "-.5", "7", "0.25", "1."])
+def test_a_number_is_one_in_every_spelling_of_yaml_1_2(text):
+    assert plain_yaml(f"x: {text}") == {"x": float(text)}
+
+
+@pytest.mark.parametrize("text", ["e5", "1e", "1.2.3", "v1e5", "1e5m", ".", "'1e5'"])
+def test_text_that_looks_like_a_number_stays_text(text):
+    assert plain_yaml(f"x: {text}") == {"x": text.strip("'")}
 
 
 def test_keys_that_are_unknown_are_ignored_with_one_warning(tmp_path):

@@ -16,6 +16,7 @@ from __future__ import annotations
 import glob
 import importlib.util
 import math
+import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -46,6 +47,7 @@ _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free
 _STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
 _MODES = ("trinary", "scale", "raw")  # the first two differ in what lies between the thresholds, which is unknown here
 _IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+\.[0-9]*)([eE][-+]?[0-9]+)?$|[-+]?[0-9]+[eE][-+]?[0-9]+$")  # in a YAML
 _SIXTEEN_BITS = ("I;16", "I;16B", "I")  # kinds of images of one channel, as Pillow names them
 
 
@@ -278,6 +280,8 @@ def _plain_loader() -> Any:
             finally:
                 self.depth -= 1
 
+    # YAML 1.2, which map_server and ROS 2 read: for PyYAML, which reads YAML 1.1, 1e-06 and -.5 are no numbers
+    PlainLoader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
     return PlainLoader
 
 
