@@ -12,10 +12,12 @@ from small_policies import network_for
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.envs import policy_files
 from fg_mujoco.envs.actions import ActionBounds, ActionReader
-from fg_mujoco.envs.policy_files import read_policy, save_policy
+from fg_mujoco.envs.policy_files import description_of, read_policy, save_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.envs.residual import Residual
+from fg_mujoco.errors import FgMujocoError
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 from fg_mujoco.envs.gym_environment import F1TenthEnv
@@ -151,10 +153,10 @@ def test_an_opponent_may_correct_a_planner():
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ("gap_findr", "residual: controller 'gap_findr' is not known; accepted:"),
+        ("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
         ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
         ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
-        ("mine.py:Mine", "'mine.py:Mine', of a file, which a policy's file does not have inside; accepted: a name"),
+        (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
         ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"),
         ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
         ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
@@ -166,6 +168,31 @@ def test_a_planner_that_cannot_be_corrected_is_refused(settings, said):
     with pytest.raises(fg.SettingsError) as caught:
         F1TenthEnv(residual=settings)
     assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "planner",
+    ["mine.py", "./mine.py", "mine.py:mine", "mine.py[speed=1]", "ros:mine.py", "ros:mine.launch.py", "p"],
+)
+@pytest.mark.parametrize("ending", [".json", ".onnx", ".zip"])
+def test_a_policys_file_runs_no_planners_file(planner, ending, tmp_path, monkeypatch):
+    """Whoever made the policy chose the text of its base planner."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.py", "mine.launch.py"):
+        (tmp_path / name).write_text("open('executed', 'w')\ndef mine(scan, odometry): pass\n")
+    interface = F1TenthEnv(**SETTINGS).policy_interface
+    path, described = save_policy(network_for(interface), "p", interface), description_of(interface)
+    described["interface"]["residual"]["planner"] = planner
+    if ending == ".json":
+        path.write_text(json.dumps(json.loads(path.read_text()) | described))
+    else:  # as the reader of the form returns it
+        path = path.with_suffix(ending)
+        path.write_bytes(b"")
+        monkeypatch.setitem(policy_files._FORMS, ending, lambda content: (described, pytest.fail))
+    for use in (lambda: read_policy(path), lambda: F1TenthEnv(residual=planner)):
+        with pytest.raises(FgMujocoError, match=r"residual has the planner .*, which is no registered one; accepted:"):
+            use()
+    assert not (tmp_path / "executed").exists()
 
 
 @pytest.mark.parametrize(

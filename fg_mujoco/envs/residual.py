@@ -23,11 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..controllers.control.planner import Planner, PlannerBatch
-from ..errors import ControllerError, SettingsError
+from ..errors import ControllerError, SettingsError, accepted_names
 from ..lidar.beams import Beams
-from ..messages import Controller, FloatArray, PlannerContext, require
+from ..messages import Controller, FloatArray, PlannerContext, require, shown
 from ..racing.planner_choice import ControllerChoice
-from ..racing.planner_loading import build_controller
+from ..racing.planner_loading import POSE_SETTINGS, build_controller
+from ..racing.planner_sources import controller_names
 from ..racing.planner_texts import file_in
 from ..simulation.planner_adapter import odometry_message, plan, wanted_sensors
 from ..simulation.planner_adapter import start as start_planner
@@ -62,9 +63,14 @@ class Residual:
         if self.latency is not None:
             require(self, lambda value: 0.0 <= value < math.inf, "a number from 0", ("latency",), SettingsError)
         choice = ControllerChoice.of(self.planner, "residual's planner")
-        if file_in(choice.source) is not None:
-            said = f"residual has the planner {self.planner!r}, of a file, which a policy's file does not have inside"
-            raise SettingsError(f"{said}; accepted: a name, {_EXAMPLE}")
+        names = () if file_in(choice.source) else controller_names()  # a package may register any name
+        if choice.source not in names:  # nothing is loaded: whoever made a policy's file chose the planner
+            said = f"residual has the planner {shown(choice.source)}, which is no registered one"
+            raise SettingsError(f"{said}; {accepted_names(choice.source, controller_names())}")
+        posed = [name for name, _ in choice.settings if name in POSE_SETTINGS]
+        if posed:
+            said = f"residual has the planner {self.planner!r} with the setting {posed[0]}"
+            raise SettingsError(f"{said}; accepted: its own settings, as it is told neither a pose nor a map")
         try:
             kind = choice.load()
         except ControllerError as error:

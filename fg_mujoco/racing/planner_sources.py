@@ -26,7 +26,7 @@ from ..messages import DriveCommand, LaserScan, Odometry
 from ..registry import Registry, package_of
 from ..simulation.planner_adapter import short
 from ..simulation.planner_failure import error_text, is_of_planner, one_line, without_exit
-from .planner_texts import SCHEMES, scheme_of
+from .planner_texts import SCHEMES, file_in, scheme_of
 
 PLANNERS: Registry[Any] = Registry(
     "controller",
@@ -81,13 +81,13 @@ def _find_class(source: str, said: str) -> Any:
         return PLANNERS.find(source)
     if scheme := scheme_of(source):
         return SCHEMES.find(scheme).find(source)
-    path, _, class_name = (source, "", "") if is_file(source) or source.endswith(".py") else source.rpartition(":")
-    if source.endswith(".py") and not is_file(source):
+    path, class_name = file_in(source), "" if source.endswith(".py") else source.rpartition(":")[2]
+    if path is None:
+        return _load(PLANNERS.entry_point(source, _FILE), said)
+    if not class_name and not is_file(path):
         known = accepted_names(source, controller_names(), _FILE)
         raise ControllerError(f"{said}: there is no file {source}; {known}")
-    if not path.endswith(".py"):
-        return _load(PLANNERS.entry_point(source, _FILE), said)
-    module = _import_file(Path(path), said)
+    module = _import_file(path, said)
     found = getattr(module, class_name, None)
     if inspect.isfunction(found):
         return planner_of(found, said)

@@ -55,8 +55,8 @@ def file_in(source: str) -> Path | None:
         return Path(source) if source.endswith(POLICY_ENDINGS) else Path(source) / POLICY_FILE
     if scheme:
         return Path(_NAME.sub("", source.removeprefix(f"{scheme}:")))
-    path, colon, _ = source.rpartition(":")
-    return Path(path) if colon else None
+    path = source if source.endswith(".py") else source.rpartition(":")[0]
+    return Path(path) if path.endswith(".py") else None
 
 
 def code_of(source: str) -> bytes | None:
@@ -81,4 +81,4 @@ def moved_to(source: str, path: str | Path) -> str:
     if scheme:
         name = _NAME.search(source.removeprefix(f"{scheme}:"))
         return f"{scheme}:{path}{name.group() if name else ''}"
-    return f"{path}:{source.rpartition(':')[2]}"
+    return str(path) if source.endswith(".py") else f"{path}:{source.rpartition(':')[2]}"
