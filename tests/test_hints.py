@@ -20,15 +20,15 @@ PERIOD = 0.025
 class Deepest:
     """Steers to where there is most room, of a scan that it reads in some way."""
 
-    def __init__(self, read, speed=1.5, unit=1.0):
-        self.read, self.speed, self.unit = read, speed, unit
+    def __init__(self, read, speed=1.5, unit=1.0, widest=math.pi):
+        self.read, self.speed, self.unit, self.widest = read, speed, unit, widest
 
     def reset(self):
         pass
 
     def __call__(self, scan, odometry):
         ranges, bearings = self.read(scan)
-        angle = float(np.average(bearings, weights=np.minimum(ranges, 8.0) ** 3))
+        angle = float(np.average(bearings, weights=np.minimum(ranges, 8.0) ** 3 * (abs(bearings) < self.widest)))
         return DriveCommand(steering_angle=self.unit * min(max(angle, -0.4), 0.4), speed=self.speed)
 
 
@@ -106,12 +106,19 @@ def test_a_race_says_that_its_planner_is_late(monkeypatch):
 # -- a scan that is read in another order
 
 
-# left_half on the chicanes steers away in 19 of 24 decisions, .79 of them, where .8 is asked; on the oval in 16 of 18
+# Planners that look only ahead leave the room behind the car on the side to which they should have steered.
 @pytest.mark.parametrize(
-    ("read", "track", "speed"), [(mirrored, "chicanes", 1.5), (mirrored, "chicanes", 4.0), (left_half, "oval", 4.0)]
+    ("read", "track", "speed", "widest"),
+    [
+        (mirrored, "chicanes", 1.5, math.pi),
+        (mirrored, "chicanes", 4.0, math.pi),
+        (left_half, "oval", 4.0, math.pi),
+        (mirrored, "oval", 3.0, 1.0),
+        (mirrored, "l_corridor", 1.5, 1.0),
+    ],
 )
-def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, speed):
-    result = fg.race(track, Deepest(read, speed), laps=1, time_limit=30.0)
+def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, speed, widest):
+    result = fg.race(track, Deepest(read, speed, widest=widest), laps=1, time_limit=30.0)
     assert result.car.end_reason == "crash"
     (hint,) = race_hints(result)
     assert (

@@ -6,8 +6,8 @@
 Three mistakes are looked for: angles in degrees, or other commands that no car can follow; decisions that take longer
 than the car would wait; and a scan that is read in another order than it has. The last is seen only of a planner that
 is not bundled, and whose car crashed, turned round or came no further after it steered away from the side with more
-room. That finds 41 of 48 such crashes with a mirrored scan, 78 of 179 with other wrong layouts, and none of 79 crashes
-of planners that read the scan rightly.
+room in front of it. Of four simple planners on six circuits at three speeds that finds 71 of 72 crashes with a mirrored
+scan, 77 of 126 with two other wrong layouts, and none of 34 crashes of planners that read the scan rightly.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ _FEWEST = 20  # decisions; of fewer nothing is said
 _LATEST = 60  # ticks before the end, 1.5 s, in which the scans are looked at
 _FEWEST_ASIDE = 10  # decisions among them with more room to one side; of fewer nothing is said
 _DEPTH = 8.0  # [m] up to which more room counts more
+_IN_FRONT = 1.6  # [rad] to either side: room behind the car, which has just left it, says nothing of the way on
 _ASIDE = 0.05  # [rad] of the room and of the steering angle, from which on they have a side
 _AWAY = 0.8  # share of the decisions away from the room, from which on it is said
 _ENDS = ("crash", "wrong_way", "no_progress")
@@ -94,16 +95,17 @@ def _is_a_users(origin: Mapping[str, Any]) -> bool:
 def _scan_hint(result: RaceResult, row: int, telemetry: FloatArray) -> str:
     """Return what is said of a planner that steered away from the room there was, until its car hit something.
 
-    Where the room is: the mean bearing of all beams, each weighted with the cube of its range up to _DEPTH.
+    Where the room is: the mean bearing of the beams in front, each weighted with the cube of its range up to _DEPTH.
     """
     engine, away, sides = Engine(result.world), 0, 0
     bearings = engine.beams.bearings
+    in_front = np.abs(bearings) < _IN_FRONT
     for tick in range(max(len(telemetry) - _LATEST, 0), len(telemetry)):
         if abs(telemetry[tick, COMMAND]) <= _ASIDE or abs(telemetry[tick, _SPEED]) < 0.1:
             continue
         engine.load(result.states[tick])
         engine.sense()
-        weights = np.clip(engine.ranges[row], 0.0, _DEPTH) ** 3
+        weights = in_front * np.clip(engine.ranges[row], 0.0, _DEPTH) ** 3
         room = float(weights @ bearings) / max(float(weights.sum()), 1e-9)
         if abs(room) > _ASIDE:
             sides += 1
