@@ -5,7 +5,7 @@
     class Scan(Suggesting):
         ...
 
-Both cost nothing where nothing is wrong but one call in between.
+Both cost nothing where nothing is wrong but one call in between. `Remade` copies an object by its arguments.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import numpy as np
 
 from .errors import ArgumentError, accepted_names, nearest
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _C = TypeVar("_C", bound=type)
@@ -133,3 +136,49 @@ class Suggesting:
     def _names(self) -> list[str]:
         """Return the names of its attributes."""
         return [each for each in dir(self) if not each.startswith("_")]
+
+
+class Uncopied:
+    """Base of what holds addresses of memory: a copy would write to the memory of the original, so there is none."""
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Refuse a copy, and pickling.
+
+        Raises:
+          ArgumentError: always; it is a TypeError.
+        """
+        said = f"{type(self).__name__} cannot be copied or pickled, for it holds addresses of memory"
+        raise ArgumentError(f"{said}; accepted: another one, made in the same way")
+
+
+class Remade(Uncopied):
+    """Base of what is copied and pickled by making it again: the copy is new, and shares no state with the original.
+
+    A subclass notes with `_note_call` the calls after which another one is to be made.
+    """
+
+    _made_of: tuple[tuple[Any, ...], dict[str, Any]]
+    _calls_since: dict[Any, tuple[Any, ...]]
+
+    def __new__(cls, *args: Any, **named: Any) -> Self:
+        """Note the arguments that it is made of."""
+        made = super().__new__(cls)
+        made._made_of, made._calls_since = (args, named), {}
+        return made
+
+    def _note_call(self, method: str, *args: Any, of: Any = None) -> None:
+        """Note a call that a copy repeats; it takes the place of an earlier one of the same method and `of`."""
+        self._calls_since.pop((method, of), None)
+        self._calls_since[method, of] = args
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """Return what makes it again."""
+        kept = {name: vars(self)[name] for name in ("spec",) if name in vars(self)}  # Gymnasium's, of `make`
+        return _made_again, (type(self), *self._made_of, self._calls_since), kept
+
+
+def _made_again(kind: Any, args: tuple[Any, ...], named: dict[str, Any], since: dict[Any, tuple[Any, ...]]) -> Any:
+    made = kind(*args, **named)
+    for (method, _), given in since.items():
+        getattr(made, method)(*given)
+    return made

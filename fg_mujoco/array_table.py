@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import Uncopied
 from .interpreted import array_at
 from .kernels import kernel, numbas
 
@@ -26,7 +27,7 @@ Table = NDArray[np.int64]
 """One row an array. Shape (n, 4)."""
 
 
-class ArrayTable:
+class ArrayTable(Uncopied):
     """A table of arrays.
 
     Args:

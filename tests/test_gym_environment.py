@@ -1,6 +1,8 @@
 """The Gymnasium environment is a race seen through Gymnasium's interface."""
 
+import copy
 import math
+import pickle
 import subprocess
 import sys
 import warnings
@@ -340,3 +342,71 @@ def test_unknown_setting_names_the_nearest():
 def test_bad_starts_are_refused(env, options):
     with pytest.raises(fg.SettingsError, match="accepted"):
         env.reset(options=options)
+
+
+AWAY, HOME = np.array([0.1, 3.0]), np.array([0.0, 1.0])
+FACES = {  # how it is made, what a reset and a step return
+    "gymnasium": (
+        lambda: gymnasium.make(ID, beam_step=60, start="line"),
+        lambda env: env.reset(seed=1)[0], lambda env, action: env.step(action)[0],
+    ),
+    "vector": (
+        lambda: gymnasium.make_vec(ID, num_envs=2, beam_step=60, start="line"),
+        lambda env: env.reset(seed=1)[0], lambda env, action: env.step(np.tile(action, (2, 1)))[0],
+    ),
+    "parallel": (
+        lambda: fg.parallel_env(2, beam_step=60, start="line"),
+        lambda env: env.reset(seed=1)[0], lambda env, action: env.step(dict.fromkeys(env.agents, action))[0],
+    ),
+    "dm_env": (
+        lambda: pytest.importorskip("fg_mujoco.envs.dm_environment").load("oval", seed=1, beam_step=60),
+        lambda env: env.reset().observation, lambda env, action: env.step(action).observation,
+    ),
+    "f110": (
+        lambda: fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20),
+        lambda env: env.reset(np.zeros((1, 3)))[0], lambda env, action: env.step(action[np.newaxis])[0],
+    ),
+}  # fmt: skip
+
+
+def all_numbers(seen):
+    parts = [all_numbers(part) for part in seen.values()] if isinstance(seen, dict) else [np.ravel(seen)]
+    return np.concatenate(parts).astype(float)
+
+
+@pytest.mark.parametrize("how", ["copy", "pickle"])
+@pytest.mark.parametrize("face", FACES)
+def test_a_copied_environment_is_a_new_one_that_drives_apart(face, how):
+    make, reset, step = FACES[face]
+    first, other = make(), make()
+    for env in (first, other):
+        reset(env), step(env, AWAY)
+    again = copy.deepcopy(first) if how == "copy" else pickle.loads(pickle.dumps(first))
+    assert np.array_equal(all_numbers(reset(again)), all_numbers(reset(make())))
+    assert getattr(again, "spec", None) == getattr(first, "spec", None)
+    for _ in range(10):
+        moved = step(again, AWAY)
+    own, undisturbed = step(first, HOME), step(other, HOME)
+    assert np.array_equal(all_numbers(own), all_numbers(undisturbed))
+    assert not np.array_equal(all_numbers(own), all_numbers(moved))
+
+
+def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last():
+    env = F1TenthEnv(beam_step=60, randomize={"mu": (0.9, 1.0)})
+    env.set_randomization({"mu": (0.4, 0.41)})
+    copied = copy.deepcopy(env)
+    assert copied.reset(seed=1)[1]["drawn_mu"] == env.reset(seed=1)[1]["drawn_mu"] < 0.42
+    gym = fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
+    gym.update_map("hairpins")
+    assert copy.deepcopy(gym).world.track.name == "hairpins"
+
+
+@pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_what_holds_addresses_is_not_copied(how):
+    world = fg.World("oval")
+    simulation = fg.Simulation(world)
+    for held in (simulation, simulation.engine, simulation.engine._batches[0]._table):
+        with pytest.raises(TypeError, match=f"{type(held).__name__} cannot be copied"):
+            how(held)
+    with pytest.raises(TypeError, match="cannot be copied"):
+        copy.deepcopy(simulation.engine._batches[0])

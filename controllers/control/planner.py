@@ -34,6 +34,7 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.arguments import Remade
 from fg_mujoco.array_table import ArrayTable, flags, matrix, read_only, rows, table_at
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.kernels import kernel
@@ -77,7 +78,7 @@ _ALL = slice(None)
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
 
-class Planner:
+class Planner(Remade):
     """A planner whose decision is compiled: a fg_mujoco.messages.Controller.
 
     A subclass names its `Settings` and has a kernel `reference`, which returns for one scan the reference steering
@@ -92,7 +93,8 @@ class Planner:
     memory     of `memory_type`, kept from tick to tick, zero at the beginning
     line       (points, columns) the line through the map that was given to `__init__`; no points without one
 
-    A subclass of a planner that decides by a `__call__` of its own has no batch, unless it makes its own.
+    A subclass of a planner that decides by a `__call__` of its own has no batch, unless it makes its own. A copy of a
+    planner is a new one of the same arguments.
 
     Args:
       car: parameters of the car.

@@ -25,6 +25,7 @@ from dm_control.rl import control
 from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import Remade, Uncopied
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..simulation.simulation import Simulation
@@ -58,7 +59,7 @@ def load(
     seed: int | None = None,
     flat_observation: bool = False,
     **settings: Any,
-) -> control.Environment:
+) -> CarEnvironment:
     """Return an environment.
 
     Args:
@@ -72,32 +73,42 @@ def load(
     Raises:
       TrackError, SettingsError: what cannot be driven.
     """
-    if task not in TASKS:
-        raise SettingsError(f"task is {task!r}; {accepted_names(task, TASKS)}")
-    if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
-        raise SettingsError(f"seed is {seed!r}; accepted: a whole number from 0, or None")
-    chosen = EnvironmentSettings.of({"track": track, "obstacle_seed": seed or 0} | dict(TASKS[task]) | settings)
-    if chosen.opponents:
-        raise SettingsError(
-            f"{len(chosen.opponents)} opponents in a dm_env environment; accepted: in Gymnasium's and PettingZoo's"
+    return CarEnvironment(track, task, seed=seed, flat_observation=flat_observation, **settings)
+
+
+class CarEnvironment(Remade, control.Environment):  # type: ignore[misc]
+    """The environment that `load` returns, of the same arguments. A copy is a new one of these."""
+
+    def __init__(self, track: Any, task: str, *, seed: int | None, flat_observation: bool, **settings: Any) -> None:
+        if task not in TASKS:
+            raise SettingsError(f"task is {task!r}; {accepted_names(task, TASKS)}")
+        if seed is not None and (not isinstance(seed, int) or isinstance(seed, bool) or seed < 0):
+            raise SettingsError(f"seed is {seed!r}; accepted: a whole number from 0, or None")
+        chosen = EnvironmentSettings.of({"track": track, "obstacle_seed": seed or 0} | dict(TASKS[task]) | settings)
+        if chosen.opponents:
+            raise SettingsError(
+                f"{len(chosen.opponents)} opponents in a dm_env environment; accepted: in Gymnasium's and PettingZoo's"
+            )
+        if chosen.action_repeat != 1:
+            said = f"action_repeat is {chosen.action_repeat} in a dm_env environment"
+            raise SettingsError(f"{said}; accepted: 1; more in Gymnasium's and PettingZoo's")
+        if chosen.randomization.ranges:
+            drawn = ", ".join(chosen.randomization.ranges)
+            raise SettingsError(f"{drawn} drawn in a dm_env environment; accepted: in Gymnasium's and PettingZoo's")
+        physics = Physics.of(chosen)
+        super().__init__(
+            physics,
+            CarTask(chosen, physics, np.random.default_rng(seed), flat_observation=flat_observation),
+            control_timestep=physics.simulation.period,
+            flat_observation=flat_observation,
+            legacy_step=False,
         )
-    if chosen.action_repeat != 1:
-        said = f"action_repeat is {chosen.action_repeat} in a dm_env environment"
-        raise SettingsError(f"{said}; accepted: 1; more in Gymnasium's and PettingZoo's")
-    if chosen.randomization.ranges:
-        drawn = ", ".join(chosen.randomization.ranges)
-        raise SettingsError(f"{drawn} drawn in a dm_env environment; accepted: in Gymnasium's and PettingZoo's")
-    physics = Physics.of(chosen)
-    return control.Environment(
-        physics,
-        CarTask(chosen, physics, np.random.default_rng(seed), flat_observation=flat_observation),
-        control_timestep=physics.simulation.period,
-        flat_observation=flat_observation,
-        legacy_step=False,
-    )
+
+    def __repr__(self) -> str:
+        return brief(self, repr(self.physics.simulation))
 
 
-class Physics(dm_mujoco.Physics):  # type: ignore[misc]
+class Physics(Uncopied, dm_mujoco.Physics):  # type: ignore[misc]
     """A Simulation as a Physics of dm_control; both use the same data.
 
     Attributes:

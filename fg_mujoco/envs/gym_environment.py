@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError, accepted_names, missing_extra
 from ..lidar.beams import LidarModel
@@ -49,7 +50,7 @@ Observation = Any
 _ALL = np.ones(1, np.bool_)
 
 
-class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
     """One car on one course, alone or among opponents. A touch of cars does not end an episode.
 
     An episode is terminated by a crash, by the last lap and by a physics that breaks down; it is truncated by the time
@@ -57,6 +58,8 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     `sliding` (share of the tick in which a tire slid) and `clipped_actions`; with opponents `touches` (of other cars so
     far), `position` (1 in front) and `lead_m` (on the foremost other car); of each reward term `reward_NAME`, its part
     of the tick's reward, and `return_NAME`, the sum of the episode; and at the end `end_reason` and `lap_times_s`.
+
+    A copy (copy.deepcopy, pickle) is a new environment of the same arguments, to be reset.
 
     Args:
       render_mode: "rgb_array", "human" or None.
@@ -165,6 +168,7 @@ class F1TenthEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
           SettingsError: what cannot be drawn, or an environment that was made to draw nothing.
         """
         self._episodes.randomize(ranges)
+        self._note_call("set_randomization", dict(self._world.randomization.ranges))
 
     def close(self) -> None:
         """Close the renderer and the window, and end the threads."""

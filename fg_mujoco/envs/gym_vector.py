@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..studies.workers import usable_cores
@@ -37,7 +38,7 @@ from gymnasium.vector.utils import batch_space
 Flags = NDArray[np.bool_]
 
 
-class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
+class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     """Cars on one course, each in a world of its own, with the same opponents.
 
     Args:
@@ -165,6 +166,7 @@ class F1TenthVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]
     def set_randomization(self, ranges: Mapping[str, Any]) -> None:
         """Draw from other ranges from the next reset of each world on; see F1TenthEnv.set_randomization."""
         self.episodes.randomize(ranges)
+        self._note_call("set_randomization", dict(self._worlds.randomization.ranges))
 
     def call(self, name: str, *args: Any, **settings: Any) -> tuple[Any, ...]:
         """Call a method of this environment, which speaks for all its worlds; return what it returns, once for each.

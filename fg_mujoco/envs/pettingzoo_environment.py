@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Remade
 from ..display import brief
 from ..errors import MessageError, SettingsError, accepted_names, missing_extra
 from ..messages import require_whole, shown
@@ -42,7 +43,7 @@ from .policy_interface import row_of
 _WORLD = np.ones(1, np.bool_)
 
 
-class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
+class F1TenthParallelEnv(Remade, pettingzoo.ParallelEnv):  # type: ignore[misc]
     """Cars `car_0`, `car_1` and so on in one world, which start on a grid.
 
     An agent's episode ends as in F1TenthEnv. Its car is then off the course if it has finished; else it brakes and
@@ -170,6 +171,7 @@ class F1TenthParallelEnv(pettingzoo.ParallelEnv):  # type: ignore[misc]
     def set_randomization(self, ranges: Mapping[str, Any]) -> None:
         """Draw from other ranges from the next reset on; see F1TenthEnv.set_randomization."""
         self._episodes.randomize(ranges)
+        self._note_call("set_randomization", dict(self._worlds.randomization.ranges))
 
     def close(self) -> None:
         """Close the renderer, and end the threads."""

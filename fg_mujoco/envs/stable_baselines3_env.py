@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Remade
 from ..display import brief
 from ..errors import missing_extra
 
@@ -45,7 +46,7 @@ _NO_INFO: dict[str, Any] = {}
 _DECIMALS = 6  # of an episode's return and length, as Monitor has them
 
 
-class F1TenthVecEnv(VecEnv):  # type: ignore[misc]
+class F1TenthVecEnv(Remade, VecEnv):  # type: ignore[misc]
     """Worlds with a car each, for the algorithms of Stable-Baselines3. A finished world is reset in the same step.
 
     The info of a world is empty but for the end of an episode. Then it has `terminal_observation`,

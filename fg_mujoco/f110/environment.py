@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError
 from ..messages import FloatArray
@@ -32,8 +33,8 @@ VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
 """Environment variables: the vehicle and the tires of environments that are not given any."""
 
 
-class RaceEnvironment:
-    """Cars on a map, driven by either interface of f1tenth_gym.
+class RaceEnvironment(Remade):
+    """Cars on a map, driven by either interface of f1tenth_gym. A copy is a new one, to be reset.
 
     Attributes:
       sim: the Simulator.
@@ -140,10 +141,12 @@ class RaceEnvironment:
         self._close_view()
         self.sim.update_params(params, index)
         self.params = self.sim.params
+        self._note_call("update_params", params, index, of=index)
 
     def add_render_callback(self, callback_func: Callable[[Any], Any]) -> None:
         """Take a callback that draws: it is called at each `render` with a stub of the gym's window."""
         self.render_callbacks.append(callback_func)
+        self._note_call("add_render_callback", callback_func, of=len(self.render_callbacks))
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -191,11 +191,13 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         if "params" in given:
             self.update_params(self.config["params"])
         self._take_actions()
+        self._note_call("configure", config, of=len(self._calls_since))
 
     def update_map(self, map_name: Any, map_ext: str | None = None) -> None:
         """Drive on another map from the next reset on."""
         self.map = self.map_name = map_name
         self._set_map(map_name, map_ext)
+        self._note_call("update_map", map_name, map_ext)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None, **_: Any

@@ -98,6 +98,7 @@ class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
         """Drive on another map from the next reset on; arguments as `map` and `map_ext`."""
         self.map_name, self.map_ext = map_path, map_ext or ".png"
         self._set_map(map_path, map_ext)
+        self._note_call("update_map", map_path, map_ext)
 
     def reset(self, poses: ArrayLike | None = None, **_: Any) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
         """Place the cars, let them stand for one step, and return what `step` returns.

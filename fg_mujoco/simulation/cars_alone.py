@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Uncopied
 from ..lidar.visible_surfaces import Scratch
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import Car
@@ -58,7 +59,7 @@ _ROOM = ("scratch", *Scratch._fields)
 """Of the arrays of a compiled tick: those that the same cars have in all worlds, and those that are calculated in."""
 
 
-class CarsAlone:
+class CarsAlone(Uncopied):
     """A model of some cars without a course, and its data; for one thread.
 
     Args:

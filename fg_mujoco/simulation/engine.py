@@ -29,6 +29,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Uncopied
 from ..array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
@@ -82,7 +83,7 @@ class Keeper(Protocol):
         """Return a table of compiled_tick.KEPT with room for another tick."""
 
 
-class Engine:
+class Engine(Uncopied):
     """n worlds of m cars.
 
     Args:

@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import Uncopied
 from ..errors import EngineError
 from ..kernels import kernel, library_function
 from ..messages import FloatArray
@@ -254,7 +255,7 @@ class Batch:
             raise EngineError(f"MuJoCo failed in world {first}: {self.error(first)}")
 
 
-class _Handle:
+class _Handle(Uncopied):
     """Holds one of MuJoCo's batches; it goes when nobody holds its handle any more."""
 
     def __init__(self, address: int) -> None:

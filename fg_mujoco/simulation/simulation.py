@@ -16,7 +16,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..arguments import Suggesting, explain_class
+from ..arguments import Suggesting, Uncopied, explain_class
 from ..display import brief
 from ..errors import MessageError, SettingsError
 from ..lidar.effects import LidarEffects
@@ -33,7 +33,7 @@ from .world import World
 
 
 @explain_class
-class Simulation(Suggesting):
+class Simulation(Suggesting, Uncopied):
     """A car in a world, placed on the start of the track.
 
     Args:

@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arguments import explain_class
+from ...arguments import Uncopied, explain_class
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray
@@ -44,7 +44,7 @@ Decorate = Callable[[mujoco.MjvScene], None]
 
 
 @explain_class
-class Renderer:
+class Renderer(Uncopied):
     """Draws pictures of one world, all of one size.
 
     Args:
