@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from scan_worlds import CAR, corridor, odometry_of
 
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.ros.node_host.graph import NodeError
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 HEAD = """
@@ -126,6 +128,39 @@ def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(tmp_
     assert (
         commands(write(tmp_path, text + LISTENS.format("drive(Gain(gain=1.5).gain + math.floor(1.2))")))[-1][0] == 2.5
     )
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "from car import run\nrun()",
+        "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
+        "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
+        "import runpy\ntry:\n    runpy.run_path(__file__.replace('start', 'mine'))\nexcept ImportError:\n    pass",
+    ],
+)  # fmt: skip
+def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(tmp_path, start):
+    write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
+    write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
+    write(tmp_path / "lib", "from car import run\n", "car_again.py")
+    assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
+
+
+def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
+    loop = "while not rospy.core.is_shutdown_requested():\n    rospy.client.wait_for_message('scan', LaserScan)\n"
+    assert commands(write(tmp_path, HEAD + loop + "    drive(1.0)\n"))[-1][0] == 1.0
+
+
+@pytest.mark.parametrize("value", ["'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"])
+def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path, value):
+    old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
+    source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
+    if old:
+        assert commands(source)[-1][1] == 1.0
+        return
+    said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
+    with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
+        commands(source, 202)
 
 
 def test_time_has_passed_between_the_start_of_a_node_and_the_first_scan(tmp_path):

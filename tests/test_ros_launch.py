@@ -259,7 +259,8 @@ def test_packages_of_a_workspace_and_their_executables_are_found(workspace):
     (found["my_lib"] / "scripts" / "shell").write_text("#!/bin/sh\n")
     assert executable(found["my_lib"], "tool") == (found["my_lib"] / "scripts" / "tool", "")
     assert executable(found["my_lib"], "shell") is None
-    assert packages(Path(__file__)) == {}
+    assert packages(launch.parents[3] / "node.py") == found  # of no package: those below
+    assert packages(launch.parents[3] / "elsewhere" / "node.py") == {}
 
 
 def test_a_node_alone_imports_what_other_packages_of_its_workspace_have(workspace):

@@ -44,6 +44,15 @@ _LACKS = re.compile(
     r"|`np\.(\w+)` was removed)"
 )
 _COMPILED = re.compile(r"numpy\.core\.multiarray failed to import|compiled using NumPy 1|_ARRAY_API not found")
+_ONE_ELEMENT = "only 0-dimensional arrays can be converted to Python scalars"
+
+
+def one_element_advice() -> str:
+    """Return what is said of an array of one element that is to be a number."""
+    return (
+        f"; NumPy {np.__version__} is installed, and an array of one element is no number from NumPy 2.4 on: write "
+        "value.item(), or install an older one: pip install 'numpy<2.4'"
+    )
 
 
 def advice(error: BaseException, said: str) -> str:
@@ -53,7 +62,11 @@ def advice(error: BaseException, said: str) -> str:
       error: of a planner, a node or a script.
       said: its message.
     """
-    if not issubclass(type(error), (AttributeError, ImportError)):  # its `__class__` is the planner's to answer
+    kind = type(error)  # its `__class__` is the planner's to answer
+    if issubclass(kind, (TypeError, ValueError)):
+        cause = error.__cause__ if issubclass(kind, ValueError) else error  # of a value put into an array
+        return one_element_advice() if type(cause) is TypeError and _ONE_ELEMENT in str(cause) else ""
+    if not issubclass(kind, (AttributeError, ImportError)):
         return ""
     install = f"; NumPy {np.__version__} is installed, install an older one: pip install 'numpy<2'"
     if _COMPILED.search(said):

@@ -13,12 +13,15 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import math
 import re
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from time import monotonic
 from types import FrameType
 from typing import Any
 
@@ -34,6 +37,7 @@ _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes o
 _COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
 _BRAKE = re.compile(r"/(?:brake|brake_bool|emergency_br(?:ake|aking|eak|eaking))$")
 _CLOSING = 0.2  # [s] that a thread has to end
+_LONGEST_IMPORTS = 600.0  # [s] of wall time beyond the limit that imports may take
 
 
 THREAD = threading.local()
@@ -102,6 +106,7 @@ class Process:
     def __init__(self, graph: Graph, name: str, target: Callable[[], Any]) -> None:
         self.graph, self.name, self._target = graph, name, target
         self.done = self.running = self.spinning = False
+        self.imported, self.importing_since = 0.0, math.inf  # [s] of wall time in the imports of other libraries
         self.error: BaseException | None = None
         self.wake: int | None = None
         self.ready: Callable[[], bool] = lambda: True
@@ -116,19 +121,26 @@ class Process:
         """Whether there is something for it to do now."""
         return not self.done and ((self.wake is not None and self.wake <= self.graph.now) or self.ready())
 
-    def resume(self, limit: float | None) -> None:
+    def resume(self, limit: float) -> None:
         """Let it run until it waits.
 
         Raises:
-          NodeBlockedError: it did not within a limit [s].
+          NodeBlockedError: it did not within a limit [s], which does not count the imports of other libraries.
           BaseException: whatever the node raises.
         """
         self.running = True
         self._go.release()
-        if not self._back.acquire(timeout=-1 if limit is None else limit):
-            raise NodeBlockedError(
-                f"node {self.name!r} has not come back within {limit:g} s of wall time{self._where()}"
-            )
+        self.imported, left = 0.0, limit
+        began = monotonic()
+        while not self._back.acquire(timeout=left):
+            now = monotonic()
+            imported = min(self.imported + max(0.0, now - self.importing_since), _LONGEST_IMPORTS)
+            left = began + limit + imported - now
+            if left <= 0.0:
+                raise NodeBlockedError(
+                    f"node {self.name!r} has not come back within {limit:g} s of wall time{self._where()}; accepted: "
+                    "less to do at one instant, or a longer limit: [host.wall_limit=SECONDS]"
+                )
         self.running = False
         if self.error is not None:
             error, self.error = self.error, None
@@ -264,6 +276,20 @@ class Graph:
             raise NodeEnded
         process.spinning = spinning
         process.pause(wake, ready)
+
+    @contextmanager
+    def importing(self) -> Iterator[None]:
+        """Leave what is done within out of the wall time that the thread that runs may take."""
+        process = self.current
+        if process is None:
+            yield
+            return
+        process.importing_since = monotonic()
+        try:
+            yield
+        finally:
+            process.imported += monotonic() - process.importing_since
+            process.importing_since = math.inf
 
     def poll(self, ready: Callable[[], bool] = lambda: False, wake: int | None = None) -> None:
         """Let the thread that runs wait for the next tick: it asked without waiting, and there was nothing."""

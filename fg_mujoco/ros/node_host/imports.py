@@ -7,10 +7,13 @@ each planner has its own modules. The user's own files are looked for in the nod
 from __future__ import annotations
 
 import builtins
+import importlib.util
+import runpy
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
@@ -26,6 +29,7 @@ from .workspace import module_folders, packages
 
 _PARTS = ("Request", "Response", "Goal", "Result", "Feedback")
 _INTERFACES = ("_msgs", "_srvs", "_interfaces")
+_INSTALLED_AS = {"cv2": "opencv-python-headless", "PIL": "pillow", "sklearn": "scikit-learn", "yaml": "pyyaml"}
 _LEVELS = 4  # folders above the node's in which packages of messages are looked for
 
 
@@ -68,14 +72,23 @@ class Overlay(ModuleType):
 class Absent(ModuleType):
     """Placeholder for a failed import that nothing uses; each of its attributes is a placeholder, too."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, error: Exception) -> None:
         super().__init__(name)
         self.__path__: list[str] = []
+        self._error = error
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        return Absent(f"{self.__name__}.{name}")
+        return Absent(f"{self.__name__}.{name}", self._error)
+
+    def __call__(self, *_: Any, **__: Any) -> Any:
+        """Raise what failed: a file that imports this one uses it."""
+        raise self._error
+
+
+class NeedsRospy(BaseException):
+    """A program of ROS 1 that was taken for one of ROS 2. No Exception: `except ImportError` does not catch it."""
 
 
 class Imports:
@@ -101,9 +114,23 @@ class Imports:
     ) -> None:
         self._node, self._graph, self._definitions = node, graph, definitions
         self._modules: dict[str, ModuleType] = dict(modules)
-        self._overlays, self._drawing = overlays, drawing
+        util = Overlay(importlib.util, spec_from_file_location=self._spec, find_spec=self._find_spec)
+        by_name = Overlay(importlib, import_module=self._import_by_name, util=util)
+        self._overlays = {
+            **overlays,
+            "importlib": by_name,
+            "importlib.util": util,
+            "runpy": Overlay(runpy, run_path=self._run_path),
+        }
+        self._modules["rosidl_runtime_py.utilities"] = StandIn(
+            "rosidl_runtime_py.utilities", get_message=self._interface, get_service=self._interface,
+            get_action=self._interface, get_interface=self._interface,
+        )  # fmt: skip
+        self._modules["roslib.message"] = StandIn("roslib.message", get_message_class=self._interface)
+        self._drawing = drawing
         self._draws: set[str] = set()  # files that may draw random numbers, or use old names of NumPy
         self._own: dict[Path, ModuleType] = {}
+        self._uses_rclpy = False
         self._unused: dict[str, Unused] = {}  # by file
         self._builtins = {**vars(builtins), "__import__": self.import_module, FINDER: self._find_data}
         self._folders = own_folders(node)
@@ -151,12 +178,53 @@ class Imports:
             if not (name in unused or (wanted and unused.issuperset(wanted) and unknown)):
                 raise
             _warn(f"{error}, and nothing uses it ({file}, line {line})")
-            return Absent(name if wanted else name.partition(".")[0])
+            return Absent(name if wanted else name.partition(".")[0], error)
         lacking = [each for each in wanted if each in unused and not hasattr(found, each)]
         if not lacking or name.endswith(".msg"):
             return found
         _warn(f"{name} has no {', '.join(lacking)}, and nothing uses it ({file}, line {line})")
-        return Overlay(found, **{each: Absent(f"{name}.{each}") for each in lacking})
+        error = ImportError(f"cannot import {', '.join(lacking)} from {name!r} ({file}, line {line})")
+        return Overlay(found, **{each: Absent(f"{name}.{each}", error) for each in lacking})
+
+    def _import_by_name(self, name: str, package: str | None = None) -> Any:
+        """Take the place of `importlib.import_module`."""
+        rest = name.lstrip(".")
+        level = len(name) - len(rest)
+        if level and not package:
+            return self._relative(rest, sys._getframe(1).f_globals, (), level)
+        if level and package:
+            rest = ".".join([*package.split(".")[: package.count(".") + 2 - level], rest])
+        found = self._find(rest, None, None, (), 0, set())
+        for part in rest.split(".")[1:]:
+            found = getattr(found, part)
+        return found
+
+    def _interface(self, said: str) -> Any:
+        """Return the class of a message, service or action of `package/msg/Name` or `package/Name`."""
+        package, _, rest = said.partition("/")
+        part, _, name = rest.rpartition("/")
+        return getattr(self._import_by_name(f"{package}.{part or 'msg'}"), name)
+
+    def _spec(self, name: str, location: Any = None, **more: Any) -> Any:
+        """Take the place of `importlib.util.spec_from_file_location`: the file is executed as a node's own."""
+        spec = importlib.util.spec_from_file_location(name, location, **more)
+        if spec is not None and str(location).endswith(".py"):
+            path = Path(str(location))
+            spec.loader = SourceFileLoader(name, str(path))
+            vars(spec.loader)["exec_module"] = lambda module: self.run(path, path.read_bytes(), name, module)
+        return spec
+
+    def _run_path(self, path_name: Any, init_globals: Any = None, run_name: str | None = None) -> dict[str, Any]:
+        """Take the place of `runpy.run_path`."""
+        path, module = Path(path_name), ModuleType("")
+        vars(module).update(init_globals or {})
+        return vars(self.run(path, path.read_bytes(), run_name or "<run_path>", module))
+
+    def _find_spec(self, name: str, package: str | None = None) -> Any:
+        """Take the place of `importlib.util.find_spec`, which says whether there is a module."""
+        if name.partition(".")[0] in self._modules:
+            return ModuleSpec(name, None)
+        return importlib.util.find_spec(name, package)
 
     def _find_data(self, said: Any) -> Any:
         """Return the path of a file of data that a node reads: another one, where it is not where the node says."""
@@ -179,11 +247,16 @@ class Imports:
     ) -> Any:
         if level:
             return self._relative(name, globals or {}, wanted, level)
+        top = name.partition(".")[0]
         if name in self._overlays:
-            return self._overlays[name]
+            return self._overlays[name if wanted else top]
+        self._uses_rclpy |= top == "rclpy"
+        if top == "rospy" and "rclpy" in self._modules and not self._uses_rclpy:
+            raise NeedsRospy
         if name in self._drawing and str((globals or {}).get("__file__")) in self._draws:
             return self._drawing[name if wanted or "." not in name else "numpy"]
-        own = self._own_namesake(name, wanted)
+        added = [each for each in self._overlays["sys"].path if each not in sys.path and isinstance(each, str)]
+        own = self._own_first([*self._folders, *map(Path, added)], name, wanted)
         if own is not None:
             return own
         found = self._stub(name)
@@ -192,11 +265,23 @@ class Imports:
                 known = each == "*" or each in vars(found) or self._provides(found, each)
                 if not known and (each not in unused or name.endswith(".msg")):
                     raise ImportError(lacks(found, each))
-            return found if wanted else self._modules[name.partition(".")[0]]
-        own = self._own_module(self._folders, name, wanted) or self._of_others(name, wanted)
+            own = next((each for each in self._own.values() if each.__name__ == top), None)
+            if own is not None and "." in name:
+                setattr(own, name.rpartition(".")[2], found)
+            return found if wanted else own or self._modules[top]
+        own = self._of_others(name, wanted)
         if own is not None:
             return own
-        return builtins.__import__(name, globals, locals, wanted, 0)
+        with self._graph.importing():
+            sys.path[:0] = added
+            try:
+                return builtins.__import__(name, globals, locals, wanted, 0)
+            except ModuleNotFoundError as lack:
+                if lack.name in _INSTALLED_AS:
+                    lack.msg += f"; it is yours to install: pip install {_INSTALLED_AS[lack.name]}"
+                raise
+            finally:
+                sys.path[:] = [each for each in sys.path if each not in added]
 
     def _of_others(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
         """Return a module of another package of the workspace that the node is in; None where there is none."""
@@ -211,12 +296,13 @@ class Imports:
     def _others(self) -> list[Path]:
         return module_folders(self._node)
 
-    def _own_namesake(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
-        """Return a module of the user's that has the name of a package of messages, whose `msg` it hides none of."""
-        top = name.partition(".")[0]
-        if top in self._fixed or not (self._definitions.names(top) or top in self._modules):
+    def _own_first(self, folders: Sequence[Path], name: str, wanted: tuple[str, ...]) -> ModuleType | None:
+        """Return a module of the user's; of one that has the name of a package of messages it hides none of these."""
+        top, _, rest = name.partition(".")
+        messages = rest in ("msg", "srv", "action") or self._node.stem == top
+        if top in self._fixed or (messages and self._package(top, loose=False)):
             return None
-        own = self._own_module(self._folders, name, wanted)
+        own = self._own_module(folders, name, wanted)
         if own is None:
             return None
         for each in (each for each in wanted if not hasattr(own, each)):

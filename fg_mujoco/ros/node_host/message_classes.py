@@ -21,6 +21,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...errors import ControllerError, accepted_names, missing_extra
+from ...simulation.old_numpy import one_element_advice
 from ..bag_messages import type_store
 from .graph import THREAD
 from .rospy_times import RosDuration, RosTime
@@ -33,6 +34,7 @@ _TYPE_CODES = {
     "float32": "f", "float64": "d", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
     "uint32": "I", "int64": "q", "uint64": "Q",
 }  # fmt: skip
+_NUMBERS = {"float", "double", *_TYPE_CODES}  # types of fields of one number
 _DEFAULTS: Mapping[tuple[str, str], Any] = {("geometry_msgs/msg/Quaternion", "w"): 1.0}  # of ROS 2; all others are 0
 
 _ACKERMANN_1 = {
@@ -75,7 +77,47 @@ def _vesc(flavour: int) -> dict[str, str]:
     }
 
 
+_STATE = "std_msgs/Header header\nstring[] joint_names\n" + "".join(
+    f"trajectory_msgs/JointTrajectoryPoint {name}\n" for name in ("desired", "actual", "error")
+)
+_GRIP = "float64 position\nfloat64 effort\nbool stalled\nbool reached_goal\n"
+_PID = "error error_dot p_error i_error d_error p_term i_term d_term i_max i_min output"
+_JOINT_STATE = "set_point process_value process_value_dot error time_step command p i d i_clamp"
+_CONTROL = {
+    "GripperCommand": "float64 position\nfloat64 max_effort\n",
+    "InterfaceValue": "string[] interface_names\nfloat64[] values\n",
+    "DynamicJointState": (
+        "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n"
+    ),
+    "JointControllerState": "std_msgs/Header header\n"
+    + "".join(f"float64 {name}\n" for name in _JOINT_STATE.split())
+    + "bool antiwindup\n",
+    "JointJog": (
+        "std_msgs/Header header\nstring[] joint_names\nfloat64[] displacements\nfloat64[] velocities\n"
+        "float64 duration\n"
+    ),
+    "JointTolerance": "string name\nfloat64 position\nfloat64 velocity\nfloat64 acceleration\n",
+    "JointTrajectoryControllerState": _STATE,
+    "PidState": "std_msgs/Header header\nduration timestep\n"
+    + "".join(f"float64 {name}\n" for name in _PID.split()),
+    "SteeringControllerStatus": "std_msgs/Header header\n"
+    + "".join(
+        f"float64[] {name}\n"
+        for name in (
+            "traction_wheels_position", "traction_wheels_velocity", "steer_positions", "linear_velocity_command",
+            "steering_angle_command",
+        )
+    ),
+}  # fmt: skip
+"""Definitions of control_msgs."""
 _SERVICES = {
+    "control_msgs/FollowJointTrajectory": (
+        "trajectory_msgs/JointTrajectory trajectory\ncontrol_msgs/JointTolerance[] path_tolerance\n"
+        "control_msgs/JointTolerance[] goal_tolerance\nduration goal_time_tolerance\n---\nint32 error_code\n"
+        f"string error_string\n---\n{_STATE}"
+    ),
+    "control_msgs/GripperCommand": f"control_msgs/GripperCommand command\n---\n{_GRIP}---\n{_GRIP}",
+    "control_msgs/QueryCalibrationState": "---\nbool is_calibrated",
     "std_srvs/Empty": "---",
     "std_srvs/Trigger": "---\nbool success\nstring message",
     "std_srvs/SetBool": "bool data\n---\nbool success\nstring message",
@@ -187,6 +229,22 @@ class Message1(Message):
         if values and len(values) != len(self._makers):
             raise TypeError(f"{self._type} has {len(self._makers)} fields; {len(values)} values are given")
         super().__init__(*values, **named)
+
+    def unpackable(self) -> str:
+        """Return the message for the first field of a number that ROS 1 cannot send; an empty text: it sends all."""
+        for name, kind in self._fields_and_field_types.items():
+            value = getattr(self, name)
+            if isinstance(value, Message1):
+                wrong = value.unpackable()
+                if wrong:
+                    return wrong
+            elif kind in _NUMBERS and not isinstance(value, (float, int)):
+                try:
+                    float("" if isinstance(value, str) else value)
+                except (TypeError, ValueError):
+                    hint = one_element_advice() if np.size(value) == 1 and isinstance(value, np.ndarray) else ""
+                    return f"{self._type}.{name} is {_shown(value)}; accepted by rospy: a number{hint}"
+        return ""
 
 
 class Message2(Message):
@@ -306,13 +364,19 @@ def _standard(flavour: int) -> dict[str, tuple[Any, Any]]:
     require_rosbags()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    vesc = {name: get_types_from_msg(text, name)[name] for name, text in _vesc(flavour).items()}
+    control = {f"control_msgs/msg/{name}": text for name, text in _CONTROL.items()}
+    if flavour == ROS1:  # the parts of an action are messages
+        for part, text in zip(
+            ("Goal", "Result", "Feedback"), _SERVICES["control_msgs/FollowJointTrajectory"].split("---\n"), strict=True
+        ):
+            control[f"control_msgs/msg/FollowJointTrajectory{part}"] = text
+    more = {name: get_types_from_msg(text, name)[name] for name, text in {**_vesc(flavour), **control}.items()}
     if flavour == ROS2:
-        return {**vesc, **type_store().fielddefs}
+        return {**more, **type_store().fielddefs}
     store = get_typestore(Stores.ROS1_NOETIC)
     for name, text in _ACKERMANN_1.items():
         store.register(get_types_from_msg(text, name))
-    found = {**vesc, **store.fielddefs}
+    found = {**more, **store.fielddefs}
     humble = type_store().fielddefs
     for name in ("tf2_msgs/msg/TFMessage", "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/TransformStamped"):
         found.setdefault(name, humble[name])
@@ -426,7 +490,8 @@ def _instance(said: str, kind: Any, name: str) -> Callable[[Any], Any]:
         if plain is not None and kind in (float, bool, str) and (kind is float or isinstance(plain, kind)):
             _warn_of_numpy(said, value)
             return kind(plain)
-        raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: of type {name}")
+        hint = "; of an array of one element write .item()" if isinstance(value, np.ndarray) and value.size == 1 else ""
+        raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: of type {name}{hint}")
 
     return check
 

@@ -271,7 +271,7 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
             monotonic_ns=graph.read,
             perf_counter_ns=graph.read,
         ),
-        "sys": Overlay(sys, argv=session.argv),
+        "sys": Overlay(sys, argv=session.argv, path=list(sys.path)),
         "threading": Overlay(threading, Thread=Thread, Event=Event, Lock=Lock, RLock=RLock, Timer=Timer),
         "signal": Overlay(signal, signal=lambda *_: None),
         "argparse": Overlay(argparse, ArgumentParser=Parser),

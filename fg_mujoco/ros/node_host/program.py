@@ -45,7 +45,7 @@ class NodeFile:
     path: Path
     text: bytes = field(repr=False)
     class_name: str  # empty: it is run as a script
-    flavour: int  # ROS1 or ROS2
+    flavour: int  # ROS1 or ROS2; 0: its own text names neither, and the modules that it imports decide
     is_script: bool  # whether it has a part for `__name__ == "__main__"`
     has_main: bool
     line: int  # of the class, or of `main`
@@ -124,7 +124,7 @@ def _read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> Prog
                 arguments=each.arguments, entry=each.entry, namespace=each.namespace, takes_all=True,
             )
         )  # fmt: skip
-    if len({node.flavour for node in nodes}) > 1:
+    if len({node.flavour for node in nodes} - {0}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     files = dict.fromkeys([*found.read, *(node.path.resolve() for node in nodes)])
     for file in list(files):
@@ -161,8 +161,9 @@ def read_node_file(path: Path, class_name: str, said: str, **more: Any) -> NodeF
     guards = [each.lineno for each in tree.body if isinstance(each, ast.If) and "__name__" in ast.dump(each.test)]
     line = classes.get(class_name, 1) if class_name else (mains or guards or [1])[0]
     return NodeFile(
-        path=path, text=text, class_name=class_name, flavour=ROS1 if "rospy" in named else ROS2,
-        is_script=bool(guards), has_main=bool(mains), line=line, **more,
+        path=path, text=text, class_name=class_name,
+        flavour=ROS1 if "rospy" in named else ROS2 if "rclpy" in named else 0, is_script=bool(guards),
+        has_main=bool(mains), line=line, **more,
     )  # fmt: skip
 
 
@@ -208,7 +209,7 @@ def _read_launch(path: Path, said: str) -> Program:
                 arguments=read_arguments(row.get("args"), where),
             )
         )  # fmt: skip
-    if len({node.flavour for node in nodes}) > 1:
+    if len({node.flavour for node in nodes} - {0}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     parts += [b"\n# " + node.path.name.encode() + b"\n" + _with_modules(node) for node in nodes]
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))

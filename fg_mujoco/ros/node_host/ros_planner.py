@@ -35,8 +35,8 @@ from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError
-from .imports import Imports
-from .message_classes import ROS1, Definitions, message_class, require_rosbags
+from .imports import Imports, NeedsRospy
+from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
 from .node_session import Session
 from .other_modules import other_modules, overlays, random_overlays
 from .program import SCHEME, NodeFile, Program, read_arguments, read_parameters, read_program
@@ -44,6 +44,7 @@ from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
 from .sensing import Sensing, is_anothers
+from .sensor_modules import sensor_modules
 from .services import Call
 from .transform_modules import transform_modules
 
@@ -139,7 +140,8 @@ class RosPlanner:
             self._fresh.append((topic, message))
         del self._fresh[:-_MOST_KEPT]
 
-    def _build(self) -> None:
+    def _build(self, flavour: int = 0) -> None:
+        """Start the nodes as those of a flavour; 0: the one that their files name, or that they import."""
         require_rosbags()
         self._ticked, self._began = False, 0.0
         given = dict(self._settings)
@@ -161,7 +163,7 @@ class RosPlanner:
         self._graph = Graph(float(limit))
         self._close = weakref.finalize(self, self._graph.close)
         self._drawings, self._fresh = Drawings(self._graph), []
-        self._flavour = self._program.nodes[0].flavour
+        self._flavour = flavour or next((each.flavour for each in self._program.nodes if each.flavour), ROS2)
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
@@ -178,6 +180,9 @@ class RosPlanner:
         try:
             self._run(self._graph.settle)
             self._check()
+        except NeedsRospy:
+            self._close()
+            self._build(ROS1)
         except BaseException:
             self._close()
             raise
@@ -304,7 +309,7 @@ def find_node(source: str) -> type[RosPlanner]:
     module.__file__ = place
     vars(module)[READ] = program.text
     sys.modules[module.__name__] = module  # where `planner_origin` finds what was read
-    said = f"Nodes of ROS {program.nodes[0].flavour}: {', '.join(node.path.name for node in program.nodes)}."
+    said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes)}."
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 
 
@@ -332,9 +337,10 @@ NODES = PlannerScheme(find=find_node, code=source_text)
 
 def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
     """Return the function that the thread of a node runs; nodes of a planner share the definitions of messages."""
-    rospy = node.flavour == ROS1
+    rospy = definitions.flavour == ROS1
     modules = rospy_modules(session) if rospy else rclpy_modules(session)
-    modules.update(transform_modules(session, node.flavour))
+    modules.update(transform_modules(session, definitions.flavour))
+    modules.update(sensor_modules(definitions.flavour))
     modules.update(other_modules(session, modules))
     graph = session.graph
 

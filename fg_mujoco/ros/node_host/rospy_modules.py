@@ -18,6 +18,7 @@ import numpy as np
 from ...simulation.planner_failure import one_line
 from .graph import Graph, NodeError, Publication, Subscription
 from .imports import LackingError, StandIn
+from .message_classes import Message1
 from .node_session import NodeLogger, Session, Timer
 from .rospy_times import NANOSECONDS, RosDuration, RosTime
 from .services import ask, offer, offered, wait_for
@@ -297,6 +298,10 @@ class Publisher:
             )
         else:
             message = self.data_class(*values, **named)
+        if self._publication.commands:
+            wrong = message.unpackable()
+            if wrong:
+                raise ROSSerializationException(wrong)
         if "header" in message._makers:
             message.header.seq += 1
         self._rospy.graph.publish(self._publication, message, latch=self._latch)
@@ -494,7 +499,10 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "is_initialized": lambda: session.ok, "add_preshutdown_hook": rospy.on_shutdown, "remap_name": rospy._full,
         "add_client_shutdown_hook": rospy.on_shutdown, "SubscribeListener": SubscribeListener,
         "get_ros_root": lambda *_, **__: "", "get_caller_id": rospy.get_name, "get_node_uri": lambda: "",
-        "TimerEvent": SimpleNamespace,
+        "TimerEvent": SimpleNamespace, "FATAL": 16, "get_param_cached": rospy.get_param, "Message": Message1,
+        "is_shutdown_requested": rospy.is_shutdown, "configure_logging": lambda *_, **__: None,
+        "add_log_handler": lambda *_: None, "get_master": lambda *_, **__: _Master(rospy), "logout": logs["loginfo"],
+        "logerror": logs["logerr"], **{f"rospy{name}": logs[f"log{name}"] for name in levels},
         "names": SimpleNamespace(get_namespace=rospy.get_namespace, get_name=rospy.get_name),
         "Time": _time_kind(graph), "Duration": RosDuration, "Publisher": type("Publisher", (Publisher,), bound),
         "Subscriber": type("Subscriber", (Subscriber,), bound), "Rate": type("Rate", (Rate,), bound),
@@ -518,6 +526,21 @@ def rospy_modules(session: Session) -> dict[str, ModuleType]:
         "genpy.rostime": {"Time": RosTime, "Duration": RosDuration},
     }
     return {name: StandIn(name, **found) for name, found in of_modules.items()}
+
+
+class _Master:
+    """The master, as a node may ask it; each answer is (1, message, value)."""
+
+    def __init__(self, rospy: Rospy) -> None:
+        self._rospy = rospy
+
+    def getPublishedTopics(self, subgraph: str = "") -> tuple[int, str, Any]:  # noqa: N802
+        return 1, "", self._rospy.get_published_topics()
+
+    getTopicTypes = getPublishedTopics  # noqa: N815
+
+    def getPid(self) -> tuple[int, str, int]:  # noqa: N802
+        return 1, "", 1
 
 
 def numpy_message(kind: Any) -> Any:

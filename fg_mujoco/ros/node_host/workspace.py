@@ -8,13 +8,16 @@ Nothing is executed, and nothing built: what `setup.py` would install is read of
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 _LEVELS = 6  # folders above a file in which its package is looked for
-_DEEP = 3  # folders below a workspace's `src` in which packages are looked for
-_SKIPPED = ("build", "install", "log", "devel", "node_modules")
+_DEEP = 5  # folders below a workspace in which packages are looked for
+_MOST_FOLDERS = 1000  # that are looked through for packages: a workspace may lie in a folder of all else
+_SKIPPED = ("build", "install", "log", "devel", "node_modules", "site-packages")
 _NAME = re.compile(r"<name>\s*([\w-]+)\s*</name>")
 _SCRIPT_FOLDERS = ("scripts", "src", "nodes", "script", "node", "bin", "")
 
@@ -25,17 +28,18 @@ def own_package(file: Path) -> Path | None:
 
 
 def packages(file: Path) -> dict[str, Path]:
-    """Return the packages of the workspace that a file is in, by name: its own first, then in the order of their paths.
+    """Return the packages of the workspace that a file is in, by name: its own first, then those that lie less deep.
 
-    The workspace is the nearest folder `src` that the package is in, else the folder that the package lies in.
+    The workspace is the nearest folder `src` that the package is in, else the repository, else the folder that the
+    package lies in; of a file that is in no package its repository, else its own folder.
     """
     own = own_package(file)
-    if own is None:
-        return {}
-    sources = [above for above in list(own.parents)[:_LEVELS] if above.name == "src"]
-    inside = _below(sources[0], _DEEP) if sources else _below(own.parent, 1)
+    start = file.resolve() if own is None else own
+    above = list(start.parents)[:_LEVELS]
+    root = next((each for each in above if own is not None and each.name == "src"), None)
+    root = root or next((each for each in above if (each / ".git").exists()), start.parent)
     found: dict[str, Path] = {}
-    for folder in (own, *inside):
+    for folder in (*([] if own is None else [own, *_below(own)]), *_below(root)):
         found.setdefault(package_name(folder), folder)
     return found
 
@@ -99,18 +103,21 @@ def _module_file(package: Path, module: str) -> Path | None:
     return None
 
 
-def _below(folder: Path, levels: int) -> list[Path]:
-    """Return the packages in a folder, of which none is looked for within another."""
+def _below(folder: Path) -> list[Path]:
+    """Return the packages in a folder, of which none is looked for within another: those that lie less deep first."""
     found: list[Path] = []
-    try:
-        inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.name.startswith("."))
-    except OSError:
-        return found
-    for each in inner:
-        if (each / "package.xml").is_file():
-            found.append(each)
-        elif levels > 1 and each.name not in _SKIPPED:
-            found += _below(each, levels - 1)
+    level, looked = [folder], 0
+    for _ in range(_DEEP):
+        deeper: list[Path] = []
+        for each in level:
+            looked += 1
+            with suppress(OSError):
+                inner = sorted(entry.path for entry in os.scandir(each) if entry.is_dir() and entry.name[0] != ".")
+                deeper += [Path(path) for path in inner if os.path.basename(path) not in _SKIPPED]
+            if looked >= _MOST_FOLDERS:
+                return found
+        found += [each for each in deeper if (each / "package.xml").is_file()]
+        level = [each for each in deeper if not (each / "package.xml").is_file()]
     return found
 
 
