@@ -88,8 +88,12 @@ def require(
             raise error(f"{type(message).__name__}.{name} is {shown(value)}; accepted: {accepted}")
 
 
+MOST_WHOLE = 2**63 - 1
+"""The greatest whole number of settings and files, that of 64 bits, as TOML has it."""
+
+
 def require_whole(
-    name: str, value: object, least: int, most: int | None = None, *, why: str = "", optional: bool = False
+    name: str, value: object, least: int, most: int = MOST_WHOLE, *, why: str = "", optional: bool = False
 ) -> None:
     """Raise SettingsError unless a value is a whole number from `least` to `most`.
 
@@ -97,15 +101,15 @@ def require_whole(
       name: of the value, for the message.
       value: what is looked at.
       least: the least that is accepted.
-      most: the greatest; None: there is none.
+      most: the greatest.
       why: there is a greatest one.
       optional: whether None is accepted.
     """
     if optional and value is None:
         return
-    above = isinstance(value, int) and most is not None and value > most
+    above = isinstance(value, int) and value > most
     if not isinstance(value, int) or isinstance(value, bool) or value < least or above:
-        upwards = "" if most is None else f" to {most}"
+        upwards = f" to {most}" if above or most < MOST_WHOLE else ""
         reason = f"; {why}" if above and why else ""
         raise SettingsError(f"{name} is {shown(value)}; accepted: a whole number from {least}{upwards}{reason}")
 

@@ -1,8 +1,13 @@
 """Small policies of random weights, for the tests of policy files."""
 
+from functools import cache
+
 import numpy as np
 
+import fg_mujoco as fg
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.perceptron import Layer, Normaliser, Perceptron
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.envs.policy_shapes import observed_shapes
 
 FLAT = {
@@ -11,6 +16,16 @@ FLAT = {
     "smoothing": 0.05,
 }  # fmt: skip
 PARTS = {"observation": "speed,beams:54,yaw_rate", "speed_range": (0.5, 6.0)}
+
+
+@cache
+def _world():
+    return fg.World("oval")
+
+
+def interface_of(**settings):
+    beams = _world().vehicle.lidar.beams
+    return PolicyInterface.of(EnvironmentSettings.of(settings), _world().parameters, beams, beams.period)
 
 
 def network_for(interface, *, hidden=8, activation="tanh", seed=0, normalised=False, estimates=0):

@@ -111,7 +111,7 @@ def test_an_image_is_refused_by_its_header_alone(here, capsys):
 CONFIGS = {
     "levels": ("track = " + "[" * 900 + "]" * 900 + "\n", "nested too deep"),
     "dotted levels": ("a" + ".a" * 50_000 + " = 1\n", "race.toml, line 1: 100005 characters; accepted: 2000 at most"),
-    "digits": ("laps = " + "9" * 1900 + "\n", "accepted: a whole number from 1 to 1000;"),
+    "digits": ("laps = " + "9" * 1900 + "\n", "accepted: whole numbers from"),
     "more digits": ("laps = " + "9" * 10_000 + "\n", "line 1: 10007 characters"),
     "lines": ("# x\n" * 20_000 + "lapps = 1\n", "20002 lines; accepted: 1000 at most"),
     "NUL": ("track = 'a\0'\n", "accepted: TOML"),

@@ -7,24 +7,17 @@ import numpy as np
 import pytest
 from refusals import refused
 from scan_worlds import corridor, odometry_of, scan_of
-from small_policies import FLAT, PARTS, network_for
+from small_policies import FLAT, PARTS, interface_of, network_for
 
 import fg_mujoco as fg
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
 from fg_mujoco.envs.policy_files import read_policy, save_policy
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.envs.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.planner_trust import recorded_planner
 
 WORLD = fg.World("oval")
 CAR, BEAMS = WORLD.parameters, WORLD.vehicle.lidar.beams
-
-
-def interface_of(**settings):
-    chosen = EnvironmentSettings.of(settings)
-    return PolicyInterface.of(chosen, CAR, BEAMS, BEAMS.period)
 
 
 def written(path, settings=FLAT, **network):
@@ -155,7 +148,7 @@ def changed(path, **changes):
         ({"network": {}}, "a network is damaged"),
         ({"network__normaliser": []}, "a network is damaged"),
         ({"interface__car__gravity": "g"}, "its interface is damaged"),
-        ({"interface__beams__angle_min": math.nan}, "its interface has a number that is not finite"),
+        ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan"),
         ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate"),
     ],
 )  # fmt: skip

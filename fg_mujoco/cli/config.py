@@ -21,13 +21,13 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+from ..course.documents import TomlFile, read_toml
 from ..course.files import is_folder
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
 from ..racing.run_folder import SUMMARY, read_summary
 from ..racing.setup import RENAMED, SETUP_KEYWORDS, Setup
-from ..racing.toml_files import TomlFile, read_toml
 from .options import OPPONENT_OPTIONS, given_settings, number, whole, with_opponents
 
 _OPTION = "--config"

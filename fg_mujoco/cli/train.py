@@ -9,9 +9,9 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from ..course.documents import read_toml, read_value
 from ..course.files import is_file
 from ..errors import SettingsError
-from ..racing.toml_files import read_toml, read_value
 from ..simulation.settings import FASTEST
 from .config import add_config
 from .drive_study import names_in, numbers_in, seeds_in

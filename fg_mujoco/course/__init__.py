@@ -7,6 +7,7 @@
     formats      a course from its name; centreline_csv, generator, recipes: circuits from files, seeds and drawings
     tight        tight circuits from a seed; lanes, chicanes: how they are drawn; drivable: that a car can drive a lap
     obstacles    solids that stand, moving_obstacles those that move, random_obstacles those at random places
+    documents    TOML and JSON that others may have written; files, writing: bounded reading, and writing in one step
     definitions  the numbers that make a course what it is, and their hash
     lap_timer    progress and laps; clearance: the distance to walls and obstacles; standing: where a car can stand
     polyline     plane geometry

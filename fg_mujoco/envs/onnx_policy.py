@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..course.documents import read_json
 from ..errors import SettingsError, missing_extra
 from ..simulation.planner_failure import one_line
 from .perceptron import Perceptron
@@ -47,11 +48,7 @@ def read_onnx(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
         raise SettingsError(f"is no ONNX model: {one_line(error)[:200]}; accepted: as save_policy writes it") from error
     if text is None:
         raise SettingsError(f"has no {METADATA!r} in its metadata_props; accepted: as save_policy writes it")
-    try:
-        described = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise SettingsError(f"its {METADATA} is no JSON: {error}; accepted: as save_policy writes it") from error
-    return described, partial(_function, session)
+    return read_json(text, "as save_policy writes it"), partial(_function, session)
 
 
 def _function(session: Any, interface: PolicyInterface) -> Act:

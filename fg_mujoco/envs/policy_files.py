@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from ..course.documents import read_json
 from ..course.files import is_folder, read_bytes
 from ..course.writing import write_file
 from ..display import brief, quoted
@@ -220,8 +221,6 @@ def _read_description(described: Any) -> tuple[PolicyInterface, Mapping[str, Any
         raise SettingsError(f"its format is {shown(known)}; accepted: {FORMAT!r}, as save_policy writes it")
     trained = described.get("trained")
     interface = described.get("interface") or {}
-    if not _is_finite(interface):
-        raise SettingsError("its interface has a number that is not finite; accepted: as save_policy writes it")
     try:
         found = PolicyInterface.read(interface)
         observed_shapes(found)
@@ -233,21 +232,9 @@ def _read_description(described: Any) -> tuple[PolicyInterface, Mapping[str, Any
     return found, trained if isinstance(trained, Mapping) else {}
 
 
-def _is_finite(value: Any) -> bool:
-    """Return whether all numbers in a JSON value are finite, and no greater than a float can be."""
-    if isinstance(value, Mapping):
-        return all(map(_is_finite, value.values()))
-    if isinstance(value, list):
-        return all(map(_is_finite, value))
-    return not isinstance(value, (int, float)) or abs(value) < 1e300
-
-
 def _read_json(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
     """Return the description in a policy.json, and what makes the policy's function."""
-    try:
-        found = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise SettingsError(f"is no JSON: {error}; accepted: as save_policy writes it") from error
+    found = read_json(content, "as save_policy writes it")
 
     def network(interface: PolicyInterface) -> Act:
         perceptron, shapes = Perceptron.read(found.get("network") or {}), observed_shapes(interface)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..course.documents import read_json
 from ..errors import SettingsError, missing_extra
 from ..simulation.planner_failure import one_line
 from .observations import Observed
@@ -76,8 +77,8 @@ def zip_description(content: bytes) -> dict[str, Any]:
                 raise SettingsError(f"has no {MEMBER}, which has the policy's interface; accepted: {ways}")
             if archive.getinfo(MEMBER).file_size > _MOST_BYTES:
                 raise SettingsError(f"its {MEMBER} has more than {_MOST_BYTES} bytes; accepted: as it was written")
-            found = json.loads(archive.read(MEMBER))
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, RecursionError) as error:
+            found = read_json(archive.read(MEMBER), "as save_policy writes it")
+    except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
         if isinstance(error, SettingsError):
             raise
         raise SettingsError(f"is no zip file of Stable-Baselines3: {one_line(error)}; accepted: one") from error

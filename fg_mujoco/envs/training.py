@@ -17,7 +17,6 @@ that went on has other bits than training without an interruption, as all episod
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +24,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..course.documents import read_json
 from ..course.files import is_file, read_text
 from ..display import brief, quoted
 from ..errors import ControllerError, RunFolderError, SettingsError, missing_extra
@@ -236,11 +236,11 @@ def _last_checkpoint(folder: Path, settings: TrainingSettings) -> Path | None:
         check_run_folder(folder)
         return None
     try:
-        found = json.loads(read_text(path))
+        found = read_json(read_text(path), "as a training wrote it")
         if found["schema"] != SCHEMA:
             raise ValueError(f"schema {found['schema']}")
         before, now = dict(found["settings"]), settings.described()
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         said = f"{path}: cannot be read: {type(error).__name__}: {error}"
         raise RunFolderError(f"{said}; accepted: as a training wrote it") from error
     for name in now:

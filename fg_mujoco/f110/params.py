@@ -18,7 +18,7 @@ from functools import lru_cache
 from typing import Any
 
 from ..errors import FgMujocoError, SettingsError
-from ..messages import require_whole, shown
+from ..messages import MOST_WHOLE, require_whole, shown
 from ..simulation.cars import WorldCar
 from ..vehicle.car import car_parameters
 from ..vehicle.changes import GREATEST_MU, CarChanges
@@ -161,7 +161,7 @@ def number(name: str, value: Any, least: float = -math.inf, most: float = math.i
     return found
 
 
-def whole(name: str, value: Any, least: int, most: int | None = None) -> int:
+def whole(name: str, value: Any, least: int, most: int = MOST_WHOLE) -> int:
     """Return a setting as a whole number, of NumPy's, too.
 
     Raises:

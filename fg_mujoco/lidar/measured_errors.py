@@ -10,7 +10,6 @@ of models/lidar_effects/.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -22,16 +21,12 @@ from typing import Any
 import numpy as np
 
 from ..arguments import explain_class
+from ..course.documents import read_toml_table
 from ..course.files import read_setting
 from ..display import brief
 from ..errors import SettingsError, accepted_names
 from ..kernels import kernel
 from ..messages import FloatArray
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 MOST_KNOTS = 32
 """Ranges or bearings of a table at most."""
@@ -178,12 +173,7 @@ def _bundled(name: str) -> MeasuredErrors:
 
 
 def _parsed(text: str, where: str) -> MeasuredErrors:
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        reason = "nested too deep" if isinstance(error, RecursionError) else error
-        accepted = "a file that fg-mujoco validate --beams wrote"
-        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: {accepted}") from error
+    table = read_toml_table(text, where, "as fg-mujoco validate --beams writes it")
     return _of(table, where)
 
 

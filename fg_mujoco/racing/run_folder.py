@@ -41,6 +41,7 @@ import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
+from ..course.documents import read_json
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
@@ -265,10 +266,11 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     if not is_file(path):
         raise RunFolderError(f"{folder}: has no {SUMMARY}; accepted: a folder that `race --out` wrote")
     with _blame(path):
-        summary = json.loads(read_text(path, _MOST_SUMMARY), parse_constant=_refuse_constant)
-        if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
-            raise ValueError(f"no JSON object with schema {SCHEMA}")
+        text = read_text(path, _MOST_SUMMARY)
     try:
+        summary: dict[str, Any] = read_json(text, "as `race --out` wrote it")
+        if not isinstance(summary, dict) or summary.get("schema") != SCHEMA:
+            raise ValueError(f"is no JSON object with schema {SCHEMA}; accepted: as `race --out` wrote it")
         check_summary(summary)
     except ValueError as error:
         raise RunFolderError(f"{path}: {error}") from error
@@ -435,10 +437,6 @@ def _read_states(path: Path, ticks: int, cars: int) -> tuple[FloatArray, FloatAr
     if not 0.0 <= time[0] <= time[-1] <= _LATEST:
         raise ValueError(f"time goes from {time[0]:g} to {time[-1]:g} s; accepted: within 0 to {_LATEST:.0e}")
     return time, states, ctrl
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no JSON")
 
 
 def _require_unchanged(path: Path, summary: Mapping[str, Any]) -> None:

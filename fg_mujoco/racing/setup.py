@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, laps_to_drive, require_course
 from ..course.definitions import course_sha256
+from ..course.documents import read_toml, toml_text
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
 from ..course.random_moving import described_moving, moving_or_text, with_moving
@@ -49,7 +50,6 @@ from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
 from .entries import Entry, require_entries, require_grid
 from .race_control import find_rules
-from .toml_files import read_toml, toml_text
 
 if TYPE_CHECKING:
     pass

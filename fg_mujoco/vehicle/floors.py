@@ -10,7 +10,6 @@ is not among the files, gets the floor's `mu` as its greatest lateral peak, as o
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -19,17 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import explain_class
+from ..course.documents import read_toml_table
 from ..course.files import read_setting
 from ..display import brief, quoted
 from ..errors import SettingsError, accepted_names
 from ..messages import require
 from .changes import ACCEPTED_MU, GREATEST_MU
 from .tires import Tires
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 _MOST_BYTES = 2**16  # of a file
 _TEXTS = ("name", "ground", "where", "how", "car", "source")
@@ -121,11 +116,7 @@ def _bundled(name: str) -> Floor:
 
 
 def _parsed(text: str, where: str, name: str) -> Floor:
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
-        reason = "nested too deep" if isinstance(error, RecursionError) else error
-        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: as models/floors/ipz8.toml") from error
+    table = read_toml_table(text, where, "as models/floors/ipz8.toml")
     return _of({"name": name, **table}, where)
 
 

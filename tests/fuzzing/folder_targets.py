@@ -50,20 +50,23 @@ def _run_file(name: str) -> Callable[[Path, Path, Generator], Attempt]:
     return attempt
 
 
-def _any_json(value: Any, rng: Generator) -> Any:
+def any_json(value: Any, rng: Generator) -> Any:
     """Return a JSON value with one of its leaves or branches replaced."""
     if isinstance(value, dict) and value and rng.random() < 0.85:
         key = one_of(rng, list(value))
-        return {**value, key: _any_json(value[key], rng)}
+        return {**value, key: any_json(value[key], rng)}
     if isinstance(value, list) and value and rng.random() < 0.7:
         place = int(rng.integers(len(value)))
-        return [*value[:place], _any_json(value[place], rng), *value[place + 1 :]]
+        return [*value[:place], any_json(value[place], rng), *value[place + 1 :]]
     deep: Any = 1
     for _ in range(200):
         deep = [deep]
     return one_of(
         rng,
-        (None, True, 0, -1, 10**30, 1e308, "", *WORDS[:12], [], {}, [1], {"a": 1}, deep, [[]] * 9999, "x" * 9999, 0.5),
+        (
+            None, True, 0, -1, 1e308, float("inf"), 10**12, 2**63, 10**30, 10**400, "", *WORDS[:12], [], {}, [1], [[1]],
+            {"a": 1}, deep, [[]] * 9999, "x" * 9999, 0.5,
+        ),
     )
 
 
@@ -83,7 +86,7 @@ def any_json_file(path: Path, rng: Generator) -> None:
     if change < 0.6:
         del content[one_of(rng, list(content))]
     if change > 0.5:
-        content = _any_json(content, rng)
+        content = any_json(content, rng)
     path.write_text(json.dumps(content), encoding="utf-8")
 
 

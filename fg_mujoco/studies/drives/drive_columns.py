@@ -31,10 +31,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...course.documents import read_toml, toml_text
 from ...display import brief
 from ...errors import SettingsError, accepted_names
 from ...messages import shown
-from ...racing.toml_files import read_toml, toml_text
 
 MEASURED = "measured"
 

@@ -27,12 +27,12 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from ...course.documents import read_toml
 from ...errors import ArgumentError, FgMujocoError, SettingsError, accepted_names
 from ...messages import shown
 from ...racing.entries import check_starts, grid_starts
 from ...racing.planner_choice import ControllerChoice
 from ...racing.setup import SETUP_KEYWORDS, Setup
-from ...racing.toml_files import read_toml
 from ...simulation.settings import Start
 from ..comparison.ground import Ground
 from .checks import CHECKS, Check

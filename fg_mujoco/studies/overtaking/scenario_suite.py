@@ -29,13 +29,13 @@ from typing import Any
 
 import numpy as np
 
+from ...course.documents import read_toml
 from ...errors import SettingsError, accepted_names
 from ...messages import CarParameters, shown
 from ...racing.fault import BOTH
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.setup import Setup
-from ...racing.toml_files import read_toml
 from ...viz.pages.table import Table
 from ..differences import ALL
 from ..grid_study import GridCell, GridFolder, Study, StudyProgress, drive_grid

@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -24,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ...arguments import explain_class
+from ...course.documents import read_toml_table
 from ...course.files import read_setting
 from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
@@ -31,11 +31,6 @@ from ...messages import require
 from ...registry import Registry
 from .law import Law
 from .laws import CONTACT, LAW_OF, LAWS, MODELS
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 if TYPE_CHECKING:
     from importlib.abc import Traversable
@@ -299,11 +294,7 @@ def _bundled(name: str) -> Tires:
 
 
 def _parsed(text: str, where: str, name: str) -> Tires:
-    try:
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
-        reason = "nested too deep" if isinstance(error, RecursionError) else error
-        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: as models/tires/forzaeth_nuc2.toml") from error
+    table = read_toml_table(text, where, "as models/tires/forzaeth_nuc2.toml")
     return _of({"name": name, **table}, where)
 
 

@@ -1,4 +1,8 @@
-"""Reads settings from TOML files, with the line of each key for messages, and writes them."""
+"""Reads TOML and JSON that others may have written, with bounds on its numbers, and writes TOML.
+
+Whole numbers have 64 bits at most, as TOML asks, so that none is too large to become a float. A file of settings also
+knows the line of each key, for messages.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,15 @@ import json
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..course.files import read_bytes
 from ..errors import SettingsError
+from ..messages import MOST_WHOLE, shown
+from .files import read_bytes
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -66,23 +71,93 @@ def read_toml(path: str | Path) -> TomlFile:
         reason = getattr(error, "strerror", None) or error
         raise SettingsError(f"{path}: cannot be read: {reason}; accepted: a TOML file, or a run folder") from error
     _check_text(path, text)
+    file = TomlFile(path=path, text=text, values=_toml(text, str(path), 'TOML, as: track = "oval"'))
     try:
-        return TomlFile(path=path, text=text, values=tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:  # it says which line
-        raise SettingsError(f'{path}: {error}; accepted: TOML, as: track = "oval"') from error
-    except (ValueError, RecursionError) as error:  # of thousands of digits or levels
+        _require_bounded(file.values)
+    except SettingsError as error:
+        raise SettingsError(file.located(str(error))) from error
+    return file
+
+
+def read_toml_table(text: str, where: str, accepted: str) -> dict[str, Any]:
+    """Return the content of a TOML text that is no file of settings, such as a set of tires.
+
+    Args:
+      text: in TOML.
+      where: it is from, for messages.
+      accepted: in its place, for messages.
+
+    Raises:
+      SettingsError: it is no TOML, or has a number that is too large.
+    """
+    found = _toml(text, where, accepted)
+    _require_bounded(found, f"{where}: ")
+    return found
+
+
+def _toml(text: str, where: str, accepted: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         reason = "nested too deep" if isinstance(error, RecursionError) else error
-        raise SettingsError(f'{path}: {reason}; accepted: TOML, as: track = "oval"') from error
+        raise SettingsError(f"{where}: is no TOML: {reason}; accepted: {accepted}") from error
 
 
 def read_value(text: str) -> Any:
-    """Return the value that a text is in TOML, as `0.5`, `[1, 2]` or `{mu = "0.5:1.1"}`; else the text itself."""
+    """Return the value that a text is in TOML, as `0.5`, `[1, 2]` or `{mu = "0.5:1.1"}`; else the text itself.
+
+    Raises:
+      SettingsError: it has a number that is too large.
+    """
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        found = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError, KeyError):
         with suppress(ValueError):
             return float(text)  # as .5
         return text
+    _require_bounded(found)
+    return found
+
+
+def read_json(text: str | bytes, accepted: str) -> Any:
+    """Return the value of a JSON text.
+
+    Args:
+      text: in JSON.
+      accepted: in its place, for messages.
+
+    Raises:
+      SettingsError: it is no JSON, is nested too deep, or has a number that is not finite or too large.
+    """
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deep" if isinstance(error, RecursionError) else error
+        raise SettingsError(f"is no JSON: {reason}; accepted: {accepted}") from error
+    _require_bounded(found, finite=True)
+    return found
+
+
+def _require_bounded(values: Any, where: str = "", *, finite: bool = False) -> None:
+    """Raise SettingsError for the first number in some values that is too large, or, if asked for, not finite."""
+    for name, number in _numbers(values):
+        if isinstance(number, int) and abs(number) > MOST_WHOLE:
+            accepted = f"whole numbers from -{MOST_WHOLE} to {MOST_WHOLE}"
+            raise SettingsError(f"{where}{name} is {shown(number)}; accepted: {accepted}")
+        if finite and not math.isfinite(number):
+            raise SettingsError(f"{where}{name} is {number}; accepted: finite numbers")
+
+
+def _numbers(values: Any, name: str = "") -> Iterator[tuple[str, int | float]]:
+    """Yield all numbers in some values, each with the names that lead to it."""
+    if isinstance(values, Mapping):
+        for key, each in values.items():
+            yield from _numbers(each, f"{name}.{key}" if name else key)
+    elif isinstance(values, list):
+        for each in values:
+            yield from _numbers(each, name)
+    elif isinstance(values, (int, float)):
+        yield name or "it", values
 
 
 def toml_text(values: Mapping[str, Any]) -> str:

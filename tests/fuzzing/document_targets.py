@@ -1,0 +1,126 @@
+"""Targets of documents in JSON and TOML: policies, trainings, labs, suites of scenarios, columns of drives.
+
+A document that is right is changed at one of its leaves or branches, or in its text.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from numpy.random import Generator
+from small_policies import FLAT, PARTS, interface_of, network_for
+
+from fg_mujoco.course.documents import read_toml, toml_text
+from fg_mujoco.envs.policy_files import save_policy
+from fg_mujoco.envs.training_settings import TrainingSettings
+from fg_mujoco.simulation.settings import known_settings
+
+from .folder_targets import any_json
+from .mutations import mutated, one_of
+from .target import SHORT, Attempt, Target, command, ignore_refusal
+
+# -- policies
+
+
+def _policies(samples: Path) -> None:
+    residual = PARTS | {"observation": "speed,beams:54,planner_command", "residual": {"planner": "gap_finder"}}
+    for name, settings in {"flat": FLAT, "parts": PARTS, "residual": residual}.items():
+        interface = interface_of(**settings)
+        save_policy(network_for(interface, normalised=True), samples / f"{name}.json", interface, trained={"steps": 3})
+
+
+def _policy(samples: Path, here: Path, rng: Generator) -> Attempt:
+    text = (samples / one_of(rng, ("flat.json", "parts.json", "residual.json"))).read_text(encoding="utf-8")
+    content = json.loads(text)
+    part = one_of(rng, ("interface", "interface", "interface", "network", None))
+    if part is None:
+        (here / "policy.json").write_bytes(mutated(text.encode(), rng))
+    else:
+        content[part] = any_json(content[part], rng)
+        (here / "policy.json").write_text(json.dumps(content), encoding="utf-8")
+    return command("race", "--controller", "policy.json", *SHORT)
+
+
+# -- documents in TOML
+
+_TRAINING: dict[str, Any] = {
+    "steps": 128, "worlds": 2, "seed": 0, "checkpoints": 1,
+    "environment": {
+        "track": "oval", "observation": "beams:5,speed,normalised,flat", "privileged": "mu", "time_limit": 1.0,
+        "laps": 1, "opponents": ["gap_finder"], "speed_range": [0.5, 8.0], "builds": 1,
+        "randomize": {"mu": "0.5:1.1"}, "rewards": {"preset": "race"},
+    },
+    "ppo": {"net": [4], "n_steps": 32, "minibatches": 2, "n_epochs": 1},
+    "teacher": {"planner": "gap_finder", "steps": 100},
+    "self_play": {"share": 0.5, "every": 100, "kept": 2, "planners": ["gap_finder"]},
+}  # fmt: skip
+_LAB: dict[str, Any] = {
+    "title": "a lab", "track": "oval", "laps": 1, "time_limit": 0.05, "passing": 10, "obstacles": 1,
+    "checks": [
+        {"check": "finishes", "points": 10}, {"check": "no_crash", "points": 5.5, "least_progress_m": 0.1, "mu": 0.9},
+        {"check": "follows_wall", "side": "left", "distance_m": 1.0, "within_m": 0.2, "points": 2, "name": "wall"},
+    ],
+}  # fmt: skip
+_SUITE: dict[str, Any] = {
+    "seconds": 0.1,
+    "scenarios": [
+        {"track": ["oval"], "starts": 1, "lane": ["right"], "speed": [0.5], "headway": 3.0, "offset": 0.0},
+        {"track": "hairpins", "starts": [1.0], "lane": "left", "speed": 0.8},
+    ],
+}  # fmt: skip
+_COLUMNS: dict[str, Any] = {
+    "time": {"column": "t", "unit": "ms", "scale": "measured"}, "speed": {"column": "erpm", "scale": 0.0002},
+    "yaw_rate": {"column": "gyro", "unit": "deg/s", "delay": 0.02}, "steering": "steer", "steering_is": "command",
+    "x": "x", "y": "y", "yaw": {"column": "theta", "unit": "deg"}, "pose_ahead": 0.0,
+    "beams": {"columns": "beam_{}_m", "count": 1080, "field_of_view": 270.0, "nothing": 65.5},
+}  # fmt: skip
+
+
+def _toml(document: dict[str, Any], use: Callable[[Path, Path], Attempt]) -> Callable[[Path, Path, Generator], Attempt]:
+    def attempt(samples: Path, here: Path, rng: Generator) -> Attempt:
+        key, changed = one_of(rng, list(document)), dict(document)
+        if rng.random() < 0.1:
+            del changed[key]
+        else:
+            changed[key] = any_json(document[key], rng)
+        content = toml_text(changed).encode(errors="surrogateescape")
+        (here / "document.toml").write_bytes(mutated(content, rng) if rng.random() < 0.3 else content)
+        return use(samples, here)
+
+    return attempt
+
+
+def _read_training() -> TrainingSettings:
+    return TrainingSettings(**known_settings(read_toml("document.toml").values, TrainingSettings, "a training"))
+
+
+def _drive(samples: Path) -> None:
+    rows = [f"{25 * i},{10000 + i},{i % 7},{0.01 * i},{0.05 * i:g},0,0,{','.join(['3'] * 3)}" for i in range(240)]
+    header = "t,erpm,gyro,steer,x,y,theta,beam_0_m,beam_500_m,beam_1000_m"
+    (samples / "drive.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+
+
+TARGETS = {
+    "policy": Target(attempt=_policy, prepare=_policies),
+    "training": Target(
+        attempt=_toml(_TRAINING, lambda samples, here: ignore_refusal(_read_training)),
+    ),
+    "lab": Target(
+        attempt=_toml(_LAB, lambda samples, here: command("grade", "document.toml", "wall_follow", "--workers", "1")),
+    ),
+    "scenarios": Target(
+        attempt=_toml(
+            _SUITE, lambda samples, here: command("scenarios", "document.toml", "--out", "suite", "--workers", "1")
+        ),
+    ),
+    "columns": Target(
+        attempt=_toml(
+            _COLUMNS,
+            lambda samples, here: command("validate", samples / "drive.csv", "--columns", "document.toml"),
+        ),
+        prepare=_drive,
+    ),
+}
