@@ -67,6 +67,8 @@ def shown(value: object) -> str:
         text = " ".join(text.split()) if "\n" in text else text
     except ValueError:  # Python does not write out a whole number of more than 4300 digits
         return "a number of thousands of digits"
+    except RecursionError:
+        return "a value that is nested too deeply"
     return text if len(text) <= 200 else f"{text[:100]}...{text[-60:]}"
 
 

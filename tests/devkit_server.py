@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -13,9 +14,11 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 Answer = Callable[[int, dict[str, str]], Any]
-"""Of the number of a packet, from 0, and the packet: the data of the answer, SILENT, or GONE."""
+"""Of the number of a packet, from 0, and the packet: the data of the answer, SILENT, GONE, or a list of several answers
+and the time [s] after which each is sent. A KeyError is one of the DevKit's handler, which python-socketio survives."""
 
 SILENT, GONE = "silent", "gone"
+PING, PATIENCE = 0.2, 1.5  # [s] between pings, and without a sign of life until the client is dropped
 
 
 class DevKitServer:
@@ -31,38 +34,61 @@ class DevKitServer:
         self._answer, self._revision = answer, revision
 
     def refuse(self, connection: ServerConnection, request: Any) -> Any:
-        """Answer as python-socketio does: a client of another revision gets a status of 400."""
+        """Answer as python-engineio does: one of revision 4 refuses other clients, one of revision 3 refuses nobody."""
+        if self._revision == 3:
+            return None
         asked = parse_qs(urlsplit(request.path).query).get("EIO")
         return None if asked == [str(self._revision)] else connection.respond(400, "unsupported version")
 
     def talk(self, connection: ServerConnection) -> None:
         """Shake hands, and answer each packet."""
-        connection.send('0{"sid":"a","upgrades":[],"pingInterval":25000,"pingTimeout":20000}')
+        interval = int(1000 * PING)
+        connection.send(f'0{{"sid":"a","upgrades":[],"pingInterval":{interval},"pingTimeout":20000}}')
         if self._revision == 4:
             assert connection.recv() == "40"
             connection.send('40{"sid":"b"}')
         else:
             connection.send("40")
         connection.send('42["Other",{"not":"for us"}]')
+        connection.send("42" + "[" * 50_000)
+        alive = pinged = time.monotonic()
         try:
-            while True:
-                message = str(connection.recv())
+            while time.monotonic() - alive < PATIENCE:
+                if self._revision == 4 and time.monotonic() - pinged > PING:
+                    connection.send("2")
+                    pinged = time.monotonic()
+                try:
+                    message = str(connection.recv(timeout=PING))
+                except TimeoutError:
+                    continue
+                if message == ("2" if self._revision == 3 else "3"):
+                    alive = time.monotonic()
                 if message == "2":
                     connection.send("3")
-                if not message.startswith("42"):
-                    continue
-                if self._revision == 4 and len(self.packets) % 7 == 0:
-                    connection.send("2")  # a ping, which the client is to answer
-                event, packet = json.loads(message[2:])
-                assert event == "Bridge"
-                answer = self._answer(len(self.packets), packet)
-                self.packets.append(packet)
-                if answer == GONE:
+                if message.startswith("42") and not self._take(connection, message):
                     return
-                if answer != SILENT:
-                    connection.send("42" + json.dumps(["Bridge", answer]))
         except ConnectionClosed:
             pass
+
+    def _take(self, connection: ServerConnection, message: str) -> bool:
+        """Answer a packet; return whether the connection stays."""
+        event, packet = json.loads(message[2:])
+        assert event == "Bridge"
+        self.packets.append(packet)
+        try:
+            answer = self._answer(len(self.packets) - 1, packet)
+        except KeyError:
+            return True
+        for delay, each in answer if isinstance(answer, list) else [(0.0, answer)]:
+            if each not in (SILENT, GONE):
+                arguments = connection, "42" + json.dumps(["Bridge", each])
+                threading.Timer(delay, _send, arguments).start() if delay else _send(*arguments)
+        return answer != GONE
+
+
+def _send(connection: ServerConnection, text: str) -> None:
+    with suppress(ConnectionClosed):
+        connection.send(text)
 
 
 @contextmanager

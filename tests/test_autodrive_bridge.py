@@ -1,13 +1,19 @@
 """The bridge to DevKits of AutoDRIVE: packets by hand, races in lockstep and in real time, and peers that misbehave."""
 
 import base64
+import contextlib
 import gzip
+import hashlib
 import itertools
+import json
 import math
+import socket
+import threading
+import time
 
 import numpy as np
 import pytest
-from devkit_server import GONE, SILENT, commands, devkit_server
+from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
@@ -20,6 +26,7 @@ pytest.importorskip("PIL")
 from fg_mujoco.ros.autodrive.front_camera import BlankCamera
 
 QUARTER = math.radians(0.25)
+_NESTED = json.loads("[" * 900 + "]" * 900)
 _LAPS = LapTimes(count=2, time=3.25, last=14.1, best=13.9)
 
 
@@ -113,6 +120,8 @@ def test_full_throttle_and_steering_are_the_simulators_greatest():
         ({"V1 Throttle": "nan", "V1 Steering": "0"}, "'V1 Throttle' 'nan'; accepted: a number"),
         ({"V1 Throttle": "0", "V1 Steering": "1e999"}, "'V1 Steering' '1e999'; accepted: a number"),
         ({"V1 Throttle": None, "V1 Steering": "0"}, "'V1 Throttle' None; accepted: a number"),
+        ({"V1 Throttle": 10**400, "V1 Steering": "0"}, "; accepted: a number"),
+        ({"V1 Throttle": _NESTED, "V1 Steering": "0"}, "; accepted: a number"),
     ],
 )
 def test_an_answer_without_commands_is_refused(answer, said):
@@ -152,7 +161,7 @@ def test_two_devkits_race_each_other_and_each_is_told_of_its_own_car():
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
-        (lambda number, packet: SILENT if number == 5 else commands(), "has not answered within 0.3 s"),
+        (lambda number, packet: SILENT if number == 5 else commands(), "an exception has ended its handler"),
         (lambda number, packet: GONE if number == 5 else commands(), "the DevKit has gone"),
         (lambda number, packet: {"V1 Throttle": "full"} if number == 5 else commands(), "has answered 'V1 Throttle'"),
     ],
@@ -167,6 +176,59 @@ def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kep
     assert result.car.end_reason == "planner_failed"
     assert said in str(result.car.planner_failure)
     assert len(result.ctrl) == 5
+
+
+@pytest.mark.parametrize("revision", [3, 4])
+def test_a_devkit_stays_while_the_race_pauses(revision):
+    with (
+        devkit_server(lambda number, packet: commands(), revision) as (address, kit),
+        DevKit(address, BlankCamera()) as devkit,
+    ):  # fmt: skip
+        time.sleep(2.0 * PATIENCE)  # kernels are compiled, or a run folder is written
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.2)
+    assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
+
+
+@pytest.mark.parametrize("delays", [(0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)])
+def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays):
+    with (
+        devkit_server(lambda number, packet: [(delay, commands(0.001 * number)) for delay in delays]) as (address, _),
+        DevKit(address, BlankCamera()) as devkit,
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
+    commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
+    assert commanded.tolist() == list(range(20))
+
+
+def test_answers_that_come_at_any_time_are_refused_in_lockstep():
+    with (
+        devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
+        DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed"),
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
+    assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
+
+
+def classic(number, packet):
+    """Drive as steer_by_sides, from a packet as AutoDRIVE's own DevKits read it."""
+    ticks, angles = ([float(each) for each in packet[f"V1 Encoder {name}"].split()] for name in ("Ticks", "Angles"))
+    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.0)
+    ranges = packet["V1 LIDAR Range Array"].split()
+    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1080
+    text = base64.b64encode(gzip.compress("\n".join(ranges).encode())).decode()
+    return steer_by_sides(number, {"V1 LIDAR Range Array": text})
+
+
+def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
+    hashes = []
+    for drive in (steer_by_sides, classic):
+        with (
+            devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
+            contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic"),
+        ):  # fmt: skip
+            result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
+        hashes.append(result.trajectory_sha256)
+    assert hashes[0] == hashes[1]
 
 
 def test_in_real_time_the_last_command_is_held_while_an_answer_is_awaited():
@@ -196,6 +258,47 @@ def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
     assert [packet["V1 Lap Time"] for packet in kit.packets[4:8]] == ["0.1000", "0.1250", "0.0000", "0.0250"]
     assert fg.read_run(f"{out}/1").summary["end_reason"] == "interrupted"
     assert fg.read_run(f"{out}/2").summary["rules"] == "autodrive_2026"
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize(("resets", "races"), [(lambda number: True, 2), (lambda number: number % 2 == 0, 3)])
+def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(resets, races, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("fg_mujoco.cli.serve._MOST_RACES", 3)
+    out = tmp_path / "served"
+    with devkit_server(lambda number, packet: commands(Reset=str(resets(number)))) as (address, _):
+        code = main(["serve", "autodrive", "--devkit", address, "--time-limit", "0.2", "--out", str(out)])
+    assert len(list(out.iterdir())) == races
+    assert (code == 2) == ("has asked for a reset 3 times" in capsys.readouterr().err) == (races == 3)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe", b"",
+        b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44",
+    ],
+)  # fmt: skip
+def test_a_handshake_that_is_none_is_refused_in_one_line(said, capsys):
+    """The bytes come as a text of WebSocket, and as they are."""
+    frame = (b"\x81" + (bytes([len(said)]) if len(said) < 126 else b"\x7e" + len(said).to_bytes(2, "big"))) + said
+    for told in (frame, said):
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            threading.Thread(target=_talk_nonsense, args=(listening, told), daemon=True).start()
+            address = f"127.0.0.1:{listening.getsockname()[1]}"
+            assert main(["serve", "autodrive", "--devkit", address]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "Traceback" not in error
+
+
+def _talk_nonsense(listening, told):
+    with contextlib.suppress(OSError):
+        while True:
+            with listening.accept()[0] as peer:
+                request = peer.recv(65536)
+                key = request.partition(b"Sec-WebSocket-Key: ")[2].partition(b"\r\n")[0]
+                accept = base64.b64encode(hashlib.sha1(key + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest())
+                head = b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                peer.sendall((head + b"Sec-WebSocket-Accept: " + accept + b"\r\n\r\n") * (told[:1] == b"\x81") + told)
 
 
 def test_collisions_are_told_and_the_car_goes_on_from_a_checkpoint():

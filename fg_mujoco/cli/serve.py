@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..errors import ControllerError
 from ..messages import STOP
 from .config import add_config
 from .options import CAR, add_setup_options, add_trust_option, number, setup_of, whole
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 _DONE, _NOT_DONE = 0, 1
 _RULES = "autodrive_2026"
+_MOST_RACES = 100  # that resets of a DevKit begin
 
 
 def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
@@ -154,6 +156,8 @@ def _race_on(setup: Setup, devkits: Sequence[DevKit], out: str | None, picture: 
         if folder is not None:
             write_run(result, folder, picture=picture, add=report_race)
         print(race_table(result, folder), flush=True)
+        if again and number == _MOST_RACES:
+            raise ControllerError(f"a DevKit has asked for a reset {number} times; accepted: fewer in one command")
     return _DONE if result.car.finished else _NOT_DONE
 
 

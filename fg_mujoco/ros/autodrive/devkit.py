@@ -3,14 +3,18 @@
     with DevKit("127.0.0.1:4567") as devkit:
         result = race("oval", controller=devkit, rules="autodrive_2026")
 
-In lockstep a tick waits for the answer, so that the same DevKit gives the same race. In real time a tick takes as long
-as on a car, and holds the last command that has come.
+In lockstep a tick waits for the answer, so that the same DevKit gives the same race. Of several answers to a packet the
+last counts. What comes before a packet is sent answers an earlier one, and is not believed. In real time a tick takes
+as long as on a car, and holds the last command that has come.
+
+A DevKit that does not answer the first packet, while its connection lives, is sent the packets of classic DevKits.
 """
 
 from __future__ import annotations
 
 import math
 import time
+import warnings
 from types import TracebackType
 from typing import Protocol
 
@@ -31,6 +35,9 @@ PATIENCE = 10.0
 
 WHEEL_RADIUS = 0.059
 """[m] of the simulator's car, by which DevKits make distances of the encoders' angles. Source: its technical guide."""
+
+_SETTLE = 0.1  # [s] within which further answers to a packet follow
+_MOST_EXTRA, _FORGOTTEN = 5.0, 0.1  # answers that were not waited for; of them are forgotten in a tick
 
 _REAR = slice(2, 4)  # of the wheel speeds of an odometry
 
@@ -54,7 +61,7 @@ class DevKit:
     Attributes:
       address: as given.
       collisions: of the car with walls, which whoever races it writes.
-      reset_asked: whether the DevKit has asked for the simulation to begin anew.
+      reset_asked: whether the DevKit has asked for the simulation to begin anew; one that keeps asking has asked once.
 
     Raises:
       SettingsError: an address that is none, or a patience that is no positive time.
@@ -66,7 +73,9 @@ class DevKit:
         if not 0.0 < patience < math.inf:
             raise SettingsError(f"patience is {shown(patience)}; accepted: a positive number of seconds")
         self.address, self._camera, self._real_time, self._patience = address, camera, real_time, patience
-        self._client = open_client(*split_address(address))
+        self._client = open_client(*split_address(address), EVENT)
+        self._heard = self._classic = self._reset_held = False
+        self._answers, self._extra = 0, 0.0  # to a packet, 0: not known; that were not waited for
         self.reset()
 
     def __enter__(self) -> DevKit:
@@ -82,9 +91,10 @@ class DevKit:
         self._client.close()
 
     def reset(self) -> None:
-        """Begin a race: laps, collisions and encoders begin at zero. An answer that is on its way is still awaited."""
+        """Begin a race: laps, collisions and encoders begin at zero."""
         self.collisions, self.reset_asked = 0, False
         self._answer: Answer | None = None
+        self._throttle = 0.0  # commanded last
         self._laps: LapTimer | None = None
         self._encoders, self._stamp = np.zeros(2), math.nan
         self._sent: float | None = None  # [s] on the wall's clock, of a packet that is not answered
@@ -107,36 +117,70 @@ class DevKit:
         try:
             if self._real_time:
                 self._keep_time(odometry.stamp)
-                self._receive(0.0)
-                if self._sent is None:
-                    self._send(scan, odometry)
-            else:
-                self._send(scan, odometry)
-                self._receive(self._patience)
+            late = self._hear(0.0)
+            if self._answers:
+                self._extra += late
+            if self._sent is None:
+                self._ask(scan, odometry)
+            if self._is_silent() and not (self._heard or self._classic) and self._client.is_alive():
+                self._classic = True
+                warnings.warn(
+                    f"the DevKit at {self.address} has not answered the first packet: from now on it is sent those of "
+                    "classic DevKits, with ticks of the encoders, intensities, and ranges as text", stacklevel=2,
+                )  # fmt: skip
+                self._ask(scan, odometry)
         except EngineError as error:
             raise ControllerError(f"the DevKit has gone: {error}") from None
-        if self._sent is not None and time.monotonic() - self._sent >= self._patience:
-            said = f"the DevKit at {self.address} has not answered within {self._patience:g} s"
-            raise ControllerError(f"{said}; accepted: one answer to each packet")
-        return STOP if self._answer is None else self._answer.command
+        if self._is_silent():
+            raise ControllerError(f"the DevKit at {self.address} {self._why_silent()}")
+        self._throttle, command = (0.0, STOP) if self._answer is None else (self._answer.throttle, self._answer.command)
+        return command
 
-    def _send(self, scan: LaserScan, odometry: Odometry) -> None:
+    def _ask(self, scan: LaserScan, odometry: Odometry) -> None:
+        """Send a packet, and in lockstep wait for its answer."""
         told = packet(
-            scan, odometry, throttle=0.0 if self._answer is None else self._answer.throttle, encoders=self._encoders,
-            laps=self._lap_times(odometry), collisions=self.collisions,
-            image=self._camera(self._surroundings, odometry),
+            scan, odometry, throttle=self._throttle, encoders=self._encoders, laps=self._lap_times(odometry),
+            collisions=self.collisions, image=self._camera(self._surroundings, odometry), classic=self._classic,
         )  # fmt: skip
-        self._client.send(EVENT, told)
+        self._client.send(told)
         self._sent = time.monotonic()
-
-    def _receive(self, timeout: float) -> None:
-        """Take an answer, if one comes in time."""
-        try:
-            self._answer = read_answer(self._client.receive(EVENT, timeout))
-        except TimeoutError:
+        if self._real_time:
             return
+        came = self._hear(self._patience)
+        until = time.monotonic() + _SETTLE
+        while 0 < came < (self._answers or math.inf) and time.monotonic() < until:
+            came += self._hear(until - time.monotonic())  # how many answers there are is seen after the first packet
+        self._answers = self._answers or came
+        self._extra = max(self._extra + came - self._answers - _FORGOTTEN, 0.0)
+        if self._extra > _MOST_EXTRA:
+            said = f"the DevKit at {self.address} sends several answers to a packet, more than {_SETTLE:g} s apart"
+            raise ControllerError(f"{said}; accepted: one answer to each packet, or --real-time")
+
+    def _hear(self, timeout: float) -> int:
+        """Take the answers that have come, of which the newest counts; wait for one if there is none."""
+        try:
+            answers = self._client.receive(timeout)
+        except TimeoutError:
+            return 0
+        for data in answers:
+            self._answer = read_answer(data)
+            self.reset_asked = self.reset_asked or (self._answer.reset and not self._reset_held)
+            self._reset_held = self._answer.reset
+        self._heard = self._heard or self._sent is not None
         self._sent = None
-        self.reset_asked = self.reset_asked or self._answer.reset
+        return len(answers)
+
+    def _is_silent(self) -> bool:
+        return self._sent is not None and time.monotonic() - self._sent >= self._patience
+
+    def _why_silent(self) -> str:
+        if not self._client.is_alive():
+            return f"has not answered within {self._patience:g} s, nor does its connection answer a ping"
+        tried = "" if self._heard else ", neither to the packets of the league nor to those of classic DevKits"
+        return (
+            f"has sent no answer for {self._patience:g} s{tried}; its connection is alive: an exception has ended its "
+            f"handler of {EVENT!r}, which its own terminal shows, or it takes longer than --patience"
+        )
 
     def _keep_time(self, stamp: float) -> None:
         """Wait until as much time has passed as was simulated."""

@@ -24,6 +24,7 @@ EVENT = "Bridge"
 BEAMS, FIRST_BEARING, INCREMENT = 1080, math.radians(-135.0), math.radians(0.25)
 RANGE_MIN, RANGE_MAX = 0.06, 10.0  # [m]
 _RATE = 40.0  # [Hz]
+_TICKS = 1920  # of an encoder in a turn of the wheel: 16 pulses, and the gears of 120 that DevKits reckon with
 _SAME_BEARING = 0.5 * INCREMENT  # [rad] by which a beam may be off; where there is none, nothing is seen
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,7 @@ def packet(
     collisions: int,
     image: str,
     vehicle: int = 1,
+    classic: bool = False,
 ) -> dict[str, str]:
     """Return what the simulator tells of a car.
 
@@ -72,6 +74,7 @@ def packet(
       collisions: with walls so far.
       image: of the front camera, a JPEG in base64.
       vehicle: its number.
+      classic: for AutoDRIVE's own DevKits of 2021 to 2023, which read ranges as text, intensities, and encoder ticks.
     """
     x, y, heading = odometry.pose.tolist()
     own = {
@@ -86,7 +89,7 @@ def packet(
         "Angular Velocity": _texts(odometry.angular_velocity),
         "Linear Acceleration": _texts(odometry.linear_acceleration),
         "LIDAR Scan Rate": _text(_RATE),
-        "LIDAR Range Array": _ranges(scan),
+        "LIDAR Range Array": " ".join(_ranges(scan)) if classic else _compressed(_ranges(scan)),
         "Front Camera Image": image,
         "Lap Count": str(laps.count),
         "Lap Time": _text(laps.time),
@@ -94,6 +97,9 @@ def packet(
         "Best Lap Time": _text(laps.best),
         "Collisions": str(collisions),
     }
+    if classic:
+        own["Encoder Ticks"] = " ".join(f"{math.floor(angle / math.tau * _TICKS)}" for angle in encoders.tolist())
+        own["LIDAR Intensity Array"] = " ".join(["0"] * BEAMS)
     return {f"V{vehicle} {name}": value for name, value in own.items()}
 
 
@@ -111,7 +117,7 @@ def read_answer(data: Any, vehicle: int = 1) -> Answer:
         given = data.get(key)
         try:
             number = float(given)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             number = math.nan
         if not math.isfinite(number):
             has = f"{key!r} {shown(given)}" if key in data else f"no {key!r}"
@@ -121,16 +127,19 @@ def read_answer(data: Any, vehicle: int = 1) -> Answer:
     return Answer(throttle=numbers[0], steering=numbers[1], reset=reset)
 
 
-def _ranges(scan: LaserScan) -> str:
-    """Return the ranges of the simulator's beams, a line each, gzip, base64; what it does not measure is inf."""
+def _ranges(scan: LaserScan) -> list[str]:
+    """Return the ranges of the simulator's beams [m]; what it does not measure is inf."""
     bearings = FIRST_BEARING + INCREMENT * np.arange(BEAMS)
     nearest = np.rint((bearings - scan.angle_min) / scan.angle_increment)
     chosen = np.clip(nearest, 0, len(scan.ranges) - 1).astype(np.int64)
     ranges = scan.ranges[chosen].astype(float)
     off = np.abs(scan.angle_min + scan.angle_increment * chosen - bearings) > _SAME_BEARING
     ranges[off | ~(ranges >= RANGE_MIN) | (ranges > RANGE_MAX)] = math.inf
-    lines = "\n".join([f"{distance:.4f}" for distance in ranges.tolist()])
-    return base64.b64encode(gzip.compress(lines.encode(), compresslevel=1, mtime=0)).decode("ascii")
+    return [f"{distance:.4f}" for distance in ranges.tolist()]
+
+
+def _compressed(ranges: list[str]) -> str:
+    return base64.b64encode(gzip.compress("\n".join(ranges).encode(), compresslevel=1, mtime=0)).decode("ascii")
 
 
 def _text(value: float) -> str:
