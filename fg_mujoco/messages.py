@@ -211,7 +211,7 @@ class Reading(Suggesting):
     """The latest reading of a sensor, and all that were delivered since the last tick. Arrays are read-only.
 
     `reading["speed_m_s"]` is one of its values by its column, whose unit may be left out. Before the first reading is
-    delivered, its stamp and values are NaN.
+    delivered, its stamp and values are NaN, and `received` is False.
 
     Raises:
       MessageError: samples that are not one row for each stamp, or another number of values.
@@ -229,6 +229,11 @@ class Reading(Suggesting):
         shape = len(self.stamps), len(self.values)
         if len(self.samples) != shape[0] or (shape[0] and self.samples.shape != shape):
             raise MessageError(f"Reading.samples has shape {self.samples.shape}; accepted: {shape}")
+
+    @property
+    def received(self) -> bool:
+        """Whether the sensor has delivered a reading yet."""
+        return not math.isnan(self.stamp)
 
     def __getitem__(self, column: str) -> float:
         found = with_unit(column, self.columns) if isinstance(column, str) else None

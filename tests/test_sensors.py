@@ -28,6 +28,7 @@ MIXED = (
     {"sensor": "wheel_speeds", "rate": 20, "dropout_probability": 0.3}, {"sensor": "lidar", "noise_std": 0.03},
     {"sensor": "odometry", "name": "slow", "rate": 200, "delay": 0.3},
 )  # fmt: skip
+NAMES_OF_MIXED = ("imu", "pose", "wheel_speeds", "lidar", "slow")
 TICKS = 24
 NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
 READER = """
@@ -646,16 +647,51 @@ def test_environments_observe_sensors_by_name():
         for own, all_of_them in zip(seen, together, strict=True):
             assert own[name].shape == (size,) and own[name].dtype == np.float32
             np.testing.assert_array_equal(all_of_them[name][1], own[name])
-    assert np.isnan(seen[-1]["slow"]).all()  # nothing is .3 s old yet
+    for name, first in {"imu": 0, "pose": 1, "lidar": 0, "slow": 7}.items():  # tick of the first reading
+        received = [float(observation[f"{name}_received"].item()) for observation in seen]
+        assert received == [float(tick >= first) for tick in range(7)]
+    assert not seen[-1]["slow"].any()  # nothing is .3 s old yet
     np.testing.assert_allclose(seen[3]["imu"][2], seen[3]["yaw_rate"][0])
     np.testing.assert_allclose(seen[3]["imu"][3:5], seen[3]["acceleration"])
+
+
+@pytest.mark.parametrize("face", ["gymnasium", "vector", "parallel", "dm_env"])
+@pytest.mark.parametrize("shape", ["", ",flat,history:3,normalised"])
+def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
+    gymnasium, action = pytest.importorskip("gymnasium"), np.zeros(2, np.float32)
+    sensors = [{"sensor": "pose", "rate": 10, "delay": 0.1}, {"sensor": "imu", "dropout_probability": 0.9},
+               "opponents", "lidar"]  # fmt: skip
+    settings = {"track": "oval", "beam_step": 180, "sensors": sensors, "observation": f"scan,speed{shape}"}
+    if face == "dm_env":
+        env = pytest.importorskip("fg_mujoco.envs.dm_environment").load(**settings, flat_observation=bool(shape))
+        seen = [env.reset().observation, *(env.step(action).observation for _ in range(6))]
+        space = gymnasium.spaces.Dict(
+            {name: gymnasium.spaces.Box(spec.minimum, spec.maximum) for name, spec in env.observation_spec().items()}
+        )
+        seen = [dict(observation) for observation in seen]
+    elif face == "parallel":
+        env = fg.parallel_env(1, **settings)
+        space = env.observation_space("car_0")
+        seen = [env.reset(seed=1)[0]["car_0"], *(env.step({"car_0": action})[0]["car_0"] for _ in range(6))]
+    else:
+        many = face == "vector"
+        make = gymnasium.make_vec if many else gymnasium.make
+        env = make("fg_mujoco/F1Tenth-v0", **settings, **({"num_envs": 2} if many else {}))
+        space, action = env.observation_space, np.tile(action, (2, 1)) if many else action
+        seen = [env.reset(seed=1)[0], *(env.step(action)[0] for _ in range(6))]
+    for observation in seen:
+        assert space.contains(observation)
+        parts = observation.values() if isinstance(observation, dict) else [observation]
+        assert all(np.isfinite(part).all() for part in parts)
 
 
 def test_sensors_change_nothing_else_that_an_environment_observes():
     _, plain, _ = environments(track="oval", beam_step=90)
     _, seen, _ = environments(**ENVIRONMENT)
     for without, observation in zip(plain, seen, strict=True):
-        assert list(observation) == [*without, "imu", "pose", "wheel_speeds", "lidar", "slow"]
+        assert list(observation) == [
+            *without, *(f"{name}{end}" for name in NAMES_OF_MIXED for end in ("", "_received"))
+        ]
         for name, values in without.items():
             np.testing.assert_array_equal(observation[name], values)
 
@@ -674,8 +710,8 @@ def test_opponents_have_the_learners_sensors_and_policies_observe_them():
     env.reset(seed=1)
     env.step(np.zeros(2))
     assert [set(observation) - {"scan"} for observation in seen[:2]] == [
-        {"speed", "yaw_rate", "steering_angle", "acceleration", *names}
-        for names in (("imu", "pose", "wheel_speeds", "lidar", "slow"), ("pose",))
+        {"speed", "yaw_rate", "steering_angle", "acceleration", *names, *(f"{name}_received" for name in names)}
+        for names in (NAMES_OF_MIXED, ("pose",))
     ]
 
 

@@ -20,7 +20,9 @@
 These are known on board; none of them knows the course or the pose. Further terms are functions of a `SensedState`,
 made with `@observation`. All are float32 within bounds; a value beyond them reads the bound.
 
-Each of the settings' `sensors` is one more, by its name: its latest values, NaN before the first are delivered.
+Each of the settings' `sensors` is one more, by its name: its latest values, and `NAME_received` (1,), which is 0 before
+the first are delivered and 1 from then on. A value that is no number, or not there yet, reads 0; inf reads the
+`range_max` of the LiDAR.
 """
 
 from __future__ import annotations

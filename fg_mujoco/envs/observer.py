@@ -33,6 +33,8 @@ Seen = Observed | Values
 FLAT, PRIVILEGED = "observation", "privileged"
 """Names of the flat vector beside a privileged one, and of that one."""
 
+_RECEIVED = "{}_received"  # a part: whether a sensor has delivered a reading
+
 _MOST_FRICTION = 10.0  # as that of `mu`
 _OVERSHOOT = 1.25  # of spinning wheels over the greatest speed that can be commanded
 
@@ -70,7 +72,7 @@ class Observer:
       period: of a tick [s].
       count: of cars, n.
       beam_step: every how many-th beam is seen of a `scan`, counted from the one straight ahead to both sides.
-      sensors: that the car has besides; what each delivered last is a part of its name.
+      sensors: that the car has besides; what each delivered last is a part of its name, and whether it has is another.
       privileged: terms that are read into a second vector.
       actions: bounds of an action (2,), least and greatest.
       parameters: of the car, by which it learns the `friction`; needed where that is observed.
@@ -133,12 +135,15 @@ class Observer:
                     raw[name] = _bounds(-limits[name], limits[name], len(_COLUMNS[name]))
                 else:
                     raw[name] = Bounds(low=of_commands[name][0], high=of_commands[name][1])
+        self._farthest = beams.range_max
         for sensor in sensors:
-            if sensor.name in self._parts:
-                said = f"sensor {sensor.name!r} has the name of another observation"
-                raise SettingsError(f"{said}; accepted: a `name` of its own, not {', '.join(self._parts)}")
+            name, received = sensor.name, _RECEIVED.format(sensor.name)
+            if name in raw or received in raw:
+                said = f"sensor {name!r} has the name of another observation"
+                raise SettingsError(f"{said}; accepted: a `name` of its own, not {', '.join(raw)}")
             size = sensor.size(len(beams.bearings))
-            raw[sensor.name], self._parts[sensor.name] = _bounds(-math.inf, math.inf, size), sensor
+            raw[name], self._parts[name] = _bounds(-math.inf, math.inf, size), sensor
+            raw[received] = _bounds(0.0, 1.0, 1)
         self._columns = np.array(columns, np.int64)
         read = [name for name, part in self._parts.items() if isinstance(part, slice)]
         self._low, self._high = (
@@ -219,15 +224,15 @@ class Observer:
         """Return the parts as they are read."""
         count = len(ranges)
         scan = np.empty((count, self._scan_size), np.float32)
-        values = np.empty((count, len(self._columns)), np.float32)
+        numbers = np.empty((count, len(self._columns)), np.float32)
         read_sensors(
             ranges, odometry.view(np.float64).reshape(count, -1), _NO_ACTIONS if actions is None else actions,
-            self._beams, self._range_max, self._columns, self._low, self._high, scan, values,
+            self._beams, self._range_max, self._columns, self._low, self._high, scan, numbers,
         )  # fmt: skip
         found: Observed = {}
         for name, part in self._parts.items():
             if isinstance(part, slice):
-                found[name] = values[:, part]
+                found[name] = numbers[:, part]
             elif part is None and name == "scan":
                 found[name] = scan
             elif part is None:
@@ -237,7 +242,9 @@ class Observer:
                 assert state is not None
                 found[name] = part.read(state, self._own[name])
             else:
-                found[name] = np.array([each[name].values for each in readings], np.float32)
+                values = np.array([each[name].values for each in readings], np.float32)
+                found[name] = np.nan_to_num(values, copy=False, posinf=self._farthest, neginf=0.0)
+                found[_RECEIVED.format(name)] = np.array([[each[name].received] for each in readings], np.float32)
         return found
 
     def _bounds_of(self, raw: Mapping[str, Bounds]) -> dict[str, Bounds] | Bounds:

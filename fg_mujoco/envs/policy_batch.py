@@ -100,7 +100,7 @@ class PolicyBatch:
         if asked.any():
             self._actions.sense(odometry, asked)
             seen: Any = self._observer.read(asked, *parts)
-            actions = self._answers(np.where(np.isnan(seen), np.float32(0.0), seen), asked)
+            actions = self._answers(seen, asked)
             self._actions.read(actions, asked, self._commands, np.zeros(len(asked), np.int64))
         if self._repeat > 1:
             self._actions.again(between, self._commands)

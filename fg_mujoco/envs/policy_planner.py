@@ -106,8 +106,8 @@ class PolicyPlanner:
         return DriveCommand(steering_angle=command.steering_angle, speed=speed)
 
     def _act(self, observation: Any) -> Values:
-        """Return the action; what is no number is 0 in observation and action."""
-        action = np.asarray(self.policy.act(_without_nan(observation)), np.float32)
+        """Return the action, with 0 in the place of what is no number."""
+        action = np.asarray(self.policy.act(observation), np.float32)
         return np.where(np.isnan(action), np.float32(0.0), action)
 
     def _fitted(self, scan: LaserScan) -> LaserScan | None:
@@ -185,13 +185,6 @@ def _sum(odometry: Odometry) -> float:
 
 def _zeroed(values: FloatArray) -> FloatArray:
     return np.where(np.isfinite(values), values, 0.0)
-
-
-def _without_nan(observation: Any) -> Any:
-    """Return an observation with 0 in the place of NaN, which sensors read before they deliver."""
-    if isinstance(observation, dict):
-        return {name: _without_nan(values) for name, values in observation.items()}
-    return np.where(np.isnan(observation), np.float32(0.0), observation)
 
 
 def find_policy(source: str) -> type[PolicyPlanner]:
