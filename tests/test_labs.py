@@ -10,9 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refused
 
+import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.clearance import outline
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.studies.labs import recording
 from fg_mujoco.studies.labs.checks import CHECKS, nearest_distances
 from fg_mujoco.studies.labs.grading import grade
 from fg_mujoco.studies.labs.lab_file import read_lab
@@ -141,11 +143,12 @@ points = 2
 check = "finishes"
 track = "fast"
 """
+ONE = LAB.partition("\n[[checks]]\ncheck = \"finishes\"")[0]
 
 
 def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_go_on(here, capsys):
-    (here / "lab.toml").write_text(LAB)
-    planners = [*(set(FILES) - {"kills.py"}), "nothing.py", "two.py:Two", "gap_finder[wide=2]"]
+    (here / "lab.toml").write_text(ONE)
+    planners = [*FILES, "nothing.py", "two.py:Two", "gap_finder[wide=2]"]
     assert main(["grade", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
     out, err = capsys.readouterr()
     assert "Traceback" not in err
@@ -154,7 +157,8 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
     for planner, said in (
         ("syntax.py", "SyntaxError"), ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
         ("answers.py", "'left'"), ("hangs.py", "no command within 0.3 s"),
-        ("exits.py", "SystemExit: 7"), ("empty.py", "there is no class in the file"),
+        ("kills.py", "the worker ended by SIGKILL"), ("exits.py", "SystemExit: 7"),
+        ("empty.py", "there is no class in the file"),
         ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),
         ("two.py:Two", "None"), ("gap_finder[wide=2]", "has no setting 'wide'"),
     ):  # fmt: skip
@@ -163,12 +167,79 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
         assert said.replace("'", "&#x27;") in page.read_text()
 
 
-def test_a_file_that_ends_the_process_is_named_and_the_others_go_on(here):
-    (here / "lab.toml").write_text(
-        "laps = 1\ntime_limit = 0.2\n\n[[checks]]\ncheck = 'no_crash'\nleast_progress_m = 0\n"
-    )
-    kills, good = grade("lab.toml", ["kills.py", "good.py"], out="out", workers=2).cells
-    assert (kills.points, good.points) == (0, 1) and kills.reason == "the worker ended by SIGKILL"
+CHANGES = """
+import gc
+from fg_mujoco.messages import STOP
+from fg_mujoco.studies.labs import checks, grading, recording
+for kind in checks.CHECKS.values():
+    kind.judge = lambda self, drive: checks.Verdict(passed=not drive.speeds.any(), measured="mine")
+grading.record = grading.race_setup = recording.RecordedCommands = None
+def stand(scan, odometry):
+    for each in gc.get_objects():
+        if type(each).__name__ == "Engine": each.monitor.timers["laps_completed"] = 1
+    return STOP
+"""
+HOSTILE = {
+    "stuck.py": ("import time\nwhile True:\n    try: time.sleep(99)\n    except BaseException: pass\n", "nothing"),
+    "ctrl_c.py": ("def plan(scan, odometry): raise KeyboardInterrupt\n", "KeyboardInterrupt"),
+    "forks.py": (
+        "import os, time\nif os.fork():\n    os.kill(os.getpid(), 9)\ntime.sleep(60)\n", "the worker ended by SIGKILL"
+    ),
+}  # fmt: skip
+WRITES = """
+import inspect, os, time
+import numpy as np
+frame = inspect.currentframe()
+while "folder" not in frame.f_locals: frame = frame.f_back
+def plan(scan, odometry): pass
+os.chdir(frame.f_locals["folder"])
+{record}
+time.sleep(60)
+"""
+RECORDS = {
+    "text": "open('aside.npz', 'w').write('x')",
+    "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
+    "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
+    "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
+    "nan": "np.savez('aside.npz', commands=np.full((9, 3), np.nan), end=np.frombuffer(b'null', np.uint8))",
+    "short": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'null', np.uint8))",
+}
+
+
+def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here):
+    (here / "changes.py").write_text(CHANGES)
+    (here / "lab.toml").write_text(ONE.replace("least_progress_m = 0", "least_progress_m = 0.05"))
+    planners = ["mine.py:Steady", "changes.py", "mine.py:Steady[speed=1]"]
+    grades = grade("lab.toml", planners, out="out", workers=1)
+    assert [each.points for each in grades.cells] == [2, 0, 2]
+    assert "mine" not in {check.measured for check in grades.cells[1].checks}
+    raced = fg.race("oval", "mine.py:Steady", laps=1, time_limit=0.2)
+    assert grades.rows[0].figures.trajectory_sha256 == raced.trajectory_sha256
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeypatch):
+    monkeypatch.setattr(recording, "_SILENT", 4.0)
+    text, said = HOSTILE[name]
+    (here / name).write_text(text)
+    (here / "lab.toml").write_text(ONE)
+    bad, good = grade("lab.toml", [name, "good.py"], out="out", workers=1).cells
+    assert (bad.points, good.points) == (0, 2) and said in bad.reason
+
+
+def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
+    for name, text in RECORDS.items():
+        (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
+    (here / "lab.toml").write_text(ONE)
+    found = grade("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
+    assert [each.points for each in found] == [0] * len(RECORDS) and all(each.reason for each in found)
+
+
+def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
+    monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
+    (here / "lab.toml").write_text(LAB)
+    (found,) = grade("lab.toml", "good.py", out="out", workers=1).cells
+    assert found.points == 2 and found.reason == "the drive cannot be judged: KeyError: 'steering'"
 
 
 def test_points_of_drives_before_a_failure_stay(here):

@@ -210,16 +210,20 @@ class _Worker:
     def ending(self) -> tuple[bool, str]:
         """Return whether it had begun before it died, and how it ended, in words."""
         self.pool.shutdown()
-        began, code = self._began.exception() is None, self._context.process.exitcode
-        if code is not None and code < 0:
-            with suppress(ValueError):
-                return began, f"the worker ended by {signal.Signals(-code).name}"
-        return began, f"the worker ended with exit code {code}"
+        return self._began.exception() is None, how_ended(self._context.process.exitcode)
 
     def end(self) -> None:
         """End it with its work; `pool.shutdown` then waits until it has ended."""
         if not self.future.done():
             self._context.process.terminate()
+
+
+def how_ended(code: int | None) -> str:
+    """Return how a worker process ended that has an exit code, in words."""
+    if code is not None and code < 0:
+        with suppress(ValueError):
+            return f"the worker ended by {signal.Signals(-code).name}"
+    return f"the worker ended with exit code {code}"
 
 
 @dataclass(frozen=True)

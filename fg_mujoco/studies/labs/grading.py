@@ -3,9 +3,11 @@
     grades = grade("lab3.toml", ["alice.py", "bob.py:Planner"], out="grades")
     print(grades.markdown())
 
-Students' files are read in worker processes, which they may end. A planner that cannot be loaded, that raises, that
-takes too long for a decision, or that ends its process has no points for the checks of that drive, with the reason. The
-points of its other drives stay, and the other planners go on.
+Students' files are read by `recording` in a new process for each drive, which they may end. What comes back are the
+commands of each tick. The drive is driven again by them here, and judged, so that a student's code has no say in the
+checks. A planner that cannot be loaded, that raises, that takes too long for a decision, or that ends its process has
+no points for the checks of that drive, with the reason. The points of its other drives stay, and the other planners go
+on.
 
 The folder has, besides what `store` says of it:
 
@@ -27,7 +29,6 @@ from ...errors import SettingsError
 from ...messages import require_whole
 from ...racing.driven_line_svg import driven_line
 from ...racing.planner_choice import ControllerChoice
-from ...racing.planner_sources import only_planner
 from ...racing.race import race_setup
 from ...racing.result import RaceResult
 from ...racing.setup import Setup
@@ -35,13 +36,11 @@ from ...viz.pages.table import Table
 from ..grid_study import GridFolder, GridKey, GridRow, Study, StudyProgress, drive_grid, why_failed
 from ..run_grid import as_axis, require_axes
 from ..store import as_json, digest, of_kind
-from ..turn import Turn, stuck
 from .checks import Drive
 from .grade_page import page_names, write_grade_page
 from .grades import Checked, Grade, checks_table, grades_table
 from .lab_file import Lab, LabCheck, ground_of, read_lab
-
-_FAILED = ("planner_failed", "decision_limit")
+from .recording import FAILED, RecordedCommands, record
 
 
 @dataclass(frozen=True)
@@ -104,35 +103,33 @@ class GradedDrive:
           KeyboardInterrupt: Ctrl-C.
         """
         try:
-            choice = ControllerChoice.of(only_planner(self.planner))
-            first = replace(self.setup.first, controller=choice.source, planner_settings=dict(choice.settings))
-            setup = replace(self.setup, entries=(first, *self.setup.entries[1:]))
-            with Turn("", setup.decision_limit) as turn:
-                turn(0)
-                result = race_setup(setup, watch=lambda _: turn(0))
+            recorded = record(self.planner, self.setup)
+            if recorded.failed is not None and not len(recorded.commands):
+                return self._failed(recorded.message, recorded.failed)
+            first = replace(self.setup.first, controller=RecordedCommands(recorded.commands), planner_settings={})
+            result = race_setup(replace(self.setup, entries=(first, *self.setup.entries[1:])))
+            if result.car.end_reason == "interrupted":
+                raise KeyboardInterrupt
+            if recorded.failed is not None:
+                return self._failed(recorded.message, recorded.failed, result)
+            if result.car.end_reason in FAILED:
+                return self._failed(str(result.car.planner_failure), "worker_died", result)
+            drive = Drive(result=result, ground=ground_of(self.setup))
+            found = [(number, each, each.check.judge(drive)) for number, each in self.checks]
+            checks = tuple(
+                Checked(
+                    number=number, name=each.name, asked=each.check.asked, measured=verdict.measured,
+                    passed=bool(verdict.passed), of=each.points,
+                )
+                for number, each, verdict in found
+            )  # fmt: skip
+            return DriveRow(self.key, _figures(result, result.car.end_reason, None), checks, self._picture(result))
         except Exception as error:
-            return self._failed(why_failed(error), "planner_failed")
-        car = result.car
-        if car.end_reason == "interrupted":
-            raise KeyboardInterrupt
-        if car.end_reason in _FAILED:
-            limit = f"no command within {setup.decision_limit:g} s at t = {car.end_time_s:.2f} s"
-            return self._failed(str(car.planner_failure or limit), car.end_reason, result)
-        drive = Drive(result=result, ground=ground_of(self.setup))
-        found = [(number, each, each.check.judge(drive)) for number, each in self.checks]
-        checks = tuple(
-            Checked(
-                number=number, name=each.name, asked=each.check.asked, measured=verdict.measured,
-                passed=bool(verdict.passed), of=each.points,
-            )
-            for number, each, verdict in found
-        )  # fmt: skip
-        return DriveRow(self.key, _figures(result, car.end_reason, None), checks, _picture(result))
+            return self._failed(f"the drive cannot be judged: {why_failed(error)}", "not_judged")
 
     def died(self, how: str) -> DriveRow:
         """Return the row of a drive whose worker process ended, with its end in words."""
-        said = stuck(how, self.setup.decision_limit)
-        return self._failed(said or how, "worker_died" if said is None else "decision_limit")
+        return self._failed(how, "worker_died")
 
     def _failed(self, message: str, reason: str, result: RaceResult | None = None) -> DriveRow:
         said = " ".join(message.split())
@@ -140,26 +137,24 @@ class GradedDrive:
             Checked(number=number, name=each.name, asked=each.check.asked, measured=said, passed=False, of=each.points)
             for number, each in self.checks
         )
-        return DriveRow(self.key, _figures(result, reason, said), checks, "" if result is None else _picture(result))
+        picture = "" if result is None else self._picture(result)
+        return DriveRow(self.key, _figures(result, reason, said), checks, picture)
+
+    def _picture(self, result: RaceResult) -> str:
+        car = result.car
+        ends = (("crash", car.crash), ("turned", car.wrong_way), ("rolled over", car.rollover))
+        line, speed = (
+            values[car.column("time_s") < car.end_time_s - 1e-9]
+            for values in (car.telemetry[:, [4, 5]], car.column("speed_m_s"))
+        )
+        marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
+        return driven_line(result.world, line, speed, time=result.sim_time_s, marks=marks, title=str(self))
 
 
 def _figures(result: RaceResult | None, reason: str, message: str | None) -> DriveFigures:
     return DriveFigures(
         end_reason=reason, message=message, sim_time_s=None if result is None else result.sim_time_s,
         trajectory_sha256=None if result is None else result.trajectory_sha256,
-    )  # fmt: skip
-
-
-def _picture(result: RaceResult) -> str:
-    car = result.car
-    ends = (("crash", car.crash), ("turned", car.wrong_way), ("rolled over", car.rollover))
-    line, speed = (
-        values[car.column("time_s") < car.end_time_s - 1e-9]
-        for values in (car.telemetry[:, [4, 5]], car.column("speed_m_s"))
-    )
-    return driven_line(
-        result.world, line, speed, time=result.sim_time_s,
-        marks=[(text, (place.x_m, place.y_m)) for text, place in ends if place is not None], title=repr(result),
     )  # fmt: skip
 
 
@@ -229,7 +224,7 @@ def grade(
       lab: or the path of its file.
       planners: one or more: path/to/file.py, or file.py:NAME where it has several planners, or as `race` takes them.
       out: a new or empty folder, or one of a grading.
-      workers: processes; None: as many as there are cores; one: no other than this, which a planner can end.
+      workers: drives at once; None: as many as there are cores.
       watch: called several times a second.
 
     Raises:
