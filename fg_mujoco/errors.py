@@ -171,5 +171,9 @@ def install_command(extra: str) -> str:
     return shlex.join([sys.executable or "python3", "-m", "pip", "install", *what])
 
 
+class FinalWarning(UserWarning):
+    """A warning that a command prints at its end, below the results, where it explains them."""
+
+
 class EngineError(FgMujocoError, RuntimeError):
     """A part of the machinery that fails: MuJoCo's engine, or a cluster that cannot be reached or lost what it had."""

@@ -61,6 +61,11 @@ def drive(**more):
 
 def generate_launch_description():
 """
+BOARD = """import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+rclpy.init()
+node = rclpy.create_node('board')
+"""
 
 
 @pytest.fixture
@@ -207,6 +212,44 @@ def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
     assert "gym_bridge of f1tenth_gym_ros, which this simulator replaces" in said
     assert "wheels of my_car, of which there is no Python file" in said
     assert "names package 'nav2', which is not here" in said
+
+
+@pytest.mark.parametrize(
+    ("fails", "said"),
+    [
+        ("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
+        (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
+        ("print 'python 2'", "it is Python 2"),
+        (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("first", [True, False])
+def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(workspace, fails, said, first):
+    nodes = ["Node(package='my_car', executable='board')", "drive()"]
+    source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
+    board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
+    board.parent.mkdir()
+    board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
+    with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
+        assert speeds(source, 4)[0] == 1.0
+
+
+def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
+    source = workspace("return LaunchDescription([drive(), Node(package='my_car', executable='board')])")
+    car = Path(source.removeprefix("ros:")).parents[1]
+    (car / "scripts").mkdir()
+    (car / "scripts" / "board").write_text("#!/usr/bin/env python3\nimport rclpy\nrclpy.init()\nopen('/dev/none')\n")
+    node = car / "my_car" / "drive_node.py"
+    text = node.read_text()
+    node.write_text(text.replace("out = Ack", "out = 1 / 0 and Ack"))
+    with (
+        pytest.warns(UserWarning, match="drive on"),
+        pytest.raises(Exception, match=r"division by zero \(.*drive_node"),
+    ):
+        speeds(source)
+    node.write_text(text.replace("def __init__(self):", "def __init__(self):\n        1 / 0"))
+    with pytest.warns(UserWarning, match="drive on"), pytest.raises(ControllerError, match="FileNotFoundError"):
+        speeds(source)
 
 
 @pytest.mark.parametrize(

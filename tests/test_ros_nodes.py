@@ -615,6 +615,18 @@ def test_threads_of_nodes_end_with_the_planner(node):
 
 
 @pytest.mark.slow
+def test_topics_that_nobody_publishes_on_are_told_in_one_line_below_the_results(
+    node, tmp_path, capsys, without_pictures
+):
+    head = HEAD.replace('"/scan"', '"/my_scan"') + PUBLISHER
+    head += "".join(f"        self.create_subscription(LaserScan, '{each}', print, 1)\n" for each in ("/odom", "/none"))
+    source = node("self.drive(1)", head=head)
+    assert main(["race", "--controller", source, "--time-limit", "0.1", "--out", str(tmp_path / "run")]) == 1
+    first, last = capsys.readouterr().err.splitlines()
+    assert "/my_scan has no publisher here, and is taken for /scan" in first
+    assert re.search(r"/odom is nav_msgs.* here; .*line 15\); /none has no publisher here; node 'mine' listens", last)
+
+
 def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
     source, folder = node("self.drive(1)"), tmp_path / "run"
     assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1

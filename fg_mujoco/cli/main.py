@@ -19,7 +19,7 @@ from importlib import import_module
 from typing import Any, NoReturn
 
 from ..course.formats import track_names
-from ..errors import FgMujocoError, accepted_names, nearest
+from ..errors import FgMujocoError, FinalWarning, accepted_names, nearest
 from ..racing.planner_sources import controller_names
 from ..racing.planner_texts import scheme_of
 from ..racing.replay import replay
@@ -89,19 +89,28 @@ def _ended_in_order(terminated: threading.Event) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
-    """Print each warning that is meant for users once, in one line on stderr."""
-    shown: set[str] = set()
+    """Print each warning that is meant for users once, in one line on stderr: a FinalWarning at the end."""
+    shown: dict[str, type[Warning]] = {}
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        if category is not UserWarning:
+        if category not in (UserWarning, FinalWarning):
             usual(message, category, *place, **more)
         elif str(message) not in shown:
-            shown.add(str(message))
-            print("fg-mujoco: warning:", *str(message).split(), file=sys.stderr)
+            shown[str(message)] = category
+            if category is UserWarning:
+                say(str(message))
+
+    def say(message: str) -> None:
+        print("fg-mujoco: warning:", *message.split(), file=sys.stderr)
 
     with warnings.catch_warnings():
         usual, warnings.showwarning = warnings.showwarning, show
-        yield
+        try:
+            yield
+        finally:
+            for message, category in shown.items():
+                if category is FinalWarning:
+                    say(message)
 
 
 class _Parser(argparse.ArgumentParser):

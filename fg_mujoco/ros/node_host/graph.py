@@ -67,6 +67,7 @@ class Subscription:
     node: str
     place: str  # where it was made: "(file, line n)"
     queue: deque[tuple[int, Any]] = field(default_factory=deque)
+    process: Process | None = field(default_factory=lambda: _running())
 
     def __post_init__(self) -> None:
         self.queue = deque(maxlen=max(1, self.depth))
@@ -82,6 +83,7 @@ class Publication:
     place: str
     count: int = 0  # of messages so far
     at: int = 0  # [ns] when the last one was published
+    process: Process | None = field(default_factory=lambda: _running())
 
     @property
     def commands(self) -> bool:
@@ -98,6 +100,12 @@ class Publication:
     def is_drive_param(self) -> bool:
         """Whether its messages are like `drive_param` of the F1/10 course, which users define: velocity and angle."""
         return {"velocity", "angle"} <= set(getattr(self.kind, "_makers", ()))
+
+
+def _running() -> Process | None:
+    """Return the thread of a node that runs and that this is; None: it is none."""
+    graph: Graph | None = getattr(THREAD, "graph", None)
+    return None if graph is None else graph.current
 
 
 class Process:
@@ -212,6 +220,7 @@ class Graph:
         self.journal: list[tuple[int, str, Any]] | None = None  # time, topic and message of all that nodes publish
         self.listener: Any = None  # what takes the values that nodes show by `fg_mujoco.show`; None: nobody looks
         self.provided: dict[str, str] = {}  # types of the topics that the host publishes on
+        self.spares: Callable[[Process, Exception], bool] = lambda *_: False  # whether a failed thread ends alone
         self.answers: dict[str, Callable[[Any], Any]] = {}  # services that the host answers, by name
         self.transforms: dict[str, tuple[str, Any]] = {}  # child frame -> parent frame, matrix (4, 4)
         self._read = 0  # [ns] last time that a node has read
@@ -259,7 +268,11 @@ class Graph:
                 return
             for process in due:
                 self.current = process
-                process.resume(self.wall_limit)
+                try:
+                    process.resume(self.wall_limit)
+                except Exception as error:
+                    if not self.spares(process, error):
+                        raise
                 self.current = None
         raise NodeError(f"node {due[0].name!r} lets no simulated time pass: it is always ready to do something more")
 
@@ -331,6 +344,11 @@ class Graph:
         kept = self.latched.get(subscription.topic)
         if latched and isinstance(kept, subscription.kind):
             self.queue(subscription, copy.deepcopy(kept))
+
+    def bury(self, process: Process) -> None:
+        """Leave out what a thread that has failed publishes and listens to."""
+        self.publications = [each for each in self.publications if each.process is not process]
+        self.subscriptions = [each for each in self.subscriptions if each.process is not process]
 
     def forget(self, subscription: Subscription) -> None:
         """Leave out one who listens no longer."""

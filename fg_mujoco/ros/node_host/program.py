@@ -18,6 +18,7 @@ import ast
 import importlib.util
 import re
 import shlex
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -114,16 +115,22 @@ def _is_launch_python(path: Path) -> bool:
 def _read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> Program:
     found = read_launch_python(path, given, said)
     nodes = []
-    for each in found.nodes:
+    for number, each in enumerate(found.nodes, start=1):
         parameters: dict[str, Any] = {}
         for file in each.parameter_files:
             parameters.update(read_parameters(file, each.name or each.path.stem, said))
-        nodes.append(
-            read_node_file(
-                each.path, "", said, name=each.name, parameters={**parameters, **each.parameters}, remap=each.remap,
-                arguments=each.arguments, entry=each.entry, namespace=each.namespace, takes_all=True,
-            )
-        )  # fmt: skip
+        try:
+            nodes.append(
+                read_node_file(
+                    each.path, "", said, name=each.name, parameters={**parameters, **each.parameters},
+                    remap=each.remap, arguments=each.arguments, entry=each.entry, namespace=each.namespace,
+                    takes_all=True,
+                )
+            )  # fmt: skip
+        except ControllerError as error:  # as in ROS the others drive on
+            if number == len(found.nodes) and not nodes:
+                raise
+            warnings.warn(f"{error}; the other nodes drive on", stacklevel=2)
     if len({node.flavour for node in nodes} - {0}) > 1:
         raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
     files = dict.fromkeys([*found.read, *(node.path.resolve() for node in nodes)])

@@ -24,7 +24,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...course.files import is_file
-from ...errors import ControllerError
+from ...errors import ControllerError, FinalWarning
 from ...intermediate_values import listener
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
 from ...racing.planner_sources import READ
@@ -34,7 +34,7 @@ from ...simulation.planner_failure import one_line
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
-from .graph import BEGIN, Graph, NodeError
+from .graph import BEGIN, Graph, NodeError, Process
 from .imports import Imports, NeedsRospy
 from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
 from .node_session import Session
@@ -82,6 +82,7 @@ class RosPlanner:
     _fresh: list[tuple[str, Any]]
     _ticked: bool
     _flavour: int
+    _failed: list[str]  # of nodes that the others drive on without
 
     def __init__(self, car: CarParameters, max_speed: float, settings: Mapping[str, Any] | None = None) -> None:
         self._car, self._max_speed, self._settings = car, max_speed, dict(settings or {})
@@ -167,6 +168,8 @@ class RosPlanner:
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
+        goes_on, self._failed = weakref.WeakMethod(self._goes_on_without), []
+        self._graph.spares = lambda process, error: goes_on()(process, error)  # type: ignore[misc]
         self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
             of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
@@ -203,6 +206,22 @@ class RosPlanner:
                 raise
             raise NodeError(f"{one_line(error)}{self._graph.place_of_error(error)}") from error
 
+    def _goes_on_without(self, process: Process, error: Exception) -> bool:
+        """Return whether the other nodes drive on without one that has failed, as in ROS; a warning says so.
+
+        They do where it does not start, and in the race where neither the command nor another node needs it.
+        """
+        graph, several = self._graph, self._graph.processes[: len(self._sessions)]
+        needed = self._ticked and any(
+            each.process is process and (each.commands or graph.listens(each.topic)) for each in graph.publications
+        )
+        if process not in several or all(each.done for each in several) or needed or not process.done:
+            return False
+        self._failed.append(f"node {process.name!r} has failed: {one_line(error)}{graph.place_of_error(error)}")
+        warnings.warn(f"{self._failed[-1]}; the other nodes drive on", stacklevel=2)
+        graph.bury(process)
+        return True
+
     def _check(self) -> None:
         """Refuse nodes that cannot drive, and parameters that none of them has."""
         known = set().union(*(session.asked for session in self._sessions))
@@ -225,7 +244,7 @@ class RosPlanner:
         topics = sorted({each.topic for each in self._graph.publications})
         return (
             f"{self._said()} publishes on no drive topic; accepted: AckermannDriveStamped on {DRIVE}; it publishes on "
-            f"{', '.join(topics) or 'none'}{self._line()}"
+            f"{', '.join(topics) or 'none'}{self._line()}{''.join(f'; {each}' for each in self._failed)}"
         )
 
     def _command(self, driven: float) -> DriveCommand:
@@ -246,6 +265,7 @@ class RosPlanner:
         waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
         if not drives:
             return self._no_drive() + waits
+        waits += "".join(f"; {each}" for each in self._failed)
         return (
             f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}{waits}"
         )
@@ -269,19 +289,20 @@ class RosPlanner:
                     warnings.warn(f"{said}{each.place}", stacklevel=2)
 
     def _warn_of_silence(self) -> None:
-        """Warn of topics that nodes listen to and nobody publishes on, or not in that type."""
+        """Warn, in one line, of topics that nodes listen to and nobody publishes on, or not in that type."""
         published = {each.topic for each in self._graph.publications}
+        found: dict[str, None] = {}
         for each in self._graph.subscriptions:
             if each.kind is Call or each.topic in published:
                 continue
             kind = self._sensing.kind_of(each.topic)
             if kind is None:
-                said = f"{each.topic} has no publisher here; node {each.node!r} listens"
+                found[f"{each.topic} has no publisher here; node {each.node!r} listens{each.place}"] = None
             elif each.kind is not message_class(kind, self._flavour):
                 said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
-            else:
-                continue
-            warnings.warn(f"{said}{each.place}", stacklevel=2)
+                found[f"{said}{each.place}"] = None
+        if found:
+            warnings.warn("; ".join(found), FinalWarning, stacklevel=2)
 
     def _said(self) -> str:
         return _said(self._graph, self._program) if hasattr(self, "_graph") else self._program.path.name
