@@ -619,12 +619,12 @@ def test_topics_that_nobody_publishes_on_are_told_in_one_line_below_the_results(
     node, tmp_path, capsys, without_pictures
 ):
     head = HEAD.replace('"/scan"', '"/my_scan"') + PUBLISHER
-    head += "".join(f"        self.create_subscription(LaserScan, '{each}', print, 1)\n" for each in ("/odom", "/none"))
-    source = node("self.drive(1)", head=head)
+    head += "".join(f"        self.create_subscription(Bool, '{each}', print, 1)\n" for each in ("/odom", "/none"))
+    source = node("self.drive(1)", head="from std_msgs.msg import Bool" + head)
     assert main(["race", "--controller", source, "--time-limit", "0.1", "--out", str(tmp_path / "run")]) == 1
     first, last = capsys.readouterr().err.splitlines()
     assert "/my_scan has no publisher here, and is taken for /scan" in first
-    assert re.search(r"/odom is nav_msgs.* here; .*line 15\); /none has no publisher here; node 'mine' listens", last)
+    assert re.search(r"/odom is nav_msgs.* here; .*line 14\); /none has no publisher here; node 'mine' listens", last)
 
 
 def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
