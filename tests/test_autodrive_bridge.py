@@ -274,8 +274,8 @@ def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(resets, races, 
 @pytest.mark.parametrize(
     "said",
     [
-        b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe", b"",
-        b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44",
+        b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe",
+        b"", b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44",
     ],
 )  # fmt: skip
 def test_a_handshake_that_is_none_is_refused_in_one_line(said, capsys):

@@ -86,7 +86,7 @@ def _foxglove(options: argparse.Namespace) -> int:
     require_foxglove()
     host, port = options.host or HOST, PORT if options.port is None else options.port
     session = LiveSession(setup_of(options))
-    with FoxgloveServer(session, host=host, port=port, step_on_drive=options.step_on_drive) as server:
+    with FoxgloveServer(session, host=host, port=port, step_on_drive=options.step_on_drive, log=_log) as server:
         try:
             print(f"{server.url}, in Foxglove: Open connection; Ctrl-C ends it", flush=True)
             server.run()
@@ -106,16 +106,17 @@ def _rosbridge(options: argparse.Namespace) -> int:
     if not hasattr(options, "controller") and getattr(options, "setup", None) is None:
         session.hold(STOP)
 
-    def log(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    with RosbridgeServer(session, host=host, port=port, step_on_drive=options.step_on_drive, log=log) as server:
+    with RosbridgeServer(session, host=host, port=port, step_on_drive=options.step_on_drive, log=_log) as server:
         try:
             print(f"{server.url}, for roslibpy and roslibjs; Ctrl-C ends it", flush=True)
             server.run()
         except KeyboardInterrupt:
             print(file=sys.stderr)
     return _DONE
+
+
+def _log(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
 
 
 def _autodrive(options: argparse.Namespace) -> int:

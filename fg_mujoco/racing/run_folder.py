@@ -5,7 +5,7 @@
     assert report.identical
 
     summary.json    the figures of the race, and the versions that made it
-    scene.xml       the MJCF text that the raced model was compiled from; plain MuJoCo loads it
+    scene.xml       the MJCF text that the raced model was compiled from; MuJoCo 3.16 and newer load it
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
     telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns

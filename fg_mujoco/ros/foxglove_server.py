@@ -25,11 +25,12 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import math
 import queue
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any
 
@@ -73,7 +74,12 @@ ACCEPTED = {"/drive": DRIVE, "/cmd_vel": TWIST, "/initialpose": POSE_WITH_COVARI
 
 SERVICES = ("/reset", "/pause")
 
-_SILENT = 100  # above all levels of Python's logging
+PROTOCOL = (
+    "the protocol foxglove.sdk.v1, which Foxglove since 2025 and Lichtblick newer than 1.21 speak, "
+    "and not the older foxglove.websocket.v1"
+)
+"""What clients must speak."""
+
 _SCENE, _CAR = "/scene", "/car"
 _DRIVERS = ("planner", "commands")
 _FRAME_OF_BODY = "body_{}"
@@ -90,6 +96,7 @@ class FoxgloveServer:
       port: to listen on; 0: any that is free.
       step_on_drive: a tick is driven for each command, in the order in which they come, and time stands still between
         them. At most 400 commands wait for their ticks. Further ones are dropped, and clients are told.
+      log: takes lines that say who was refused, at most one a second; None: nobody does.
 
     Attributes:
       session: the same.
@@ -102,7 +109,13 @@ class FoxgloveServer:
     """
 
     def __init__(
-        self, session: LiveSession, *, host: str = HOST, port: int = PORT, step_on_drive: bool = False
+        self,
+        session: LiveSession,
+        *,
+        host: str = HOST,
+        port: int = PORT,
+        step_on_drive: bool = False,
+        log: Callable[[str], None] | None = None,
     ) -> None:
         require_foxglove()
         if port:
@@ -113,7 +126,8 @@ class FoxgloveServer:
         self.session, self._step_on_drive = session, step_on_drive
         self._stop = threading.Event()
         self._waiting: queue.Queue[DriveCommand | None] = queue.Queue(_MOST_WAITING)  # None: nothing more comes
-        foxglove.set_log_level(_SILENT)  # of clients that leave
+        self._refusals = _Refusals(log or (lambda line: None))
+        self._refusals.listen()
         self._context = foxglove.Context()
         self._channels: dict[str, Any] = {}
         self._last: dict[str, tuple[bytes, int]] = {}  # of the latched topics
@@ -145,6 +159,7 @@ class FoxgloveServer:
         with contextlib.suppress(queue.Full):  # then nobody waits for a command
             self._waiting.put_nowait(None)
         self._server.stop()
+        self._refusals.close()
 
     def run(self) -> None:
         """Drive on in real time, or a tick for each command, until `close` or Ctrl-C."""
@@ -357,6 +372,35 @@ class FoxgloveServer:
                 made = Channel(topic, context=self._context)
             self._channels[topic] = made
         return self._channels[topic]
+
+
+class _Refusals(logging.Handler):
+    """Says whose handshake the library has refused, which its log alone knows; nothing else of that log is shown."""
+
+    def __init__(self, log: Callable[[str], None]) -> None:
+        super().__init__(logging.ERROR)
+        self._log, self._logged = log, -math.inf
+
+    def listen(self) -> None:
+        """Begin to listen to the library's log."""
+        import foxglove
+
+        logger = logging.getLogger("foxglove")
+        logger.propagate = False
+        logger.addHandler(self)
+        foxglove.set_log_level(logging.ERROR)
+
+    def close(self) -> None:
+        """Listen no more."""
+        logging.getLogger("foxglove").removeHandler(self)
+        super().close()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Take an entry of the log: "Dropping client ADDRESS: handshake failed"."""
+        said, now = record.getMessage(), time.monotonic()
+        if said.endswith("handshake failed") and now - self._logged >= 1.0:
+            self._logged = now
+            self._log(f"{said}; accepted: {PROTOCOL}")
 
 
 class _Listener:
