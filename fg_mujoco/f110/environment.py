@@ -40,7 +40,9 @@ class RaceEnvironment(Remade):
       sim: the Simulator.
       params, map_name, map_path, map_ext, num_agents, timestep, ego_idx, seed, integrator, model: as asked for.
       poses_x, poses_y, poses_theta: of the cars after the last step.
-      collisions, lap_times, lap_counts, near_starts: of the cars, (num_agents,).
+      collisions, lap_counts, near_starts: of the cars, (num_agents,).
+      lap_times: of the cars (num_agents,) [s]: since the start, until the second lap is driven; with an EnvConfig, of
+        the lap that was driven last, and 0 before.
       current_time: simulated since the reset [s].
       start_xs, start_ys, start_thetas, start_rot: where they started.
       render_obs: what is drawn.
@@ -50,6 +52,7 @@ class RaceEnvironment(Remade):
     renderer: Any = None
     current_obs: Any = None
     _warned = False
+    _times_each_lap = False
     _own_track: Track | None = None
     _scale: float = 1.0
 
@@ -181,7 +184,7 @@ class RaceEnvironment(Remade):
         observation = self.sim.step(action)
         self.current_time += self.timestep
         laps = self.driving.laps
-        self.lap_times = np.array([lap.time for lap in laps])
+        self.lap_times = np.array([lap.last if self._times_each_lap else lap.time for lap in laps])
         self.lap_counts = np.array([float(lap.completed) for lap in laps])
         observation["lap_times"], observation["lap_counts"] = self.lap_times, self.lap_counts
         self.render_obs = observation

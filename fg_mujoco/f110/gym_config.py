@@ -7,16 +7,19 @@ Written afresh from their interface.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from enum import Enum
 from typing import Any
 
-from ..errors import SettingsError
+from ..arguments import unknown_argument
+from ..errors import ArgumentError, SettingsError
+from ..messages import shown
 from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import DynamicModel, Integrator
+
+_MOUNT = (0.275, 0.0, 0.0)  # of the LiDAR [m, m, rad]
 
 
 class LongitudinalActionType(Enum):
@@ -111,15 +114,31 @@ FULLSCALE_VEHICLE_PARAMETERS = VehicleParameters(**FULL_SCALE)
 
 
 class Settings:
-    """Settings by name, each with a default; what is not known here is kept, and named where it is used."""
+    """Settings by name, each with a default.
+
+    Raises:
+      ArgumentError: a setting that is not here.
+      SettingsError: another value of a setting that can have its default only.
+    """
 
     defaults: Mapping[str, Any] = {}
+    fixed: Mapping[str, Any] = {}  # that would change what is driven or seen, and cannot be had
+    optional: Collection[str] = ()  # without a default
 
     def __init__(self, **named: Any) -> None:
-        vars(self).update(self.defaults)
-        for part, kind in self.parts().items():
+        parts, name = self.parts(), type(self).__name__
+        vars(self).update(self.defaults | self.fixed)
+        for part, kind in parts.items():
             setattr(self, part, kind())
-        vars(self).update(named)
+        for given, value in named.items():
+            setting = f"{given}_config" if f"{given}_config" in parts else given  # both are spelt in releases
+            if setting not in vars(self) and setting not in self.optional:
+                raise ArgumentError(unknown_argument(name, given, [*vars(self), *self.optional]))
+            if setting in self.fixed and value != self.fixed[setting]:
+                raise SettingsError(f"{name}.{given} is {shown(value)}; accepted: {self.fixed[setting]!r}")
+            if setting in parts and not isinstance(value, parts[setting]):
+                raise SettingsError(f"{name}.{given} is {shown(value)}; accepted: a {parts[setting].__name__}")
+            setattr(self, setting, value)
 
     @classmethod
     def parts(cls) -> dict[str, type[Settings]]:
@@ -129,12 +148,6 @@ class Settings:
     def with_updates(self, **changes: Any) -> Any:
         """Return it with some changes."""
         return type(self)(**(vars(self) | changes))
-
-    def unknown(self) -> list[str]:
-        """Return the names of what is not known here, with those of its parts."""
-        known = {*self.defaults, *self.parts()}
-        found = [name for name in vars(self) if name not in known]
-        return found + [name for part in vars(self).values() if isinstance(part, Settings) for name in part.unknown()]
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)
@@ -148,10 +161,9 @@ class Settings:
 class LiDARConfig(Settings):
     """The LiDAR of each car."""
 
-    defaults = {  # noqa: RUF012
-        "enabled": True, "num_beams": BEAMS, "field_of_view": FIELD_OF_VIEW, "range_min": 0.0, "range_max": 30.0,
-        "noise_std": 0.01, "base_link_to_lidar_tf": (0.275, 0.0, 0.0),
-    }  # fmt: skip
+    defaults = {"num_beams": BEAMS, "field_of_view": FIELD_OF_VIEW, "base_link_to_lidar_tf": _MOUNT}  # noqa: RUF012
+    fixed = {"enabled": True, "range_min": 0.0, "range_max": 30.0, "noise_std": 0.01}  # noqa: RUF012
+    optional = ("angle_min", "angle_max")
 
     @property
     def span(self) -> float:
@@ -166,9 +178,18 @@ class LiDARConfig(Settings):
         """Return one of a field of view [rad]."""
         return cls(field_of_view=fov, **named)
 
-    def unknown(self) -> list[str]:
-        """Return the names of what is not known here."""
-        return [name for name in super().unknown() if name not in ("angle_min", "angle_max")]
+    @property
+    def ahead(self) -> float | None:
+        """Of the rear axle [m]; None: where the vehicle has its LiDAR.
+
+        Raises:
+          SettingsError: one that is turned, or to a side.
+        """
+        x, *others = vars(self)["base_link_to_lidar_tf"]
+        if any(others):
+            accepted = "a distance ahead [m], 0.0, 0.0"
+            raise SettingsError(f"base_link_to_lidar_tf is {shown((x, *others))}; accepted: {accepted}")
+        return None if (x, *others) == _MOUNT else float(x)
 
 
 class ControlConfig(Settings):
@@ -177,6 +198,7 @@ class ControlConfig(Settings):
     defaults = {  # noqa: RUF012
         "longitudinal_mode": LongitudinalActionType.SPEED, "steering_mode": SteerActionType.STEERING_ANGLE,
     }  # fmt: skip
+    fixed = {"steer_delay_steps": 0}  # noqa: RUF012
 
 
 class SimulationConfig(Settings):
@@ -207,7 +229,10 @@ class RenderConfig(Settings):
 
 
 class OtherConfig(Settings):
-    """Settings of what is not here: rewards, ends, contacts, randomization; they are named in a warning."""
+    """Settings of what is not here: rewards, ends, contacts, randomization; an EnvConfig refuses them."""
+
+    def __init__(self, **named: Any) -> None:
+        vars(self).update(named)
 
 
 class EnvConfig(Settings):
@@ -231,8 +256,6 @@ class EnvConfig(Settings):
 def plain_config(config: Any) -> dict[str, Any]:
     """Return the settings of a `config`, a dictionary or an EnvConfig, by the names of v1.0.
 
-    What of an EnvConfig is not here is named in a warning.
-
     Raises:
       SettingsError: neither of them.
     """
@@ -245,15 +268,15 @@ def plain_config(config: Any) -> dict[str, Any]:
         return found
     if not isinstance(config, EnvConfig):
         raise SettingsError(f"config is {config!r}; accepted: a dictionary of settings, or an EnvConfig")
-    if unknown := config.unknown():
-        warnings.warn(f"config: not here: {', '.join(unknown)}; the other settings are", stacklevel=3)
     own: Any = config
     simulation, control, lidar = own.simulation_config, own.control_config, own.lidar_config
     return {
-        "seed": own.seed, "map": own.map_name, "scale": own.map_scale, "params": asdict(own.params),
+        "seed": own.seed, "map": own.map_name, "scale": own.map_scale,
+        "params": asdict(own.params) if is_dataclass(own.params) else own.params,
         "num_agents": own.num_agents, "ego_idx": own.ego_index, "timestep": simulation.timestep,
         "integrator": simulation.integrator, "model": simulation.dynamics_model, "max_laps": simulation.max_laps,
-        "control_input": [control.longitudinal_mode.value, control.steering_mode.value],
+        "control_input": [getattr(m, "value", m) for m in (control.longitudinal_mode, control.steering_mode)],
         "observation_config": {"type": own.observation_config.type, "features": own.observation_config.features},
         "reset_config": {"type": own.reset_config.strategy}, "num_beams": lidar.num_beams, "fov": lidar.span,
+        "lidar_dist": lidar.ahead,
     }  # fmt: skip

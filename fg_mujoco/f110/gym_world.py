@@ -249,6 +249,7 @@ class LapCount:
     Attributes:
       completed: laps.
       time: when the second was completed, and until then the present time [s].
+      last: how long the lap took that was completed last [s]; 0: none was.
       at_start: whether the car is near the line that it started from, on a course without a loop.
     """
 
@@ -257,6 +258,7 @@ class LapCount:
         self._place = float(track.project([[x, y]])[0][0])
         self._progress = self._greatest_progress = 0.0
         self.completed, self.time, self.at_start = 0, 0.0, True
+        self.last = self._completed_at = 0.0
         along = track.start_pose(self._place - (track.origin or 0.0))[2]
         self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
 
@@ -264,6 +266,12 @@ class LapCount:
         """Take where the car is at a time."""
         if self.completed < LAPS:
             self.time = time
+        before = self.completed
+        self._count(x, y)
+        if self.completed > before:
+            self.last, self._completed_at = time - self._completed_at, time
+
+    def _count(self, x: float, y: float) -> None:
         track = self._track
         if not track.closed:
             near = self._near(x, y)

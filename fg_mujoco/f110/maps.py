@@ -30,6 +30,7 @@ from ..course.obstacles import Prism
 from ..course.open_ground import OpenGround
 from ..course.polyline import enclosed_area
 from ..course.scene import BEHIND, BEYOND, Scene
+from ..course.track import Track
 from ..course.track_mesh import wall_footprints
 from ..errors import MissingExtraError, SettingsError, TrackError, nearest
 from ..messages import CarParameters
@@ -67,7 +68,7 @@ def find_map(
       TrackError: no such map, or one that cannot be read.
     """
     if is_map(name) and not name.endswith((".yaml", ".yml")):  # with settings in brackets
-        return load_track(name, car=car), None
+        return _larger(load_track(name, car=car), scale), None
     path = find_file(name, folder)
     walled = find_file(name.removesuffix(_BLANK), folder) if path is None and name.endswith(_BLANK) else None
     if walled is not None:
@@ -76,7 +77,7 @@ def find_map(
     if path is None:
         if extension is not None and _is_path(name):
             raise TrackError(f"{_with_yaml(name)}: no such file; accepted: a map_server .yaml")
-        return _course_of_name(name, folder, car), None
+        return _larger(_course_of_name(name, folder, car), scale), None
     image = path.with_suffix(extension if extension.startswith(".") else f".{extension}") if extension else None
     if image is not None and not is_file(image):
         image = None
@@ -148,6 +149,22 @@ def _image_beside(path: Path) -> Path | None:
         return None
     found = [path.with_suffix(suffix) for suffix in _IMAGES if is_file(path.with_suffix(suffix))]
     return found[0] if missing and found else None
+
+
+def _larger(course: Course, scale: float) -> Course:
+    """Return a course that is larger by a factor about the world's origin.
+
+    Raises:
+      SettingsError: a course that is no circuit.
+    """
+    if scale == 1.0:
+        return course
+    if type(course) is not Track or course.moving:
+        raise SettingsError(f"scale is {scale!r} of {course.name!r}; accepted: 1, or a circuit or the YAML of a map")
+    return Track(
+        name=course.name, centreline=scale * course.centreline, width_right=scale * course.width_right,
+        width_left=scale * course.width_left,
+    )  # fmt: skip
 
 
 def _scaled(path: Path, image: Path | None, scale: float, car: CarParameters) -> Course:

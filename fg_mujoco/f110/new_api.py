@@ -25,7 +25,7 @@ from ..racing.setup import Setup
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
 from .environment import RaceEnvironment, say_of_others, simulator_of
-from .gym_config import VehicleParameters, plain_config
+from .gym_config import EnvConfig, VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_stub import installed_base, spaces
@@ -127,6 +127,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         **settings: Any,
     ) -> None:
         given = deep_update(plain_config(config), settings)
+        self._times_each_lap = isinstance(config, EnvConfig)
         defaults = self.default_config()
         say_of_others(name for name in given if name not in defaults and name not in _NOT_HERE)
         self.config: dict[str, Any] = deep_update(defaults, given)
@@ -202,7 +203,7 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None, **_: Any
     ) -> tuple[Any, dict[str, Any]]:
-        """Place the cars, let them stand for one step, and return an observation and `checkpoint_done`.
+        """Place the cars, let them stand for one step, and return an observation and the info of `step`.
 
         Args:
           seed: of the places that are drawn.
@@ -228,15 +229,19 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
           action: of each car steering and speed, shape (num_agents, 2), as `control_input` says, held within limits.
 
         Returns:
-          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars have driven
-          two laps, whether it is truncated, which it never is, and `checkpoint_done`, whether each car has.
+          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with an
+          EnvConfig the ego, have driven `max_laps`, whether it is truncated, which it never is, and an info:
+          `checkpoint_done`, whether each car has, `lap_times`, `lap_counts` and `sim_time`.
 
         Raises:
           SettingsError: another shape, or a number that is not finite.
         """
         self._advance(self._commands(action))
         done, finished = self._check_done()
-        info = {"checkpoint_done": finished}
+        info = {
+            "checkpoint_done": finished, "lap_times": self.lap_times, "lap_counts": self.lap_counts,
+            "sim_time": self.current_time,
+        }  # fmt: skip
         return self.observation_type.observe(), self.timestep, done, False, info
 
     def render(self, mode: str | None = None) -> Any:
@@ -251,7 +256,8 @@ class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[mis
         most = self.config["max_laps"]
         _, finished = super()._check_done()
         finished = np.zeros_like(finished) if most is None else self.lap_counts >= number("max_laps", most)
-        return bool(self.collisions[self.ego_idx]) or bool(finished.all()), finished
+        over = finished[self.ego_idx] if self._times_each_lap else finished.all()
+        return bool(self.collisions[self.ego_idx]) or bool(over), finished
 
     def _take_actions(self) -> None:
         self.action_type = CarAction(self.config["control_input"], self.config["params"])
