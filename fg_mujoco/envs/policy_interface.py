@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import MessageError, SettingsError, accepted_names
-from ..lidar.beams import Beams
+from ..lidar.beams import MOST_BEAMS, Beams
 from ..messages import (
     ODOMETRY,
     CarParameters,
@@ -69,6 +69,9 @@ class LidarBeams:
     angle_max: float  # [rad]
     range_max: float  # [m]
 
+    def __post_init__(self) -> None:
+        require_whole("beams.count", self.count, 1, MOST_BEAMS)
+
     @cached_property
     def bearings(self) -> FloatArray:
         """Bearing of each beam from straight ahead (n,) [rad]."""
@@ -81,6 +84,9 @@ class SensorReadings:
 
     name: str
     values: int
+
+    def __post_init__(self) -> None:
+        require_whole("sensors.values", self.values, 1, MOST_BEAMS)
 
     def size(self, beams: int) -> int:
         """Return how many values a reading has."""

@@ -48,7 +48,7 @@ class SelfPlay:
     def __post_init__(self) -> None:
         require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", ("share",), SettingsError)
         require_whole("self_play.every", self.every, 1)
-        require_whole("self_play.kept", self.kept, 1)
+        require_whole("self_play.kept", self.kept, 1, 10_000)
         given: Any = self.planners
         names = (given,) if isinstance(given, str) else given
         if not isinstance(names, Sequence) or not names or not all(isinstance(name, str) for name in names):

@@ -12,7 +12,7 @@ from typing import Any
 from ..course.files import is_file
 from ..errors import SettingsError, accepted_names
 from ..messages import require, require_whole, shown
-from ..simulation.settings import known_settings
+from ..simulation.settings import as_part
 from .environment_settings import EnvironmentSettings
 from .self_play import USUAL_RACE, SelfPlay
 
@@ -37,6 +37,8 @@ USUAL_RESIDUAL: Mapping[str, Any] = {
 }  # fmt: skip
 """Further ones, where the policy corrects a planner."""
 
+_MOST_STEPS = 2**26  # that are kept at once: 2^26 numbers are half a gigabyte
+_MOST_WORLDS, _WIDEST = 2**16, 2**14
 _ACTIVATIONS = ("tanh", "relu", "elu", "silu")
 MAY_CHANGE = ("steps", "threads", "checkpoints")
 """Settings that may be others when training goes on."""
@@ -70,9 +72,9 @@ class PPO:
     def __post_init__(self) -> None:
         object.__setattr__(self, "net", tuple(self.net) if isinstance(self.net, (list, tuple)) else (self.net,))
         for name in ("n_steps", "minibatches", "n_epochs"):
-            require_whole(name, getattr(self, name), 1)
+            require_whole(name, getattr(self, name), 1, _MOST_STEPS)
         for width in self.net:
-            require_whole("net", width, 1)
+            require_whole("net", width, 1, _WIDEST)
         positive = ("learning_rate", "clip_range", "max_grad_norm", "target_kl")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
         require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", ("gamma", "gae_lambda"), SettingsError)
@@ -109,8 +111,9 @@ class Teacher:
     def __post_init__(self) -> None:
         if not isinstance(self.planner, str):
             raise SettingsError(f"planner is {shown(self.planner)}; accepted: the name or the path of a planner")
-        for name in ("steps", "lessons", "batch"):
-            require_whole(name, getattr(self, name), 1)
+        require_whole("steps", self.steps, 1)
+        for name in ("lessons", "batch"):
+            require_whole(name, getattr(self, name), 1, _MOST_STEPS)
         require_whole("critic_steps", self.critic_steps, 0)
         positive = ("policy_turn", "planner_turn", "passes", "learning_rate")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
@@ -139,18 +142,20 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         if not isinstance(self.environment, Mapping):
             raise SettingsError(f"environment is {shown(self.environment)}; accepted: settings by name")
-        if isinstance(self.self_play, Mapping):
-            object.__setattr__(self, "self_play", SelfPlay(**known_settings(self.self_play, SelfPlay, "self_play")))
-        if isinstance(self.teacher, Mapping):
-            object.__setattr__(self, "teacher", Teacher(**known_settings(self.teacher, Teacher, "teacher")))
+        for name, kind in (("self_play", SelfPlay), ("teacher", Teacher)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, as_part(getattr(self, name), kind, name))
+        object.__setattr__(self, "ppo", as_part(self.ppo, PPO, "ppo"))
         usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
         if self.environment.get("residual") is not None:
             usual |= USUAL_RESIDUAL
         object.__setattr__(self, "environment", usual | dict(self.environment))
-        if isinstance(self.ppo, Mapping):
-            object.__setattr__(self, "ppo", PPO(**known_settings(self.ppo, PPO, "ppo")))
-        for name in ("steps", "worlds", "threads", "checkpoints"):
-            require_whole(name, getattr(self, name), 1)
+        require_whole("steps", self.steps, 1)
+        for name in ("worlds", "threads", "checkpoints"):
+            require_whole(name, getattr(self, name), 1, _MOST_WORLDS)
+        if self.worlds * self.ppo.n_steps > _MOST_STEPS:
+            said = f"{self.worlds} worlds with n_steps {self.ppo.n_steps}"
+            raise SettingsError(f"{said}; accepted: {_MOST_STEPS} steps at most in an iteration")
         require_whole("seed", self.seed, 0)
         if self.start_from is not None:
             object.__setattr__(self, "start_from", str(self.start_from))

@@ -25,6 +25,8 @@ from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
 DEFAULT_LIDAR = "hokuyo_ust10lx.xml"
 """A file of models/: the LiDAR of a vehicle that names none."""
+MOST_BEAMS = 100_000
+"""Of a scan; the finest LiDARs that spin have some 30,000."""
 NO_RETURN_READINGS = ("inf", "range_max")
 
 _FILE = "file"  # the name of the text by which a model says which LiDAR it holds

@@ -98,7 +98,7 @@ def _read_training() -> TrainingSettings:
 
 
 def _drive(samples: Path) -> None:
-    rows = [f"{25 * i},{10000 + i},{i % 7},{0.01 * i},{0.05 * i:g},0,0,{','.join(['3'] * 3)}" for i in range(240)]
+    rows = [f"{25 * i},{10000 + i},{i % 7},{0.001 * i:g},{0.05 * i:g},0,0,{','.join(['3'] * 3)}" for i in range(240)]
     header = "t,erpm,gyro,steer,x,y,theta,beam_0_m,beam_500_m,beam_1000_m"
     (samples / "drive.csv").write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
 

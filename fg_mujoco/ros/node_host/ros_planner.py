@@ -26,6 +26,7 @@ import numpy as np
 from ...course.files import is_file
 from ...errors import ControllerError, FinalWarning
 from ...intermediate_values import listener
+from ...lidar.beams import MOST_BEAMS
 from ...messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
 from ...racing.planner_sources import READ
 from ...racing.planner_texts import PlannerScheme
@@ -50,7 +51,6 @@ from .transform_modules import transform_modules
 
 WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
-_MOST_BEAMS = 100_000
 _OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
@@ -153,8 +153,8 @@ class RosPlanner:
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
             raise ControllerError(f"host.wall_limit is {limit!r}; accepted: a positive number of seconds")
         beams = given.pop("host.beams", None)
-        if beams is not None and not (isinstance(beams, int) and 2 <= beams <= _MOST_BEAMS):
-            raise ControllerError(f"host.beams is {beams!r}; accepted: a whole number from 2 to {_MOST_BEAMS}")
+        if beams is not None and not (isinstance(beams, int) and 2 <= beams <= MOST_BEAMS):
+            raise ControllerError(f"host.beams is {beams!r}; accepted: a whole number from 2 to {MOST_BEAMS}")
         file = given.pop("host.params", None)
         arguments = read_arguments(given.pop("host.args", None), "host.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}

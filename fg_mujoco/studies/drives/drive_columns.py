@@ -34,9 +34,11 @@ from typing import Any
 from ...course.documents import read_toml, toml_text
 from ...display import brief
 from ...errors import SettingsError, accepted_names
-from ...messages import shown
+from ...messages import require, shown
 
 MEASURED = "measured"
+_LARGEST = 1e12  # scale or offset
+_FURTHEST = 10.0  # [m] of a pose's point from the rear axle
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -80,9 +82,9 @@ class Column:
             raise SettingsError(f"column is {shown(self.column)}; accepted: the name of a column")
         for name in ("scale", "offset", "delay"):
             value = getattr(self, name)
-            number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+            number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
             if not (number and (name != "scale" or value != 0.0)) and (name == "offset" or value != MEASURED):
-                accepted = "a number" if name == "offset" else f"a number or {MEASURED!r}"
+                accepted = f"a number of {_LARGEST:g} at most" + ("" if name == "offset" else f", or {MEASURED!r}")
                 raise SettingsError(f"{name} is {shown(value)}; accepted: {accepted}")
 
     @property
@@ -175,8 +177,7 @@ class DriveColumns:
             raise SettingsError(
                 f"steering_is is {shown(self.steering_is)}; {accepted_names(self.steering_is, ('command', 'angle'))}"
             )
-        if not isinstance(self.pose_ahead, (int, float)) or not math.isfinite(self.pose_ahead):
-            raise SettingsError(f"pose_ahead is {shown(self.pose_ahead)}; accepted: a number of metres")
+        require(self, lambda value: abs(value) <= _FURTHEST, f"{_FURTHEST:g} m at most", ("pose_ahead",), SettingsError)
         if self.speed_command is not None and self.acceleration_command is not None:
             raise SettingsError("speed_command and acceleration_command are given; accepted: what the car is sent")
         for group in _TOGETHER:
@@ -269,7 +270,7 @@ class DriveColumns:
 
 
 def _require_unit(name: str, quantity: str, unit: str) -> None:
-    if unit and unit not in UNITS[quantity]:
+    if not isinstance(unit, str) or (unit and unit not in UNITS[quantity]):
         raise SettingsError(f"{name}: unit is {shown(unit)}; {accepted_names(unit, UNITS[quantity])}")
 
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from ...course.documents import read_toml
 from ...errors import SettingsError, accepted_names
-from ...messages import CarParameters, shown
+from ...messages import CarParameters, require_whole, shown
 from ...racing.fault import BOTH
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
@@ -71,16 +71,23 @@ class ScenarioGroup:
             value = getattr(self, field.name)
             if not (field.name == "starts" and isinstance(value, int)):
                 object.__setattr__(self, field.name, tuple(as_axis(value)))
-        if isinstance(self.starts, bool) or (isinstance(self.starts, int) and self.starts < 1):
-            raise SettingsError(f"starts is {shown(self.starts)}; accepted: a whole number from 1, or a list of metres")
+        if isinstance(self.starts, int):
+            require_whole("starts", self.starts, 1, _MOST_SCENARIOS, why="or a list of metres")
+        for name in ("track", "lane"):
+            if not getattr(self, name):
+                raise SettingsError(f"{name} is empty; accepted: one or more names")
         for lane in self.lane:
-            if lane not in LANES:
+            if not isinstance(lane, str) or lane not in LANES:
                 raise SettingsError(f"lane {shown(lane)}; {accepted_names(lane, LANES)}")
         self._require("speed", lambda value: 0.0 < value <= 1.5, "numbers above 0 and at most 1.5")
         self._require("headway", lambda value: -100.0 <= value <= 100.0, "numbers from -100 to 100 [m]")
         self._require("offset", lambda value: -10.0 <= value <= 10.0, "numbers from -10 to 10 [m]")
+        starts: Any = range(self.starts) if isinstance(self.starts, int) else self.starts
         if not isinstance(self.starts, int):
             self._require("starts", lambda value: abs(value) <= 1e5, "a whole number from 1, or a list of metres")
+        count = math.prod(map(len, (self.track, starts, self.lane, self.speed, self.headway, self.offset)))
+        if count > _MOST_SCENARIOS:
+            raise SettingsError(f"starts and the other lists make {count}; accepted: {_MOST_SCENARIOS} at most")
 
     def _require(self, name: str, holds: Callable[[float], bool], accepted: str) -> None:
         values = getattr(self, name)
