@@ -286,6 +286,7 @@ def test_the_table_is_of_checks_for_one_planner_and_of_planners_for_several(here
         ("[[checks]]\ncheck = 'lap_time'\nmost_s = -1", "LapTime.most_s is -1; accepted: a number from 0"),
         ("[[checks]]\ncheck = 'lap_time'\nmost_s = true", "LapTime.most_s is True"),
         ("[[checks]]\ncheck = 'finishes'\npoints = 0", "checks[0]: points is 0; accepted: a positive number"),
+        (f"[[checks]]\ncheck = 'finishes'\npoints = {'9' * 400}", "accepted: whole numbers from -922"),
         ("passing = 2\n[[checks]]\ncheck = 'finishes'", "passing is 2; accepted: a positive number up to 1"),
         ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "checks has 'finishes' twice"),
         ("[[checks]]\ncheck = 'finishes'\ntrack = 'ovl'", "did you mean 'oval'?"),

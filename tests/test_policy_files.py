@@ -139,6 +139,8 @@ def changed(path, **changes):
     ("changes", "said"),
     [
         ({"interface__beams__count": 541}, "trained with 541 beams from -135.0 to 135.0 deg, the car's LiDAR has 1081"),
+        ({"interface__beams__count": 10**12}, "beams.count is 1000000000000; accepted: a whole number"),
+        ({"interface__sensors": [{"name": "pose", "values": 10**12}]}, "sensors.values is 1000000000000; accepted"),
         ({"interface__period": 0.05}, "trained with a scan every 0.05 s, the car's LiDAR has one every 0.025 s"),
         ({"interface__observation": "speed,yaw_rate,beams:20"}, "takes 56 numbers, its observation has 22: speed (1)"),
         ({"interface__observation": "speed,mu,beams:54", "inputs": ["mu", "speed", "scan"]}, "mu, which a car does"),
