@@ -33,7 +33,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.course.line_csv import require_closed
+from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 
@@ -224,7 +225,7 @@ class PurePursuit(Planner):
       map_line: the line through the course.
 
     Raises:
-      SettingsError: a line that cannot be read, with its file and row, or goes round against the course's direction;
+      SettingsError: a line that cannot be read, with its file and row, is open, or goes round the course's other way;
         and as Planner.
     """
 
@@ -253,19 +254,24 @@ class PurePursuit(Planner):
             speeds = np.full(len(points), math.inf)
         elif settings.line != "centreline":
             points, speeds = read_line(settings.line)
-            self._check_direction(points, map_line, settings.line)
+            if map_line.closed:
+                self._require_lap(points, map_line, settings.line)
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
         walled = map_line if settings.tracker == "mpc" and map_line.closed and map_line.walls else None
         table = _table(*shape, car, mu, max_speed, for_car(settings, car), walled)
         super().__init__(car, mu, max_speed, settings, latency=latency, period=period, line=table)
 
     @staticmethod
-    def _check_direction(points: FloatArray, map_line: MapLine, path: str) -> None:
-        """Raise SettingsError for a line that goes round a closed course against its direction."""
+    def _require_lap(points: FloatArray, map_line: MapLine, path: str) -> None:
+        """Raise SettingsError for a line that is not closed, or goes round a closed course against its direction."""
+        try:
+            require_closed(points)
+        except TrackError as error:
+            raise SettingsError(f"line {path}: {error}") from error
         way, course = (
             "counterclockwise" if is_counterclockwise(line) else "clockwise" for line in (points, map_line.points)
         )
-        if map_line.closed and way != course:
+        if way != course:
             raise SettingsError(
                 f"line {path} goes {way}, the course {course}; accepted: a line in the course's direction; a map or a "
                 f"CSV is turned round by --track 'FILE[direction={way}]'"

@@ -214,7 +214,7 @@ def test_the_settings_of_another_planner_and_beliefs_that_are_none_are_refused()
 
 
 def test_a_race_with_a_line_that_is_not_there_is_refused_in_one_line():
-    with pytest.raises(ControllerError, match=r"line nowhere\.csv: cannot be read") as refusal:
+    with pytest.raises(ControllerError, match=r"line nowhere\.csv: no such file") as refusal:
         fg.race("oval", "pure_pursuit", laps=1, planner_settings={"line": "nowhere.csv"})
     assert "\n" not in str(refusal.value)
 

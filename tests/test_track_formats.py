@@ -112,8 +112,77 @@ def test_a_file_without_widths_is_a_track_of_the_width_that_is_given(tmp_path, t
     np.testing.assert_array_equal(track.centreline, np.array(ROWS)[:, :2])
     np.testing.assert_array_equal(track.width_right, 0.75)
     np.testing.assert_array_equal(track.width_left, 0.75)
-    with pytest.raises(TrackError, match=r"has no widths; accepted: line\.csv\[width=W\]"):
+    with pytest.raises(TrackError, match=r"has no widths, but columns .*; accepted: line\.csv\[width=W\]"):
         load_track(path)
+
+
+def named(header, **columns):
+    """A file with these columns, x and y of ROWS unless they are given, and `right` and `left` of 1.0 and 1.2 m."""
+    x, y, right, left = zip(*ROWS, strict=True)
+    known = {"x": x, "y": y, "right": right, "left": left, "zero": [0.0] * len(x), **columns}
+    names = [cell.partition("=") for cell in header.split(",")]
+    rows = zip(*(known[which or name] for name, _, which in names), strict=True)
+    return ",".join(name for name, _, _ in names) + "\n" + text_of(rows, ",")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        named("x_m=x,y_m=y,w_tr_left_m=left,w_tr_right_m=right"),
+        "# " + named("x_m=x,y_m=y,w_tr_left_m=left,w_tr_right_m=right"),
+        "# made by: somebody, somewhere, in, winter\n# columns: " + named("left,right,y,x"),
+        named("w_left=left,w_right=right,Y [m]=y,X [m]=x"),
+        named("id=zero,s_m=zero,center_x_m=x,center_y_m=y,wLeft=left,wRight=right,left_boundary_x_m=zero"),
+        named("s_m=zero,x_m=x,y_m=y,psi_rad=zero,kappa_radpm=zero,vx_mps=zero,ax_mps2=zero,d_right=right,d_left=left"),
+        named("x_ref_m=x,y_ref_m=y,width_right_m=right,width_left_m=left,x_normvec_m=zero,y_normvec_m=zero"),
+        named('=zero,"x_m"=x,"y_m"=y,"width_left"=left,"width_right"=right'),
+        named("x_m=x,y_m=y,w_left_cm=cm,w_right_mm=mm", cm=[120.0] * len(ROWS), mm=[1000.0] * len(ROWS)),
+        ("# Gr\xf6\xdfe\n" + text_of(ROWS)).encode("latin-1"),
+    ],
+)
+def test_a_header_that_names_its_columns_is_obeyed(read, text):
+    track = read(text)
+    np.testing.assert_array_equal(track.centreline, np.array(ROWS)[:, :2])
+    np.testing.assert_allclose(track.width_right, 1.0)
+    np.testing.assert_allclose(track.width_left, 1.2)
+
+
+def test_one_width_that_is_named_is_that_from_wall_to_wall(read):
+    track = read(named("x,y,track_width=left"))
+    np.testing.assert_array_equal((track.width_right, track.width_left), 0.6)
+
+
+ANGLE = [2.0 * math.pi * k / len(ROWS) for k in range(len(ROWS))]
+YAW = [math.atan2(11.0 * math.cos(a), -20.0 * math.sin(a)) % (2.0 * math.pi) + 0.01 for a in ANGLE]
+QUATERNION = [
+    (x, y, 0.0, 0.0, 0.0, math.sin(0.5 * a), math.cos(0.5 * a)) for (x, y, _, _), a in zip(ROWS, YAW, strict=True)
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (named("x,y,yaw,v=right", yaw=YAW), "has no widths, but columns x, y, yaw, v; accepted"),
+        (text_of([(x, y, yaw, 2.5) for (x, y, _, _), yaw in zip(ROWS, YAW, strict=True)]), "one is the heading of the"),
+        (text_of([(x, y, 2.5, math.degrees(yaw)) for (x, y, _, _), yaw in zip(ROWS, YAW, strict=True)]), "the heading"),
+        (named("x,y,z=zero,qx=zero,qy=zero,qz=zero,qw=right"), "has no widths, but columns x, y, z, qx"),
+        (text_of(QUATERNION), "the first is no distance along the line; accepted: s_m, x_m"),
+        (named("x,y,w_left=left"), "line 1 names one side's width only, w_left"),
+        (named("lon=x,lat=y,right,left"), "line 1 names no x and y, in lon, lat, right, left; accepted"),
+        ("# " + named("lon=x,lat=y,right,left"), "line 1 names no x and y, in lon, lat"),
+        (named("x_px=x,y_px=y,right,left"), "names no x and y, in x_px"),
+        (named("x_m=x,y_m=y,x_ref_m=x,y_ref_m=y,right,left"), "names several lines, x_m, x_ref_m"),
+        (named("x,y,x,y"), "names several lines, x, x"),
+        ("x,y\n" + text_of(ROWS, ","), "line 2 has 4 columns; accepted: 2, x, y"),
+        (text_of(ROWS[:400]), "the line ends 17.55 m from its first point, in steps of 0.25 m at most"),
+        (text_of([(100.0 * x, 100.0 * y, 110.0, 110.0) for x, y, _, _ in ROWS]), "9945 m long and 220 m wide: centim"),
+        (text_of([(1e3 * x, 1e3 * y, 1100.0, 900.0) for x, y, _, _ in ROWS]), "2000 m wide: millimetres"),
+    ],
+)  # fmt: skip
+def test_columns_that_are_no_course_are_refused_by_what_they_are(read, text, message):
+    with pytest.raises(TrackError, match=message) as refusal:
+        read(text)
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
@@ -208,7 +277,7 @@ GOOD = text_of(ROWS[:20])
         (HEADER + "\n" + GOOD + "1.0, 2.0, 1.0\n", "line 23 has 3 columns; accepted: 4, x_m, y_m"),
         (GOOD + "1.0, 2.0, 1.0, 1.0, 5.0\n", "line 21 has 5 columns"),
         ("1, 2, 3, 4, 5\n", "line 1 has 5 columns; accepted: 4, x_m, .*; or, without widths, 2 or 3 or 7"),
-        (GOOD + "1.0, 2.0, 0.0, 1.0\n", "line 21: w_tr_right_m is 0.0; accepted: a width above 0 m"),
+        (GOOD + "1.0, 2.0, 0.0, 1.0\n", "line 21: w_tr_right_m is 0.0; accepted: a number above 0"),
         (GOOD + "1.0, 2.0, 1.0, -1.0\n", "line 21: w_tr_left_m is -1.0"),
         (b"\x89PNG\r\n\x1a\n\x00\xff\xfe", "is not a text file"),
         (text_of([(x, x * y / 20.0, 1.0, 1.0) for x, y, _, _ in ROWS]), "crosses itself near"),

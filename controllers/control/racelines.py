@@ -3,10 +3,7 @@
     points, speeds = read_line("Monza_raceline.csv")
     table = line_table(points, speeds, closed=True, limiter=FrictionLimiter(car, mu), max_speed=8.0, **shares)
 
-Two formats of the community are read, which differ in their columns; lines starting with `#` are comments:
-
-x_m, y_m, w_tr_right_m, w_tr_left_m                             a centreline; the widths are not used
-s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2            a raceline of TUM's optimiser, of which x, y and vx are
+Lines are read as centrelines of courses are, by the names of their columns (fg_mujoco.course.line_csv).
 """
 
 from __future__ import annotations
@@ -16,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.course.line_csv import read_line_csv
+from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
@@ -33,58 +31,31 @@ ROOM = 1.0
 """[m] Greatest room to either side, and all that is known where there are no walls."""
 
 _REPEATED = 1e-3  # [m] points nearer than this are one
-_FURTHEST = 1e6  # [m], as of tracks; of a speed and a curvature, too
+_FURTHEST = 1e6  # [m], as of tracks
 _LONGEST = 30_000.0  # [m], as of tracks
-_FORMATS = "x_m, y_m, w_tr_right_m, w_tr_left_m or s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2"
 
 
 def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
     """Return the points (n, 2) [m] of a CSV file and the speeds there (n,) [m/s], inf where it has none.
 
     Raises:
-      SettingsError: with the file, and the line where there is one: a file that cannot be read, a row of another
-        format, a cell that is no number or too large a one, a speed that is not positive, no two points, or a line that
-        is too long.
+      SettingsError: with the file, and the line where there is one: what `read_line_csv` refuses, a speed that is not
+        positive, no two points, or a line that is too long or too far away.
     """
     try:
-        if (file := Path(path)).exists() and not (file.is_file() or file.is_dir()):
-            raise OSError(0, "is a FIFO or a device, not a regular file")
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
-        raise SettingsError(f"line {path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        content = line.strip()
-        if content and not content.startswith("#"):
-            rows.append(_row(content, f"line {path}, row {number}"))
-            if len(rows[-1]) != len(rows[0]):
-                raise SettingsError(f"line {path}, row {number}: {len(rows[-1])} columns; accepted: {len(rows[0])}")
-    if len(rows) < 2:
-        raise SettingsError(f"line {path}: {len(rows)} points; accepted: at least 2 rows of {_FORMATS}")
-    table = np.array(rows)
-    points, speeds = table[:, :2], np.full(len(table), math.inf)
-    if table.shape[1] == 7:
-        points, speeds = table[:, 1:3], table[:, 5]
+        file = read_line_csv(path, ("speed",))
+    except TrackError as error:
+        raise SettingsError(f"line {error}") from error
+    points, speeds = file.points, np.full(len(file.points), math.inf) if file.values is None else file.values[0]
+    if len(points) < 2:
+        raise SettingsError(f"line {path}: {len(points)} points; accepted: at least 2")
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())
-    if length > _LONGEST:
-        raise SettingsError(f"line {path}: is {length:.0f} m long; accepted: {_LONGEST:.0f} m at most")
+    if length > _LONGEST or np.abs(points).max() > _FURTHEST:
+        raise SettingsError(
+            f"line {path}: is {length:.0f} m long and up to {np.abs(points).max():.0f} m from the origin; accepted: "
+            f"{_LONGEST:.0f} m and {_FURTHEST:.0e} m at most"
+        )
     return points, speeds
-
-
-def _row(content: str, where: str) -> list[float]:
-    """Return the numbers of a row of either format."""
-    cells = content.replace(";", ",").split(",")
-    if len(cells) not in (4, 7):
-        raise SettingsError(f"{where}: {len(cells)} columns; accepted: {_FORMATS}")
-    try:
-        values = [float(cell) for cell in cells]
-    except ValueError:
-        values = [math.nan]
-    if not all(abs(value) <= _FURTHEST for value in values):
-        raise SettingsError(f"{where}: {content[:60]!r}; accepted: numbers within {_FURTHEST:.0e}, {_FORMATS}")
-    if len(values) == 7 and values[5] <= 0.0:
-        raise SettingsError(f"{where}: a speed of {values[5]} m/s; accepted: a positive number")
-    return values
 
 
 def is_counterclockwise(points: FloatArray) -> bool:

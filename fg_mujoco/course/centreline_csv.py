@@ -4,16 +4,9 @@
     track = read_centreline("aut_raceline.csv", width=2.0)        # or load_track("aut_raceline.csv[width=2]")
     track = read_centreline("aut.csv", direction="clockwise")
 
-The format is the community's: one point a line, `x_m, y_m, w_tr_right_m, w_tr_left_m`, closed without repeating the
-first point. Files without widths are recognised by their number of columns, and need a width:
-
-    x_m, y_m                                                 a line
-    x_m, y_m, vx_mps                                         a line with speeds
-    s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2     a raceline of TUM's optimiser
-
-The speeds are not used. The reader also takes files without the header, files separated by semicolons or spaces, and
-files that repeat the first point at the end. Lines starting with `#` are comments. A point that repeats the one before
-is dropped.
+The columns are `x_m, y_m, w_tr_right_m, w_tr_left_m`, or what a header names (line_csv). A file without widths needs a
+width. Speeds are not used. The line is closed: it ends about where it begins, and may repeat its first point at the
+end. A point that repeats the one before is dropped.
 
 A line whose steps are all at most `DENSE` is kept as it is, square corners included. A sparser line is resampled every
 `SPACING` on the periodic cubic spline through its points, so that its walls are smooth. Its widths are interpolated
@@ -32,23 +25,21 @@ import numpy as np
 
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
-from .files import read_text
+from .line_csv import COLUMNS, read_line_csv, require_closed
 from .polyline import enclosed_area, spline, step_lengths
-from .track import MIN_POINTS, MOST_POINTS, Track, check_size
+from .track import MIN_POINTS, Track, check_size
 from .writing import write_file
 
-COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to
 
 Direction = Literal["clockwise", "counterclockwise"]
 DIRECTIONS: tuple[Direction, ...] = ("clockwise", "counterclockwise")
 
-_WITHOUT_WIDTHS = {
-    2: COLUMNS[:2],
-    3: (*COLUMNS[:2], "vx_mps"),
-    7: ("s_m", *COLUMNS[:2], "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2"),
-}
+WIDEST_ROAD = 30.0
+"""[m] No road is wider, of those that are driven from wall to wall."""
+
+_MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of course in millimetres
 _SPECIFICATION = re.compile(r"(?P<path>.*\.csv)(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _REPEATED = 1e-3  # [m] points nearer than this are one
 
@@ -92,7 +83,7 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
         is given twice, an unknown direction, or what `Track` refuses.
     """
     path = Path(path)
-    line, widths = _read(path)
+    line, widths, columns = _read(path)
     if width is not None:
         if widths is not None:
             raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
@@ -100,7 +91,9 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
             raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
         widths = np.full((2, len(line)), 0.5 * width)
     if widths is None:
-        raise TrackError(f"{path}: has no widths; accepted: {path.name}[width=W], the width of the track in metres")
+        raise TrackError(
+            f"{path}: has no widths, but {columns}; accepted: {path.name}[width=W], the width of the track in metres"
+        )
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
     right, left = widths
@@ -174,77 +167,36 @@ def read_settings(name: str, text: str, known: Mapping[str, tuple[str, Callable[
     return settings
 
 
-def _read(path: Path) -> tuple[FloatArray, FloatArray | None]:
-    """Return the line (n, 2) and the widths to the right and to the left, (2, n) [m], None where the file has none."""
-    rows = _parse(path, _read_text(path))
-    columns = rows.shape[1]
-    if columns == 7:
-        rows = rows[:, 1:3]
-    rows = rows[step_lengths(rows[:, :2]) > _REPEATED]  # the last of those that repeat each other stays
-    if len(rows) < MIN_POINTS:
-        raise TrackError(f"{path}: {len(rows)} points; accepted: at least {MIN_POINTS} different ones in a closed loop")
-    line, widths = rows[:, :2], rows[:, 2:].T if columns == len(COLUMNS) else np.empty((0, len(rows)))
+def _read(path: Path) -> tuple[FloatArray, FloatArray | None, str]:
+    """Return the line (n, 2), the widths to the right and left (2, n) [m], None without, and the columns in words."""
+    file = read_line_csv(path, ("right", "left"))
+    line, widths = file.points, np.empty((0, len(file.points))) if file.values is None else file.values
+    kept = step_lengths(line) > _REPEATED  # the last of those that repeat each other stays
+    if np.count_nonzero(kept) < MIN_POINTS:
+        raise TrackError(
+            f"{path}: {np.count_nonzero(kept)} points; accepted: at least {MIN_POINTS} different ones in a closed loop"
+        )
     try:
+        require_closed(line)
+        line, widths = line[kept], widths[:, kept]
+        _require_metres(line, widths)
         check_size(line)  # before it is resampled
     except TrackError as error:
         raise TrackError(f"{path}: {error}") from error
     if step_lengths(line).max() > DENSE:
         line, *resampled = spline(line, SPACING, *widths)
         widths = np.array(resampled)
-    return line, widths if len(widths) else None
+    return line, widths if len(widths) else None, file.columns
 
 
-def _read_text(path: Path) -> str:
-    try:
-        return read_text(path)
-    except FileNotFoundError:
-        raise TrackError(f"{path}: no such file; accepted: a centreline .csv of {', '.join(COLUMNS)}") from None
-    except IsADirectoryError:
-        raise TrackError(f"{path}: is a folder; accepted: a centreline .csv of {', '.join(COLUMNS)}") from None
-    except UnicodeDecodeError:
-        raise TrackError(f"{path}: is not a text file; accepted: a centreline .csv of {', '.join(COLUMNS)}") from None
-    except OSError as error:
+def _require_metres(line: FloatArray, widths: FloatArray) -> None:
+    """Raise TrackError where a course is wider than any, most likely in another unit. The walls would take minutes."""
+    width = float(np.median(widths.sum(axis=0))) if len(widths) else 0.0
+    if width > WIDEST_ROAD:
+        unit, name = (0.001, "millimetres") if width > _MILLIMETRES else (0.01, "centimetres")
+        length = float(step_lengths(line).sum())
         raise TrackError(
-            f"{path}: cannot be read: {error.strerror or error}; accepted: a centreline .csv of {', '.join(COLUMNS)}"
-        ) from error
-
-
-def _parse(path: Path, text: str) -> FloatArray:
-    """Read the numbers of all lines. Shape (n, 2, 3, 4 or 7)."""
-    rows: list[list[float]] = []
-    columns: tuple[str, ...] = COLUMNS
-    seen_any = False
-    for number, line in enumerate(text.splitlines(), start=1):
-        content = line.strip()
-        if not content or content.startswith("#"):
-            continue
-        separator = next((mark for mark in (";", ",") if mark in content), None)
-        cells = [cell.strip() for cell in content.split(separator)]
-        first, seen_any = not seen_any, True
-        if first and not any(_is_number(cell) for cell in cells):
-            continue  # column names without a `#`
-        if not rows:
-            columns = _WITHOUT_WIDTHS.get(len(cells), COLUMNS)
-        if len(cells) != len(columns):
-            accepted = f"{len(columns)}, {', '.join(columns)}"
-            others = f"; or, without widths, {' or '.join(map(str, _WITHOUT_WIDTHS))}" if not rows else ""
-            raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}{others}")
-        for cell, column in zip(cells, columns, strict=True):
-            if not _is_number(cell) or not np.isfinite(float(cell)):
-                raise TrackError(f"{path}: line {number}: {column} is {cell!r}; accepted: a finite number")
-            if column.startswith("w_") and float(cell) <= 0.0:
-                raise TrackError(f"{path}: line {number}: {column} is {cell}; accepted: a width above 0 m")
-        rows.append([float(cell) for cell in cells])
-        if len(rows) > MOST_POINTS:
-            raise TrackError(f"{path}: line {number}: more than {MOST_POINTS} points; accepted: {MOST_POINTS} at most")
-    if not seen_any:
-        raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
-    return np.array(rows).reshape(-1, len(columns))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+            f"the course is {length:.0f} m long and {width:.0f} m wide: {name}? Then it is {unit * length:.1f} m long "
+            f"and {unit * width:.2f} m wide; accepted: metres, {WIDEST_ROAD:.0f} m wide at most, or a header with the "
+            "unit, as x_cm, y_cm, w_tr_right_cm, w_tr_left_cm"
+        )

@@ -22,6 +22,7 @@ from ..errors import SettingsError, TrackError
 from ..kernels import kernel
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import default_time_limit
+from .line_csv import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
 from .plan import course_html
@@ -37,7 +38,6 @@ HEADING = 0.2  # [rad] greatest, of a random start, from that of the centreline
 _TRIES = 1000  # random starts that are drawn before there is said to be none
 
 MIN_POINTS = 4  # three make a triangle, which tells nothing of a circuit
-MOST_POINTS = 200_000  # work on a line grows with its points
 LONGEST = 30e3  # [m] of a line: the longest circuits there are, at their full size
 MOST_OF_A_SQUARE = 20.0  # [m] of a line in a square metre: neighbouring lanes have 2 or 3
 FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
