@@ -9,7 +9,7 @@ from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write
 from fg_mujoco.cli.main import main
 from fg_mujoco.mapping.recorded_map import make_map
 from fg_mujoco.ros.autodrive.topics import STEERING, THROTTLE
-from fg_mujoco.ros.bag_drive import read_drive
+from fg_mujoco.ros.bag_drive import read_drives
 from fg_mujoco.ros.bag_messages import DRIVE, JOINTS, ODOMETRY
 from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_recording import Recording
@@ -66,7 +66,7 @@ def entries(car, count=60, still=0):
 @pytest.mark.slow
 @pytest.mark.parametrize("car", ["f1tenth_1", "f1tenth_2", "roboracer_1", "our_car"])
 def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(tmp_path, car):
-    drive = read_drive(write_bag(tmp_path / "bag", entries(car, 120)))
+    (drive,) = read_drives(write_bag(tmp_path / "bag", entries(car, 120)))
     assert drive.commanded
     assert drive.steering.values[:, 0] == pytest.approx((0.2 + 0.001 * np.arange(120)) * STEERING, rel=1e-6)
     assert drive.speed.values[5:, 0] == pytest.approx(1.01 * SPEED, rel=1e-6)  # the mean of both encoders

@@ -390,9 +390,9 @@ def entries_of(drive, *, kinds=("drive", "imu", "odom")):
 
 
 def test_a_bag_has_the_channels_that_were_recorded(bag, short_drive):
-    from fg_mujoco.ros.bag_drive import read_drive
+    from fg_mujoco.ros.bag_drive import read_drives
 
-    drive = read_drive(bag, vehicle="nuc2")
+    (drive,) = read_drives(bag, vehicle="nuc2")
     assert drive.vehicle == "nuc2"
     assert drive.commanded
     for name in ("steering", "speed", "yaw_rate", "acceleration", "pose"):

@@ -7,6 +7,7 @@ import contextlib
 import sys
 import warnings
 from collections.abc import Iterator
+from os.path import abspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,7 @@ def _export(options: argparse.Namespace) -> int:
 
     if options.format not in FORMATS:
         raise SettingsError(f"format is {options.format!r}; {accepted_names(options.format, FORMATS)}")
-    path = options.out or Path(f"{Path(options.folder).resolve().name}.mcap")
+    path = options.out or Path(f"{Path(abspath(options.folder)).name}.mcap")
     if path.suffix.lower() != ".mcap":
         raise SettingsError(f"{path}: is no name for a bag; accepted: one that ends in .mcap")
     require_new(path, force=options.force)
@@ -204,7 +205,7 @@ def _replay_scans(options: argparse.Namespace) -> int:
     from_csv = _is_csv(options)
     if not from_csv:
         require_ros_extra()
-    out = options.out or Path(f"{Path(options.bag).resolve().stem}_commands.csv")
+    out = options.out or Path(f"{Path(abspath(options.bag)).stem}_commands.csv")
     check_commands_file(out)
     require_new(out, force=options.force)
     setup = setup_of(options)

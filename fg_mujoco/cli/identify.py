@@ -72,6 +72,8 @@ def _identify(options: argparse.Namespace) -> int:
     tires, report = options.out, options.report
     if folder is not None:
         name = folder.absolute().name
+        if name.encode(errors="replace").decode() != name:
+            raise SettingsError(f"out is {str(folder)!r}; accepted: a name in UTF-8, which the files get")
         tires, report = folder / f"{name}_tires.toml", report or folder / f"{name}.html"
         require_new(folder / f"{name}.xml", force=options.force)
     check_tire_file(tires, force=options.force)

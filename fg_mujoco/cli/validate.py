@@ -77,8 +77,8 @@ def _validate(options: argparse.Namespace) -> int:
         else:
             first = validate(options.drives, tires=setup.tires, **given)
             text, rows = str(first), first.rows
-    for drive in first.drives:
-        print(f"{drive.name}: {drive.checks}")
+    for name, checks in {drive.part_of or drive.name: drive.checks for drive in first.drives}.items():
+        print(f"{name}: {checks}")
     print(f"\n{text}")
     if options.csv is not None:
         with writing(options.csv):

@@ -42,10 +42,10 @@ def validate_beams(options: argparse.Namespace) -> str:
         require_new(options.effects, force=options.force)
     walls = MapWalls.of(options.map)
     with shown_as(str, "reading drives") as watch:
-        recorded = []
+        recorded: list[RecordedBeams] = []
         for number, source in enumerate(options.drives, start=1):
             watch(f"reading {number} of {len(options.drives)} drives")
-            recorded.append(RecordedBeams.of(read_drive(source, columns=options.columns)))
+            recorded += map(RecordedBeams.of, read_drive(source, columns=options.columns).parts())
         found = compare_beams(recorded, walls, map_name=options.map.stem, watch=watch)
     text = comparison_text(found)
     if options.effects is not None:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..course.files import file_sha256
-from ..errors import BagError
+from ..errors import BagError, SettingsError
 from ..messages import CarParameters
 from ..studies.drives.channels import Channel
 from ..studies.drives.drive_checks import check_drive
@@ -100,18 +100,18 @@ def identify(
     topics = {
         "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
     }  # fmt: skip
-    drives = []
+    drives: tuple[list[Drive], list[Drive]] = ([], [])
     for count, source in enumerate((*sources, *hold_out), start=1):
         if watch is not None:
             watch(f"reading drive {count}/{len(sources) + len(hold_out)}")
-        drives.append(read_drive(source, vehicle=vehicle, columns=columns, **topics))
+        drives[count > len(sources)].extend(read_drives(source, vehicle=vehicle, columns=columns, **topics))
     return identify_drives(
-        drives[: len(sources)], hold_out=drives[len(sources) :], linear=linear, front_drive=front_drive,
-        single_track=single_track, budget=budget, watch=watch,
+        drives[0], hold_out=drives[1], linear=linear, front_drive=front_drive, single_track=single_track,
+        budget=budget, watch=watch,
     )  # fmt: skip
 
 
-def read_drive(
+def read_drives(
     source: str | Path,
     *,
     vehicle: str | Path | Vehicle | None = None,
@@ -120,8 +120,8 @@ def read_drive(
     drive_topic: str | None = None,
     imu_topic: str | None = None,
     odometry_topic: str | None = None,
-) -> Drive:
-    """Return the drive of a run folder, a CSV file or a bag; arguments and errors as in `identify`."""
+) -> list[Drive]:
+    """Return the parts of the drive of a run folder, a CSV file or a bag; arguments and errors as in `identify`."""
     path = Path(source)
     topics = {
         "pose_topic": pose_topic, "drive_topic": drive_topic, "imu_topic": imu_topic, "odometry_topic": odometry_topic
@@ -129,9 +129,17 @@ def read_drive(
     assumed = Vehicle.load(vehicle or DEFAULT_VEHICLE)
     if kind_of(path) == "run":
         refuse_for_kind(path, "run", columns, topics)
-        return Drive.of_run(read_measured_run(path), None if vehicle is None else assumed.parameters)
-    recorded = recorded_drive(path, columns=columns, vehicle=assumed, **topics)
-    return Drive.of_recorded(recorded, assumed.parameters, assumed.name)
+        return [Drive.of_run(read_measured_run(path), None if vehicle is None else assumed.parameters)]
+    parts = recorded_drive(path, columns=columns, vehicle=assumed, **topics).parts()
+    found, refused = [], []
+    for part in parts:
+        try:
+            found.append(Drive.of_recorded(part, assumed.parameters, assumed.name))
+        except SettingsError as error:  # the car stands in it
+            refused.append(error)
+    if not found:
+        raise refused[0]
+    return found
 
 
 def read_bag_drive(

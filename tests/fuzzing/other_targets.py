@@ -255,6 +255,40 @@ def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
     return _read_bag("bag", rng)
 
 
+# -- drives
+
+
+def _drives(samples: Path) -> None:
+    time = np.arange(0.0, 7.0, 0.02)
+    speed, steering = 2.5 + np.sin(time), 0.3 * np.sin(2.0 * time)
+    yaw_rate = speed * np.tan(steering) / 0.33
+    yaw = np.cumsum(yaw_rate) * 0.02
+    places = [np.cumsum(speed * turn) * 0.02 for turn in (np.cos(yaw), np.sin(yaw))]
+    columns = {"t": time, "v": speed, "r": yaw_rate, "d": steering, "x": places[0], "y": places[1], "yaw": yaw}
+    columns |= {f"beam_{number}": np.full(len(time), 3.0) for number in (300, 540, 780)}
+    rows = [",".join(f"{value:.5g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    (samples / "drive.csv").write_text("# by hand, 50 Hz\n" + "\n".join([",".join(columns), *rows]) + "\n")
+    names = {"time": "t", "speed": "v", "yaw_rate": "r", "steering": "d", "x": "x", "y": "y"}
+    (samples / "columns.toml").write_text(
+        "".join(f'{name} = "{column}"\n' for name, column in names.items())
+        + 'yaw = {column = "yaw", unit = "rad", scale = 1.0, offset = 0.0, delay = 0.0}\npose_ahead = 0.0\n'
+        + 'beams = {columns = "beam_{}", count = 1081, field_of_view = 270.0, nothing = 65.0, unit = "m"}\n'
+    )
+
+
+def _drive(samples: Path, here: Path, rng: Generator) -> Attempt:
+    changed = one_of(rng, ("drive.csv", "drive.csv", "columns.toml"))
+    for name in ("drive.csv", "columns.toml"):
+        content = (samples / name).read_bytes()
+        (here / name).write_bytes(mutated(content, rng) if name == changed else content)
+    ways: tuple[tuple[str, ...], ...] = (
+        ("bag",), ("bag",), ("validate",), ("validate", "--mu", "0.7"), ("replay-scans", "--out", "commands.csv"),
+        ("identify", "--out", "tires.toml", "--budget", "1"),
+    )  # fmt: skip
+    name, *options = one_of(rng, ways)
+    return command(name, "drive.csv", "--columns", "columns.toml", *options)
+
+
 # -- Python's targets
 
 
@@ -317,6 +351,7 @@ TARGETS = {
     "command_line": Target(attempt=_command_line, prepare=run),
     "bag": Target(attempt=_bag, prepare=_bags),
     "bag_messages": Target(attempt=_messages, prepare=_bags),
+    "drive": Target(attempt=_drive, prepare=_drives),
     "environment": Target(attempt=_environment),
     "live_view": Target(attempt=_live_view),
 }

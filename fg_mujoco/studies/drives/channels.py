@@ -10,6 +10,18 @@ from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray, read_only
 
+PAUSE = 1.0
+"""[s] without a measurement of the speed or the yaw rate, beyond which the motion is not known, and a drive is cut."""
+
+LONGEST_PAUSE = 7.0 * 86400.0
+"""[s] of a drive's clock, beyond which it was set anew and no pause was made."""
+
+SHORTEST = 5.0
+"""[s] A drive that moved for less is refused, and a part that lasts less is left out."""
+
+LONGEST, PART = 300.0, 30.0
+"""[s] of a drive that is taken as a whole; of a longer one, as much in parts of PART."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Channel:
@@ -51,6 +63,13 @@ class Channel:
         found: FloatArray = self.values[np.maximum(places, 0)]
         return found
 
+    def between(self, begin: float, end: float) -> Channel | None:
+        """Return what was measured from one time to another; None: nothing, or only once."""
+        rows = slice(*np.searchsorted(self.time, (begin, np.nextafter(end, np.inf))))
+        if len(self.time[rows]) < 2:
+            return None
+        return Channel(name=self.name, time=self.time[rows], values=self.values[rows])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Beams:
@@ -85,6 +104,22 @@ class Measured:
     def end(self) -> float:
         """The time until which all of its sensors measure [s]."""
         return min(float(channel.time[-1]) for channel in self._needed)
+
+    @property
+    def pauses(self) -> list[tuple[float, float]]:
+        """From when to when the speed or the yaw rate was not measured, for more than PAUSE, in their order [s]."""
+        gaps: list[tuple[float, float]] = []
+        for channel in (self.speed, self.yaw_rate):
+            rows = np.flatnonzero(np.diff(channel.time) > PAUSE)
+            gaps += zip(channel.time[rows].tolist(), channel.time[rows + 1].tolist(), strict=True)
+        found: list[tuple[float, float]] = []
+        for last, first in sorted(gaps):
+            if first <= self.start or last >= self.end:
+                continue
+            if found and last <= found[-1][1]:
+                last, first = found[-1][0], max(first, found.pop()[1])
+            found.append((last, first))
+        return found
 
     @property
     def _needed(self) -> list[Channel]:

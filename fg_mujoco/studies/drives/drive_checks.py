@@ -20,7 +20,9 @@ scale of the speed look the same in one drive: the clock is blamed, because it m
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +39,7 @@ _TURN_JUMP = 0.5  # [rad] likewise
 _LATEST = 0.3  # [s] that a sensor may be late
 _DELAYS = np.arange(-_LATEST, _LATEST + 1e-9, 0.01)
 _FEWEST = 5  # windows
+_MOST = 8192  # windows, or rows of a fit
 _SEEN = 0.8  # of the residuals at delays of _FAR more or less: those at the delay, at most, if the drive says it
 _FAR = 0.1  # [s]
 _STRAIGHT = 0.35  # [1/m] greatest curvature of rows that tell the straight steering
@@ -168,7 +171,7 @@ def _against_poses(speed: Channel, yaw_rate: Channel, pose: Channel) -> tuple[Fo
     by_gyro = np.interp(0.5 * (time[1:] + time[:-1]), yaw_rate.time, yaw_rate.values[:, 0]) * seconds
     jumped = (np.abs(along - by_speed) > _JUMP) | (np.abs(np.diff(heading) - by_gyro) > _TURN_JUMP)
     jumped |= np.hypot(np.diff(x), np.diff(y)) > _JUMP + 1.5 * np.abs(by_speed)
-    edges = _windows(time, jumped)
+    edges = _some(_windows(time, jumped))
     path, turned = np.concatenate(([0.0], np.cumsum(along))), heading
     moving = _change(_integral(speed), time, edges, 0.0) > _SLOWEST * WINDOW
     scale, delay = _scale_and_delay(path, speed, time, edges[moving])
@@ -178,16 +181,21 @@ def _against_poses(speed: Channel, yaw_rate: Channel, pose: Channel) -> tuple[Fo
 
 def _windows(time: FloatArray, jumped: NDArray[np.bool_]) -> Rows:
     """Return the first and the last row of the windows in which the poses do not jump, (m, 2)."""
-    bad = np.concatenate(([0], np.cumsum(jumped)))
+    bad, times = np.concatenate(([0], np.cumsum(jumped))), time.tolist()
     first = 0
     found: list[tuple[int, int]] = []
     while True:
-        last = int(np.searchsorted(time, time[first] + WINDOW - 1e-9))
-        if last >= len(time):
+        last = bisect_left(times, times[first] + WINDOW - 1e-9)
+        if last >= len(times):
             return np.array(found, np.int64).reshape(-1, 2)
-        if bad[last] == bad[first] and time[last] - time[first] < 2.0 * WINDOW:
+        if bad[last] == bad[first] and times[last] - times[first] < 2.0 * WINDOW:
             found.append((first, last))
         first = last
+
+
+def _some(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return rows, or about _MOST of them, evenly spread, which say as much and take no time."""
+    return rows[:: math.ceil(len(rows) / _MOST) or 1]
 
 
 def _integral(channel: Channel) -> tuple[FloatArray, FloatArray]:
@@ -263,14 +271,17 @@ def _heading_offset(speed: Channel, yaw_rate: Channel, pose: Channel) -> Found:
     seconds = time[2 * rows :] - time[: -2 * rows]
     whole = np.abs(np.hypot(dx, dy) - speeds * seconds) < _JUMP
     gentle = (speeds > 1.0) & (np.abs(speeds * turning) < _GENTLE) & whole & (np.abs(angle) < _TURN_JUMP)
+    count = np.count_nonzero(gentle)
+    gentle = _some(np.flatnonzero(gentle))
     sides = speeds[gentle] * turning[gentle]
-    if np.count_nonzero(gentle) < 50 or min(np.mean(sides > 0.0), np.mean(sides < 0.0)) < 0.1:
+    if count < 50 or min(np.mean(sides > 0.0), np.mean(sides < 0.0)) < 0.1:
         return Found()
     design = np.column_stack((np.ones(len(sides)), sides, turning[gentle] / speeds[gentle]))
     found, kept = _robust_line(design, angle[gentle])
     residuals = (angle[gentle] - design @ found)[kept]
     covariance = np.linalg.pinv(design[kept].T @ design[kept]) * float(np.mean(residuals**2))
-    return Found(value=float(found[0]), error=float(np.sqrt(covariance[0, 0] * 2 * rows)))  # chords overlap
+    overlap = max(2 * rows * len(gentle) / count, 1.0)  # of chords
+    return Found(value=float(found[0]), error=float(np.sqrt(covariance[0, 0] * overlap)))
 
 
 def _robust_line(design: FloatArray, values: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -294,10 +305,12 @@ def _straight(
     gentle = (np.abs(curvature) < _STRAIGHT) & (np.abs(turning * speeds) < _GENTLE)
     gentle &= (time > steering.time[0] + 0.5) & (time < steering.time[-1])
     nothing = Found(), Found(), Found()
-    if np.count_nonzero(gentle) < 50 or min(np.mean(curvature[gentle] > 0.0), np.mean(curvature[gentle] < 0.0)) < 0.1:
+    count = np.count_nonzero(gentle)
+    gentle = _some(np.flatnonzero(gentle))
+    if count < 50 or min(np.mean(curvature[gentle] > 0.0), np.mean(curvature[gentle] < 0.0)) < 0.1:
         return nothing
     best: tuple[float, float, FloatArray, FloatArray] | None = None
-    design = np.column_stack((np.ones(np.count_nonzero(gentle)), curvature[gentle]))
+    design = np.column_stack((np.ones(len(gentle)), curvature[gentle]))
     for delay in np.arange(0.0, 0.4 + 1e-9, 0.02):
         before = time[gentle] - delay
         angles = (steering.held(before) if commanded else steering.at(before))[:, 0]
@@ -310,7 +323,7 @@ def _straight(
             best = cost, float(delay), found, np.sqrt(np.diag(covariance))
     assert best is not None
     _, delay, (offset, slope), errors = best
-    period = float(np.median(np.diff(time)))
+    period = float(np.median(np.diff(time))) * count / len(gentle)
     errors = errors * math.sqrt(max(1.0, 0.5 / period))  # rows within half a second are no further evidence
     if not 0.1 < slope < 1.5:  # [m] no car of this size: the steering and the turning do not belong together
         return nothing

@@ -34,11 +34,11 @@ from typing import Any
 from ...course.documents import read_toml, toml_text
 from ...display import brief
 from ...errors import SettingsError, accepted_names
-from ...messages import require, shown
+from ...messages import require, require_whole, shown
 
 MEASURED = "measured"
-_LARGEST = 1e12  # scale or offset
-_FURTHEST = 10.0  # [m] of a pose's point from the rear axle
+LONGEST_DELAY, FURTHEST, MOST_BEAMS = 10.0, 10.0, 100_000
+"""[s] of a sensor, [m] of a pose's point from the rear axle, and of a LiDAR."""
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -80,11 +80,11 @@ class Column:
     def __post_init__(self) -> None:
         if not isinstance(self.column, str) or not self.column:
             raise SettingsError(f"column is {shown(self.column)}; accepted: the name of a column")
-        for name in ("scale", "offset", "delay"):
+        for name, most in (("scale", 1e12), ("offset", 1e10), ("delay", LONGEST_DELAY)):
             value = getattr(self, name)
-            number = isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
-            if not (number and (name != "scale" or value != 0.0)) and (name == "offset" or value != MEASURED):
-                accepted = f"a number of {_LARGEST:g} at most" + ("" if name == "offset" else f", or {MEASURED!r}")
+            number = _is_number(value) and (1.0 / most if name == "scale" else 0.0) <= abs(value) <= most
+            if not number and (name == "offset" or value != MEASURED):
+                accepted = f"a number of at most {most:g}" + ("" if name == "offset" else f", or {MEASURED!r}")
                 raise SettingsError(f"{name} is {shown(value)}; accepted: {accepted}")
 
     @property
@@ -116,12 +116,13 @@ class BeamColumns:
     def __post_init__(self) -> None:
         if not isinstance(self.columns, str) or self.columns.count("{}") != 1:
             raise SettingsError(f"beams: columns is {shown(self.columns)}; accepted: a name with one {{}} in it")
-        if not isinstance(self.count, int) or self.count < 2:
-            raise SettingsError(f"beams: count is {shown(self.count)}; accepted: how many the LiDAR has, 2 or more")
-        for name in ("field_of_view", "nothing", "delay"):
+        require_whole("beams: count", self.count, 2, MOST_BEAMS)
+        for name, least, most in (
+            ("field_of_view", 1.0, 360.0), ("nothing", 1e-3, math.inf), ("delay", -LONGEST_DELAY, LONGEST_DELAY)
+        ):  # fmt: skip
             value = getattr(self, name)
-            if not isinstance(value, (int, float)) or math.isnan(value) or (name != "delay" and value <= 0.0):
-                raise SettingsError(f"beams: {name} is {shown(value)}; accepted: a number")
+            if not (_is_number(value) and least <= value <= most):
+                raise SettingsError(f"beams: {name} is {shown(value)}; accepted: a number from {least:g} to {most:g}")
         _require_unit("beams", "length", self.unit)
 
     def bearing(self, number: int) -> float:
@@ -132,7 +133,7 @@ class BeamColumns:
     def numbers(self, columns: Collection[str]) -> dict[int, str]:
         """Return the columns of beams among those of a file, by the number of the beam, from the right."""
         before, _, after = self.columns.partition("{}")
-        pattern = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
+        pattern = re.compile(re.escape(before) + r"(\d{1,9})" + re.escape(after))
         found = {int(match[1]): name for name in columns if (match := pattern.fullmatch(name)) is not None}
         return dict(sorted((number, name) for number, name in found.items() if number < self.count))
 
@@ -177,7 +178,7 @@ class DriveColumns:
             raise SettingsError(
                 f"steering_is is {shown(self.steering_is)}; {accepted_names(self.steering_is, ('command', 'angle'))}"
             )
-        require(self, lambda value: abs(value) <= _FURTHEST, f"{_FURTHEST:g} m at most", ("pose_ahead",), SettingsError)
+        require(self, lambda value: abs(value) <= FURTHEST, f"{FURTHEST:g} m at most", ("pose_ahead",), SettingsError)
         if self.speed_command is not None and self.acceleration_command is not None:
             raise SettingsError("speed_command and acceleration_command are given; accepted: what the car is sent")
         for group in _TOGETHER:
@@ -267,6 +268,10 @@ class DriveColumns:
                 value = parts["column"] if set(parts) == {"column"} else parts
             values[each.name] = value
         return toml_text(values)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and value == value
 
 
 def _require_unit(name: str, quantity: str, unit: str) -> None:

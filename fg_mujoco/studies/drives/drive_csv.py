@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...course.files import file_sha256, read_text
+from ...course.files import file_sha256, read_bytes
 from ...errors import SettingsError, accepted_names
-from ...messages import FloatArray
-from .channels import Beams, Channel
+from ...messages import FloatArray, shown
+from .channels import LONGEST_PAUSE, Beams, Channel
 from .drive_checks import DriveChecks, check_drive
 from .drive_columns import LAYOUTS, MEASURED, QUANTITIES, REQUIRED, UNITS, Column, DriveColumns, recognised
 from .drive_recording import RecordedDrive
 from .wrong_units import disagreement, wrong_unit
 
-_LARGEST = 2**30  # bytes of a file
+_LARGEST, _MOST_ROWS = 2**28, 2**20  # bytes and rows of a file, the latter of 7 h at 40 Hz
 _FEWEST = 3  # rows
+_FARTHEST = 1e4  # [m] of a pose from the median of its drive
+_MOST = {
+    "time": 1e10, "length": 1e8, "angle": 1e6, "speed": 100.0, "yaw rate": 1e3, "acceleration": 1e4,
+}  # fmt: skip
+# in SI units, of each quantity: beyond it a number is no measurement
+_MOST_STEERING = 10.0  # [rad]
+_SEEN_NOTHING = 1e4  # [m] of a beam, whatever the mapping says
+_PERIODS = 5.0  # of a row that comes late
+_MOVES = 0.5  # [m/s] of a car whose poses tell how much time has passed
+_PLACE, _SHARE = 0.05, 0.2  # [m], [-] by which a pose may be off the one that is expected
 
 
 def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedDrive:
@@ -29,7 +40,7 @@ def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedD
       SettingsError: a file that cannot be read, that lacks a column, whose clock runs backwards, or in which a column
         has another unit than is said.
     """
-    header, table = _read(path)
+    header, table, numbers = _read(path)
     if columns is None:
         columns = recognised(header)
         if columns is None:
@@ -38,16 +49,19 @@ def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedD
                 f"{path}: its columns are of no known layout: {_some(header)}; accepted: {_some(needed.values())}, the "
                 f"layouts {', '.join(LAYOUTS)}, or columns, a TOML file that names them ({', '.join(REQUIRED)}, ...)"
             )
-    places = {name: place for place, name in enumerate(header)}
     for name, column in columns.plain.items():
-        if column.column not in places:
+        if header.count(column.column) != 1:
+            has = "several columns" if column.column in header else "no column"
             raise SettingsError(
-                f"{path}: has no column {column.column!r}, which is {name} in {columns.name}; "
+                f"{path}: has {has} {shown(column.column)}, which is {name} in {columns.name}; "
                 f"{accepted_names(column.column, header)}"
             )
-    raw = {name: _in_si(table[:, places[column.column]], name, column) for name, column in columns.plain.items()}
-    _check_clock(path, raw["time"], columns.time)
-    _check_units(path, raw, columns)
+    places = {name: place for place, name in enumerate(header)}
+    with np.errstate(over="ignore"):
+        raw = {name: _in_si(table[:, places[column.column]], name, column) for name, column in columns.plain.items()}
+    _check_clock(path, raw["time"], columns.time, numbers)
+    _check_values(path, raw, columns, numbers)
+    _check_jumps(path, raw, columns.time, numbers)
     kept = np.isfinite(raw["time"])
     raw = {name: values[kept] for name, values in raw.items()}
     time = raw["time"]
@@ -88,11 +102,11 @@ def read_csv_drive(path: Path, columns: DriveColumns | None = None) -> RecordedD
     def scaled(found: Channel) -> Channel:
         return Channel(name=found.name, time=first + clock * (found.time - first), values=found.values)
 
+    scaled_commands: dict[str, Any] = {name: found and scaled(found) for name, found in commands.items()}
     beams = _beams(columns, header, table[kept], time)
     return RecordedDrive(
         name=str(path), sha256=file_sha256(path), layout=columns.name, commanded=commanded, checks=checks,
-        steering=scaled(steering), **{name: found and scaled(found) for name, found in commands.items()},
-        speed=scaled(speed),
+        steering=scaled(steering), speed=scaled(speed), **scaled_commands,
         yaw_rate=scaled(yaw_rate), acceleration=acceleration and scaled(acceleration), pose=pose and scaled(pose),
         beams=beams and replace(beams, time=first + clock * (beams.time - first)),
     )  # fmt: skip
@@ -113,32 +127,72 @@ def _corrections(columns: DriveColumns, checks: DriveChecks) -> tuple[float, flo
     return clock, gyro, speed_late, gyro_late, replace(checks, used=tuple(used))
 
 
-def _read(path: Path) -> tuple[list[str], FloatArray]:
-    """Return the columns of a file and its numbers, NaN where a cell is empty."""
+def header_of(lines: Iterable[str]) -> tuple[list[str], str, int]:
+    """Return the columns that a CSV file has, what separates them, and how many lines stand before its first row.
+
+    Lines that begin with # are comments. The header is the first line that is none; where that has numbers only, it is
+    the comment before it.
+    """
+    comment = ""
+    for count, line in enumerate(lines):
+        text = line.strip().lstrip("\ufeff")
+        if text.startswith("#"):
+            comment = text.lstrip("# ")
+        elif text:
+            names, separator = _names(text)
+            if comment and not any(np.isnan(_number(name)) for name in names):
+                return *_names(comment), count
+            return names, separator, count + 1
+    return [], ",", 0
+
+
+def _names(text: str) -> tuple[list[str], str]:
+    separator = max(",;\t", key=text.count)
     try:
-        text = read_text(path, _LARGEST)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise SettingsError(f"{path}: cannot be read: {reason}; accepted: a CSV file with a header") from error
-    lines = [line for line in text.splitlines() if line.strip()]
-    if len(lines) <= _FEWEST:
-        raise SettingsError(f"{path}: has {len(lines)} lines; accepted: a header and {_FEWEST} rows or more")
-    first = lines[0].lstrip("#\ufeff ")
-    separator = max(",;\t", key=first.count)
-    header = [name.strip().strip('"') for name in first.split(separator)]
+        cells = next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    except csv.Error:  # a cell of too many characters
+        cells = text.split(separator)
+    return [cell.strip() for cell in cells], separator
+
+
+def _read(path: Path) -> tuple[list[str], FloatArray, list[int]]:
+    """Return the columns of a file, its numbers, NaN where a cell is empty, and the line of each row."""
     try:
-        table = np.loadtxt(lines[1:], delimiter=separator, ndmin=2, dtype=np.float64)
+        content = read_bytes(path, _LARGEST)
+    except OSError as error:
+        cut = f"a CSV file with a header, of up to {_LARGEST} bytes"
+        raise SettingsError(f"{path}: cannot be read: {error.strerror or error}; accepted: {cut}") from error
+    if b"\0" in content:
+        raise SettingsError(f"{path}: is not a text file; accepted: a CSV file with a header")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:  # of older programs
+        text = content.decode("latin-1")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    header, separator, before = header_of(lines)
+    rows = [(number, line) for number, line in enumerate(lines[before:], start=before + 1) if line.strip()]
+    rows = [(number, line) for number, line in rows if not line.lstrip().startswith("#")]
+    if not _FEWEST <= len(rows) <= _MOST_ROWS:
+        cut = "" if len(rows) < _FEWEST else ": cut it into several, each with the header"
+        raise SettingsError(f"{path}: has {len(rows)} rows; accepted: a header and {_FEWEST} to {_MOST_ROWS} rows{cut}")
+    numbers, cells = [number for number, _ in rows], [line for _, line in rows]
+    try:
+        table = np.loadtxt(cells, delimiter=separator, ndmin=2, dtype=np.float64)
     except ValueError:
-        table = _cells(path, lines[1:], separator, len(header))
+        table = _cells(path, cells, numbers, separator, len(header))
     if table.shape[1] != len(header):
         raise SettingsError(f"{path}: rows have {table.shape[1]} cells, the header {len(header)}; accepted: as many")
-    return header, table
+    return header, table, numbers
 
 
-def _cells(path: Path, lines: list[str], separator: str, width: int) -> FloatArray:
+def _cells(path: Path, lines: list[str], numbers: list[int], separator: str, width: int) -> FloatArray:
     """Return the numbers of rows of which some cells are empty, or no numbers."""
     rows = []
-    for number, row in enumerate(csv.reader(lines, delimiter=separator), start=2):
+    for number, line in zip(numbers, lines, strict=True):
+        try:
+            row = next(csv.reader([line], delimiter=separator))
+        except csv.Error as error:
+            raise SettingsError(f"{path}, line {number}: {error}; accepted: cells with numbers") from error
         if len(row) != width:
             raise SettingsError(f"{path}, line {number}: {len(row)} cells; accepted: {width}, as the header has")
         rows.append([_number(cell) for cell in row])
@@ -165,7 +219,7 @@ def _unwrapped(yaw: FloatArray) -> FloatArray:
     return found
 
 
-def _check_clock(path: Path, time: FloatArray, column: Column) -> None:
+def _check_clock(path: Path, time: FloatArray, column: Column, numbers: list[int]) -> None:
     rows = np.flatnonzero(np.isfinite(time))
     if len(rows) < _FEWEST:
         raise SettingsError(f"{path}: {column.column}: {len(rows)} times; accepted: {_FEWEST} or more")
@@ -176,15 +230,53 @@ def _check_clock(path: Path, time: FloatArray, column: Column) -> None:
         how = f"runs backwards by {-steps[back[0]]:.4g} s" if steps[back[0]] < 0.0 else "stands still"
         more = f", and {len(back) - 1} times more" if len(back) > 1 else ""
         raise SettingsError(
-            f"{path}, line {row + 2}: {column.column}: the clock {how} at {time[row]:.9g} s{more}; accepted: times "
-            "that increase"
+            f"{path}, line {numbers[row]}: {column.column}: the clock {how} at {time[row]:.9g} s{more}; accepted: "
+            "times that increase"
         )
 
 
-def _check_units(path: Path, raw: dict[str, FloatArray], columns: DriveColumns) -> None:
-    """Refuse a column whose numbers are in another unit than is said."""
-    found = next(((name, said) for name in raw if (said := wrong_unit(name, raw[name])) is not None), None)
+def _check_jumps(path: Path, raw: dict[str, FloatArray], column: Column, numbers: list[int]) -> None:
+    """Refuse a clock that goes forth by more than a pause, or while the poses of a car that moves go on as before."""
+    rows = np.flatnonzero(np.isfinite(raw["time"]))
+    time, speed = raw["time"][rows], raw["speed"][rows]
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    late = np.flatnonzero(steps > _PERIODS * period)
+    jumps = steps[late] > LONGEST_PAUSE
+    if "x" in raw:
+        x, y, yaw = (raw[name][rows] for name in ("x", "y", "yaw"))
+        ahead = period * speed[late]
+        dx, dy = x[late + 1] - x[late], y[late + 1] - y[late]
+        off = np.hypot(dx - ahead * np.cos(yaw[late]), dy - ahead * np.sin(yaw[late]))
+        moves = np.minimum(speed[late], speed[late + 1]) > _MOVES
+        jumps |= moves & (off < _PLACE + _SHARE * ahead)
+    if jumps.any():
+        row = late[np.flatnonzero(jumps)[0]]
+        raise SettingsError(
+            f"{path}, line {numbers[rows[row + 1]]}: {column.column}: the clock jumps by {steps[row]:.4g} s at "
+            f"{time[row + 1]:.12g} s; accepted: pauses of up to {LONGEST_PAUSE:g} s, in which the car does not drive on"
+        )
+
+
+def _check_values(path: Path, raw: dict[str, FloatArray], columns: DriveColumns, numbers: list[int]) -> None:
+    """Refuse a column whose numbers are in another unit than is said, and a number that is no measurement."""
+
+    def check_bounds(name: str, least: float, greatest: float) -> None:
+        values = raw[name]
+        bad = np.flatnonzero(~np.isnan(values) & ~((values >= least) & (values <= greatest)))
+        if len(bad):
+            unit = next(iter(UNITS[QUANTITIES[name]]))
+            raise SettingsError(
+                f"{path}, line {numbers[bad[0]]}: {columns.plain[name].column}: {name} is {values[bad[0]]:.6g} {unit}; "
+                f"accepted: {least:.6g} to {greatest:.6g}"
+            )
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = next(((name, said) for name in raw if (said := wrong_unit(name, raw[name])) is not None), None)
     if found is None:
+        for name in raw:
+            most = _MOST_STEERING if name == "steering" else _MOST[QUANTITIES[name]]
+            check_bounds(name, -most, most)
         pose = np.column_stack([raw[name] for name in ("x", "y", "yaw")]) if "x" in raw else None
         found = disagreement(raw["time"], raw["speed"], raw["yaw_rate"], raw["steering"], pose)
     if found is not None:
@@ -195,14 +287,19 @@ def _check_units(path: Path, raw: dict[str, FloatArray], columns: DriveColumns) 
             f"{path}: {column.column}: {name} {said}; accepted: {name} = {{column = {column.column!r}, unit = ...}} in "
             f"the columns, one of {units}, or a scale"
         )
+    for name in ("x", "y") if "x" in raw else ():
+        there = raw[name][~np.isnan(raw[name])]
+        middle = float(np.median(there)) if len(there) else 0.0
+        check_bounds(name, middle - _FARTHEST, middle + _FARTHEST)
 
 
 def _beams(columns: DriveColumns, header: list[str], table: FloatArray, time: FloatArray) -> Beams | None:
     numbers = {} if columns.beams is None else columns.beams.numbers(header)
     if columns.beams is None or not numbers:
         return None
-    ranges = table[:, [header.index(name) for name in numbers.values()]] * UNITS["length"][columns.beams.unit]
-    ranges = np.where(ranges >= columns.beams.nothing, np.inf, np.where(ranges > 0.0, ranges, np.nan))
+    ranges = table[:, [header.index(name) for name in numbers.values()]] * UNITS["length"].get(columns.beams.unit, 1.0)
+    nothing = min(columns.beams.nothing, _SEEN_NOTHING)
+    ranges = np.where(ranges >= nothing, np.inf, np.where(ranges > 0.0, ranges, np.nan))
     bearings = np.array([columns.beams.bearing(number) for number in numbers])
     return Beams(time=time - columns.beams.delay, ranges=ranges, bearings=bearings)
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+import warnings
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from ...display import brief
+from ...errors import SettingsError
 from ...messages import FloatArray, read_only
-from .channels import Beams, Channel, Measured
+from .channels import LONGEST, PART, PAUSE, SHORTEST, Beams, Channel, Measured
 from .drive_checks import DriveChecks
 
 
@@ -49,6 +53,11 @@ class RecordedDrive(Measured):
     beams: Beams | None  # of the LiDAR
     checks: DriveChecks  # what its sensors say of each other
     acceleration_command: Channel | None = None  # [m/s^2], in place of a speed, of a car that is sent accelerations
+    part_of: str | None = None  # name of the drive that it is a part of
+
+    def __post_init__(self) -> None:
+        for name in ("name", "layout"):  # pages and tables are UTF-8, whatever the names of files are
+            object.__setattr__(self, name, getattr(self, name).encode(errors="replace").decode())
 
     def __repr__(self) -> str:
         return brief(self, self.name, self.layout, f"{self.end - self.start:.3g} s")
@@ -81,7 +90,65 @@ class RecordedDrive(Measured):
                 seen = seen[:0]
             limits = f", {seen.min():.3g} to {seen.max():.3g}" if len(seen) else ""
             made.append(f"  {name:<20}{count} times, {rate}{limits}")
-        return [*made, *(f"  {line}" for line in self.checks.lines)]
+        cut = [f"is cut at {self._pauses}, where its motion is needed"] if self.pauses else []
+        return [*made, *(f"  {line}" for line in [*self.checks.lines, *cut])]
+
+    @property
+    def _pauses(self) -> str:
+        longest = max(first - last for last, first in self.pauses)
+        return f"pauses of more than {PAUSE:g} s: {len(self.pauses)}, the longest {longest:.6g} s"
+
+    def parts(self) -> list[RecordedDrive]:
+        """Return it as drives without a pause, the only one itself; a warning says where it was cut.
+
+        Of a drive that measures for more than LONGEST these are parts of PART, evenly spread, LONGEST in all.
+
+        Raises:
+          SettingsError: no part lasts for SHORTEST.
+        """
+        pauses, said = self.pauses, []
+        if not pauses and self.end - self.start <= LONGEST:
+            return [self]
+        stretches, begin = [], self.start
+        for last, first in [*pauses, (self.end, self.end)]:
+            stretches += [(begin, last)] if last > begin else []
+            begin = max(begin, first)
+        whole = [each for each in stretches if each[1] - each[0] >= SHORTEST]
+        seconds = sum(end - begin for begin, end in whole)
+        if pauses:
+            left_out = len(stretches) - len(whole)
+            short = f"; {left_out} parts of less than {SHORTEST:g} s are left out" if left_out else ""
+            said.append(f"is cut at {self._pauses}{short}")
+        if seconds > LONGEST:
+            edges = [np.linspace(*each, math.ceil((each[1] - each[0]) / PART) + 1).tolist() for each in whole]
+            pieces = [pair for each in edges for pair in pairwise(each)]
+            most = min(round(LONGEST / PART), len(pieces))
+            whole = [pieces[place] for place in np.linspace(0, len(pieces) - 1, most).round().astype(int).tolist()]
+            said.append(
+                f"lasts {seconds:.0f} s, of which {most} parts of up to {PART:g} s are taken, evenly spread; a "
+                f"file of up to {LONGEST:g} s is taken as a whole"
+            )
+        found = [part for each in whole if (part := self._part(*each)) is not None]
+        if len(found) < len(whole):
+            said.append(f"{len(whole) - len(found)} parts lack a channel, and are left out")
+        if not found:
+            accepted = f"{SHORTEST:g} s or more of all channels without a pause of {PAUSE:g} s"
+            raise SettingsError(f"{self.name}: {'; '.join(said)}; accepted: {accepted}")
+        warnings.warn(f"{self.name}: {'; '.join(said)}", stacklevel=2)
+        return found
+
+    def _part(self, begin: float, end: float) -> RecordedDrive | None:
+        """Return the drive from one time to another; None: a channel has no measurement there."""
+        names = ("steering", "speed_command", "speed", "yaw_rate", "acceleration", "pose", "acceleration_command")
+        cut = {name: channel.between(begin, end) for name in names if (channel := getattr(self, name)) is not None}
+        if None in cut.values():
+            return None
+        beams = self.beams
+        if beams is not None:
+            rows = (beams.time >= begin) & (beams.time <= end)
+            beams = replace(beams, time=beams.time[rows], ranges=beams.ranges[rows]) if rows.any() else None
+        name = f"{self.name}, {begin - self.start:.4g} to {end - self.start:.4g} s"
+        return replace(self, name=name, beams=beams, part_of=self.name, **cut)
 
     @cached_property
     def rows(self) -> DriveRows:

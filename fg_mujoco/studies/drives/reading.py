@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ...course.files import is_folder
 from ...errors import SettingsError
 from ...racing.run_folder import RECORDED, SUMMARY, Run, read_run
 from . import READERS
-from .drive_columns import DriveColumns
-from .drive_csv import read_csv_drive
+from .drive_columns import DriveColumns, recognised
+from .drive_csv import header_of, read_csv_drive
 from .drive_recording import RecordedDrive
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 CSV = (".csv", ".tsv", ".txt")
 BAGS = (".mcap", ".db3", ".bag")
+_HEAD = 2**18  # characters, of comments and a header
 ACCEPTED = "a CSV file, an .mcap or .db3 file, a .bag of ROS 1, the folder of a bag, or a run folder"
 
 
@@ -88,7 +90,7 @@ def kind_of(path: Path) -> str:
     Raises:
       SettingsError: it is none of these.
     """
-    if path.is_dir():
+    if is_folder(path):
         if (path / SUMMARY).is_file():
             return "run"
         return "bag" if any(each.suffix.lower() in BAGS for each in path.iterdir()) else "run"
@@ -108,7 +110,7 @@ def read_drives(*paths: str | Path, **options: Any) -> list[RecordedDrive]:
     """
     found = []
     for path in map(Path, paths):
-        inside = sorted(path.glob("*.csv")) if path.is_dir() and not (path / SUMMARY).is_file() else []
+        inside = sorted(path.glob("*.csv")) if is_folder(path) and not (path / SUMMARY).is_file() else []
         if not inside:
             found.append(read_drive(path, **options))
             continue
@@ -121,9 +123,6 @@ def read_drives(*paths: str | Path, **options: Any) -> list[RecordedDrive]:
 
 def _is_drive(path: Path) -> bool:
     """Return whether the columns of a CSV file are of a known layout."""
-    from .drive_columns import recognised
-
     with path.open(encoding="utf-8", errors="replace") as file:
-        first = file.readline(65536).lstrip("#\ufeff ")
-    separator = max(",;\t", key=first.count)
-    return recognised([name.strip().strip('"') for name in first.split(separator)]) is not None
+        names, _, _ = header_of(file.read(_HEAD).split("\n"))
+    return recognised(names) is not None

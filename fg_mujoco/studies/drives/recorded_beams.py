@@ -74,9 +74,10 @@ class RecordedBeams:
         rows = drive.rows_at(time[within])
         assert rows.pose is not None
         step = math.ceil(len(drive.beams.bearings) / MOST_BEAMS)
+        source = drive.part_of or drive.name
         return cls(
-            name=Path(drive.name).stem, time=rows.time, poses=np.array(rows.pose), speed=rows.speed,
-            yaw_rate=rows.yaw_rate, ranges=np.array(drive.beams.ranges[within][:, ::step]),
+            name=Path(source).stem + drive.name.removeprefix(source), time=rows.time, poses=np.array(rows.pose),
+            speed=rows.speed, yaw_rate=rows.yaw_rate, ranges=np.array(drive.beams.ranges[within][:, ::step]),
             bearings=drive.beams.bearings[::step],
         )  # fmt: skip
 

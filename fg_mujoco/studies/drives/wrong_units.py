@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ...messages import FloatArray
+from .channels import PAUSE
 
 _GREATEST_STEERING = 1.05  # [rad] no car of this kind steers further than 60 degrees
 _GREATEST_DEGREES = 60.0
@@ -66,10 +67,11 @@ def disagreement(
     if np.count_nonzero(rows) < _FEWEST:
         return None
     time, speed, yaw_rate, steering = time[rows], speed[rows], yaw_rate[rows], steering[rows]
-    seconds = np.diff(time)
+    goes_on = np.diff(time) <= PAUSE
+    seconds = np.where(goes_on, np.diff(time), 0.0)
     if pose is not None:
         x, y, yaw = pose[rows].T
-        steps = np.hypot(np.diff(x), np.diff(y))
+        steps = np.where(goes_on, np.hypot(np.diff(x), np.diff(y)), 0.0)
         driven = float(np.abs(speed[:-1]) @ seconds)
         if float(steps.sum()) > 1.0 and driven > 0.0:
             ratio = driven / float(steps.sum())
@@ -78,7 +80,7 @@ def disagreement(
                     return "speed", f"is {ratio:.3g} times what the poses say; it looks like {unit}"
             if abs(math.log(ratio * 1e3)) < _NEAR:
                 return "x", f"moves {1.0 / ratio:.3g} times as far as the speed says; it looks like mm"
-        signed = np.diff(np.unwrap(yaw))
+        signed = np.where(goes_on, np.diff(np.unwrap(yaw)), 0.0)
         turns = np.abs(signed)
         steady = turns < 1.0
         turned, by_gyro = float(turns[steady].sum()), float(np.abs(yaw_rate[:-1]) @ seconds)

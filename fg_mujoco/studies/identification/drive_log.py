@@ -11,15 +11,14 @@ from ...errors import SettingsError
 from ...messages import CarParameters
 from ...racing.resimulation import load_world
 from ...racing.run_folder import Run
-from ..drives.channels import Channel, Measured
+from ..drives.channels import LONGEST, SHORTEST, Channel, Measured
 from ..drives.drive_recording import RecordedDrive
 from ..drives.driven_runs import drive_of_run
 
-SHORTEST = 5.0
-"""[s] A drive that moved for less is refused."""
-
 SLOWEST = 1.0
 """[m/s] Below it nothing is identified: a slip angle is a ratio of two speeds."""
+
+_MOST = 12.0  # times LONGEST, of a drive in one piece: the memory of the smoother grows with it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -47,6 +46,10 @@ class Drive(Measured):
         lasts = self.end - self.start
         if not lasts >= SHORTEST:
             raise SettingsError(f"{self.name}: lasts {max(lasts, 0.0):.3g} s; accepted: {SHORTEST:g} s or more")
+        if self.pauses or lasts > _MOST * LONGEST:
+            what = "pauses" if self.pauses else f"lasts {lasts:.6g} s"
+            accepted = f"one of RecordedDrive.parts(), or {_MOST * LONGEST:g} s without a pause"
+            raise SettingsError(f"{self.name}: {what}; accepted: {accepted}")
         speeds = self.speed.values[:, 0]
         moving = float(np.mean(speeds > SLOWEST)) * lasts
         if not moving >= SHORTEST:

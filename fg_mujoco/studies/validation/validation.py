@@ -217,7 +217,7 @@ def read(
     vehicle: Vehicle | None = None,
     watch: Callable[[str], None] | None = None,
 ) -> list[RecordedDrive]:
-    """Return drives that are given as such, as files or as folders; errors as of `read_drives`."""
+    """Return the parts of drives that are given as such, as files or as folders; errors as of `read_drives`."""
     listed = [drives] if isinstance(drives, (str, Path)) else list(drives)
     found: list[RecordedDrive] = []
     for number, each in enumerate(listed, start=1):
@@ -227,7 +227,7 @@ def read(
             found.append(each)
         else:
             found += read_drives(each, columns=columns, vehicle=vehicle)
-    return found
+    return [part for drive in found for part in drive.parts()]
 
 
 def motions_of(
