@@ -1,5 +1,7 @@
 """Environments that draw their worlds anew for each episode: what they draw, and that nothing is left of the last."""
 
+import gc
+import weakref
 from collections import Counter
 
 import numpy as np
@@ -223,3 +225,14 @@ def test_rollouts_draw_tires_and_latency():
     result = fg.rollout("oval", n=4, time_limit=0.2, randomize=ranges)
     assert set(result["tires"].tolist()) == {"coulomb", "forzaeth_sim"}
     assert len(set(result["lidar_latency"].tolist())) == 4
+
+
+def test_a_build_of_one_episode_goes_with_it():
+    settings = {"track": ["oval", "hairpins"], "builds": None, "beam_step": 90, "randomize": {"obstacles": (0, 3)}}
+    env, worlds = F1TenthVectorEnv(2, **settings), []
+    for seed in range(3):
+        env.reset(seed=seed if seed % 2 else None)
+        worlds += [weakref.ref(env._worlds.engine.world_of(i)) for i in range(2)]
+    gc.collect()
+    assert [seen() is not None for seen in worlds] == [False] * 4 + [True] * 2
+    env.close()

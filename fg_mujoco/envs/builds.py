@@ -70,6 +70,11 @@ class BuildPlan:
         return tuple(self._ranges.items()), "command_delay" in self._all, self.changes_cars
 
     @property
+    def one_for_each_episode(self) -> bool:
+        """Whether no two episodes have the same build."""
+        return self._settings.builds is None
+
+    @property
     def changes_cars(self) -> bool:
         """Whether cars are changed for each episode, so that builds are compiled without what the settings change."""
         return any(PARAMETERS[name][0] is CarChanges for name in self._all)
@@ -149,11 +154,13 @@ class Builds:
     Args:
       plan: what each build is.
       forget: called with the build that is kept no longer.
-      ahead: how many are made ahead at most; the oldest that nobody asked for are dropped.
+      worlds: that are driven, n. Twice as many builds are made ahead at most; the oldest that nobody asked for are
+        dropped. Where each episode has a build of its own, n are kept, as none is used again.
     """
 
-    def __init__(self, plan: BuildPlan, forget: Callable[[Build], None], ahead: int) -> None:
-        self.plan, self._forget, self._most_ahead = plan, forget, ahead
+    def __init__(self, plan: BuildPlan, forget: Callable[[Build], None], worlds: int) -> None:
+        self.plan, self._forget, self._most_ahead = plan, forget, 2 * worlds
+        self._most_kept = worlds if plan.one_for_each_episode else _KEPT
         self._kept: OrderedDict[Key, Build] = OrderedDict()
         self._coming: dict[Key, Future[Build]] = {}
         self._maker: _Maker | None = None
@@ -182,7 +189,7 @@ class Builds:
             build = self.plan.make(number, given or {}) if coming is None else coming.result()
             self._kept[key] = build
         self._kept.move_to_end(key)
-        while len(self._kept) > _KEPT:
+        while len(self._kept) > self._most_kept:
             _, old = self._kept.popitem(last=False)
             self._forget(old)
         return build

@@ -59,7 +59,7 @@ class EpisodeDraws:
     ) -> None:
         self._settings, self._agents, self._forget = settings, agents, forget
         self.randomization = settings.randomization
-        self._builds = Builds(BuildPlan(settings, self.randomization, agents), forget, 2 * count)
+        self._builds = Builds(BuildPlan(settings, self.randomization, agents), forget, count)
         self._ahead: list[tuple[np.random.Generator, int] | None] = [None] * count
 
     def first_build(self) -> Build:
@@ -90,7 +90,7 @@ class EpisodeDraws:
         plan = BuildPlan(self._settings, randomization, self._agents)
         if plan.key != self._builds.plan.key:
             self._builds.close()
-            self._builds = Builds(plan, self._forget, 2 * len(self._ahead))
+            self._builds = Builds(plan, self._forget, len(self._ahead))
         self.randomization = randomization
 
     def close(self) -> None:
