@@ -183,8 +183,8 @@ class Imports:
         if not lacking or name.endswith(".msg"):
             return found
         _warn(f"{name} has no {', '.join(lacking)}, and nothing uses it ({file}, line {line})")
-        error = ImportError(f"cannot import {', '.join(lacking)} from {name!r} ({file}, line {line})")
-        return Overlay(found, **{each: Absent(f"{name}.{each}", error) for each in lacking})
+        failed = ImportError(f"cannot import {', '.join(lacking)} from {name!r} ({file}, line {line})")
+        return Overlay(found, **{each: Absent(f"{name}.{each}", failed) for each in lacking})
 
     def _import_by_name(self, name: str, package: str | None = None) -> Any:
         """Take the place of `importlib.import_module`."""

@@ -1,25 +1,28 @@
 """Launch files of ROS 2 in Python: which nodes they start, with which parameters, names of topics and arguments.
 
-    read_launch_python(Path("ws/src/my_car/launch/race.launch.py"), {"speed": "2.0"}, said)
+    launched(Path("ws/src/my_car/launch/race.launch.py"), {"speed": "2.0"}, said, graph)
 
-They are not executed: see `launch_values`. A node is one of a package of the same workspace, in Python; others, such
-as RViz, a driver or the simulator, are left out, and a warning names them.
+They are executed, with the stubs of `launch_objects`. A node is one of a package of the same workspace, in Python;
+others, such as RViz, a driver or the simulator, are left out, and a warning names them.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ...course.maps.map_server import plain_yaml
 from ...errors import ControllerError, accepted_names
-from .launch_values import LaunchProgram, Made, Unknown, expression, refusal
-from .source import data_file, parse
-from .workspace import executable, executables, packages
+from ...simulation.planner_failure import one_line
+from .graph import Graph
+from .launch_objects import Context, Lacking, LaunchImports, Made, executed, refusal
+from .source import data_file
+from .workspace import executable, packages
 
 _DEEPEST = 10  # launch files that include each other
 _SIMULATORS = ("f1tenth_gym_ros", "f1tenth_simulator", "autodrive_f1tenth", "autodrive_roboracer")
@@ -28,7 +31,11 @@ _NODES = ("Node", "LifecycleNode")
 _INCLUDES = ("IncludeLaunchDescription",)
 _GROUPS = ("LaunchDescription", "GroupAction", "TimerAction", "RegisterEventHandler", "OpaqueCoroutine")
 _HANDLERS = ("OnProcessStart", "OnExecutionComplete")
-_CONVERTERS: Mapping[str, Callable[[Any], Any]] = {"float": float, "int": int, "str": str, "bool": bool}
+_WITHOUT_NODES = (
+    "LogInfo", "EmitEvent", "Shutdown", "SetEnvironmentVariable", "AppendEnvironmentVariable", "SetUseSimTime",
+    "UnsetEnvironmentVariable", "UnsetLaunchConfiguration",
+)  # fmt: skip
+_SAME_TEXT = ("TextSubstitution", "ParameterValue", "ParameterFile", "PathSubstitution", "BooleanSubstitution")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,12 +58,13 @@ class LaunchFiles:
 
     Attributes:
       nodes: in their order.
-      read: all files that were read, and those of the packages' entry points.
+      read: all launch files that were executed.
     """
 
     first: Path
     said: str
     configurations: dict[str, str]
+    graph: Graph
     nodes: list[Launched] = field(default_factory=list)
     read: dict[Path, None] = field(default_factory=dict)
     declared: set[str] = field(default_factory=set)
@@ -66,40 +74,40 @@ class LaunchFiles:
     _namespaces: list[str] = field(default_factory=list)
     _remaps: list[tuple[str, str]] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        self._known = packages(self.first)
+        self._context = Context(self._text)
+        self._imports = LaunchImports(self.first.resolve(), self.graph, self._known.get, self._context)
+
     def include(self, path: Path, depth: int = 0) -> None:
-        """Read a launch file, and take what it starts.
+        """Execute a launch file, and take what it starts.
 
         Raises:
-          ControllerError: it cannot be read, or a node depends on what is not understood.
+          ControllerError: it cannot be executed, or a node depends on what is not here.
         """
         if depth > _DEEPEST:
             raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")
+        path = path.resolve()
+        self.read[path] = None
         try:
-            tree = parse(path.read_bytes(), path)
-        except (OSError, SyntaxError, ValueError) as error:
-            raise ControllerError(f"{self.said}: {path} cannot be read: {error}") from error
-        self.read[path.resolve()] = None
-        self._known = self._known or packages(path)
-        program = LaunchProgram(path, tree, self._share, self._text)
-        try:
-            self._take(program.description(), program, depth)
-        except ControllerError:
-            raise
-        except Exception as error:  # arguments that an action of launch does not take
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            raise ControllerError(f"{self.said}: {path} cannot be followed: {said}") from error
-
-    def _share(self, package: str) -> Path | None:
-        return self._known.get(package)
+            self._take(executed(path, self._imports), depth)
+        except ControllerError as error:
+            if str(error).startswith(self.said):
+                raise
+            raise ControllerError(f"{self.said}: {error}{self.graph.place_of_error(error)}") from error
+        except Exception as error:  # whatever it raises, arguments that an action of launch does not take among it
+            said = one_line(error)
+            place = self.graph.place_of_error(error) or f" ({path})"
+            raise ControllerError(f"{self.said}: the launch file has failed: {said}{place}") from error
 
     # Actions
 
-    def _take(self, action: Any, program: LaunchProgram, depth: int) -> None:
+    def _take(self, action: Any, depth: int) -> None:
         if isinstance(action, (list, tuple)):
             for each in action:
-                self._take(each, program, depth)
-        elif isinstance(action, Unknown):
-            self.left_out.append(f"{action.text} ({action.file}, line {action.line})")
+                self._take(each, depth)
+        elif isinstance(action, Lacking):
+            self.left_out.append(action.text)
         if not isinstance(action, Made) or not self._applies(action):
             return
         place = f" ({action.file}, line {action.line})"
@@ -122,21 +130,21 @@ class LaunchFiles:
             source, target = (*action.values, *action.named.values())[:2]
             self._remaps.append((self._text(source), self._text(target)))
         elif action.kind == "OpaqueFunction":
-            function = action.named.get("function", action.values[0] if action.values else None)
-            context = Made("context", [], self.configurations, action.line, action.file)
-            values = [context, *(action.named.get("args") or ())]
-            self._take(program.call(function, values, action.named.get("kwargs") or {}), program, depth)
+            function: Any = action.named.get("function", action.values[0] if action.values else None)
+            values, named = action.named.get("args") or (), action.named.get("kwargs") or {}
+            self._context.launch_configurations = self.configurations
+            self._take(function(self._context, *values, **named), depth)
         elif action.kind in _GROUPS:
             kept = (dict(self.configurations), dict(self._everywhere), list(self._namespaces), list(self._remaps))
             for each in (*action.values, action.named.get("initial_entities"), action.named.get("actions")):
-                self._take(each, program, depth)
+                self._take(each, depth)
             handler = action.named.get("event_handler", action.values[0] if action.values else None)
             if isinstance(handler, Made) and handler.kind in _HANDLERS:
                 for name in ("on_start", "on_completion"):
-                    self._take(handler.named.get(name), program, depth)
+                    self._take(handler.named.get(name), depth)
             if action.kind == "GroupAction" and action.named.get("scoped", True):
                 self.configurations, self._everywhere, self._namespaces, self._remaps = kept
-        elif action.kind in ("ComposableNodeContainer", "ExecuteProcess", "LoadComposableNodes"):
+        elif action.kind not in _WITHOUT_NODES:
             self.left_out.append(f"{action.kind}{place}")
 
     def _applies(self, action: Made) -> bool:
@@ -145,7 +153,7 @@ class LaunchFiles:
             return True
         place = f" ({action.file}, line {action.line})"
         if not isinstance(condition, Made):
-            self._refuse(condition)
+            self._refuse(condition, place)
             return True
         values = [*condition.values, *condition.named.values()]
         if condition.kind in ("IfCondition", "UnlessCondition"):
@@ -177,15 +185,15 @@ class LaunchFiles:
             raise ControllerError(
                 f"{self.said}: the launch argument {name!r} has no default{place}; accepted: [launch.{name}=VALUE]"
             )
-        self.configurations[name] = "" if isinstance(default, Unknown) else self._text(default)
+        self.configurations[name] = "" if isinstance(default, Lacking) else self._text(default)
 
     def _include(self, action: Made, place: str, depth: int) -> None:
         source = action.named.get("launch_description_source", action.values[0] if action.values else None)
         inner = source
         if isinstance(source, Made) and source.kind.endswith("LaunchDescriptionSource"):
             inner = (*source.values, *source.named.values())[0]
-        if isinstance(inner, Unknown):
-            self.left_out.append(f"an included launch file: {inner.text} {inner.why}{place}")
+        if isinstance(inner, Lacking):
+            self.left_out.append(f"an included launch file: {inner.text}{place}")
             return
         path = Path(self._text(inner))
         if not path.is_file():
@@ -198,18 +206,18 @@ class LaunchFiles:
             self.left_out.append(f"the launch file of the simulator {path.name}{place}")
             return
         given = action.named.get("launch_arguments") or []
+        self._refuse(given, place)
         rows = given.items() if isinstance(given, dict) else given
-        self._refuse(given)
         for row in rows:
             if isinstance(row, (list, tuple)) and len(row) == 2:
-                self._refuse(row[1])
+                self._refuse(row[1], place)
                 self.configurations[self._text(row[0])] = self._text(row[1])
         self.include(path, depth + 1)
 
     def _node(self, action: Made, place: str) -> None:
         named = {**dict(zip(("executable", "package"), action.values, strict=False)), **action.named}
         for name in ("package", "executable", "node_executable", "name", "namespace"):
-            self._refuse(named.get(name))
+            self._refuse(named.get(name), place)
         package = self._text(named.get("package") or "")
         said = self._text(named.get("executable") or named.get("node_executable") or "")
         folder = self._known.get(package)
@@ -218,33 +226,33 @@ class LaunchFiles:
             self.left_out.append(f"{said or 'a node'} of {package or 'no package'}, {why}{place}")
             return
         found = executable(folder, said)
-        for each in executables(folder):
-            self.read[each.resolve()] = None
         if found is None:
             self.left_out.append(f"{said} of {package}, of which there is no Python file{place}")
             return
         parameters, files = dict(self._everywhere), []
-        rows = named.get("parameters") or []
-        self._refuse(rows)
-        for row in rows if isinstance(rows, (list, tuple)) else [rows]:
-            self._refuse(row)
+        rows = named.get("parameters", ())
+        self._refuse(rows, place)
+        for row in rows if isinstance(rows, (list, tuple)) else [rows or {}]:
+            self._refuse(row, place)
             if isinstance(row, dict):
-                for name, value in flat(row).items():
-                    self._refuse(value)
+                for name, value in flat({self._text(key): value for key, value in row.items()}).items():
+                    self._refuse(value, place)
                     parameters[name] = self._parameter(value)
             else:
                 file = self._parameter_file(row, place)
                 files += [] if file is None else [file]
         remap = dict(self._remaps)
-        rows = named.get("remappings") or named.get("ros_arguments_remap") or []
-        self._refuse(rows)
-        for row in rows:
+        rows = named.get("remappings", ())
+        self._refuse(rows, place)
+        for row in rows or ():
             if not isinstance(row, (list, tuple)) or len(row) != 2:
                 raise ControllerError(f"{self.said}: a remapping is {row!r}{place}; accepted: (from, to)")
             for each in row:
-                self._refuse(each)
+                self._refuse(each, place)
             remap[self._text(row[0])] = self._text(row[1])
-        arguments = [self._text(each) for each in named.get("arguments") or () if not isinstance(each, Unknown)]
+        given = named.get("arguments", ())
+        self._refuse(given, place)
+        arguments = [self._text(each) for each in given or () if not isinstance(each, Lacking)]
         plain, more = _without_ros_arguments(arguments, remap)
         namespace = "/".join(each for each in (*self._namespaces, self._text(named.get("namespace") or "")) if each)
         self.nodes.append(
@@ -276,11 +284,7 @@ class LaunchFiles:
         if isinstance(value, Made) and value.kind in ("ParameterValue", "ParameterFile"):
             inner, kind = (*value.values, *value.named.values())[0], value.named.get("value_type")
             text = self._text(inner)
-            convert = _CONVERTERS.get(getattr(kind, "name", ""))
-            if convert is None:
-                return self._read(text)
-            read = self._read(text)
-            return text if convert is str else convert(read)
+            return text if kind is str else kind(self._read(text)) if kind in (float, int, bool) else self._read(text)
         if isinstance(value, Made):
             return self._read(self._text(value))
         if isinstance(value, (list, tuple)):
@@ -302,8 +306,7 @@ class LaunchFiles:
         """
         if isinstance(value, (list, tuple)):
             return "".join(self._text(each) for each in value)
-        if isinstance(value, Unknown):
-            raise ControllerError(f"{self.said}: {refusal(value)}")
+        self._refuse(value)
         if value is None or isinstance(value, (str, int, float, Path)):
             return "" if value is None else str(value)
         if not isinstance(value, Made):
@@ -324,14 +327,15 @@ class LaunchFiles:
         if value.kind == "PathJoinSubstitution":
             return os.path.join(*(self._text(each) for each in first)) if first else ""
         if value.kind == "FindPackageShare":
-            found = self._share(self._text(first))
+            found = self._known.get(self._text(first))
             return f"/{self._text(first)} is not here" if found is None else str(found)
         if value.kind == "PythonExpression":
             text = self._text(first)
             try:
-                return str(expression(text))
-            except ValueError as error:
-                raise ControllerError(f"{self.said}: PythonExpression: {error}{place}") from error
+                return str(eval(text, {**vars(math), "math": math, "true": True, "false": False}))
+            except Exception as error:
+                said = f"PythonExpression {text!r} has failed: {one_line(error)}"
+                raise ControllerError(f"{self.said}: {said}{place}") from error
         if value.kind in ("EnvironmentVariable", "OptionalEnvironmentVariable"):
             default = value.named.get("default_value", value.values[1] if len(value.values) > 1 else "")
             return os.environ.get(self._text(first), self._text(default))
@@ -345,32 +349,43 @@ class LaunchFiles:
             return str(all(truths) if value.kind == "AndSubstitution" else any(truths)).lower()
         if value.kind == "NotSubstitution":
             return str(self._text(first).lower() not in ("true", "1")).lower()
-        if value.kind in ("TextSubstitution", "ParameterValue", "ParameterFile") or value.kind.endswith("Source"):
+        if value.kind == "IfElseSubstitution":
+            chosen = self._text(first).strip().lower() in ("true", "1")
+            names = ("if_value", "else_value")
+            parts = {**dict(zip(names, value.values[1:], strict=False)), **value.named}
+            return self._text(parts.get(names[0] if chosen else names[1], ""))
+        if value.kind in _SAME_TEXT or value.kind.endswith("Source"):
             return self._text(first)
         raise ControllerError(
             f"{self.said}: {value.kind} is not understood{place}; accepted: LaunchConfiguration, PathJoinSubstitution, "
             "FindPackageShare, TextSubstitution, PythonExpression, EnvironmentVariable, ThisLaunchFileDir"
         )
 
-    def _refuse(self, value: Any) -> None:
-        if isinstance(value, Unknown):
-            raise ControllerError(f"{self.said}: {refusal(value)}")
+    def _refuse(self, value: Any, place: str = "") -> None:
+        if isinstance(value, Lacking):
+            raise ControllerError(f"{self.said}: {refusal(value, place)}")
 
 
-def read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> LaunchFiles:
-    """Return the nodes that a launch file starts.
+def launched(path: Path, given: Mapping[str, Any], said: str, graph: Graph) -> LaunchFiles:
+    """Execute a launch file in a thread of a graph, whose limit of wall time holds, and return what it starts.
 
     Args:
       path: of the file.
       given: launch arguments, by name.
       said: what names the file, for messages.
+      graph: is closed at the end.
 
     Raises:
-      ControllerError: it starts no node that is here, has no such argument, or a line is not understood on which a node
-        depends.
+      ControllerError: it fails, starts no node that is here, has no such argument, or a node depends on what is not
+        here.
+      NodeBlockedError: it does not come to its end.
     """
-    found = LaunchFiles(path, said, {name: _as_text(value) for name, value in given.items()})
-    found.include(path)
+    found = LaunchFiles(path, said, {name: _as_text(value) for name, value in given.items()}, graph)
+    graph.start(path.name, lambda: found.include(path))
+    try:
+        graph.settle()
+    finally:
+        graph.close()
     for name in given:
         if name not in found.declared:
             known = accepted_names(name, sorted(found.declared))

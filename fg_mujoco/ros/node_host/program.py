@@ -1,4 +1,4 @@
-"""Reads the file that `ros:` names, a node's or a launch file of several nodes, without executing any of it.
+"""Reads the file that `ros:` names, a node's or a launch file of several nodes; only `start_launch_file` executes any.
 
 A launch file is YAML, with paths from its own folder:
 
@@ -26,10 +26,12 @@ from typing import Any
 
 from ...course.maps.map_server import plain_yaml
 from ...errors import ControllerError, accepted_names, missing_extra
+from .graph import Graph
 from .imports import read_node
-from .launch_files import flat, read_launch_python
+from .launch_files import flat, launched
 from .message_classes import ROS1, ROS2
 from .source import own_files, parse
+from .workspace import may_start
 
 SCHEME = "ros:"
 _KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
@@ -65,7 +67,7 @@ class Program:
 
     path: Path  # of the node, or of the launch file
     text: bytes = field(repr=False)  # of the file, of all that it names, and of their own modules
-    nodes: tuple[NodeFile, ...]
+    nodes: tuple[NodeFile, ...]  # none of a launch file in Python, which says them when it is executed
     files: frozenset[Path] = frozenset()  # of a launch file in Python: whose text is in `text`
 
     @property
@@ -74,12 +76,8 @@ class Program:
         return self.nodes[0].class_name or self.path.stem if len(self.nodes) == 1 else self.path.stem
 
 
-def read_program(source: str, given: Mapping[str, Any] | None = None) -> Program:
+def read_program(source: str) -> Program:
     """Return the program of `ros:node.py:ClassName`, `ros:node.py`, `ros:launch.yaml` or `ros:name.launch.py`.
-
-    Args:
-      source: names it.
-      given: launch arguments, by name.
 
     Raises:
       ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
@@ -88,20 +86,16 @@ def read_program(source: str, given: Mapping[str, Any] | None = None) -> Program
     rest = source.removeprefix(SCHEME)
     path, colon, class_name = rest.rpartition(":") if re.search(r":\w*$", rest) else (rest, "", "")
     if path.endswith((".yaml", ".yml")) and not colon:
-        program = _read_launch(Path(path), said)
+        return _read_launch(Path(path), said)
     elif path.endswith(".py") and not colon and _is_launch_python(Path(path)):
-        return _read_launch_python(Path(path), given or {}, said)
+        return _read_launch_python(Path(path))
     elif path.endswith(".py"):
         node = read_node_file(Path(path), class_name, said)
-        program = Program(path=Path(path), text=_with_modules(node), nodes=(node,))
-    else:
-        raise ControllerError(
-            f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py, ros:path/launch.yaml or "
-            "ros:path/name.launch.py"
-        )
-    for name in given or {}:
-        raise ControllerError(f"{said} has no launch argument {name!r}; accepted: with a launch file in Python")
-    return program
+        return Program(path=Path(path), text=_with_modules(node), nodes=(node,))
+    raise ControllerError(
+        f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py, ros:path/launch.yaml or "
+        "ros:path/name.launch.py"
+    )
 
 
 def _is_launch_python(path: Path) -> bool:
@@ -112,13 +106,37 @@ def _is_launch_python(path: Path) -> bool:
         return False
 
 
-def _read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> Program:
-    found = read_launch_python(path, given, said)
+def _read_launch_python(path: Path) -> Program:
+    files = may_start(path)
+    text = b"".join(b"\n# " + each.name.encode() + b"\n" + each.read_bytes() for each in files)
+    return Program(path=path, text=text, nodes=(), files=frozenset(files))
+
+
+def start_launch_file(program: Program, given: Mapping[str, Any], said: str, graph: Graph) -> tuple[NodeFile, ...]:
+    """Execute a launch file in Python, and return the nodes that it starts; a graph gets the files that it reads.
+
+    Args:
+      program: of the file.
+      given: launch arguments, by name.
+      said: what names the file, for messages.
+      graph: in whose thread it is executed.
+
+    Raises:
+      ControllerError: it fails, or starts a node whose text the hash does not cover.
+    """
+    found = launched(program.path, given, said, graph)
+    for file in (*found.read, *(each.path.resolve() for each in found.nodes)):
+        if file not in program.files:
+            raise ControllerError(
+                f"{said}: it starts {file}, of a package that no file of its own package names; accepted: a launch "
+                "file in which the name of the package is written"
+            )
     nodes = []
     for number, each in enumerate(found.nodes, start=1):
         parameters: dict[str, Any] = {}
-        for file in each.parameter_files:
-            parameters.update(read_parameters(file, each.name or each.path.stem, said))
+        for parameter_file in each.parameter_files:
+            parameters.update(read_parameters(parameter_file, each.name or each.path.stem, said))
+            graph.data.add(str(parameter_file))
         try:
             nodes.append(
                 read_node_file(
@@ -132,12 +150,8 @@ def _read_launch_python(path: Path, given: Mapping[str, Any], said: str) -> Prog
                 raise
             warnings.warn(f"{error}; the other nodes drive on", stacklevel=2)
     if len({node.flavour for node in nodes} - {0}) > 1:
-        raise ControllerError(f"{said}: {path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
-    files = dict.fromkeys([*found.read, *(node.path.resolve() for node in nodes)])
-    for file in list(files):
-        files.update(dict.fromkeys(each.resolve() for each in own_files(file, file.read_bytes())))
-    text = b"".join(b"\n# " + each.name.encode() + b"\n" + each.read_bytes() for each in files)
-    return Program(path=path, text=text, nodes=tuple(nodes), files=frozenset(files))
+        raise ControllerError(f"{said}: {program.path} has nodes of ROS 1 and of ROS 2; accepted: all of one")
+    return tuple(nodes)
 
 
 def _with_modules(node: NodeFile) -> bytes:

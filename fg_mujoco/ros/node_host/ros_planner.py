@@ -16,6 +16,7 @@ import warnings
 import weakref
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -40,7 +41,7 @@ from .imports import Imports, NeedsRospy
 from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
 from .node_session import Session
 from .other_modules import other_modules, overlays, random_overlays
-from .program import SCHEME, NodeFile, Program, read_arguments, read_parameters, read_program
+from .program import NodeFile, Program, read_arguments, read_parameters, read_program, start_launch_file
 from .rclpy_modules import rclpy_modules
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
@@ -158,10 +159,18 @@ class RosPlanner:
         file = given.pop("host.params", None)
         arguments = read_arguments(given.pop("host.args", None), "host.args")
         remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
-        for_launch = {name: given.pop(name) for name in list(given) if name.startswith("launch.")}
-        if for_launch:
-            self._program = _with_arguments(type(self)._program, for_launch)  # type: ignore[misc]
+        for_launch = {name[7:]: given.pop(name) for name in list(given) if name.startswith("launch.")}
+        program, read = type(self)._program, set[str]()
+        if program.files:
+            launching = Graph(float(limit))
+            nodes = start_launch_file(program, for_launch, program.path.name, launching)
+            program, read = replace(program, nodes=nodes), launching.data
+        elif for_launch:
+            name = next(iter(for_launch))
+            raise ControllerError(f"there is no launch argument {name!r}; accepted: with a launch file in Python")
+        self._program = program  # type: ignore[misc]
         self._graph = Graph(float(limit))
+        self._graph.data |= read
         self._close = weakref.finalize(self, self._graph.close)
         self._drawings, self._fresh = Drawings(self._graph), []
         self._flavour = flavour or next((each.flavour for each in self._program.nodes if each.flavour), ROS2)
@@ -330,21 +339,8 @@ def find_node(source: str) -> type[RosPlanner]:
     module.__file__ = place
     vars(module)[READ] = program.text
     sys.modules[module.__name__] = module  # where `planner_origin` finds what was read
-    said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes)}."
+    said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes) or program.path.name}."
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
-
-
-def _with_arguments(program: Program, settings: Mapping[str, Any]) -> Program:
-    """Return a launch file's program with launch arguments, which start no file that its hash is not of."""
-    given = {name.removeprefix("launch."): value for name, value in settings.items()}
-    found = read_program(f"{SCHEME}{program.path}", given)
-    for node in found.nodes:
-        if node.path.resolve() not in program.files:
-            raise ControllerError(
-                f"{program.path}: with {', '.join(settings)} it starts {node.path}, of another package than it starts "
-                "without; accepted: a launch file that starts this one by its defaults"
-            )
-    return found
 
 
 def source_text(source: str) -> bytes:

@@ -77,10 +77,34 @@ def executable(package: Path, name: str) -> tuple[Path, str] | None:
     return None
 
 
-def executables(package: Path) -> list[Path]:
-    """Return the Python files of all entry points of a package."""
-    found = (_module_file(package, module) for _, module, _ in _entry_points(package))
-    return sorted({file for file in found if file is not None})
+def may_start(launch: Path) -> list[Path]:
+    """Return the Python files that a launch file may execute or start, itself first.
+
+    These are those of its package, else of its folder, and of each package of its workspace that one of them names, or
+    a Python package of which.
+    """
+    own, names, found = own_package(launch), packages(launch), {launch.resolve(): None}
+    for folder in list(names.values()):
+        inits = [*folder.glob("*/__init__.py"), *folder.glob("src/*/__init__.py")]
+        names = {**{each.parent.name: folder for each in inits}, **names}
+    found.update(dict.fromkeys(_python_files(own) if own else sorted(launch.resolve().parent.glob("*.py"))))
+    waiting = list(found)
+    while waiting:
+        for word in set(re.findall(r"[A-Za-z][\w-]*", waiting.pop().read_text("utf-8", "replace"))):
+            if word in names:
+                new = [each for each in _python_files(names.pop(word)) if each not in found]
+                found.update(dict.fromkeys(new))
+                waiting += new
+    return list(found)
+
+
+def _python_files(package: Path) -> list[Path]:
+    """Return the Python files of a package, sorted."""
+    found: list[Path] = []
+    for folder, inner, files in os.walk(package):
+        inner[:] = [each for each in inner if each[0] != "." and each not in _SKIPPED]
+        found += [Path(folder, each).resolve() for each in files if os.path.splitext(each)[1] in ("", ".py")]
+    return sorted(each for each in found if each.is_file() and _is_python(each))
 
 
 def _entry_points(package: Path) -> Iterator[tuple[str, str, str]]:
