@@ -20,7 +20,7 @@ pytest.importorskip("rosbags")
 from websockets.sync.client import connect
 
 from fg_mujoco.ros.bag_messages import drive_message, scan_message
-from fg_mujoco.ros.rosbridge.client import Subscription
+from fg_mujoco.ros.rosbridge.client import Outbox, Subscription
 from fg_mujoco.ros.rosbridge.json_messages import from_json, to_json
 from fg_mujoco.ros.rosbridge.server import RosbridgeServer
 
@@ -210,7 +210,7 @@ _GARBAGE = [
     (b"\x00\x01", "2 bytes were sent; accepted: a text"),
     ('{"op": "publsh"}', "op is 'publsh'; accepted: advertise"),
     ('{"op": ["publish"]}', "op is ['publish']"),
-    ('{"op": "subscribe", "id": [1], "topic": "/scan"}', "id is [1]; accepted: a text or a number"),
+    ('{"op": "subscribe", "id": [1], "topic": "/scan"}', "id is [1]; accepted: a text of at most"),
     ('{"op": "publish", "topic": 3}', "topic is 3; accepted: a name"),
     ('{"op": "publish", "topic": "/nix", "msg": {}}', "/nix is not known; accepted: a topic that was advertised"),
     ('{"op": "publish", "topic": "/scan", "msg": {}}', "/scan is published by the race; accepted: /drive"),
@@ -229,6 +229,10 @@ _GARBAGE = [
     ('{"op": "subscribe", "topic": "/scn"}', "/scn is not known; accepted: "),
     ('{"op": "subscribe", "topic": "/scan", "throttle_rate": "50"}', "throttle_rate is '50'; accepted: a whole number"),
     ('{"op": "subscribe", "topic": "/scan", "compression": "cbor-raw"}', "compression is 'cbor-raw'; accepted: none"),
+    ('{"op": "subscribe", "topic": "/scan", "queue_length": 1001}', "accepted: a whole number from 0 to 1000"),
+    ('{"op": "subscribe", "topic": "/' + "a" * 255 + '", "type": "std_msgs/String"}', "a name of at most 255 letters"),
+    ('{"op": "subscribe", "topic": "/scan", "id": "' + "a" * 300 + '"}', "id is 'aaa"),
+    ('{"op": "publish", "topic": "/drive", "msg": ' + "[" * 900 + "]" * 900 + "}", "accepted: an object of"),
     ('{"op": "set_level", "level": "loud"}', "level is 'loud'; accepted: info, warning, error, none"),
     ('{"op": "service_response", "id": "call_service:/a:1"}', "accepted: that of a call that this client was sent"),
 ]
@@ -314,6 +318,50 @@ def test_peers_talk_to_each_other(shared):
             one.send(op="service_response", id=call["id"], service="/twice", values={"success": True}, result=True)
         answer = other.receive("service_response", id="x")
         assert answer["result"] is not goes and ("has gone" in str(answer["values"])) == goes
+
+
+def test_a_client_that_has_gone_leaves_nothing():
+    with served() as (_, server):
+        one, other = Peer(server), Peer(server)
+        one.send(op="advertise", topic="/goal", type="std_msgs/String", latch=True)
+        one.send(op="publish", topic="/goal", msg={"data": "there"})
+        one.send(op="advertise_service", service="/twice", type="std_srvs/SetBool")
+        one.send(op="subscribe", topic="/goal")
+        assert one.receive("publish")["msg"]["data"] == "there"
+        one.drop()
+        until = time.monotonic() + _PATIENCE
+        while "/goal" in other.call("/rosapi/topics")["values"]["topics"]:
+            assert time.monotonic() < until
+        assert "/twice" not in other.call("/rosapi/services")["values"]["services"]
+        other.send(op="subscribe", topic="/goal", type="std_msgs/String")
+        other.send(op="call_service", service="/rosapi/get_time")
+        assert json.loads(other._socket.recv(timeout=_PATIENCE))["op"] == "service_response"
+
+
+def test_topics_subscriptions_services_and_calls_of_a_client_have_a_greatest_number():
+    with served() as (_, server):
+        peer = Peer(server)
+        for number in range(1001):
+            peer.send(op="subscribe", topic="/scan", id=number, throttle_rate=1000)
+            peer.send(op="advertise", topic=f"/{number}", type="std_msgs/String")
+            peer.send(op="advertise_service", service=f"/{number}", type="std_srvs/SetBool")
+            peer.send(op="call_service", service="/0")
+        said = [peer.receive("status")["msg"] for _ in range(3)]
+        assert said == [
+            f"1000 {what} are there; accepted: no more of a client"
+            for what in ("subscriptions to /scan", "topics", "services")
+        ]
+        assert "1000 calls are not answered yet" in peer.receive("service_response")["values"]
+
+
+def test_texts_that_wait_for_a_client_have_a_greatest_length():
+    outbox, large = Outbox(lambda: None), "x" * (1 << 24)
+    assert [outbox.put("/a", large, 1000) for _ in range(7)] == [0, 0, 0, 0, 1, 1, 1]
+    assert outbox.put("/b", large, 1) == 1 and outbox.put("/b", "newest", 1) == 1
+    found = [outbox.take() for _ in range(4)]
+    assert found == [large, large, large, "newest"] and outbox.take() is None and not outbox._waiting
+    held = Subscription("/scan", throttles={None: 1.0}, depths={None: 1000}, sent=0.0)
+    assert [held.due("x" * (1 << 20), 0.1) for _ in range(7)] == [None] * 7 and len(held.waiting) == 4
 
 
 def test_a_message_is_as_rosbridge_has_it():

@@ -22,11 +22,13 @@ DEPTH = 10
 """Messages of a topic that wait for a client to read them, where it has not said how many: the newest."""
 
 _MOST_ANSWERS = 1000  # statuses and answers that wait; a client that leaves more unread is left
+_MOST_LETTERS = 1 << 26  # of the texts that wait for a client; the oldest are lost
+_MOST_HELD = 1 << 22  # letters of the messages of a topic that the throttle rate holds back
 _TOLD_EVERY = 1.0  # [s] of wall time between two statuses of lost messages
 
 
 class Outbox:
-    """Texts in the order in which they are sent, at most so many of each topic.
+    """Texts in the order in which they are sent, at most so many of each topic, and 64 MB in all.
 
     Args:
       wake: is called after a text was put in.
@@ -35,30 +37,40 @@ class Outbox:
     def __init__(self, wake: Callable[[], Any]) -> None:
         self._wake, self._lock = wake, threading.Lock()
         self._texts: OrderedDict[int, tuple[str, str]] = OrderedDict()  # number -> topic, text
-        self._waiting: dict[str, deque[int]] = {}
-        self._count = 0
+        self._waiting: dict[str, deque[int]] = {}  # of topics of which texts wait
+        self._count = self._letters = 0
 
-    def put(self, topic: str, text: str, limit: int) -> bool:
-        """Put a text behind all others; return whether the oldest of the topic was taken out for it."""
+    def put(self, topic: str, text: str, limit: int) -> int:
+        """Put a text behind all others; return how many were taken out for it, the oldest of the topic or of all."""
         with self._lock:
+            lost = 0
+            if len(self._waiting.get(topic, ())) >= limit:
+                self._take_out(self._waiting[topic][0])
+                lost += 1
             self._count += 1
-            waiting = self._waiting.setdefault(topic, deque())
-            lost = len(waiting) >= limit
-            if lost:
-                del self._texts[waiting.popleft()]
-            waiting.append(self._count)
+            self._waiting.setdefault(topic, deque()).append(self._count)
             self._texts[self._count] = topic, text
+            self._letters += len(text)
+            while self._letters > _MOST_LETTERS and len(self._texts) > 1:
+                self._take_out(next(iter(self._texts)))
+                lost += 1
         self._wake()
         return lost
 
     def take(self) -> str | None:
         """Take out the first text; None: there is none."""
         with self._lock:
-            if not self._texts:
-                return None
-            _, (topic, text) = self._texts.popitem(last=False)
-            self._waiting[topic].popleft()
-            return text
+            return self._take_out(next(iter(self._texts))) if self._texts else None
+
+    def _take_out(self, number: int) -> str:
+        """Take out a text, the first of its topic."""
+        topic, text = self._texts.pop(number)
+        waiting = self._waiting[topic]
+        waiting.popleft()
+        if not waiting:
+            del self._waiting[topic]
+        self._letters -= len(text)
+        return text
 
 
 @dataclass(eq=False)
@@ -84,7 +96,7 @@ class Subscription:
         if early and not depth:
             return None
         self.waiting.append(text)
-        while len(self.waiting) > max(depth, 1):
+        while len(self.waiting) > max(1, min(depth, _MOST_HELD // len(text))):
             self.waiting.popleft()
         if early:
             return None
@@ -104,6 +116,7 @@ class Client:
       inbox: texts that it has sent, and None where it has gone.
       subscriptions: by topic.
       advertised: types of the topics that it publishes on, and whether their last message is kept for later clients.
+      kept: those last messages, in JSON, by topic.
       services: types of the services that it offers, by name.
       level: of the statuses that it is told, one of LEVELS.
       logged: when a refusal was logged last, on the wall's clock [s].
@@ -115,6 +128,7 @@ class Client:
         self.outbox = Outbox(wake)
         self.subscriptions: dict[str, Subscription] = {}
         self.advertised: dict[str, tuple[str, bool]] = {}
+        self.kept: dict[str, str] = {}
         self.services: dict[str, str] = {}
         self.level, self.logged = "warning", -math.inf
 

@@ -16,6 +16,7 @@ from ...errors import SettingsError, missing_extra
 from .client import Client
 
 _MOST_UNREAD = 64  # texts of a client that wait for the race; then no more are read from it
+_LARGE = 1 << 20  # letters; a larger text waits alone
 _POLL = 0.005  # [s] between two looks whether one may be read
 _LONGEST = 1 << 24  # bytes of a text
 _OPENING = 5.0  # [s] that a client has to say what it speaks
@@ -67,7 +68,7 @@ class Network:
         log.addHandler(logging.NullHandler())
         async with serve(
             self._talk, sock=self._listening, compression=None, max_size=_LONGEST, ping_interval=None,
-            open_timeout=_OPENING, close_timeout=_CLOSING, logger=log,
+            max_queue=1, open_timeout=_OPENING, close_timeout=_CLOSING, logger=log,
         ):  # fmt: skip
             await self._ends.wait()
             self._loop.call_later(_CLOSING, self._abort)  # the library waits for peers that read nothing
@@ -88,7 +89,8 @@ class Network:
         writing = asyncio.create_task(_write(client, connection, filled))
         try:
             async for text in connection:
-                while len(client.inbox) >= _MOST_UNREAD and not self._ends.is_set():
+                most = _MOST_UNREAD if len(text) < _LARGE else 1
+                while len(client.inbox) >= most and not self._ends.is_set():
                     await asyncio.sleep(_POLL)
                 client.inbox.append(text)
                 self._jobs.put(client)

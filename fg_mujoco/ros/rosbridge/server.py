@@ -29,7 +29,11 @@ from .rosapi import BRIDGE, RACE, RosApi
 HOST, PORT = "127.0.0.1", 9090
 
 _COMPRESSIONS = ("none", "png", "cbor")
-_MOST = 1_000_000  # of a throttle rate, or of a queue's length
+_SLOWEST = 3_600_000  # [ms] of a throttle rate
+_LONGEST_QUEUE = 1000  # messages
+_MOST_NAMES = 1000  # topics, services and ids of a client; and calls of all that are not answered
+_LONGEST_NAME = 255  # letters, as in ROS 2
+_MOST_KEPT = 1 << 26  # letters of the last messages of a client's topics
 _LOGGED_EVERY = 1.0  # [s] of wall time
 _MOST_LATE = 4.0  # ticks that are made up for, where the machine was too slow
 
@@ -71,7 +75,6 @@ class RosbridgeServer:
             tell=self._tell,
         )  # fmt: skip
         self._api = RosApi(self)
-        self._kept: dict[str, str] = {}  # last messages of topics that clients have latched
         self._calls: dict[str, tuple[Client, Client, str, Any]] = {}  # who asks whom for which service, with which id
         self._called = 0
         operations = (
@@ -160,9 +163,10 @@ class RosbridgeServer:
         try:
             operation = _read(text)
             id = operation.get("id")
-            if id is not None and not isinstance(id, (str, int, float)):
+            if id is not None and not (isinstance(id, (str, int, float)) and len(str(id)) <= _LONGEST_NAME):
                 given, id = id, None
-                raise MessageError(f"id is {shown(given)}; accepted: a text or a number")
+                accepted = f"a text of at most {_LONGEST_NAME} letters or a number"
+                raise MessageError(f"id is {shown(given)}; accepted: {accepted}")
             name = operation["op"]
             if not isinstance(name, str) or name not in self._operations:
                 raise MessageError(f"op is {shown(name)}; {accepted_names(name, self._operations)}")
@@ -210,9 +214,11 @@ class RosbridgeServer:
         topic, kind = _name(operation, "topic"), kind_of(operation.get("type"))
         _check_kind(topic, kind, self._kinds_of(topic))
         client.advertised[topic] = kind, operation.get("latch") is True
+        _check_count(client.advertised, "topics")
 
     def _unadvertise(self, client: Client, operation: dict[str, Any]) -> None:
         topic = _name(operation, "topic")
+        client.kept.pop(topic, None)
         if client.advertised.pop(topic, None) is None:
             client.status("warning", f"this client has not advertised {topic}", operation.get("id"))
 
@@ -229,7 +235,10 @@ class RosbridgeServer:
             raise MessageError(f"a message on {topic}: {error}") from error
         text = json.dumps(to_json(message, kind))
         if latch:
-            self._kept[topic] = text
+            client.kept[topic] = text
+            if sum(map(len, client.kept.values())) > _MOST_KEPT:
+                del client.kept[topic]
+                raise MessageError(f"{topic} is not latched: accepted: {_MOST_KEPT} letters of a client in all")
         self._send(topic, text)
         if topic in TAKEN:
             self._race.take(topic, kind, message)
@@ -242,7 +251,8 @@ class RosbridgeServer:
         elif not known:
             accepted = accepted_names(topic, self.topic_kinds(), ", or another with its type")
             raise MessageError(f"{topic} is not known; {accepted}")
-        throttle, depth = _count(operation, "throttle_rate"), _count(operation, "queue_length")
+        throttle = _count(operation, "throttle_rate", _SLOWEST)
+        depth = _count(operation, "queue_length", _LONGEST_QUEUE)
         compression = operation.get("compression", "none")
         if compression not in _COMPRESSIONS:
             raise MessageError(f"compression is {shown(compression)}; accepted: {', '.join(_COMPRESSIONS)}")
@@ -250,8 +260,11 @@ class RosbridgeServer:
             client.status("warning", f"messages on {topic} come as JSON in one piece, not compressed", id)
         wanted = client.subscriptions.setdefault(topic, Subscription(operation["topic"]))
         wanted.throttles[id], wanted.depths[id] = throttle / 1000.0, depth
-        if topic in self._kept:
-            client.publish(topic, self._kept[topic], self._race.time)
+        _check_count(wanted.throttles, f"subscriptions to {topic}")
+        _check_count(client.subscriptions, "topics")
+        kept = next((each.kept[topic] for each in self._clients if topic in each.kept), None)
+        if kept is not None:
+            client.publish(topic, kept, self._race.time)
         elif topic in STANDING or self._race.stands:
             for text in self._race.moment([topic]).values():
                 client.publish(topic, text, self._race.time)
@@ -270,6 +283,9 @@ class RosbridgeServer:
     def _call_service(self, client: Client, operation: dict[str, Any]) -> None:
         service, id, request = _name(operation, "service"), operation.get("id"), operation.get("args") or {}
         offers = next((each for each in self._clients if service in each.services), None)
+        if offers is not None and len(self._calls) >= _MOST_NAMES:
+            client.respond(service, f"{_MOST_NAMES} calls are not answered yet; accepted: no more", False, id)
+            return
         if offers is not None:
             self._called += 1
             number = f"call_service:{service}:{self._called}"
@@ -300,7 +316,8 @@ class RosbridgeServer:
             raise MessageError(f"service {service} is offered by the race; accepted: another name")
         if not isinstance(kind, str):
             raise MessageError(f"type of {service} is {shown(kind)}; accepted: a name, such as {TRIGGER}")
-        client.services[service] = kind
+        client.services[service] = kind[:_LONGEST_NAME]
+        _check_count(client.services, "services")
 
     def _unadvertise_service(self, client: Client, operation: dict[str, Any]) -> None:
         service = _name(operation, "service")
@@ -351,12 +368,13 @@ def _name(operation: dict[str, Any], field: str) -> str:
       MessageError: there is none.
     """
     name = operation.get(field)
-    if not isinstance(name, str) or not name.strip("/"):
-        raise MessageError(f"{field} is {shown(name)}; accepted: a name, such as /scan")
+    if not isinstance(name, str) or not name.strip("/") or len(name) > _LONGEST_NAME:
+        accepted = f"a name of at most {_LONGEST_NAME} letters, such as /scan"
+        raise MessageError(f"{field} is {shown(name)}; accepted: {accepted}")
     return f"/{name.lstrip('/')}"
 
 
-def _count(operation: dict[str, Any], field: str) -> int:
+def _count(operation: dict[str, Any], field: str, most: int) -> int:
     """Return a whole number of an operation; 0: there is none.
 
     Raises:
@@ -365,9 +383,16 @@ def _count(operation: dict[str, Any], field: str) -> int:
     value = operation.get(field)
     if value is None:
         return 0
-    if type(value) is not int or not 0 <= value <= _MOST:
-        raise MessageError(f"{field} is {shown(value)}; accepted: a whole number from 0 to {_MOST}")
+    if type(value) is not int or not 0 <= value <= most:
+        raise MessageError(f"{field} is {shown(value)}; accepted: a whole number from 0 to {most}")
     return value
+
+
+def _check_count(named: dict[Any, Any], what: str) -> None:
+    """Take the last out again where there are too many."""
+    if len(named) > _MOST_NAMES:
+        named.popitem()
+        raise MessageError(f"{_MOST_NAMES} {what} are there; accepted: no more of a client")
 
 
 def _check_kind(topic: str, kind: str, known: tuple[str, ...]) -> None:
