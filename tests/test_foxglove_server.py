@@ -217,6 +217,8 @@ def test_services_reset_and_pause():
         ("/drive", "protobuf", b"", "is encoded as 'protobuf'; accepted: json or cdr"),
         ("/drive", "json", b'{"drive": {"speed": NaN}}', "a message on /drive: "),
         ("/drive", "json", b'{"drive": {"speed": "fast"}}', "a message on /drive: "),
+        ("/drive", "json", b'{"drive": {"speed": "2.0"}}', "'2.0' is no number"),
+        ("/drive", "json", b'{"drive": {"speed": 1' + b"0" * 400 + b"}}", "a message on /drive: "),
         ("/cmd_vel", "json", b'{"linear": 3}', "a message on /cmd_vel: "),
         ("/initialpose", "json", b'{"pose": {"pose": {"position": {"x": Infinity}}}}', "a message on /initialpose: "),
     ],

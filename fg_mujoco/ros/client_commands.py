@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..messages import DriveCommand
+from ..messages import DriveCommand, shown
 from .bag_messages import DRIVE, heading_of
 from .node_host.drive_topics import steering_of_twist
 
@@ -25,21 +25,27 @@ def command_of(kind: str, message: Any, wheelbase: float) -> DriveCommand:
       wheelbase: of the car that is commanded [m].
 
     Raises:
-      AttributeError, TypeError, ValueError: it has no finite numbers.
+      AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
     """
     if kind in (TWIST, TWIST_STAMPED):
         twist = message if kind == TWIST else message.twist
-        speed, turning = float(twist.linear.x), float(twist.angular.z)
+        speed, turning = _number(twist.linear.x), _number(twist.angular.z)
         return DriveCommand(steering_angle=steering_of_twist(speed, turning, wheelbase), speed=speed)
     drive = message.drive if kind == DRIVE else message
-    return DriveCommand(steering_angle=float(drive.steering_angle), speed=float(drive.speed))
+    return DriveCommand(steering_angle=_number(drive.steering_angle), speed=_number(drive.speed))
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, (bool, str)):
+        raise TypeError(f"{shown(value)} is no number")
+    return float(value)
 
 
 def pose_of(message: Any) -> tuple[float, float, float]:
     """Return position [m] and heading [rad] of a geometry_msgs/PoseWithCovarianceStamped.
 
     Raises:
-      AttributeError, TypeError, ValueError: it has no finite numbers.
+      AttributeError, TypeError, ValueError, OverflowError: it has no finite numbers.
     """
     pose = message.pose.pose
     found = float(pose.position.x), float(pose.position.y), heading_of(pose.orientation)

@@ -80,6 +80,7 @@ PROTOCOL = (
 )
 """What clients must speak."""
 
+_LOGS = ("foxglove", "foxglove_py")  # of the library, and of its calls of this module
 _SCENE, _CAR = "/scene", "/car"
 _DRIVERS = ("planner", "commands")
 _FRAME_OF_BODY = "body_{}"
@@ -274,7 +275,7 @@ class FoxgloveServer:
                 self.session.put(*pose_of(message))
                 return
             command = command_of(ACCEPTED[topic], message, self.session.world.parameters.wheelbase)
-        except (AttributeError, TypeError, ValueError) as error:
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
             said = " ".join(str(error).split())
             accepted = f"finite numbers of {ACCEPTED[topic]}"
             raise MessageError(f"a message on {topic}: {said}; accepted: {accepted}") from error
@@ -375,7 +376,7 @@ class FoxgloveServer:
 
 
 class _Refusals(logging.Handler):
-    """Says whose handshake the library has refused, which its log alone knows; nothing else of that log is shown."""
+    """Says whose handshake the library has refused, and what failed here, which its log alone knows."""
 
     def __init__(self, log: Callable[[str], None]) -> None:
         super().__init__(logging.ERROR)
@@ -385,22 +386,27 @@ class _Refusals(logging.Handler):
         """Begin to listen to the library's log."""
         import foxglove
 
-        logger = logging.getLogger("foxglove")
-        logger.propagate = False
-        logger.addHandler(self)
+        for name in _LOGS:
+            logging.getLogger(name).propagate = False
+            logging.getLogger(name).addHandler(self)
+        root = logging.getLogger()
+        handlers = root.handlers[:]
         foxglove.set_log_level(logging.ERROR)
+        root.handlers[:] = handlers  # the library sets up Python's logging, which is not ours to do
 
     def close(self) -> None:
         """Listen no more."""
-        logging.getLogger("foxglove").removeHandler(self)
+        for name in _LOGS:
+            logging.getLogger(name).removeHandler(self)
         super().close()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Take an entry of the log: "Dropping client ADDRESS: handshake failed"."""
+        """Take an entry of the log: "Dropping client ADDRESS: handshake failed" or "Callback failed: ERROR"."""
         said, now = record.getMessage(), time.monotonic()
-        if said.endswith("handshake failed") and now - self._logged >= 1.0:
+        refused = said.endswith("handshake failed")
+        if (refused or said.startswith("Callback failed")) and now - self._logged >= 1.0:
             self._logged = now
-            self._log(f"{said}; accepted: {PROTOCOL}")
+            self._log(f"{said}; accepted: {PROTOCOL}" if refused else said)
 
 
 class _Listener:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import http.client
 import shutil
 import socket
@@ -14,12 +15,18 @@ from typing import Any
 import numpy as np
 from forging import without_checksums
 from numpy.random import Generator
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.sync.server import ServerConnection, serve
+from websockets.typing import Subprotocol
 
 import fg_mujoco as fg
 from fg_mujoco import f110
 from fg_mujoco.f110.new_api import F110Env as NewEnv
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.ros.foxglove_server import FoxgloveServer
+from fg_mujoco.ros.rosbridge.server import RosbridgeServer
 from fg_mujoco.viz.live.browser import LiveView
 from fg_mujoco.viz.live.live_session import LiveSession
 
@@ -148,12 +155,12 @@ def _server() -> int:
     return port
 
 
-def _frame(payload: bytes, rng: Generator) -> bytes:
+def _frame(payload: bytes, rng: Generator, opcodes: tuple[int, ...] = (2, 2, 2, 1, 0, 8, 9, 15)) -> bytes:
     """Return a frame of a WebSocket, as a browser masks it; sometimes one that says of itself what is not so."""
-    opcode = int(one_of(rng, (2, 2, 2, 1, 0, 8, 9, 15)))
+    opcode = int(one_of(rng, opcodes))
     mask = rng.bytes(4)
     masked = bytes(byte ^ mask[i % 4] for i, byte in enumerate(payload))
-    length = len(payload) if rng.random() < 0.8 else int(rng.integers(126))
+    length = len(payload) if rng.random() < 0.9 else int(rng.integers(126))
     size = bytes([0x80 | length]) if length < 126 else b"\xfe" + length.to_bytes(2, "big")
     return bytes([0x80 | opcode]) + size + mask + masked
 
@@ -185,6 +192,96 @@ def _live_server(samples: Path, here: Path, rng: Generator) -> Attempt:
         return 0
 
     return talk
+
+
+# -- servers of races
+
+_CALL = b'{"op": "call_service", "id": "a", "service": "/rosapi/topic_type", "args": {"topic": "/scan"}}'
+_TO_ROSBRIDGE = (
+    b'{"op": "subscribe", "id": "s", "topic": "/scan", "type": "sensor_msgs/LaserScan", "throttle_rate": 50}',
+    b'{"op": "advertise", "topic": "/goal", "type": "geometry_msgs/PointStamped", "latch": true}', _CALL,
+    b'{"op": "publish", "topic": "/goal", "msg": {"header": {"stamp": {"secs": 3}}, "point": {"x": 1}}}',
+    b'{"op": "publish", "topic": "/drive", "msg": {"drive": {"speed": 1.5, "steering_angle": -0.1}}}',
+    b'{"op": "publish", "topic": "/initialpose", "msg": {"pose": {"pose": {"position": {"x": 1.0}}}}}',
+    b'{"op": "advertise_service", "service": "/twice", "type": "std_srvs/SetBool"}',
+    b'{"op": "call_service", "id": 7, "service": "/twice", "args": {"data": true}}',
+)  # fmt: skip
+_TO_FOXGLOVE = (
+    b'{"op": "advertise", "channels": [{"id": 1, "topic": "/drive", "encoding": "json", "schemaName": ""}]}',
+    b'{"op": "setParameters", "parameters": [{"name": "max_speed", "value": 3.5}], "id": "b"}',
+    b'{"op": "getParameters", "parameterNames": ["mu"], "id": "a"}',
+    b'\x01\x01\0\0\0{"drive": {"speed": 1.5, "steering_angle": -0.1}}',
+)  # fmt: skip
+_FROM_DEVKIT = (
+    b'0{"sid":"a","upgrades":[],"pingInterval":25000,"pingTimeout":20000}', b"40", b"2", b"3",
+    b'42["Bridge",{"V1 Throttle":"0.1","V1 Steering":"0.0","Reset":"False"}]',
+)  # fmt: skip
+
+
+@cache
+def _racing(kind: str) -> Any:
+    """Start a server, once for a process."""
+    server: Any = {"rosbridge": RosbridgeServer, "foxglove": FoxgloveServer}[kind](LiveSession(), port=0, log=print)
+    threading.Thread(target=server.run, daemon=True).start()
+    atexit.register(server.close)
+    return server
+
+
+def _peer(kind: str, texts: tuple[bytes, ...], protocol: str, rng: Generator) -> Attempt:
+    """Return an attempt to talk nonsense to a server, which serves others all the same."""
+    port = _racing(kind).port
+    head = _REQUEST.replace(b"{port}", str(port).encode()).replace(b"viser-v1.1.1", protocol.encode())
+    if rng.random() < 0.2:
+        head = mutated(head, rng)
+    said = [mutated(text, rng)[:60_000] if rng.random() < 0.7 else text for text in rng.permutation(texts).tolist()]
+    frames = b"".join(_frame(text, rng, (1, 1, 1, 1, 2, 0, 8, 9, 15)) for text in said)
+
+    def talk() -> int:
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as peer, contextlib.suppress(OSError):
+            peer.settimeout(0.2)
+            peer.sendall(head)
+            peer.recv(4096)
+            peer.sendall(frames)
+            peer.recv(4096)
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(protocol)], proxy=None) as peer:
+            if kind == "rosbridge":
+                peer.send(_CALL.decode())
+            assert peer.recv(timeout=8.0)
+        return 0
+
+    return talk
+
+
+def _servers(samples: Path, here: Path, rng: Generator) -> Attempt:
+    kind = one_of(rng, ("rosbridge", "foxglove", "autodrive"))
+    if kind == "rosbridge":
+        return _peer(kind, _TO_ROSBRIDGE, "rosbridge", rng)
+    if kind == "foxglove":
+        return _peer(kind, _TO_FOXGLOVE, "foxglove.sdk.v1", rng)
+    greeting = [mutated(text, rng) if rng.random() < 0.3 else text for text in _FROM_DEVKIT[:2]]
+    answers = [mutated(one_of(rng, _FROM_DEVKIT), rng) if rng.random() < 0.5 else _FROM_DEVKIT[-1] for _ in range(5)]
+    as_they_are = rng.random() < 0.1
+
+    def answer(connection: ServerConnection) -> None:
+        with contextlib.suppress(ConnectionClosed, OSError):
+            for text in (*greeting, *answers):
+                if as_they_are:
+                    connection.socket.sendall(text)
+                else:
+                    connection.send(as_text(text).encode("utf-8", errors="replace").decode())
+            while connection.recv():
+                connection.send(_FROM_DEVKIT[-1].decode())
+
+    def race() -> object:
+        with serve(answer, "127.0.0.1", 0) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
+            address = f"127.0.0.1:{server.socket.getsockname()[1]}"
+            try:
+                return command("serve", "autodrive", "--devkit", address, "--patience", 0.2, "--time-limit", 0.1)()
+            finally:
+                server.shutdown()
+
+    return race
 
 
 # -- several cars
@@ -248,6 +345,7 @@ TARGETS = {
     "f110": Target(attempt=_f110, prepare=ring),
     "live_session": Target(attempt=_live_session),
     "live_server": Target(attempt=_live_server),
+    "servers": Target(attempt=_servers),
     "several_cars": Target(attempt=_several_cars, prepare=ring),
     "several_cars_folder": Target(attempt=_several_cars_folder, prepare=_race_of_several),
 }

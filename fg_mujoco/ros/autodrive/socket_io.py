@@ -26,7 +26,7 @@ from ...messages import shown
 _OPEN, _CLOSE, _PING, _PONG, _MESSAGE = "0", "1", "2", "3", "4"  # of Engine.IO
 _CONNECT, _DISCONNECT, _EVENT, _REFUSED = "0", "1", "2", "4"  # of Socket.IO, within a message
 _REVISIONS = (3, 4)
-_HANDSHAKE = 5.0  # [s]
+_HANDSHAKE = 3.0  # [s]
 _CLOSING = 1.0  # [s] that a server has to say goodbye
 _PONG_WITHIN = 1.0  # [s] in which a server that is alive answers a ping of WebSocket
 _LONGEST = 1 << 16  # bytes of a message; a command of two cars has 200
