@@ -131,17 +131,20 @@ def _below(folder: Path) -> list[Path]:
     """Return the packages in a folder, of which none is looked for within another: those that lie less deep first."""
     found: list[Path] = []
     level, looked = [folder], 0
-    for _ in range(_DEEP):
+    for depth in range(_DEEP + 1):
         deeper: list[Path] = []
         for each in level:
             looked += 1
-            with suppress(OSError):
-                inner = sorted(entry.path for entry in os.scandir(each) if entry.is_dir() and entry.name[0] != ".")
-                deeper += [Path(path) for path in inner if os.path.basename(path) not in _SKIPPED]
-            if looked >= _MOST_FOLDERS:
+            if looked > _MOST_FOLDERS:
                 return found
-        found += [each for each in deeper if (each / "package.xml").is_file()]
-        level = [each for each in deeper if not (each / "package.xml").is_file()]
+            with suppress(OSError), os.scandir(each) as entries:
+                inner = list(entries)
+                if depth and any(entry.name == "package.xml" for entry in inner):
+                    found.append(each)
+                    continue
+                folders = (entry for entry in inner if entry.name[0] != "." and entry.name not in _SKIPPED)
+                deeper += sorted(Path(entry.path) for entry in folders if entry.is_dir())
+        level = deeper
     return found
 
 
