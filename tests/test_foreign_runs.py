@@ -102,6 +102,44 @@ def test_a_planner_without_a_recorded_hash_is_not_trusted(foreign, capsys):
     assert not imported(foreign)
 
 
+@pytest.mark.parametrize("options", [[], ["--controller", "gap_finder"], ["--trust"]])
+@pytest.mark.parametrize("place", ["entries", "entries in one car's folder", "opponents"])
+def test_no_planner_of_further_cars_is_loaded_that_the_rows_do_not_have(place, options, foreign, capsys):
+    theirs = f"{foreign / 'controller.py'}:Slow"
+    both = {"entries": [{"controller": "gap_finder"}, {"controller": theirs}]}
+    name_planner(foreign, "gap_finder", None, **(both if "entries" in place else {"opponents": [theirs]}))
+    path = foreign / "summary.json"
+    summary = json.loads(path.read_text("utf-8"))
+    if "entries" in place:
+        del summary["settings"]["controller"]
+    if place == "entries":
+        summary["cars"] = None
+    path.write_text(json.dumps(summary), "utf-8")
+    assert "Slow" in refusal(capsys, "race", "--config", foreign, *options)
+    assert not imported(foreign)
+
+
+@pytest.mark.parametrize("door", ["replay", "debug", "race"])
+def test_a_folder_reads_no_file_by_the_settings_of_a_planner_or_a_lidar(door, foreign, capsys):
+    secret = foreign.parent / "secret.toml"
+    secret.write_text("noise = 'hidden'\n")
+    arguments = {"replay": ["replay", foreign], "debug": ["debug", foreign], "race": ["race", "--config", foreign]}
+    path = foreign / "summary.json"
+    summary = json.loads(path.read_text("utf-8"))
+    if door == "replay":
+        summary["lidar_effects"]["measured"] = str(secret)
+    name = {"planner_settings": {"pose_map": str(secret)}}
+    summary |= {"controller": "gap_finder", "settings": summary["settings"] | {"controller": "gap_finder"} | name}
+    path.write_text(json.dumps(summary | (name if door == "debug" else {})), "utf-8")
+    accepted = "no file's name" if door == "replay" else "the files that are recorded with their SHA-256"
+    if door == "debug":
+        main([*map(str, arguments[door])])
+        said = capsys.readouterr()
+        assert accepted in said.out + said.err and "hidden" not in said.out + said.err
+    else:
+        assert accepted in refusal(capsys, *arguments[door])
+
+
 def test_another_planner_on_the_command_line_needs_no_trust(foreign, capsys):
     assert main(["race", "--config", str(foreign), "--controller", "gap_finder", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["controller"] == "gap_finder"

@@ -12,6 +12,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_files import read_policy, save_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.envs.training_settings import TrainingSettings
 from fg_mujoco.studies.evaluation import evaluate
 
 SMALL = {
@@ -149,6 +150,22 @@ def test_a_training_starts_from_the_weights_of_another(train, tmp_path):
             train(tmp_path / "other", steps=64, start_from=str(first), **{**SMALL, "environment": environment})
     with pytest.raises(fg.SettingsError, match="where no checkpoint is; accepted: the folder of a training"):
         train(tmp_path / "other", steps=64, start_from=tmp_path, **SMALL)
+
+
+@pytest.mark.parametrize("door", ["out", "folder", "file"])
+def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
+    """Loading it runs the code in it: it is refused before anything reads it."""
+    folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
+    checkpoint.parent.mkdir(parents=True)
+    checkpoint.write_bytes(b"theirs")
+    settings = TrainingSettings().described()
+    (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
+    out = folder if door == "out" else tmp_path / "mine"
+    start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
+    said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
+    assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
 
 
 def test_the_same_training_has_the_same_bits(train, tmp_path):

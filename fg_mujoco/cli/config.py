@@ -23,7 +23,7 @@ from typing import Any
 
 from ..course.documents import TomlFile, read_toml
 from ..course.files import is_folder
-from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names
+from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsError, accepted_names
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
 from ..racing.run_folder import SUMMARY, read_summary
@@ -125,15 +125,23 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     names, speeds = values.pop("opponents", None) or [], values.pop("opponent_max_speed", None) or []
     rows = summary.get("cars") or [summary]
     cars = values.get("entries") or [values, *({"controller": name} for name in names)]
-    for index, (car, row) in enumerate(zip(cars, rows, strict=False)):
-        if "controller" in given or not isinstance(car, dict):
-            continue
-        own = summary if index == 0 else row
-        car["controller"] = text = controller_of(folder, own, str(car.get("controller", "gap_finder")))
-        source = ControllerChoice.of(text).source
-        require_trusted(source, recorded_sha256(own), trust=trust, where=where, files=files_of(own))
+    recorded = [summary, *rows[1:]]
+    for index, (car, row) in enumerate(zip(cars, recorded, strict=False)):
+        if isinstance(car, dict) and not (index == 0 and "controller" in given):
+            car["controller"] = controller_of(folder, row, str(car.get("controller", "gap_finder")))
     try:
         setup = Setup.read(values)
+        setup = with_opponents(setup, names, {"opponent_max_speed": speeds}) if names else setup
+        for index, entry in enumerate(setup.entries):  # of all, and not of the rows alone
+            if index == 0 and "controller" in given:
+                continue
+            choice, row = ControllerChoice.of(str(entry.controller)), recorded[index] if index < len(recorded) else {}
+            settings = dict(choice.settings) | dict(entry.planner_settings or {})
+            require_trusted(
+                choice.source, recorded_sha256(row), trust=trust, where=where, files=files_of(row), settings=settings
+            )
+    except ControllerError:
+        raise
     except FgMujocoError as error:
         raise type(error)(f"{where}: {error}") from error
     first, vehicle = setup.first, setup.first.car
@@ -146,7 +154,7 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     assumed = summary.get("planner_mu")
     if first.mu is not None and first.planner_mu is None and assumed not in (None, first.assumed_mu):
         setup = setup.replace(planner_mu=assumed)  # up to version 0.1.0 planners were not told of mu
-    return with_opponents(setup, names, {"opponent_max_speed": speeds}) if names else setup
+    return setup
 
 
 def _checked(action: argparse.Action, value: Any, where: str) -> Any:

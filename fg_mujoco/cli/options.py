@@ -292,9 +292,11 @@ def with_opponents(setup: Setup, names: Sequence[str], own: Mapping[str, Sequenc
     return setup.replace(entries=(first, *cars), **among)
 
 
-def add_trust_option(add: Callable[..., Any]) -> None:
-    """Add the option that says that a recorded planner may be loaded; `add` adds an option to a command."""
-    add("--trust", action="store_true", help="load the recorded planner if it is not bundled, which runs its code")
+def add_trust_option(
+    add: Callable[..., Any], text: str = "load the recorded planner if it is not bundled, which runs its code"
+) -> None:
+    """Add the option that says that code of a file may run; `add` adds an option to a command."""
+    add("--trust", action="store_true", help=text)
 
 
 def can_draw(what: str, *, several: bool = True) -> bool:

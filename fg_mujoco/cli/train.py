@@ -63,6 +63,7 @@ def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     )  # fmt: skip
     add("--out", metavar="DIR", required=True, help="folder; the same command goes on with a training that is there")
     add("--json", action="store_true", help="print one JSON object and nothing else")
+    add_trust_option(add, "go on with, or start from, a checkpoint that you did not write here, which runs its code")
 
 
 def _train(options: argparse.Namespace) -> int:
@@ -85,7 +86,7 @@ def _train(options: argparse.Namespace) -> int:
         shown_as(text, "preparing worlds", show=not options.json) as watch,
     ):
         try:
-            training = train(options.out, watch=watch, **settings)
+            training = train(options.out, watch=watch, trust=options.trust, **settings)
         except KeyboardInterrupt:
             said = "interrupted; its policy races, and the same command goes on"
             print(f"fg-mujoco: {options.out}: {said}", file=sys.stderr)

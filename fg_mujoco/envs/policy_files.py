@@ -16,6 +16,7 @@ that is in it, as Stable-Baselines3 loads pickled objects; the two others are da
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -33,6 +34,7 @@ from ..display import brief, quoted
 from ..errors import ControllerError, SettingsError
 from ..messages import shown
 from ..racing.planner_texts import POLICY_ENDINGS, POLICY_FILE
+from ..racing.run_folder import remember_made
 from ..simulation.planner_failure import one_line
 from .perceptron import Perceptron
 from .policy_interface import PolicyInterface
@@ -102,6 +104,8 @@ def save_policy(
     except OSError as error:
         reason = error.strerror or str(error)
         raise ControllerError(f"policy {path}: cannot be written: {reason}; accepted: a file that can be") from error
+    if path.suffix == ".zip":  # from which this user's training may go on
+        remember_made(hashlib.sha256(content).hexdigest())
     return path
 
 

@@ -31,7 +31,7 @@ MEMBER = "fg_mujoco.json"
 _MOST_BYTES = 2**24  # of the member
 _PACKAGES = ("stable_baselines3", "sb3_contrib")
 _STATISTICS = ("obs_rms", "ret_rms")
-_NUMBERS = ("clip_obs", "clip_reward", "gamma", "epsilon", "norm_obs", "norm_reward")
+_GREATEST = 1e38  # of `clip_obs`, of float32: JSON knows no infinity
 _ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "SiLU": "silu", "Sigmoid": "sigmoid"}
 
 
@@ -155,7 +155,8 @@ def normalize_described(model: Any) -> dict[str, Any] | None:
     wrapper = model.get_vec_normalize_env()
     if wrapper is None:
         return None
-    found: dict[str, Any] = {name: getattr(wrapper, name) for name in _NUMBERS}
+    found: dict[str, Any] = {name: getattr(wrapper, name) for name in ("norm_obs", "epsilon")}
+    found["clip_obs"] = min(wrapper.clip_obs, _GREATEST)
     for name in _STATISTICS:
         own = getattr(wrapper, name, None) if name != "obs_rms" or wrapper.norm_obs else None
         if own is None:

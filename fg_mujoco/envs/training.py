@@ -29,7 +29,7 @@ from ..course.files import is_file, read_text
 from ..display import brief, quoted
 from ..errors import ControllerError, RunFolderError, SettingsError, missing_extra
 from ..messages import shown
-from ..racing.run_folder import check_run_folder
+from ..racing.run_folder import check_run_folder, was_made_here
 from ..simulation.settings import known_settings
 from .policy_files import read_content
 from .policy_interface import PolicyInterface
@@ -61,6 +61,7 @@ def train(
     *,
     watch: Callable[[TrainingProgress], None] | None = None,
     callbacks: Sequence[Any] = (),
+    trust: bool = False,
     **settings: Any,
 ) -> Training:
     """Train a policy in a folder, or go on with the training there.
@@ -69,16 +70,21 @@ def train(
       out: a new or empty folder, or one of a training with the same settings.
       watch: called after each iteration.
       callbacks: further ones of Stable-Baselines3.
+      trust: whether to load a checkpoint, of `out` or `start_from`, that this user did not write here: loading it runs
+        the code in it.
       settings: those of TrainingSettings, by name.
 
     Raises:
       SettingsError, TrackError: what cannot be driven or learned; nothing is written then.
       RunFolderError: the folder has something else, or a training with other settings.
+      ControllerError: a checkpoint that cannot be read, or is somebody else's, without `trust`.
       MissingExtraError: Stable-Baselines3 or torch are not installed.
       KeyboardInterrupt: Ctrl-C, after a checkpoint and the policy are written.
     """
     chosen, folder = TrainingSettings(**known_settings(settings, TrainingSettings, "a training")), Path(out)
     last = _last_checkpoint(folder, chosen)
+    begins_with = chosen.first_weights() if last is None else last
+    content = b"" if begins_with is None else _trusted_content(begins_with, trust=trust)
     try:
         import torch
         from stable_baselines3.common.logger import Logger
@@ -98,7 +104,11 @@ def train(
     try:
         if snapshots is not None:
             replace(env.policy_interface, privileged=()).require_on_board()  # of the cars that snapshots drive
-        model = _new_model(chosen, env) if last is None else _old_model(chosen, env, last)
+        model = _new_model(chosen, env) if last is None else _old_model(chosen, env, last, content)
+        if last is None and begins_with is not None:
+            _take_weights(model, env.policy_interface, begins_with, content)
+            if chosen.ppo.log_std is not None:
+                model.policy.log_std.data.fill_(chosen.ppo.log_std)
         folder.mkdir(parents=True, exist_ok=True)
         record = Record(folder, model, chosen, env.policy_interface)
         record.write_settings()
@@ -159,22 +169,29 @@ def _new_model(settings: TrainingSettings, env: F1TenthVecEnv) -> Any:
     if env.policy_interface.residual is not None:  # it begins as the planner
         for parameter in model.policy.action_net.parameters():
             parameter.data.zero_()
-    weights = settings.first_weights()
-    if weights is not None:
-        _take_weights(model, env.policy_interface, weights)
-        if own.log_std is not None:
-            model.policy.log_std.data.fill_(own.log_std)
     return model
 
 
-def _take_weights(model: Any, interface: PolicyInterface, file: Path) -> None:
+def _trusted_content(file: Path, *, trust: bool) -> bytes:
+    """Return the bytes of a policy.zip that may be loaded.
+
+    Raises:
+      ControllerError: this user has not written it here and does not trust it, or it cannot be read.
+    """
+    content = read_content(file)
+    if not trust and not was_made_here(content):
+        said = f"{file}: was not written by a training of yours on this machine, and loading it runs the code in it"
+        raise ControllerError(f"{said}; accepted: --trust (in Python trust=True), if you know who made it")
+    return content
+
+
+def _take_weights(model: Any, interface: PolicyInterface, file: Path, content: bytes) -> None:
     """Give an algorithm the weights of a policy.zip.
 
     Raises:
       ControllerError: the policy sees or answers something else, or has another network; both are named. One that
         answers accelerations may have another range of speeds.
     """
-    content = read_content(file)
     try:
         described = zip_description(content)
         trained, now = (each.described() for each in (PolicyInterface.read(described["interface"]), interface))
@@ -202,9 +219,8 @@ def _policy_class(settings: TrainingSettings, env: F1TenthVecEnv) -> tuple[Any, 
     return "MultiInputPolicy" if env.observation_space.shape is None else "MlpPolicy", {}
 
 
-def _old_model(settings: TrainingSettings, env: F1TenthVecEnv, checkpoint: Path) -> Any:
+def _old_model(settings: TrainingSettings, env: F1TenthVecEnv, checkpoint: Path, content: bytes) -> Any:
     """Return the algorithm of a checkpoint, ready to go on."""
-    content = read_content(checkpoint)
     try:
         described, wrapped = zip_description(content), _normalised(settings, env)
         model = load_model(content, described, env=wrapped)

@@ -24,7 +24,7 @@ from ..simulation.planner_adapter import start
 from ..simulation.settings import DriveSettings
 from ..vehicle.car import car_parameters
 from .planner_choice import ControllerChoice
-from .planner_files import Files, changed_file, changed_text, recorded_files
+from .planner_files import Files, changed_file, changed_text, path_sha256, recorded_files
 from .planner_loading import make_controller
 from .planner_origin import origin
 from .planner_sources import bundled_names
@@ -45,9 +45,18 @@ def files_of(summary: Mapping[str, Any]) -> Files:
 
 
 def require_trusted(
-    source: str, sha256: str | None, *, trust: bool, where: str, files: Mapping[str, str | None] | None = None
+    source: str,
+    sha256: str | None,
+    *,
+    trust: bool,
+    where: str,
+    files: Mapping[str, str | None] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> None:
     """Refuse a planner that a file names and that may not be loaded. Without `trust` nothing of it is imported.
+
+    A bundled planner may be loaded. It reads a file that a setting names, such as a map, only if that is the recorded
+    one.
 
     Args:
       source: a name, or `path/to/file.py:ClassName`, without settings.
@@ -55,12 +64,17 @@ def require_trusted(
       trust: whether the user trusts the code.
       where: the planner was named, for the message.
       files: that it read, as they were recorded; None: it read none.
+      settings: its own, by name.
 
     Raises:
       ControllerError: it is not bundled, and it is not trusted, or its file is not the one that was recorded; or a file
-        that it read is another one now.
+        that it read, or would read, is another one now.
     """
     if source in bundled_names():
+        for name, value in (settings or {}).items():
+            if isinstance(value, str) and is_file(value) and path_sha256(value) not in (files or {}).values():
+                said = f"{where}: planner {source!r} has {name} {value!r}, which it did not read as it was raced"
+                raise ControllerError(f"{said}; accepted: the files that are recorded with their SHA-256")
         _require_same(source, files, where, "accepted: the file as it was raced")
         return
     from .manoeuvres import is_driven_by_commands  # nobody else here needs what it imports
@@ -142,21 +156,24 @@ def recorded_planner(
     trust = trust or (folder is not None and was_raced_here(folder, summary))
     if trust and folder is not None:
         source = controller_of(folder, summary, source)
-    require_trusted(source, recorded_sha256(summary), trust=trust, where=where, files=files_of(summary))
+    settings = summary.get("planner_settings") or {}
+    require_trusted(
+        source, recorded_sha256(summary), trust=trust, where=where, files=files_of(summary), settings=settings
+    )  # fmt: skip
     mu = summary.get("planner_mu")
     course = None  # a user's own track or map is not found by its name, and few planners drive by a map
     with suppress(TrackError):
         course = load_track(str(summary["track"]))
-    settings = DriveSettings(
+    drive = DriveSettings(
         planner_mu=math.inf if mu is None else mu,
         max_speed=summary["speed_limit_m_s"],
-        planner_settings=summary.get("planner_settings") or {},
+        planner_settings=settings,
         effects=LidarEffects(**summary.get("lidar_effects", {})),
         sensors=summary.get("sensors") or (),
         seed=summary.get("seed", 0),
     )
     map_line = None if course is None else course.map_line
-    context = settings.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
-    planner = make_controller(source, context, settings=settings.planner_settings)
+    context = drive.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
+    planner = make_controller(source, context, settings=drive.planner_settings)
     start(planner)
     return planner

@@ -104,6 +104,7 @@ def _is_row(row: dict[str, Any]) -> bool:
         and _is_count(row.get("collisions_wall"))
         and isinstance(row.get("lap_times_s"), list)
         and all(map(is_figure, row["lap_times_s"]))
+        and (row.get("lidar_effects") is None or _is_effects(row["lidar_effects"]))
     )
 
 
@@ -117,6 +118,9 @@ def _is_settings(value: Any) -> bool:
 
 
 def _is_effects(value: Any) -> bool:
+    """Return whether a value is LidarEffects with all numbers inside: no file is read."""
+    if not isinstance(value, dict) or isinstance(value.get("measured"), str):
+        return False
     try:
         LidarEffects(**value)
     except (TypeError, SettingsError):
@@ -176,7 +180,7 @@ _SUMMARY: dict[str, tuple[str, Accepts]] = {
         "the fields of DecisionTimes",
         _is_times,
     ),
-    "lidar_effects": ("the fields of LidarEffects", lambda value: isinstance(value, dict) and _is_effects(value)),
+    "lidar_effects": ("the fields of LidarEffects, and no file's name", _is_effects),
     "planner_settings": _BY_NAME,
     "settings": (
         "settings by name, time_limit above 0",

@@ -191,12 +191,29 @@ def write_run(
 def remember_run(folder: Path) -> None:
     """Note in this user's cache that this user raced a run: its planner's code was run by this user already.
 
-    The note is an empty file with the name of the summary's SHA-256, so it holds for this run and no other.
+    It holds for this run and no other, as the note is of its summary.
     """
-    own = own_folder(_RACED, "races are not noted there, so `debug` needs --trust")
+    with suppress(OSError):
+        remember_made(file_sha256(folder / SUMMARY))
+
+
+def remember_made(sha256: str) -> None:
+    """Note in this user's cache, by an empty file, that this user made a file of a SHA-256."""
+    own = own_folder(_RACED, "what is made is not noted there, so `debug` and `train` need --trust")
     if own is not None:
         with suppress(OSError):
-            (own / file_sha256(folder / SUMMARY)).touch(mode=0o600)
+            (own / sha256).touch(mode=0o600)
+
+
+def was_made_here(content: bytes) -> bool:
+    """Return whether this user made a file with these contents, which `remember_made` has noted."""
+    own = own_folder(_RACED, "what is noted there is not believed")
+    try:
+        status = ((own or Path()) / hashlib.sha256(content).hexdigest()).lstat()
+    except OSError:
+        return False
+    mine = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
+    return own is not None and mine and stat.S_ISREG(status.st_mode)
 
 
 def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
@@ -204,13 +221,9 @@ def was_raced_here(folder: Path, summary: Mapping[str, Any]) -> bool:
 
     The folder itself proves nothing: whoever made it wrote all of it.
     """
-    own = own_folder(_RACED, "what is noted there is not believed")
     try:
         content = read_bytes(folder / SUMMARY, _MOST_SUMMARY)
-        note = (own or folder) / hashlib.sha256(content).hexdigest()
-        status = note.lstat()
-        mine = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
-        return own is not None and mine and stat.S_ISREG(status.st_mode) and json.loads(content) == summary
+        return was_made_here(content) and json.loads(content) == summary
     except (OSError, ValueError, RecursionError):
         return False
 
