@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 
+import numpy as np
 import pytest
 from map_oracles import draw_map, ring
 
@@ -221,6 +222,9 @@ def test_an_error_of_the_script_is_its_own(folder):
     out, error, status = run(folder, "import numpy as np\nprint(np.product([2, 3]))\nnp.cast\n")
     assert (out, status) == ("6\n", 1)
     assert error.splitlines()[-1].endswith("install an older one: pip install 'numpy<2'")
+    if np.lib.NumpyVersion(np.__version__) >= "2.4.0":
+        error = run(folder, "import numpy as np\nfloat(np.ones(1))\n")[1]
+        assert error.splitlines()[-1].endswith("install an older one: pip install 'numpy<2.4'")
     assert "error: nowhere.py: No such file" in run(folder, "", name="x.py", options=("nowhere.py",))[1]
 
 
