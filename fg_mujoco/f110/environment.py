@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import traceback
 import warnings
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -17,6 +18,7 @@ from ..display import brief
 from ..errors import SettingsError
 from ..messages import FloatArray
 from ..racing.setup import PARTS, SETUP_KEYWORDS, Setup
+from ..simulation.planner_failure import one_line
 from ..simulation.world import World
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
@@ -65,6 +67,7 @@ class RaceEnvironment(Remade):
         self.map_ext = map_ext if isinstance(map_ext, str) else ".png"
         self.start_thresh = 0.5
         self.render_callbacks: list[Callable[[Any], Any]] = []
+        self._failing: list[Callable[[Any], Any]] = []  # of them, that was said of
         self.render_obs: dict[str, Any] | None = None
         self._view: View | None = None
         count = self.num_agents
@@ -217,13 +220,29 @@ class RaceEnvironment(Remade):
         if self.render_obs is not None:
             self.renderer.update_obs(self.render_obs)
         for callback in (*self.render_callbacks, *self.renderer.callbacks):
-            callback(self.renderer)
+            try:
+                callback(self.renderer)
+            except Exception as error:  # nothing that it draws is shown anyway
+                self._tell_of_callback(callback, error)
         if self._view is None:
             self._view = View(self.driving, warned=self._warned)
         if mode == "rgb_array":
             return self._view.picture(self.ego_idx)
         self._view.show(paced=mode == "human")
         return None
+
+    def _tell_of_callback(self, callback: Callable[[Any], Any], error: Exception) -> None:
+        """Say once of a callback that it fails, and where."""
+        if callback in self._failing:
+            return
+        self._failing.append(callback)
+        where = traceback.extract_tb(error.__traceback__)[:2][-1]  # in the callback, if it is a function of Python
+        name = getattr(callback, "__name__", type(callback).__name__)
+        warnings.warn(
+            f"the render callback {name!r} fails at {where.filename}:{where.lineno}: {one_line(error)}; the run goes "
+            "on, and nothing that callbacks draw is shown here",
+            stacklevel=4,
+        )
 
     def _make_renderer(self) -> EnvRenderer:
         ids = [f"agent_{agent}" for agent in range(self.num_agents)]

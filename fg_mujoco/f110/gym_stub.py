@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.machinery
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -182,13 +183,91 @@ class RescaleAction(ActionWrapper):
     def __init__(self, env: Any, min_action: Any, max_action: Any) -> None:
         super().__init__(env)
         self._low, self._high = np.asarray(min_action, float), np.asarray(max_action, float)
-        inner = env.action_space
+        inner = _bounded(self, env)
         self.action_space = Box(self._low, self._high, inner.shape, np.float32)
 
     def action(self, action: Any) -> Any:
         """Return the environment's action."""
         inner = self.env.action_space
         return inner.low + (inner.high - inner.low) * (np.asarray(action) - self._low) / (self._high - self._low)
+
+
+class ClipAction(ActionWrapper):
+    """Actions held within the bounds of the environment's."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        _bounded(self, env)
+
+    def action(self, action: Any) -> Any:
+        """Return the action within the bounds."""
+        return np.clip(action, self.env.action_space.low, self.env.action_space.high)
+
+
+def _bounded(wrapper: Wrapper, env: Any) -> Any:
+    """Return the space of an environment's actions.
+
+    Raises:
+      SettingsError: it has no bounds, as the environment of v0.2 has no spaces.
+    """
+    space = env.action_space
+    if not hasattr(space, "low"):
+        said = f"{type(wrapper).__name__} of an environment whose action_space is {space!r}"
+        raise SettingsError(f"{said}; accepted: one with bounds, such as f1tenth_gym:f1tenth-v0")
+    return space
+
+
+class TransformObservation(ObservationWrapper):
+    """Observations that a function has changed; their space is that of before, as in the old library."""
+
+    def __init__(self, env: Any, f: Callable[[Any], Any], *_: Any) -> None:
+        super().__init__(env)
+        self.observation = f  # type: ignore[method-assign]
+
+
+class FlattenObservation(ObservationWrapper):
+    """Observations as one array."""
+
+    def __init__(self, env: Any) -> None:
+        super().__init__(env)
+        inner = env.observation_space
+        if inner is None:
+            raise SettingsError("FlattenObservation of an environment without spaces; accepted: f1tenth_gym:f1tenth-v0")
+        example = flatten(inner, inner.sample())
+        self.observation_space = Box(-np.inf, np.inf, example.shape, np.float32)
+
+    def observation(self, observation: Any) -> Any:
+        """Return the array."""
+        return flatten(self.env.observation_space, observation)
+
+
+class TransformReward(RewardWrapper):
+    """Rewards that a function has changed."""
+
+    def __init__(self, env: Any, f: Callable[[float], float]) -> None:
+        super().__init__(env)
+        self.reward = f  # type: ignore[method-assign]
+
+
+class RecordEpisodeStatistics(Wrapper):
+    """Adds to the info of an episode's end `episode`: `r` return, `l` steps, `t` seconds since the wrapper was made."""
+
+    def __init__(self, env: Any, *_: Any, **__: Any) -> None:
+        super().__init__(env)
+        self._began, self._sum, self._steps = time.perf_counter(), 0.0, 0
+
+    def reset(self, *args: Any, **named: Any) -> Any:
+        """Begin to count anew."""
+        self._sum, self._steps = 0.0, 0
+        return self.env.reset(*args, **named)
+
+    def step(self, action: Any) -> Any:
+        """Step, and count."""
+        found = self.env.step(action)
+        self._sum, self._steps = self._sum + found[1], self._steps + 1
+        if any(found[2:-1]):
+            found[-1]["episode"] = {"r": self._sum, "l": self._steps, "t": time.perf_counter() - self._began}
+        return found
 
 
 class RecordNothing(Wrapper):
@@ -471,10 +550,11 @@ class Spaces:
 
 def flatten(space: Any, value: Any) -> Any:
     """Return a value of a space as one array."""
-    if isinstance(space, Dict):
-        return np.concatenate([flatten(inner, value[key]) for key, inner in sorted(space.items())])
-    if isinstance(space, Tuple):
-        return np.concatenate([flatten(inner, each) for inner, each in zip(space.spaces, value, strict=True)])
+    inside = getattr(space, "spaces", None)  # of Gymnasium's spaces, too
+    if isinstance(inside, Mapping):
+        return np.concatenate([flatten(inner, value[key]) for key, inner in sorted(inside.items())])
+    if inside is not None:
+        return np.concatenate([flatten(inner, each) for inner, each in zip(inside, value, strict=True)])
     return np.asarray(value, np.float32).ravel()
 
 

@@ -85,6 +85,9 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         if top != "pyglet" and fullname not in self._tables:
             parent, _, last = fullname.rpartition(".")
             known = [name for name in self._names(parent) if not name.startswith("_")]
+            if last in known:  # imported as if it were a module
+                said = f"{_asker()}{parent}.{last} is no module; accepted: from {parent} import {last}"
+                raise ImportError(said, name=last)
             raise ImportError(f"{_asker()}{parent} has no {last!r} here; {accepted_names(last, known)}", name=last)
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
 

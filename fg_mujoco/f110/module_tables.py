@@ -6,6 +6,7 @@ finder.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 RACING = ("f110_gym", "f1tenth_gym")
@@ -103,10 +104,12 @@ _REGISTERS = {
     "make": "registry.make", "register": "registry.register", "spec": "registry.find", "registry": "registry.itself",
     "EnvSpec": "gym_stub:EnvSpec",
 }  # fmt: skip
-_RECORDERS = dict.fromkeys(
-    ("RecordVideo", "RecordEpisodeStatistics", "Monitor", "OrderEnforcing", "PassiveEnvChecker"),
-    "gym_stub:RecordNothing",
-)
+_OF_ENVIRONMENTS = dict.fromkeys(
+    ("RecordVideo", "Monitor", "OrderEnforcing", "PassiveEnvChecker"), "gym_stub:RecordNothing"
+) | {name: f"gym_stub:{name}" for name in (
+    "RecordEpisodeStatistics", "TimeLimit", "RescaleAction", "ClipAction", "FlattenObservation", "TransformObservation",
+    "TransformReward",
+)}  # fmt: skip
 _LOGGER = dict.fromkeys(("set_level", "info", "warn", "error", "debug", "deprecation"), "drawing:Nothing")
 
 _GYM: dict[str, Table] = {
@@ -115,8 +118,9 @@ _GYM: dict[str, Table] = {
     "spaces": _SPACES | {"flatten": "gym_stub:flatten"},
     "spaces.box": _SPACES,
     "spaces.utils": {"flatten": "gym_stub:flatten"},
-    "wrappers": _RECORDERS | {"TimeLimit": "gym_stub:TimeLimit", "RescaleAction": "gym_stub:RescaleAction"},
-    "wrappers.time_limit": {"TimeLimit": "gym_stub:TimeLimit"},
+    "wrappers": _OF_ENVIRONMENTS,
+    **{f"wrappers.{re.sub('(?<=[a-z])(?=[A-Z])', '_', name).lower()}": {name: source}
+       for name, source in _OF_ENVIRONMENTS.items()},
     "envs": _REGISTERS,
     "envs.registration": _REGISTERS,
     "utils": {"EzPickle": "gym_stub:EzPickle"},
