@@ -8,9 +8,11 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.racing.crash import crash_of
+from fg_mujoco.racing.crash import Crash, crash_of
 from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import END_REASONS
+from fg_mujoco.vehicle.car import WHEELS
 
 PLANNER = """
 import fg_mujoco as fg
@@ -83,6 +85,48 @@ def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
 
 
+class Skidding(Held):
+    """Turns in, and back again, at a speed that the tires do not hold."""
+
+    def __call__(self, scan, odometry):
+        angle = 0.0 if odometry.stamp < 1.2 else 0.4 if odometry.stamp < 1.7 else -0.4
+        return fg.DriveCommand(steering_angle=angle, speed=6.0 if odometry.stamp < 1.2 else 12.0)
+
+
+def test_a_car_that_slides_into_the_wall_is_told_at_its_speed_over_the_ground_and_how_long_which_tires_had_slid():
+    result = fg.race("oval", Skidding(0.0, 8.0), laps=1, mu=0.3)
+    crash, column = result.car.crash, result.car.column
+    # the car's last rows, carried on to the contact; the speed along the heading is another
+    ground = np.hypot(column("vx_m_s"), column("vy_m_s"))
+    assert crash.speed_m_s == pytest.approx(2.0 * ground[-1] - ground[-2], abs=0.1)
+    assert crash.speed_m_s > abs(column("speed_m_s")[-1]) + 0.5
+    assert crash.sideslip_rad == pytest.approx(column("sideslip_rad")[-1], abs=0.1)
+    for wheel in WHEELS:
+        whole = column(f"slide_{wheel}_m_s")[:-1] <= 0.01
+        since = len(whole) - int(np.argmax(np.append(whole[::-1], True)))  # behind the last tick in which it held
+        slid = crash.time_s - column("time_s")[since] if since < len(whole) else 0.0
+        assert getattr(crash, f"slid_{wheel}_s") == pytest.approx(slid)
+    assert crash.slid_front_left_s > 0.2
+    degrees = math.degrees(abs(crash.sideslip_rad))
+    assert f", {crash.speed_m_s:.1f} m/s, {degrees:.0f} degrees of sideslip; had slid: " in str(crash)
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ((0.0, 0.0, 0.0, 0.0), ""),
+        ((0.4, 0.4, 0.4, 0.4), "; had slid: all tires for 0.40 s"),
+        ((0.1, 0.0, 10.5, 10.5), "; had slid: the rear tires for 10.50 s, front left for 0.10 s"),
+        ((0.2, 0.0, 0.0, 0.2), "; had slid: front left and rear right for 0.20 s"),
+    ],
+)
+def test_the_tires_that_had_slid_are_told_the_longest_first(times, said):
+    slid = {f"slid_{wheel}_s": time for wheel, time in zip(WHEELS, times, strict=True)}
+    crash = Crash(into="left wall", geom="wall_0", time_s=1.0, x_m=0.0, y_m=0.0, speed_m_s=2.0, sideslip_rad=0.0,
+                  lap=1, s_m=3.0, **slid)  # fmt: skip
+    assert str(crash).endswith(f", 2.0 m/s{said}")
+
+
 def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
     leader = fg.race("scene:slow_leader:0", Held(0.0, 4.0))
     assert (leader.car.crash.into, leader.car.crash.geom) == ("moving obstacle 0", "moving_0")
@@ -93,7 +137,7 @@ def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
     end = fg.race("scene:dead_end:0", Held(0.0, 4.0))
     assert str(end.car.crash).startswith("hit the wall across the course at (")
     behind = fg.race("oval", Held(0.3, -2.0), laps=1).car.crash
-    assert behind.speed_m_s == pytest.approx(-2.0, abs=0.1)
+    assert behind.speed_m_s == pytest.approx(2.0, abs=0.1)
     assert str(behind).endswith(", 2.0 m/s in reverse")
 
 
@@ -102,7 +146,8 @@ def test_a_car_that_is_in_a_wall_at_the_beginning_has_crashed_at_once():
     engine = Engine(fg.World("oval"), laps=1)
     engine.place([fg.Start(offset=1.05)])
     states, ctrl = engine.state(0)[np.newaxis], np.empty((0, 2))
-    crash = crash_of(engine.world, states, ctrl, engine.monitor.timers[0], 1, engine.period)
+    telemetry = np.empty((0, len(TELEMETRY)))
+    crash = crash_of(engine.world, states, ctrl, telemetry, engine.monitor.timers[0], 1, engine.period)
     assert END_REASONS[engine.monitor.reasons[0]] == "crash"
     assert (crash.into, crash.time_s, crash.speed_m_s) == ("left wall", 0.0, 0.0)
 
@@ -121,7 +166,9 @@ def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, 
     assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
     table = capsys.readouterr().out
     crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]
-    assert set(crash) == {"into", "geom", "time_s", "x_m", "y_m", "speed_m_s", "lap", "s_m"}
+    assert set(crash) == {"into", "geom", "time_s", "x_m", "y_m", "speed_m_s", "lap", "s_m", "sideslip_rad"} | {
+        f"slid_{wheel}_s" for wheel in WHEELS
+    }
     said = (
         f"hit the {crash['into']} at ({crash['x_m']:.2f}, {crash['y_m']:.2f}) m, {crash['s_m']:.1f} m into lap 1, "
         f"t = {crash['time_s']:.2f} s, {crash['speed_m_s']:.1f} m/s"

@@ -18,6 +18,7 @@ from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.racing.result import EVENTS
 from fg_mujoco.racing.run_folder import read_summary
 from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.vehicle.car import WHEELS
 
 TELLTALE = (
     "max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "collisions",
@@ -146,7 +147,9 @@ def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
 
 
 PLACE = {"time_s": 1.0, "x_m": 0.0, "y_m": 0.0, "lap": 1, "s_m": 0.5}
-RECORDS = {"wrong_way": PLACE, "crash": PLACE | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0}}
+SLID = {f"slid_{wheel}_s": 0.0 for wheel in WHEELS}
+CRASH = PLACE | SLID | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0, "sideslip_rad": 0.0}
+RECORDS = {"wrong_way": PLACE, "crash": CRASH}
 CONTACT = {"impulse_Ns": 1.0, "closing_speed_m_s": 1.0, "displacement_m": 0.0, "x_m": 0.0, "y_m": 0.0}
 RECORDS |= {
     "overtakes": [{"time_s": 1.0, "by": "car_0", "of": "car_1", "s_m": 1.0}],

@@ -97,7 +97,7 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> Cour
     reason = END_REASONS[monitor.reasons[row]]
     crash = None
     if reason == "crash":
-        crash = crash_of(world, trajectory["states"], trajectory["ctrl"], timer, laps, engine.period, row)
+        crash = crash_of(world, **trajectory, timer=timer, laps=laps, period=engine.period, row=row)
     lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
     return {
         "laps_completed": len(lap_times),

@@ -280,7 +280,8 @@ class _Again:
     def _to_the_end_of(self, car: int) -> Trajectory:
         """Return the trajectory up to where the race of a car was over."""
         ticks, own = self.ends[car], self.trajectory
-        return {"telemetry": own["telemetry"], "states": own["states"][: ticks + 1], "ctrl": own["ctrl"][:ticks]}
+        telemetry = self.telemetries[car][:ticks]
+        return {"telemetry": telemetry, "states": own["states"][: ticks + 1], "ctrl": own["ctrl"][:ticks]}
 
     def from_outside(self, reason: object) -> bool:
         """Return whether a race ends for a reason that its states do not tell."""
