@@ -66,6 +66,34 @@ def test_estimates_are_inputs_besides():
         Perceptron(layers=(Layer(weights=act[:, 1:], bias=np.zeros(3)),), estimator=estimator)
 
 
+def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
+    """No signal interrupts its code. It loops where the observation's first value is above 0."""
+    path = written(tmp_path / "loops.onnx", PARTS)
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    model, of = onnx.load(path), onnx.TensorProto
+    node, value = onnx.helper.make_node, onnx.helper.make_tensor_value_info
+    body = onnx.helper.make_graph(
+        [node("Identity", ["go"], ["going"]), node("Identity", ["x"], ["same"])], "body",
+        [value("count", of.INT64, []), value("go", of.BOOL, []), value("x", of.FLOAT, None)],
+        [value("going", of.BOOL, []), value("same", of.FLOAT, None)],
+    )  # fmt: skip
+    model.graph.node[-1].output[0], out = "made", model.graph.output[0].name
+    first = [node("ReduceMax", ["speed"], ["fastest"], keepdims=0), node("Greater", ["fastest", "zero"], ["fast"])]
+    model.graph.initializer.append(onnx.helper.make_tensor("zero", of.FLOAT, [], [0.0]))
+    model.graph.node.extend([*first, node("Loop", ["", "fast", "made"], [out], body=body)])
+    onnx.save(model, path)
+    monkeypatch.setattr("fg_mujoco.envs.onnx_policy.LONGEST", 0.3)
+    policy = read_policy(path)
+    shapes = observed_shapes(policy.interface)
+    observation = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
+    assert policy.act(observation).shape == (2,)
+    for _ in range(2):
+        with pytest.raises(TimeoutError, match=r"no answer within 0.3 s"):
+            policy.act(observation | {"speed": np.ones(shapes["speed"], np.float32)})
+    result = fg.race("oval", path, time_limit=1.0)
+    assert result.car.end_reason == "planner_failed" and result.car.end_time_s > 0.0
+
+
 @pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
 def test_the_forms_hold_the_same_policy(settings, tmp_path):
     texts = [written(tmp_path / name, settings, normalised=True, estimates=2) for name in ("first", "second.onnx")]

@@ -10,6 +10,9 @@ from __future__ import annotations
 import importlib.util
 import json
 import tempfile
+import threading
+import time
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -27,6 +30,10 @@ METADATA = "fg_mujoco_policy"
 """Key of the description, a JSON text, in `metadata_props`."""
 
 _OPSET, _IR = 17, 9  # which onnxruntime has read since 1.14
+LONGEST = 5.0
+"""[s] that a model may run for an action."""
+
+_PULSE = 0.25  # [s] between two looks at how long the runs have taken
 _OPERATORS = {"relu": "Relu", "tanh": "Tanh", "elu": "Elu", "sigmoid": "Sigmoid"}
 
 
@@ -71,14 +78,52 @@ def _function(session: Any, interface: PolicyInterface) -> Act:
     other = [each.type for each in (*taken, returned[0]) if each.type != "tensor(float)"]
     if other:
         raise SettingsError(f"its network takes or returns a {other[0]}; accepted: tensor(float)")
-    return partial(_act, session, names, returned[0].name)
+    return _Runs(session, names, returned[0].name)
 
 
-def _act(session: Any, names: Mapping[str, str], output: str, observation: Any) -> Values:
-    parts = parts_of(observation)
-    given = {name: parts[part][np.newaxis] for name, part in names.items()}
-    found: Values = session.run([output], given)[0][0]
-    return found
+class _Runs:
+    """A policy's function: it runs a model for at most LONGEST. No signal interrupts its code, as an endless Loop."""
+
+    def __init__(self, session: Any, names: Mapping[str, str], output: str) -> None:
+        self._session, self._names, self._output = session, names, output
+        self._new_options = require_onnxruntime().RunOptions
+        self._ends: dict[Any, float] = {}  # when each run is ended, by its options
+        self._watcher: threading.Thread | None = None
+        self._endless = False
+
+    def __call__(self, observation: Any) -> Values:
+        if self._watcher is None or not self._watcher.is_alive():  # a fork has no threads
+            self._watcher = threading.Thread(target=_end_late_runs, args=(weakref.ref(self),), daemon=True)
+            self._watcher.start()
+        parts = parts_of(observation)
+        given = {name: parts[part][np.newaxis] for name, part in self._names.items()}
+        options = self._new_options()
+        options.log_severity_level = 4
+        try:
+            if not self._endless:
+                self._ends[options] = time.monotonic() + LONGEST
+                found: Values = self._session.run([self._output], given, options)[0][0]
+                return found
+        except Exception:
+            if not options.terminate:
+                raise
+            self._endless = True
+        finally:
+            self._ends.pop(options, None)
+        raise TimeoutError(f"no answer within {LONGEST:g} s, and what loops without an end does not run again")
+
+    def end_late_runs(self) -> None:
+        """End the runs that have taken too long."""
+        for options, end in list(self._ends.items()):
+            if time.monotonic() > end:
+                options.terminate = True
+
+
+def _end_late_runs(of: weakref.ref[_Runs]) -> None:
+    while (runs := of()) is not None:
+        runs.end_late_runs()
+        del runs
+        time.sleep(_PULSE)
 
 
 def onnx_of_network(
