@@ -1,5 +1,6 @@
 """How objects show themselves: short reprs, tables and pictures in notebooks, pages by `show()`."""
 
+import importlib.util
 import re
 import sys
 import webbrowser
@@ -16,7 +17,6 @@ from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.tight import TightSettings
 from fg_mujoco.display import LONGEST, Drawing, brief, changed, quoted, table
-from fg_mujoco.envs import dm_environment
 from fg_mujoco.f110 import F110Env
 from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.manoeuvres import find_manoeuvre
@@ -71,6 +71,11 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         name="map", centreline=track.centreline, width_right=track.width_right, width_left=track.width_left,
         wall_right=track.right_wall, wall_left=track.left_wall,
     )  # fmt: skip
+    of_dm_env = []
+    if importlib.util.find_spec("dm_control"):  # which there is not for each Python
+        from fg_mujoco.envs import dm_environment
+
+        of_dm_env = [dm_environment.load("oval"), dm_environment.load("oval").physics]
     recorded = tmp_path_factory.mktemp("shown") / "recorded"
     fg.rollout("oval", n=2, laps=1, time_limit=0.1, record="scans:100", out=recorded, workers=1)
     dataset = fg.read_dataset(recorded)
@@ -100,7 +105,7 @@ def objects(lap, crashed, comparison, worlds, tmp_path_factory):
         RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
         fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3), fg.Executor(),
         find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
-        replace(track, name=HOSTILE), dm_environment.load("oval"), dm_environment.load("oval").physics, F110Env(),
+        replace(track, name=HOSTILE), *of_dm_env, F110Env(),
     ]  # fmt: skip
 
 

@@ -12,7 +12,6 @@ import fg_mujoco as fg
 from fg_mujoco import f110
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import CAR as CAR_OPTIONS
-from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
@@ -85,6 +84,14 @@ def test_an_environment_is_the_race(raced):
     for command, state in zip(commands, raced.states[1:], strict=True):
         worlds.drive(np.tile(command, (2, 1)))
         assert (worlds.state(0) == state).all() and (worlds.state(1) == state).all()
+
+
+def load(*args, **settings):
+    """An environment of dm_env."""
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+    from fg_mujoco.envs import dm_environment
+
+    return dm_environment.load(*args, **settings)
 
 
 def test_dm_env_starts_where_it_is_told(raced):

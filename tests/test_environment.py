@@ -8,15 +8,19 @@ import sys
 import mujoco
 import numpy as np
 import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.envs.rendering import ChaseView
+from fg_mujoco.errors import MessageError
+from fg_mujoco.viz.rendering import gl
+
+pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+
 from absl.testing import absltest
 from dm_control.viewer import runtime
 from dm_env import test_utils
 
-import fg_mujoco as fg
 from fg_mujoco.envs.dm_environment import TASKS, load
-from fg_mujoco.envs.rendering import ChaseView
-from fg_mujoco.errors import MessageError
-from fg_mujoco.viz.rendering import gl
 
 CRASHING = np.array([0.3, 4.0], np.float32)
 
@@ -135,7 +139,10 @@ def test_seed_makes_starts_and_boxes():
 
 @pytest.mark.parametrize(
     ("settings", "match"),
-    [({"task": "drift"}, "race, time_trial, obstacles"), ({"seed": -1}, "seed"), ({"lapz": 2}, "did you mean 'laps'")],
+    [
+        ({"task": "drift"}, "race, time_trial, obstacles"), ({"task": "time_trail"}, "did you mean 'time_trial'"),
+        ({"seed": -1}, "seed"), ({"lapz": 2}, "did you mean 'laps'"),
+    ],
 )
 def test_bad_settings_are_refused(settings, match):
     with pytest.raises(fg.SettingsError, match=match):

@@ -8,7 +8,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.envs import rewards
-from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
 from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
 from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
@@ -274,6 +273,9 @@ def told_by_vector(settings, commands):
 
 
 def told_by_dm_env(settings, commands):
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+    from fg_mujoco.envs.dm_environment import load
+
     env = load("oval", laps=1, start="line", **settings)
     step = env.reset()
     episodes = env.task.episodes

@@ -95,3 +95,19 @@ def test_no_file_says_that_the_package_can_be_had_from_pypi():
     files.remove(ROOT / "CONTRIBUTING.md")  # which says what it becomes with a release
     wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
     assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []
+
+
+def test_without_dm_control_everything_but_its_interface_is_there():
+    code = """
+import sys
+sys.modules["dm_control"] = sys.modules["dm_env"] = sys.modules["labmaze"] = None
+import fg_mujoco as fg
+print(fg.race("oval", laps=1, time_limit=0.1).car.end_reason, fg.parallel_env(1, beam_step=90).agents)
+from fg_mujoco.envs.dm_environment import load
+"""
+    pytest.importorskip("pettingzoo")
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout == "time_limit []\n", run.stderr
+    assert "MissingExtraError: dm_env environments need dm-control" in run.stderr.splitlines()[-1]
+    assert "Python 3.10 to 3.12" in run.stderr.splitlines()[-1]
+    assert "\"dm-control>=1.0.50; python_version < '3.13'\"" in PYPROJECT.read_text("utf-8")

@@ -13,7 +13,6 @@ import fg_mujoco as fg
 from fg_mujoco import controllers
 from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.recipes import write_bundled
-from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
 from fg_mujoco.lidar.beams import LidarModel
@@ -141,7 +140,6 @@ def test_the_command_line_says_which_name_was_probably_meant(here, capsys, line,
         (lambda: as_part({"range_noise": 0.1}, LidarEffects, "effects"), "range_noise_std"),
         (lambda: LidarEffects(no_return="range-max "), "range_max"),
         (lambda: LidarModel.load().beams.to_scan(np.zeros(1), 0.0, no_return="range_mx"), "range_max"),
-        (lambda: load("oval", task="time_trail"), "time_trial"),
         (lambda: load_experiment("skid_pad"), "skidpad"),
         (lambda: write_bundled("ovall", "x.csv"), "oval"),
         (lambda: find_camera("orbital"), "orbit"),

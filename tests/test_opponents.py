@@ -297,6 +297,7 @@ def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
 
 
 def test_dm_env_says_where_opponents_are_accepted():
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
     from fg_mujoco.envs.dm_environment import load
 
     with pytest.raises(fg.SettingsError, match="1 opponents in a dm_env environment; accepted: in Gymnasium's"):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
@@ -252,6 +251,9 @@ def test_a_flat_observation_passes_the_checkers_of_gymnasium_and_stable_baseline
 
 
 def test_all_interfaces_have_a_flat_observation_and_its_actions():
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+    from fg_mujoco.envs.dm_environment import load
+
     settings = {"observation": "beams:9,speed,previous_action,history:2,flat", "action": "steering_rate,speed"}
     env = F1TenthEnv(start="line", **settings)
     dm = load("oval", laps=1, start="line", **settings)

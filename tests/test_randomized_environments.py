@@ -212,6 +212,7 @@ def test_options_that_cannot_be_had_are_refused():
 
 
 def test_other_doors_take_it_or_say_that_they_do_not():
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
     from fg_mujoco.envs.dm_environment import load
 
     with pytest.raises(FgMujocoError, match="mu drawn in a dm_env environment; accepted: in Gymnasium's"):

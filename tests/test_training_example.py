@@ -84,7 +84,7 @@ def test_python_in_the_docs_runs(capsys, tmp_path, monkeypatch):
     text = (EXAMPLE.parent.parent / "docs" / "training.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert len(blocks) >= 8
-    needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3"}
+    needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
     for block in blocks:  # ```py is not run, and says so
         if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
             exec(block, {})

@@ -19,15 +19,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control import mujoco as dm_mujoco
-from dm_control.mujoco import wrapper
-from dm_control.rl import control
-from dm_env import specs
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import Remade, Uncopied
 from ..display import brief
-from ..errors import SettingsError, accepted_names
+from ..errors import MissingExtraError, SettingsError, accepted_names
 from ..simulation.simulation import Simulation
 from .actions import action_names
 from .environment_settings import EnvironmentSettings
@@ -36,6 +32,17 @@ from .observations import Bounds
 from .observer import FLAT
 from .policy_interface import row_of
 from .worlds import Worlds
+
+try:
+    from dm_control import mujoco as dm_mujoco
+    from dm_control.mujoco import wrapper
+    from dm_control.rl import control
+    from dm_env import specs
+except ImportError as error:
+    raise MissingExtraError(
+        f"dm_env environments need dm-control, which cannot be imported here ({error}); accepted: Python 3.10 to 3.12, "
+        "where it is installed with this package, or Gymnasium's and PettingZoo's environments on any Python"
+    ) from error
 
 TASKS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
     {
