@@ -281,7 +281,8 @@ class Imports:
                     lack.msg += f"; it is yours to install: pip install {_INSTALLED_AS[lack.name]}"
                 raise
             finally:
-                sys.path[:] = [each for each in sys.path if each not in added]
+                for each in added:  # another thread may import meanwhile
+                    sys.path.remove(each)
 
     def _of_others(self, name: str, wanted: tuple[str, ...]) -> ModuleType | None:
         """Return a module of another package of the workspace that the node is in; None where there is none."""
