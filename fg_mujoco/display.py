@@ -18,6 +18,7 @@ import math
 import os
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import fields
 from html import escape
 from pathlib import Path
@@ -243,14 +244,17 @@ class Shown(Suggesting):
         if path is None:
             import tempfile
 
-            with tempfile.NamedTemporaryFile(
-                "w", prefix="fg_mujoco-", suffix=".html", delete=False, encoding="utf-8", errors="backslashreplace"
-            ) as file:
-                file.write(page)
-            written = Path(file.name)
+            descriptor, name = tempfile.mkstemp(prefix="fg_mujoco-", suffix=".html")
+            os.close(descriptor)
+            written = Path(name)
         else:
             written = Path(path)
+        try:
             written.write_text(page, encoding="utf-8", errors="backslashreplace")
+        except OSError:  # half a page is of no use
+            with suppress(OSError):
+                written.unlink()
+            raise
         print(f"picture: {written}")
         if path is None and _has_display():
             _open(written)

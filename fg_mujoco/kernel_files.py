@@ -5,12 +5,14 @@ The names of the files are made in `kernel_keys`.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import linecache
 import os
 import pickle
 import re
+import shutil
 import stat
 import sys
 import tempfile
@@ -31,38 +33,52 @@ if TYPE_CHECKING:
     from importlib.abc import Traversable
 
 _PACKAGE = "fg_mujoco"
+_TEMPORARY = f"{_PACKAGE}-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
 _LOCKS = "locks"
 _ELSEWHERE = ("controllers", "models", "tracks")  # packages of ours that are top-level folders in the repository
 
 
 @cache
 def cache_folder() -> Path:
-    """Return the folder of compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else a new temporary one.
+    """Return the folder of compiled kernels: in $XDG_CACHE_HOME or ~/.cache, else in the user's temporary folder.
 
-    Its files are run, so a folder that another user owns or may write to is not used.
+    Its files are run, so a folder that another user owns or may write to is not used. Where none is left, it is a new
+    one that is removed when this process ends.
     """
-    return own_folder("kernels", "compiled kernels are not kept there") or Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
+    name, otherwise = "kernels", "compiled kernels are not kept there"
+    folder = own_folder(name, otherwise) or own_folder(name, otherwise, Path(tempfile.gettempdir(), _TEMPORARY))
+    if folder is None:
+        folder = Path(tempfile.mkdtemp(prefix="fg_mujoco-"))
+        atexit.register(_remove, folder, os.getpid())
+    return folder
 
 
-def own_folder(name: str, otherwise: str) -> Path | None:
-    """Return a folder in $XDG_CACHE_HOME or ~/.cache, made if it is new, that only this user may write to.
+def _remove(folder: Path, maker: int) -> None:
+    """Remove a folder in the process that made it, not in its forks."""
+    if os.getpid() == maker:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def own_folder(name: str, otherwise: str, parent: Path | None = None) -> Path | None:
+    """Return a folder, made if it is new, that only this user may write to.
 
     Args:
-      name: of the folder, in that of this package.
+      name: of the folder.
       otherwise: what follows where others may write to it, which is said on stderr.
+      parent: of the folder, for which the same holds; None: fg_mujoco in $XDG_CACHE_HOME or ~/.cache.
 
     Returns:
-      None where others may, or it cannot be made.
+      None where others may, or it cannot be made or written to.
     """
     try:
-        parent = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / _PACKAGE
+        parent = parent or Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / _PACKAGE
         folder = parent / name
         parent.parent.mkdir(parents=True, exist_ok=True)
         for path in (parent, folder):
             path.mkdir(mode=0o700, exist_ok=True)
         unsafe = [path for path in (parent, folder) if _open_to_others(path)]
         if not unsafe:
-            return folder
+            return folder if os.access(folder, os.W_OK) else None
         say(f"other users may write to {unsafe[0]}: {otherwise}")
     except (OSError, RuntimeError):  # it cannot be made, or there is no home
         pass
@@ -101,7 +117,7 @@ def write_kept(file: Path, payload: bytes) -> None:
         try:
             unfinished.write_bytes(hashlib.sha256(payload).digest() + payload)
             unfinished.replace(file)
-        except OSError:
+        finally:  # also after Ctrl-C
             unfinished.unlink(missing_ok=True)
 
 

@@ -49,9 +49,10 @@ def run(code, *arguments, cwd=None, **environment):
 
 
 @pytest.fixture
-def cache(tmp_path, monkeypatch):
-    """An empty cache of this process."""
+def cache(tmp_path, tmp_path_factory, monkeypatch):
+    """An empty cache of this process, and an empty folder for what is temporary."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path_factory.mktemp("temporary")))
     monkeypatch.delenv("FG_MUJOCO_COMPILING", raising=False)
     cache_folder.cache_clear()
     yield tmp_path
@@ -103,14 +104,17 @@ def test_what_is_kept_is_found_again(cache):
     assert len(kept_in(cache)) == 2, "another signature"
 
 
-def test_without_a_place_they_are_kept_in_a_new_folder_each_time(cache, monkeypatch, capsys):
+def test_without_a_home_they_are_kept_in_the_temporary_folder(cache):
     (cache / "file").write_text("not a folder")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(cache / "file"))
-    first = cache_folder()
-    cache_folder.cache_clear()
-    assert first != cache_folder() and first.is_dir() and first.stat().st_mode & 0o777 == 0o700
-    assert halve_anew() and not halve_anew()
-    assert "may write" not in capsys.readouterr().err
+    (cache / "tmp").mkdir()
+    nowhere = {"HOME": str(cache / "file"), "XDG_CACHE_HOME": str(cache / "file"), "TMPDIR": str(cache / "tmp")}
+    folder = cache / "tmp" / f"fg_mujoco-{os.getuid()}" / "kernels"
+    assert [run(FOLDER, **nowhere).stdout for _ in range(2)] == [f"{folder}\n"] * 2, "the next run finds them"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.parent.chmod(0o777)
+    said = run(FOLDER, **nowhere)
+    assert not Path(said.stdout.strip()).exists() and "may write" in said.stderr, "a new one is gone with its process"
+    assert [path.name for path in (cache / "tmp").iterdir()] == [folder.parent.name]
 
 
 @pytest.mark.parametrize("mode", [0o720, 0o702])

@@ -282,3 +282,13 @@ def test_a_lidar_whose_geoms_have_no_names_lies_on_the_ground_too(tmp_path):
         int(model.pair("car/lidar/solid_0").geom1[0]),
         int(model.pair("car/lidar/solid_0").geom2[0]),
     }
+
+
+def test_a_warning_of_mujoco_leaves_no_log_where_somebody_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    body = "<body><freejoint/><geom size='1'/></body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    data.qpos[0] = np.nan
+    mujoco.mj_step(model, data)
+    assert data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number == 1 and not list(tmp_path.iterdir())

@@ -73,4 +73,14 @@ def _import_glfw_later() -> None:
             module.__class__ = _Later
 
 
+def _keep_no_log() -> None:
+    """Let MuJoCo print its warnings as always, and write no MUJOCO_LOG.TXT into the folder where somebody works."""
+    import mujoco
+
+    log = mujoco.MjLogConfig()
+    log.logto_console = True
+    mujoco.MjLogConfig.set(log)
+
+
 import_mujoco()
+_keep_no_log()

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
-from contextlib import suppress
 from pathlib import Path
 
+from ...course.writing import write_file
 from ...errors import SettingsError
 from .identification import Axle, Estimate, Identification
 
@@ -71,13 +70,9 @@ def write_tires(found: Identification, path: str | Path, *, force: bool = False)
     """
     path = Path(path)
     check_tire_file(path, force=force)
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_text(tire_text(found), encoding="utf-8")
-        os.replace(partial, path)
+        write_file(path, tire_text(found).encode())
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         reason = error.strerror or str(error)
         raise SettingsError(f"{path}: cannot be written: {reason}; accepted: a file that can be") from error
     return path

@@ -16,11 +16,10 @@ All else stays, comments too. The rolling resistance is in the tires' file.
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
+from ...course.writing import write_file
 from ...errors import ModelError, SettingsError
 from ...vehicle.car import WHEELS
 from ...vehicle.command_response import ACCELERATION_MAP, STEERING_MAP
@@ -73,13 +72,9 @@ def write_vehicle(found: Identification, vehicle: Vehicle, path: Path, *, tires:
       SettingsError: a file that cannot be written.
     """
     text = vehicle_text(found, vehicle, name=path.stem, tires=tires)
-    partial = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        write_file(path, text.encode())
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink()
         raise SettingsError(f"{path}: cannot be written: {error.strerror}; accepted: a file that can be") from error
     return path
 
