@@ -277,9 +277,7 @@ class Imports:
             try:
                 return builtins.__import__(name, globals, locals, wanted, 0)
             except ModuleNotFoundError as lack:
-                if lack.name in _INSTALLED_AS:
-                    lack.msg += f"; it is yours to install: pip install {_INSTALLED_AS[lack.name]}"
-                raise
+                raise to_install(lack) from None
             finally:
                 for each in added:  # another thread may import meanwhile
                     sys.path.remove(each)
@@ -482,6 +480,13 @@ class _Open:
 
     def __init__(self, *values: Any, **named: Any) -> None:
         vars(self).update(named)
+
+
+def to_install(lack: ModuleNotFoundError) -> ModuleNotFoundError:
+    """Return an error of a module that is not installed, with the name of its package where that is another one."""
+    if lack.name in _INSTALLED_AS:
+        lack.msg += f"; it is yours to install: pip install {_INSTALLED_AS[lack.name]}"
+    return lack
 
 
 def _warn(said: str) -> None:

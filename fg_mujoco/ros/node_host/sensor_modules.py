@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...messages import FloatArray
-from .imports import StandIn
+from .imports import StandIn, to_install
 from .message_classes import ROS1, message_class
 from .transform_modules import matrix
 
@@ -214,10 +214,17 @@ def _recoloured(image: Any, source: str, target: str) -> Any:
         return image
     if sorted(one) == sorted(other):
         return np.ascontiguousarray(image[..., [one.index(each) for each in other]])
-    import cv2  # type: ignore[import-not-found, unused-ignore]
-
+    cv2 = _opencv()
     names = [{"mono": "GRAY"}.get(each, each.upper()) for each in (one, other)]
     return cv2.cvtColor(image, getattr(cv2, f"COLOR_{names[0]}2{names[1]}"))
+
+
+def _opencv() -> Any:
+    try:
+        import cv2  # type: ignore[import-not-found, unused-ignore]
+    except ModuleNotFoundError as lack:
+        raise to_install(lack) from None
+    return cv2
 
 
 class _CvBridge:
@@ -251,13 +258,11 @@ class _CvBridge:
         return found
 
     def compressed_imgmsg_to_cv2(self, cmprs_img_msg: Any, desired_encoding: str = "passthrough") -> Any:
-        import cv2
-
+        cv2 = _opencv()
         image = cv2.imdecode(np.frombuffer(bytes(cmprs_img_msg.data), np.uint8), cv2.IMREAD_UNCHANGED)
         return _recoloured(image, "mono8" if image.ndim == 2 else "bgr8", desired_encoding)
 
     def cv2_to_compressed_imgmsg(self, cvim: Any, dst_format: str = "jpg") -> Any:
-        import cv2
-
+        cv2 = _opencv()
         data = cv2.imencode(f".{dst_format}", cvim)[1].tobytes()
         return message_class("sensor_msgs/msg/CompressedImage", self._flavour)(format=dst_format, data=data)
