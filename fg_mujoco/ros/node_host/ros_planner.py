@@ -55,7 +55,6 @@ WALL_LIMIT = 30.0
 _OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
 _MOST_KEPT = 10_000  # messages, for who asks what has been published
-_RENAMED = {f"door.{name}": f"host.{name}" for name in ("params", "args", "beams", "wall_limit")}
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
 
@@ -147,9 +146,6 @@ class RosPlanner:
         require_rosbags()
         self._ticked, self._began = False, 0.0
         given = dict(self._settings)
-        for name in given:
-            if name in _RENAMED:
-                raise ControllerError(f"setting {name!r} is called {_RENAMED[name]!r} now; accepted: {_RENAMED[name]}")
         limit = given.pop("host.wall_limit", WALL_LIMIT)
         if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
             raise ControllerError(f"host.wall_limit is {limit!r}; accepted: a positive number of seconds")
