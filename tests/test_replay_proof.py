@@ -146,6 +146,32 @@ def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
     assert any(line.startswith("  not proved: ") and "wall_time_s" in line for line in lines)
 
 
+@pytest.mark.parametrize(
+    ("steering", "said"),
+    [
+        ("0.01", "planner asked again: the same commands in all 8 decisions"),
+        ("0.01 * (time.perf_counter() % 1.0)", "planner asked again: other commands in 8 of 8 decisions; it depends"),
+    ],
+)
+def test_the_command_says_whether_the_planner_decides_the_same_again(
+    tmp_path, monkeypatch, capsys, without_pictures, steering, said
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(
+        "import time\nfrom fg_mujoco.messages import DriveCommand\nclass Mine:\n    def reset(self):\n        pass\n"
+        "    def __call__(self, scan, odometry):\n"
+        f"        return DriveCommand(steering_angle={steering}, speed=1.0)\n"
+    )
+    main(["race", "--controller", "mine.py:Mine", "--time-limit", "0.2", "--out", "run"])
+    capsys.readouterr()
+    assert main(["replay", "run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "8 ticks of the recorded commands" in lines[0] and lines[-1].strip().startswith(said)
+    summary = tmp_path / "run" / "summary.json"
+    summary.write_text(summary.read_text("utf-8") + "\n", "utf-8")  # no longer what this user wrote
+    assert main(["replay", "run"]) == 0 and "planner not asked again: " in capsys.readouterr().out
+
+
 PLACE = {"time_s": 1.0, "x_m": 0.0, "y_m": 0.0, "lap": 1, "s_m": 0.5}
 SLID = {f"slid_{wheel}_s": 0.0 for wheel in WHEELS}
 CRASH = PLACE | SLID | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0, "sideslip_rad": 0.0}

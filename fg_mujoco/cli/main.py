@@ -22,7 +22,7 @@ from ..course.formats import track_names
 from ..errors import FgMujocoError, FinalWarning, accepted_names, nearest
 from ..racing.planner_sources import controller_names
 from ..racing.planner_texts import scheme_of
-from ..racing.replay import replay
+from ..racing.replay import decisions_again, replay
 from .config import parse
 from .options import (
     in_one_line,
@@ -240,5 +240,6 @@ def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], tex
 
 def _replay(options: argparse.Namespace) -> int:
     report = replay(options.folder)
-    print(f"{options.folder}: {report}", *(f"  {line}" for line in report.lines), sep="\n")
+    again = decisions_again(options.folder) if report.first_difference is None else ""
+    print(f"{options.folder}: {report}", *(f"  {line}" for line in (*report.lines, again) if line), sep="\n")
     return _DONE if report.holds else _NOT_DONE

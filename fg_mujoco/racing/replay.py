@@ -5,17 +5,20 @@ assert report.holds
 print(report.proved, report.unproved)
 
 The scene, the first state and the controls are taken as given. From these follow every state, the telemetry, and the
-figures of the summary that depend on what was driven. No planner is run, so that nothing is said of its decisions.
+figures of the summary that depend on what was driven. `replay` runs no planner, so that it says nothing of its
+decisions; `decisions_again` does.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,15 +29,18 @@ from ..errors import FgMujocoError, RunFolderError
 from ..messages import CarParameters, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
+from ..simulation.planner_adapter import plan
+from ..simulation.planner_failure import one_line
 from ..simulation.settings import Start
-from ..simulation.telemetry import COMMAND, TELEMETRY
+from ..simulation.telemetry import COMMAND, TELEMETRY, recorded_command
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows
 from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
 from .figures import CourseFigures, TrackFigures, course_figures, driven_figures, track_figures, world_figures
+from .planner_trust import recorded_planner
 from .race_control import RaceControl, find_rules
-from .resimulation import load_world
+from .resimulation import Recording, load_world, resimulate
 from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
 from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
@@ -108,7 +114,10 @@ class ReplayReport:
         if not self.identical:
             return f"not identical: the states are, but {SUMMARY} has not their hash, {self.trajectory_sha256}"
         differ = f"; {len(self.differences)} of its figures differ" if self.differences else ""
-        return f"bit-identical: {self.ticks} ticks, trajectory_sha256 {self.trajectory_sha256}{differ}"
+        return (
+            f"bit-identical: {self.ticks} ticks of the recorded commands, trajectory_sha256 "
+            f"{self.trajectory_sha256}{differ}"
+        )
 
 
 def replay(folder: str | Path) -> ReplayReport:
@@ -146,6 +155,35 @@ def replay(folder: str | Path) -> ReplayReport:
             greatest_difference=float(np.abs(states[first] - run.states[first]).max()),
         )  # fmt: skip
     return _compared(run, again, differences, no_course)
+
+
+def decisions_again(folder: str | Path) -> str:
+    """Return a line that says whether the planner of car 0 answers the recorded commands again, and if not tried, why.
+
+    The planner gets the scans and odometry of the race. It is loaded if it is bundled, or if this user raced the folder
+    and its file is the recorded one: a planner that reads a clock, or draws numbers without a seed, answers otherwise.
+
+    Raises:
+      RunFolderError: the folder is not a run folder, or is damaged.
+    """
+    run = read_run(folder)
+    asked = differing = 0
+    try:
+        world = load_world(run)
+        planner = recorded_planner(run.summary, world.model, trust=False, where=str(folder), folder=run.folder)
+        for tick in resimulate(cast(Recording, run), world):
+            assert tick.sensed is not None
+            if hasattr(planner, "look_round"):
+                planner.look_round(tick.surroundings(world))
+            with contextlib.redirect_stdout(sys.stderr):  # what it prints is not the replay's
+                answer = plan(planner, tick.sensed.scan, tick.sensed.odometry)
+            asked, differing = asked + 1, differing + (recorded_command(answer) != tick.command)
+    except Exception as error:  # the planner's code is not ours
+        return f"planner not asked again: {one_line(error)}"
+    if differing:
+        said = "it depends on more than its scans, such as a clock, or its code has changed"
+        return f"planner asked again: other commands in {differing} of {asked} decisions; {said}"
+    return f"planner asked again: the same commands in all {asked} decisions"
 
 
 def raced_course(run: Run, car: CarParameters) -> Course:
