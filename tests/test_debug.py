@@ -24,6 +24,7 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import RunFolderError, SettingsError
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.viz.debug.decisions import Witness
 
 MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
@@ -164,6 +165,7 @@ def test_the_motion_of_guidance_is_where_the_car_goes_then():
 
 RAISES = """
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
 class Bad:
     def reset(self): self.n = 0
     def intermediate_scans(self, scan): return {{{name!r}: scan.ranges.clip(0.0, 3.0)}}
@@ -358,6 +360,49 @@ def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of)
         page.click("[data-switch='zoom'][value='3']")
         assert page.locator("#top").screenshot() != before
     assert asked == [path.as_uri()] and errors == []
+
+
+class Skids:
+    """Spins its wheels up on wet ground, and then steers."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=0.4 if odometry.stamp > 1.0 else 0.0, speed=8.0)
+
+
+def in_page(path):
+    """Return the data of a page."""
+    return json.loads(re.search(r'id="report-data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("planner", [Skids, "gap_finder"])
+def test_for_every_planner_the_page_has_how_the_car_moves(planner, tmp_path, page_of):  # noqa: F811
+    race = fg.race("oval", planner() if isinstance(planner, type) else planner, laps=1, time_limit=1.6, mu=0.4)
+    path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
+    data, column = in_page(path), race.car.column
+    for place, told in enumerate(data["decisions"]):
+        tick, (ground, sideslip, tires) = told["tick"], told["motion_of_car"]
+        assert ground == pytest.approx(math.hypot(column("vx_m_s")[tick], column("vy_m_s")[tick]), abs=1e-4)
+        assert sideslip == pytest.approx(column("sideslip_rad")[tick], abs=1e-5)
+        for (slide, use), wheel in zip(tires, WHEELS, strict=True):
+            assert slide == pytest.approx(column(f"slide_{wheel}_m_s")[tick], abs=1e-4)
+            assert use == pytest.approx(column(f"friction_use_{wheel}")[tick], abs=1e-3)
+        now = data["before"] + place
+        driven = np.array(data["driven"][now - data["ahead"] : now + data["ahead"] + 1])
+        there = slice(tick - 20, tick + 21)
+        assert driven == pytest.approx(np.column_stack((column("x_m")[there], column("y_m")[there])), abs=1e-3)
+    tick = data["decisions"][data["at"]]["tick"]
+    with page_of(viewport={"width": 1280, "height": 1500}) as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        rows = dict(page.eval_on_selector_all("table.motion tbody tr", "r => r.map(e => e.innerText.split('\\t'))"))
+        assert rows["speed of the odometry"] == f"{data['decisions'][data['at']]['speed']:.2f} m/s"
+        assert rows["sideslip"] == f"{math.degrees(column('sideslip_rad')[tick]):.1f}°"
+        slides = page.locator("table.tires td.slides").count()
+    assert slides == sum(column(f"slide_{wheel}_m_s")[tick] > 0.01 for wheel in WHEELS)
+    assert (slides > 0) == (planner is Skids)
 
 
 def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):  # noqa: F811

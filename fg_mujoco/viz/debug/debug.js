@@ -141,6 +141,16 @@
       if (own && Math.abs(own[1] - decision.command[0]) > 1e-3) drawArc(own[1], way, soft, 2, [5, 5]);
       drawArc(decision.command[0], way, "#2f7ed8", 3.5, []);
     }
+    if (px !== null && py !== null && heading !== null) {  // where it was, before and after
+      const now = data.before + shown, way = data.driven.slice(Math.max(now - data.ahead, 0), now + data.ahead + 1)
+        .filter(([x, y]) => x !== null && y !== null);
+      pen.strokeStyle = data.driven_colour;
+      pen.lineWidth = 2.5;
+      pen.setLineDash([7, 3]);
+      trace(way.map(local), false);
+      pen.stroke();
+      pen.setLineDash([]);
+    }
     function drawArc(angle, way, colour, thick, dash) {
       const curvature = Math.tan(Math.max(-car.lock, Math.min(car.lock, angle))) / car.wheelbase;
       pen.strokeStyle = colour;
@@ -282,8 +292,9 @@
     const count = decisions.length, bottom = height - 20, band = 13;
     const across = (place) => stripLeft + (place + 0.5) / count * (width - stripLeft - 10);
     let top = 1, low = 0;
+    const ground = (each) => each.motion_of_car && each.motion_of_car[0];
     for (const each of decisions) {
-      top = Math.max(top, each.speed || 0, each.command ? heldSpeed(each.command) : 0);
+      top = Math.max(top, each.speed || 0, ground(each) || 0, each.command ? heldSpeed(each.command) : 0);
       low = Math.min(low, each.speed || 0, each.command ? heldSpeed(each.command) : 0);
     }
     const up = (speed) => bottom - (speed - low) / (top - low) * (bottom - band - 10);
@@ -306,7 +317,8 @@
     for (let place = 0; place < count; place += every) {
       pen.fillText(decisions[place].time.toFixed(2) + " s", Math.max(Math.min(across(place), width - room / 2), stripLeft + room / 2), height - 5);
     }
-    for (const [value, colour, thick] of [[(each) => each.command && heldSpeed(each.command), "#2f7ed8", 1.5], [(each) => each.speed, ink, 2]]) {
+    for (const [value, colour, thick] of [[(each) => each.command && heldSpeed(each.command), "#2f7ed8", 1.5],
+      [(each) => each.speed, ink, 2], [ground, data.driven_colour, 1.5]]) {
       pen.strokeStyle = colour;
       pen.lineWidth = thick;
       const points = decisions.map((each, place) => [across(place), value(each)]).filter(([, speed]) => typeof speed === "number");
@@ -352,6 +364,23 @@
   }
   const numberLeft = 64;
   const short = (value) => String(Number(value.toPrecision(4)));
+
+  // ---- how the car moves
+
+  function drawMotion(decision) {
+    const [ground, sideslip, tires] = decision.motion_of_car || [null, null, []];
+    const told = [[ground, 2, " m/s"], [decision.speed, 2, " m/s"], [sideslip === null ? null : degrees(sideslip), 1, "°"]];
+    document.querySelectorAll("table.motion tbody tr").forEach((row, place) => {
+      const [value, digits, unit] = told[place];
+      row.children[1].textContent = written(value, digits) + (value === null ? "" : unit);
+    });
+    document.querySelectorAll("table.tires tbody tr").forEach((row, place) => {
+      const [slide, use] = tires[place] || [null, null];
+      row.children[1].textContent = written(slide, 3);
+      row.children[2].textContent = written(use, 2);
+      row.children[1].className = slide !== null && slide > data.slides_above ? "slides" : "";
+    });
+  }
 
   // ---- texts
 
@@ -402,6 +431,7 @@
     drawTop(decision);
     drawRanges(decision);
     drawNumbers(decision);
+    drawMotion(decision);
     tell(decision);
   }
 
@@ -452,7 +482,7 @@
     entry.append(swatch(colour), name);
     element("laws").append(entry);
   }
-  for (const [name, colour] of [["speed", "var(--ink)"], ["commanded speed", "#2f7ed8"]]) {
+  for (const [name, colour] of [["speed of the odometry", "var(--ink)"], ["over the ground", data.driven_colour], ["commanded speed", "#2f7ed8"]]) {
     const entry = document.createElement("span"), mark = swatch(colour);
     mark.style.height = "3px";
     entry.append(mark, name);
@@ -467,7 +497,8 @@
     entry.append(box, swatch(colour), name);
     element("layers").append(entry);
   }
-  for (const [name, colour] of [["command, 0.5 s of it", "#2f7ed8"], ["planner's own", "var(--soft)"], ["motion of guidance", "#a04bd0"]]) {
+  for (const [name, colour] of [["command, 0.5 s of it", "#2f7ed8"], ["planner's own", "var(--soft)"], ["motion of guidance", "#a04bd0"],
+    ["driven, 0.5 s before and after", data.driven_colour]]) {
     const entry = document.createElement("span"), mark = swatch(colour);
     mark.style.height = "3px";
     entry.append(mark, name);

@@ -16,11 +16,13 @@ import numpy as np
 from ...display import Html, element, html
 from ...messages import FloatArray
 from ...simulation.telemetry import recorded_command
+from ...vehicle.car import WHEELS
+from ...vehicle.tire_slip import slides_above
 from ..pages.page import resource, result, scroll, switch, write_page
 from ..pages.table import Table
-from .decision_colours import hex_colour, law_colours, scan_colours
+from .decision_colours import DRIVEN, hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
-from .window import Window
+from .window import Moving, Window
 
 _MISSING = 65535  # of a range that is not a number
 _MOST_MOTION = 60  # points of a motion
@@ -29,6 +31,7 @@ _BUTTONS = (
     ("play", "▶ play", "play or stop (space)"), ("forward", "▶", "one decision forward (→)"),
     ("last", "▶|", "last decision (End)"),
 )  # fmt: skip
+_MOTION = ("speed over the ground", "speed of the odometry", "sideslip")
 _CARD = '<div class="card"><span>{name}</span><b id="{id}"></b><i id="{id}_by"></i><p id="{id}_why"></p></div>'
 _BODY = """<h1>{title}</h1>
 {result}{notes}
@@ -45,7 +48,10 @@ _BODY = """<h1>{title}</h1>
 <h2>Range over bearing</h2><canvas id="ranges" aria-label="range over bearing"></canvas></div>
 <div class="grow"><h2>The command, and why</h2><div class="cards">{cards}</div><div id="steps">{steps}</div>
 <p class="note">From the reference down to the command. A value stands in colour where a step changed it, and the last
-step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p></div></div>
+step that did so holds it. Steps below the line do not say where to go, but how fast the car gets there.</p>
+<h2>How the car moves</h2>{motion}
+<p class="note">Over the ground: of the rear axle, as it is. Odometry: as the wheels turn, which the planner reads. Each
+tire: while this command is held; in colour where it slides.</p></div></div>
 {numbers}<p class="note">← and → step one decision, with Shift ten; Home, End, space.</p>"""
 
 
@@ -81,6 +87,11 @@ def debug_page(seen: Window, path: Path) -> Path:
             html(_CARD, id=id, name=name) for id, name in (("speed", "speed"), ("steering", "steering angle"))
         ],
         steps=scroll(Table(header=("step", "steering [°]", "speed [m/s]"), rows=()).html()),
+        motion=[
+            Table(header=("motion", "value"), rows=[(name, "") for name in _MOTION]).html("motion"),
+            Table(header=("tire", "sliding [m/s]", "friction utilisation"),
+                  rows=[(wheel.replace("_", " "), "", "") for wheel in WHEELS]).html("tires"),
+        ],
         numbers=_numbers(seen),
     )  # fmt: skip
     return write_page(
@@ -123,9 +134,15 @@ def _data(seen: Window) -> dict[str, Any]:
         "numbers": list(dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)),
         "laws": [[name, colours[name]] for name in laws],
         "stretches": [[first, end, laws.index(name)] for first, end, name in seen.stretches],
+        "slides_above": slides_above(seen.run.tires_model),
+        "driven_colour": DRIVEN,
+        "ahead": seen.ticks_ahead,
+        "before": min(seen.decisions[0].tick, seen.ticks_ahead),  # places of `driven` before the first decision
+        "driven": [[_rounded(x, 3), _rounded(y, 3)] for x, y in seen.driven(seen.decisions[0], seen.decisions[-1])],
         "walls": [outline.tolist() for outline in seen.walls],
         "decisions": [
-            _decision(decision, unit, moving) for decision, moving in zip(seen.decisions, seen.moving, strict=True)
+            _decision(decision, unit, moving) | {"motion_of_car": _motion(seen.moving_at(decision))}
+            for decision, moving in zip(seen.decisions, seen.moving, strict=True)
         ],
     }  # fmt: skip
 
@@ -157,6 +174,15 @@ def _decision(decision: Decision, unit: float, moving: list[FloatArray]) -> dict
         "failure": decision.failure,
         "scans": {name: _packed(ranges, unit) for name, ranges in decision.scans.items()},
     }  # fmt: skip
+
+
+def _motion(moving: Moving | None) -> list[Any] | None:
+    """Return speed over the ground, sideslip, and of each tire sliding speed and friction utilisation."""
+    if moving is None:
+        return None
+    tires = zip(moving.slides, moving.friction_use, strict=True)
+    own = [_rounded(moving.ground_speed, 4), _rounded(moving.sideslip, 5)]
+    return [*own, [[_rounded(slide, 4), _rounded(use, 3)] for slide, use in tires]]
 
 
 def _place(decision: Decision, step: Step | None) -> int | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 SCANS = {"raw": "#59606b", "filtered": "#0a84c6", "extended": "#e07b00", "bubble": "#e0314b", "gap": "#12a066"}
-GOAL, COMMAND, MOTION = "#12a066", "#2f7ed8", "#a04bd0"
+GOAL, COMMAND, MOTION, DRIVEN = "#12a066", "#2f7ed8", "#a04bd0", "#e07b00"
 UNKNOWN = "#8a8f98"
 
 _LAWS = {

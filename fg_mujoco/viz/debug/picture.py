@@ -12,15 +12,14 @@ import numpy as np
 from ...messages import FloatArray
 from ..pages.figure_kit import picture
 from ..pages.page import writing
-from .decision_colours import COMMAND, GOAL, MOTION, hex_colour, law_colours, scan_colours
+from .decision_colours import COMMAND, DRIVEN, GOAL, MOTION, hex_colour, law_colours, scan_colours
 from .decisions import Decision
-from .window import Window
+from .window import AHEAD, Moving, Window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _AHEAD, _BEHIND, _ASIDE = 6.0, 2.0, 4.0  # [m] that are in the picture
-_SHOWN_TIME = 0.5  # [s] of a command that is drawn
 _MOST_LINES = 14  # of a traceback
 
 
@@ -83,12 +82,15 @@ def _draw_top(axes: Axes, seen: Window, decision: Decision) -> None:
                   label="motion of guidance", zorder=4)  # fmt: skip
     if decision.command is not None:
         speed = float(np.clip(decision.command.speed, car.min_speed, car.max_speed))
-        way = math.copysign(max(_SHOWN_TIME * abs(speed), 0.5), speed or 1.0)
+        way = math.copysign(max(AHEAD * abs(speed), 0.5), speed or 1.0)
         angle = float(np.clip(decision.command.steering_angle, -car.max_steering_angle, car.max_steering_angle))
         along = np.linspace(0.0, way, 25)
         turned = along * math.tan(angle) / car.wheelbase
         ahead, left = along * np.sinc(turned / np.pi), along * np.sinc(0.5 * turned / np.pi) * np.sin(0.5 * turned)
-        axes.plot(-left, ahead, color=COMMAND, linewidth=2.5, label=f"command, {_SHOWN_TIME} s", zorder=5)
+        axes.plot(-left, ahead, color=COMMAND, linewidth=2.5, label=f"command, {AHEAD} s", zorder=5)
+    way = (seen.driven(decision, decision) - (x, y)) @ turn
+    label = f"driven, {AHEAD} s before and after"
+    axes.plot(-way[:, 1], way[:, 0], "--", color=DRIVEN, linewidth=1.8, label=label, zorder=5)
     back, front, side = -car.rear_overhang, car.length - car.rear_overhang, 0.5 * car.width
     axes.fill([side, side, -side, -side], [back, front, front, back], color="0.15", zorder=6)
     if decision.goal is not None:
@@ -160,10 +162,26 @@ def _write_steps(axes: Axes, seen: Window, decision: Decision) -> None:
             box = {"facecolor": colours[step.name], "edgecolor": "none", "pad": 1.5} if step is holds else None
             axes.text(x, y, "-" if math.isnan(value) else format(value + 0.0, form), va="top", ha="right",
                       color="white" if step is holds else soft, bbox=box)  # fmt: skip
+    moving = seen.moving_at(decision)
+    for name, text in () if moving is None else _told(decision, moving):
+        y -= 0.042
+        axes.text(0.0, y - 0.03, name, va="top")
+        axes.text(1.0, y - 0.03, text, va="top", ha="right")
     if decision.numbers:
-        y -= 0.075
+        y -= 0.105
         axes.text(0.0, y, "values that the planner shows", color="0.4", va="top")
     for name, value in decision.numbers.items():
         y -= 0.042
         axes.text(0.0, y, name, va="top")
         axes.text(1.0, y, f"{value:.4g}", va="top", ha="right")
+
+
+def _told(decision: Decision, moving: Moving) -> list[tuple[str, str]]:
+    """Return how the car moves, a name and a text for each line."""
+    slides, use = (" ".join(f"{value:.2f}" for value in each) for each in (moving.slides, moving.friction_use))
+    return [
+        ("speed over the ground, of the odometry", f"{moving.ground_speed:.2f}, {decision.odometry.speed:.2f} m/s"),
+        ("sideslip", f"{math.degrees(moving.sideslip):.1f}°"),
+        ("tires slide, front and rear, left first", f"{slides} m/s"),
+        ("friction utilisation of the tires", use),
+    ]
