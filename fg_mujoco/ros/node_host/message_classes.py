@@ -490,7 +490,8 @@ def _instance(said: str, kind: Any, name: str) -> Callable[[Any], Any]:
         if plain is not None and kind in (float, bool, str) and (kind is float or isinstance(plain, kind)):
             _warn_of_numpy(said, value)
             return kind(plain)
-        hint = "; of an array of one element write .item()" if isinstance(value, np.ndarray) and value.size == 1 else ""
+        alone = isinstance(value, np.ndarray) and value.size == 1
+        hint = "; rclpy takes no array, with any NumPy: write value.item()" if alone else ""
         raise AssertionError(f"{said} is {_shown(value)}; accepted by rclpy: of type {name}{hint}")
 
     return check
