@@ -9,6 +9,8 @@ import warnings
 import numpy as np
 import pytest
 from map_oracles import box_room, building, draw_map, march, real_map, ring
+from PIL import Image
+from scipy import ndimage
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
@@ -127,6 +129,38 @@ def test_all_holes_are_closed_at_once_and_the_widest_is_named(tmp_path):
     assert load_map(f"{path}[close=1]").length == pytest.approx(
         read_map(draw_map(tmp_path, double_wall())).length, rel=1e-3
     )
+
+
+def saved_map(folder, course, grey, **settings):
+    """A map as savers of ROS 2 write it: unknown ground is grey and free_thresh is .25, so that it counts as free."""
+    path = draw_map(folder, course, free_thresh=0.25, **settings)
+    with Image.open(folder / "drawn.png") as image:
+        pixels = np.array(image)
+    pixels[grey[::-1]] = 205
+    Image.fromarray(pixels).save(folder / "drawn.png")
+    return path
+
+
+def test_grey_of_unknown_ground_that_counts_as_free_is_named_with_the_setting_that_makes_it_a_wall(tmp_path):
+    course = ring()
+    wall = ndimage.binary_dilation(course, iterations=2) & ~course
+    wall[:, 148:154] = False  # walls that the laser has not seen
+    path = saved_map(tmp_path, course, ~(course | wall))
+    with pytest.raises(
+        TrackError, match=r"grey 205, .* free_thresh \(\d\d % .*, or drawn\.yaml\[free_thresh=0\.196\]$"
+    ):
+        read_map(path)
+    track, expected = load_map(f"{path}[free_thresh=0.196]"), read_map(draw_map(tmp_path, course, name="other"))
+    np.testing.assert_array_equal(track.centreline, expected.centreline)
+    course[28:34, 148:154] = course[:28, 150] = True  # and a way out that it has seen
+    path = saved_map(tmp_path, course, ~(course | wall))
+    with pytest.raises(TrackError, match=r"drawn\.yaml\[free_thresh=0\.196,close=0\.\d\]$"):
+        read_map(path)
+    course[:] = True
+    course[60:140, 60:240] = False
+    path = saved_map(tmp_path, course, course)
+    with pytest.warns(UserWarning, match=r"the course leads over it; drawn\.yaml\[border=wall,free_thresh=0\.196\]"):
+        load_map(f"{path}[border=wall]")
 
 
 def test_a_hole_of_a_hundred_pixels_is_closed(tmp_path):
@@ -257,9 +291,7 @@ def test_an_island_of_as_many_pixels_as_the_setting_stays(tmp_path):
     free = ring()
     free[40:42, 148:150] = False
     path = draw_map(tmp_path, free)
-    with pytest.warns(
-        UserWarning, match=r"1 island of fewer than 5 pixels is kept as an obstacle; .*\[specks=5"
-    ):
+    with pytest.warns(UserWarning, match=r"1 island of fewer than 5 pixels is kept as an obstacle; .*\[specks=5"):
         assert len(load_map(f"{path}[specks=4]").islands) == 1
     assert load_map(f"{path}[specks=5]").islands == ()
     free[38:44, 146:152] = False
@@ -331,9 +363,7 @@ def test_many_small_courses_are_refused_together(tmp_path, monkeypatch):
 def test_a_map_without_free_ground_says_what_its_pixels_are(tmp_path):
     free = ring()
     path = draw_map(tmp_path, free, free_thresh=0.001)
-    with pytest.raises(
-        TrackError, match=r"of the pixels 0\.0 % free, \d\d\.\d % occupied, \d\d\.\d % unknown"
-    ):
+    with pytest.raises(TrackError, match=r"of the pixels 0\.0 % free, \d\d\.\d % occupied, \d\d\.\d % unknown"):
         load_map(str(path))
 
 

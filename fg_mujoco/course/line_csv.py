@@ -41,9 +41,28 @@ MOST_POINTS = 200_000
 """Work on a line grows with its points."""
 
 _WITHOUT_HEADER = {2: COLUMNS[:2], 3: (*COLUMNS[:2], "vx_mps"), 4: COLUMNS, 7: RACELINE}
-_LINES: tuple[str, ...] = ("{}", "{}_ref", "ref_{}", "{}_center", "center_{}", "{}_centre", "centre_{}", "centerline_{}")
+_LINES: tuple[str, ...] = (
+    "{}",
+    "{}_ref",
+    "ref_{}",
+    "{}_center",
+    "center_{}",
+    "{}_centre",
+    "centre_{}",
+    "centerline_{}",
+)
 _LINES += ("centreline_{}", "{}_pos", "pos_{}", "position_{}", "pose_{}", "{}_position")
-_SIDES: tuple[str, ...] = ("w_tr_{}", "w_{}", "width_{}", "{}_width", "width_tr_{}", "track_width_{}", "d_{}", "dist_{}", "{}_dist")
+_SIDES: tuple[str, ...] = (
+    "w_tr_{}",
+    "w_{}",
+    "width_{}",
+    "{}_width",
+    "width_tr_{}",
+    "track_width_{}",
+    "d_{}",
+    "dist_{}",
+    "{}_dist",
+)
 _SIDES += ("distance_{}", "{}_distance", "dist_to_{}", "{}")
 _NAMES = {side: tuple(form.format(side) for form in _SIDES) for side in ("right", "left")} | {
     "width": ("width", "track_width"),

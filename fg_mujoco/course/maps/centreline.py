@@ -23,6 +23,8 @@ from ...messages import FloatArray
 from ..polyline import IndexArray, enclosed_area
 
 _LEAST_CLEARANCE = 1.0  # [pixel] of the medial axis; narrower is between two neighbouring points of one wall
+_MANY = 8000  # points of walls; on straight walls, Qhull's time grows with their third power unless they are shifted
+_SHIFT = 1e-4  # [pixel] at most; it moves the axis by some hundredths of a pixel at most
 _OFF_GRID = 1e-3 * math.pi  # [pixel] by which the ray that tells loops apart misses all points
 
 
@@ -103,6 +105,8 @@ def medial_axis(region: NDArray[np.bool_], outlines: list[FloatArray]) -> Medial
     from scipy.spatial import Voronoi
 
     sites = np.concatenate(outlines)
+    if len(sites) > _MANY:
+        sites = sites + np.random.default_rng(0).uniform(-_SHIFT, _SHIFT, sites.shape)
     diagram = Voronoi(sites)
     column, row = np.floor(diagram.vertices).astype(int).T
     inside = (column >= 0) & (row >= 0) & (column < region.shape[1]) & (row < region.shape[0])

@@ -43,6 +43,9 @@ _FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 
 _GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
 _MOST_BYTES, _MOST_CHARACTERS, _DEEPEST = 2**20, 1000, 20  # of a YAML, of one value in it, levels of it
 
+_UNKNOWN, _UNKNOWN_THRESH = 205.0, 0.196
+"""Grey that map savers write for unknown ground, and a free_thresh with which it is. ROS 2 writes .25 beside it."""
+
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _STARTS = ("starting_positions", "starting_angle")  # not of map_server, but of maps that are raced on
 _MODES = ("trinary", "scale", "raw")  # the first two differ in what lies between the thresholds, which is unknown here
@@ -65,6 +68,9 @@ class OccupancyMap:
     start: tuple[float, float] | None = None  # x and y [m], where the file has them
     heading: float | None = None  # [rad] at the start, where the file has it
     shares: str = ""  # of free, occupied and unknown pixels, in words
+    grey: BoolArray | None = (
+        None  # (rows, columns) pixels that free_thresh makes free, the saver's grey of unknown ground
+    )
     given: Mapping[str, str] = field(default_factory=dict)  # settings of the map's name that it was read with
 
     def to_world(self, points: ArrayLike) -> FloatArray:
@@ -108,6 +114,10 @@ class OccupancyMap:
         labels, sizes = self.sizes()
         return replace(self, free=self.free | (sizes < pixels)[labels])
 
+    def without_grey(self) -> tuple[OccupancyMap, dict[str, str]]:
+        """Return the map in which grey ground is unknown, and the setting of its name that does this."""
+        return replace(self, free=self.free & ~self.grey), {"free_thresh": f"{_UNKNOWN_THRESH:g}"}
+
     def named(self, **settings: str) -> str:
         """Return the name of the map with the settings that it was read with, and other ones."""
         return f"{self.path.name}[{','.join(f'{name}={value}' for name, value in {**self.given, **settings}.items())}]"
@@ -129,11 +139,18 @@ def require_maps_extra() -> None:
         raise missing_extra("ROS maps need Pillow, PyYAML and SciPy", "maps")
 
 
-def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_folder: bool = False) -> OccupancyMap:
+def read_map_file(
+    path: str | Path,
+    *,
+    free_thresh: float | None = None,
+    image: str | Path | None = None,
+    outside_folder: bool = False,
+) -> OccupancyMap:
     """Read a map_server YAML and its image.
 
     Args:
       path: the YAML.
+      free_thresh: in place of the one of the YAML.
       image: read this one in place of the one that the YAML names.
       outside_folder: whether the YAML may name an image outside of its own folder.
 
@@ -149,6 +166,8 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
     sizes = f"the side of a pixel in metres, from {low} to {high:.0f}"
     resolution = _number(path, settings, "resolution", lambda value: low <= value <= high, sizes)
     thresholds = "a number from 0 to 1"
+    if free_thresh is not None:
+        settings["free_thresh"] = free_thresh
     occupied = _number(path, settings, "occupied_thresh", lambda value: 0.0 <= value <= 1.0, thresholds)
     free = _number(path, settings, "free_thresh", lambda value: 0.0 <= value <= 1.0, thresholds)
     negate = _number(path, settings, "negate", lambda value: value in (0.0, 1.0), "0 or 1")
@@ -175,11 +194,14 @@ def read_map_file(path: str | Path, *, image: str | Path | None = None, outside_
     else:
         occupancy = values / 255.0 if negate else (255.0 - values) / 255.0
     is_free = (occupancy < free) & (occupancy <= occupied)
+    is_grey = is_free & (occupancy >= _UNKNOWN_THRESH)
+    is_saved = bool(np.bincount(levels.ravel(), minlength=len(values))[is_grey & (values == _UNKNOWN)].any())
     x, y, yaw = map(float, origin)
     start, heading = _start(path, settings)
     return OccupancyMap(
         path=path,
         free=np.ascontiguousarray(is_free[levels[::-1]]),
+        grey=np.ascontiguousarray(is_grey[levels[::-1]]) if is_saved else None,
         shares=_shares(levels, is_free, occupancy > occupied, np.isnan(values)),
         resolution=resolution,
         origin=(x, y, yaw),

@@ -34,7 +34,7 @@ from ..scene import BEHIND, BEYOND, Scene
 from ..track import Track
 from ..track_mesh import wall_footprints
 from .map_server import SPECK, OccupancyMap, read_map_file
-from .region import SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
+from .region import GREY_GROUND, SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
 from .walls import trace
 
 SPACING = 0.2
@@ -45,6 +45,7 @@ ISLAND = "island_"
 
 _SMOOTHING = 0.3  # of the median distance to the walls, standard deviation: the medial axis has corners
 _REPEATED = 1e-6  # [m] points nearer than this are one
+_MUCH_GREY = 0.05  # share of a course's line that leads over unknown ground
 _HALVINGS = 5  # of the smoothing, until the line is clear of the walls
 _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
@@ -155,6 +156,7 @@ _SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "loop": ("NUMBER", int),
     "close": ("METRES", float),
     "specks": ("PIXELS", int),
+    "free_thresh": ("NUMBER", float),
     "border": ("wall", {"wall": True}.__getitem__),
     "outside_folder": ("yes or no", {"yes": True, "no": False}.__getitem__),
 }
@@ -170,6 +172,7 @@ def read_map(
     loop: int = 1,
     close: float = 0.0,
     specks: int = 0,
+    free_thresh: float | None = None,
     border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
@@ -185,6 +188,7 @@ def read_map(
       loop: which loop is driven, as `map_loops` and `fg-mujoco track show` count them.
       close: holes in the course's wall of up to this width [m] are closed, where free ground runs out of the image.
       specks: islands of fewer pixels than this are taken for noise, and are free ground.
+      free_thresh: in place of the one of the YAML; 0.196 makes the grey of unknown ground, 205, a wall.
       border_wall: whether the image's border is a wall.
       image: in place of the one that the YAML names.
       outside_folder: whether the YAML may name an image outside of its own folder.
@@ -197,18 +201,20 @@ def read_map(
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
     occupancy, place = _occupancy(
-        path, start=start, close=close, specks=specks, border_wall=border_wall, image=image,
+        path, start=start, close=close, specks=specks, free_thresh=free_thresh, border_wall=border_wall, image=image,
         outside_folder=outside_folder,
     )  # fmt: skip
     if centreline is not None:
         line = read_points(centreline)
         outlines = course_of(occupancy, line, close=close)
         _warn_of_specks(occupancy, outlines)
+        _warn_of_grey(occupancy, occupancy.to_pixels(line))
         if start is not None or direction is not None:
             line = _oriented(line, line[0] if start is None else np.array(start), direction, _heading(line))
         return _map_track(occupancy, outlines, line)
     course = find_course(occupancy, place, loop=loop, close=close)
     _warn_of_specks(occupancy, course.outlines)
+    _warn_of_grey(occupancy, course.line)
     near = np.zeros(2) if place is None else place
     if not course.closed:
         if direction is not None:
@@ -225,6 +231,7 @@ def _occupancy(
     start: tuple[float, float] | None = None,
     close: float = 0.0,
     specks: int = 0,
+    free_thresh: float | None = None,
     border_wall: bool = False,
     image: str | Path | None = None,
     outside_folder: bool = False,
@@ -239,9 +246,9 @@ def _occupancy(
         raise TrackError(f"{path}: specks is {specks!r}; accepted: a number of pixels, as {SPECK}")
     given = {
         "start": start and f"{start[0]:g}:{start[1]:g}", "close": close, "specks": specks,
-        "border": border_wall and "wall", "outside_folder": outside_folder and "yes",
+        "free_thresh": free_thresh, "border": border_wall and "wall", "outside_folder": outside_folder and "yes",
     }  # fmt: skip
-    occupancy = read_map_file(path, image=image, outside_folder=outside_folder)
+    occupancy = read_map_file(path, free_thresh=free_thresh, image=image, outside_folder=outside_folder)
     occupancy = replace(occupancy, given={name: str(value) for name, value in given.items() if value})
     if specks:
         occupancy = occupancy.without_specks(specks)
@@ -267,6 +274,18 @@ def _warn_of_specks(occupancy: OccupancyMap, outlines: list[FloatArray]) -> None
         kept = "is kept as an obstacle" if len(small) == 1 else "are kept as obstacles"
         option = occupancy.named(specks=f"{small.max() + 1}")
         warnings.warn(f"{occupancy.path}: {below} {kept}; {option} drops what is so small", stacklevel=3)
+
+
+def _warn_of_grey(occupancy: OccupancyMap, line: FloatArray) -> None:
+    """Say that a line (n, 2) [pixel] leads over the grey that map savers write for unknown ground."""
+    if occupancy.grey is None or len(line) == 0:
+        return
+    column, row = np.floor(line).astype(int).T
+    if occupancy.grey[row, column].mean() > _MUCH_GREY:
+        option = occupancy.named(**occupancy.without_grey()[1])
+        warnings.warn(
+            f"{occupancy.path}: {GREY_GROUND}, and the course leads over it; {option} makes it a wall", stacklevel=3
+        )
 
 
 def _map_track(occupancy: OccupancyMap, outlines: list[FloatArray], line: FloatArray) -> MapTrack:
@@ -303,7 +322,8 @@ def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) ->
     if lengths.sum() < SHORTEST_WAY:
         raise TrackError(
             f"{occupancy.path}: no closed course, and the longest open way is of {lengths.sum():.1f} m; accepted: "
-            f"walls with a way round, or a way of {SHORTEST_WAY:.1f} m"
+            f"walls with a way round, or a way of {SHORTEST_WAY:.1f} m, {BEHIND:.0f} m of it behind the start and "
+            f"{BEYOND:.0f} m beyond the goal"
         )
     way = _clear_line(occupancy, course)
     if np.hypot(*(way[-1] - start)) < np.hypot(*(way[0] - start)):

@@ -33,14 +33,20 @@ from .walls import outlines
 SHORTEST_LAP = 9.0
 """[m] A shorter loop is no course but the way round an obstacle: the car at full lock goes round in 4.7 m."""
 
-SHORTEST_WAY = BEHIND + BEYOND + 0.2
-"""[m] Of an open way: what is before its start, and beyond its goal."""
+SHORTEST_RACE = 3.0
+"""[m] From the start to the goal of an open way: five cars' lengths."""
+
+SHORTEST_WAY = BEHIND + SHORTEST_RACE + BEYOND
+"""[m] Of an open way, with what is before its start and beyond its goal."""
 
 ROOM = 0.35
 """[m] Least distance from the walls of an open way: the car's length and a bit, over two."""
 
 DOOR = 1.2
 """[m] Obstacles nearer to each other than this are gone round together, if that is possible. A door is 1 m wide."""
+
+GREY_GROUND = "grey 205, which map savers write for unknown ground, counts as free by free_thresh"
+"""Said where it does."""
 
 _MOST_LOOPS = 10**6  # no map has so many; a greater number of a loop is refused as this one is
 _LARGEST = 5  # obstacles that a loop round is looked for, in each region, with doors open and with doors shut
@@ -445,6 +451,8 @@ def _refusal(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> Tra
             "ground runs on from the course out of the image"
         )
     options = _options(occupancy, leak, at)
+    if occupancy.grey is not None:
+        what += f"; {GREY_GROUND} ({100.0 * occupancy.grey.mean():.0f} % of the image)"
     accepted = "a course with walls all round" + (f", or {occupancy.named(**options)}" if options else "")
     return TrackError(f"{occupancy.path}: {what}; accepted: {accepted}")
 
@@ -454,8 +462,13 @@ def _options(occupancy: OccupancyMap, leak: _Leak, at: FloatArray | None) -> dic
 
     A hole is closed if it is at most twice as wide as the course is at its widest place. Where more of the wall is
     missing, the course is open ground there, and the image's border has to be the wall. A map of noise is looked at
-    without its specks first.
+    without its specks first. Unknown ground that counts as free is tried as unknown before all else.
     """
+    if occupancy.grey is not None:
+        known, options = occupancy.without_grey()
+        closed, width = _course(lambda: _close(_look(known, at), at, math.inf))
+        if closed <= max(_DOUBLE_DOOR, _WIDEST_HOLE * width):
+            return options | ({"close": _rounded_up(closed)} if closed else {})
     bordered = occupancy.with_walled_border()
     if np.count_nonzero(occupancy.sizes()[1] < SPECK) <= MOST_SPECKS:
         closed, width = _course(lambda: _close(leak, at, math.inf))
