@@ -14,12 +14,15 @@ from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
+from fg_mujoco.cli.options import GROUPS, OUTPUT
 from fg_mujoco.course.tight import generate_tight_track
 from fg_mujoco.errors import SettingsError, install_command
+from fg_mujoco.racing.setup import SETUP_KEYWORDS
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """
 from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.setup import SETUP_KEYWORDS
 
 
 class Straight:
@@ -545,3 +548,12 @@ def test_a_file_name_that_is_too_long_is_refused_in_a_line(command, capsys):
     assert main([*command, f"{'a' * 300}.mcap"]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and "Traceback" not in said
+
+
+def test_the_help_of_a_race_has_groups_and_its_docstring_every_keyword(capsys):
+    with pytest.raises(SystemExit):
+        main(["race", "--help"])
+    said = capsys.readouterr().out
+    places = [said.index(f"\n{title}:\n") for title in (*GROUPS, OUTPUT)]
+    assert places == sorted(places) and said.rindex("--tires NAME") > places[1] and said.rindex("--mu MU") > places[2]
+    assert not [name for name in SETUP_KEYWORDS if not re.search(rf"\b{name}\b", fg.race.__doc__)]

@@ -79,12 +79,12 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--odom-topic", metavar="TOPIC", help="default: /odom, or the only one with odometry")
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     command.add_argument("--columns", metavar="FILE.toml|LAYOUT", help=_COLUMNS)
-    add_setup_options(command.add_argument, "vehicle")
+    add_setup_options(command, "vehicle")
     command.add_argument("--force", action="store_true", help="replace files that exist, and the run that DIR has")
 
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=_BAG)
-    add_setup_options(command.add_argument, "controller")
+    add_setup_options(command, "controller")
     command.add_argument(
         "--out", metavar="FILE", type=Path,
         help="the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here",
@@ -98,7 +98,7 @@ def add_bags(add: Any, commands: Any) -> None:
     command.add_argument("--drive-topic", metavar="TOPIC", help="default: /drive, or the only one with commands")
     command.add_argument("--columns", metavar="FILE.toml|LAYOUT", help=_COLUMNS)
     add_setup_options(
-        command.add_argument, "vehicle", "tires", "planner_mu", "max_speed", "track",
+        command, "vehicle", "tires", "planner_mu", "max_speed", "track",
         track="whose line a planner with a map follows, as race takes it; default: it has no map",
     )  # fmt: skip
     command.add_argument("--force", action="store_true", help="replace the file if it exists")

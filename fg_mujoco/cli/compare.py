@@ -39,8 +39,8 @@ def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: A
     )  # fmt: skip
     own = (name for name in CAR if name != "max_speed")
     add_setup_options(
-        add, "laps", "obstacles", "moving", "patches", *own, "lidar", "motion_distortion", "opponents", "grid", "rules",
-        "time_limit", "decision_limit", laps="on tracks; default: 5",
+        command, "laps", "obstacles", "moving", "patches", *own, "lidar", "motion_distortion", "opponents", "grid",
+        "rules", "time_limit", "decision_limit", laps="on tracks; default: 5",
         obstacles="boxes on each track, at places drawn from the seed; default: 0",
         moving=f"what moves on each track, at places drawn from the seed: {', '.join(KINDS)}; default: nothing",
     )  # fmt: skip

@@ -56,7 +56,7 @@ def add_drive(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     )  # fmt: skip
     add("--list", action="store_true", help="list the manoeuvres and their settings")
     add("--speed", type=number, metavar="V", help="of a manoeuvre [m/s]; default: its own")
-    add_setup_options(add, *_SETTINGS, start_speed="at which the car rolls; default: the first commanded speed")
+    add_setup_options(command, *_SETTINGS, start_speed="at which the car rolls; default: the first commanded speed")
     add_out_options(command, RUN, "write a run folder here")
     add("--json", action="store_true", help="print one JSON object and nothing else")
     add_config(command)

@@ -36,7 +36,7 @@ def add_league(add_command: Callable[..., argparse.ArgumentParser], commands: An
     add("--keep-runs", action="store_true", help="write the run folder of each heat, as `replay` takes it, to DIR/runs")
     own = (name for name in CAR if name not in _NOT_HERE)
     add_setup_options(
-        add, "laps", "obstacles", "obstacle_seed", "moving", "patches", *own, "lidar", "motion_distortion", "grid",
+        command, "laps", "obstacles", "obstacle_seed", "moving", "patches", *own, "lidar", "motion_distortion", "grid",
         "rules", "time_limit", "decision_limit", rules=f"of race control; default: {DEFAULT_RULES}",
         decision_limit=f"of wall time for each decision; default: {DECISION_LIMIT:g}",
     )  # fmt: skip

@@ -28,7 +28,7 @@ def add_map(add_command: Callable[..., argparse.ArgumentParser], commands: Any) 
     add = command.add_argument
     add("name", metavar="TRACK", nargs="?", help="as --track of race takes it; default: oval")
     add_setup_options(
-        add, "controller", "laps", *CAR, "motion_distortion", "seed", "time_limit",
+        command, "controller", "laps", *CAR, "motion_distortion", "seed", "time_limit",
         laps=f"that are driven; default: {_LAPS}",
     )  # fmt: skip
     add("--out", metavar="FILE", type=Path, help="my_map writes my_map.yaml, my_map.png and my_map.g2o; default: none")

@@ -196,6 +196,23 @@ for _field in fields(DriveSettings):
     if _field.name in _FURTHER:
         _SETUP[_field.name] = _TYPES[type(_field.default)] | {"help": _field.metadata["help"]}
 
+GROUPS: dict[str, tuple[str, ...]] = {
+    "what is driven": (
+        "track", "controller", "laps", "obstacles", "obstacle_seed", "moving", "max_speed", "start_s", "start_offset",
+        "start_heading", "start_speed", "seed", "time_limit", "decision_limit",
+    ),
+    "car": ("vehicle", "tires", "mass", "cog_height", "steering_gain", "speed_gain", "command_delay"),
+    "floor": ("mu", "floor", "planner_mu", "patches"),
+    "sensors": (
+        "lidar", "lidar_effects", "lidar_noise", "lidar_dropout", "lidar_latency", "motion_distortion",
+        "odometry_drift", "sensors", *_FURTHER,
+    ),
+    "other cars": ("opponents", "grid", "rules"),
+}  # fmt: skip
+"""Title in a command's help -> the keywords of a Setup below it."""
+OUTPUT = "output"
+"""Title of the options of what a command writes."""
+
 CAR = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading",
     "start_speed", "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_effects", "lidar_noise",
@@ -216,20 +233,28 @@ OPPONENT_OPTIONS: dict[str, dict[str, Any]] = {
 OPPONENT_OPTIONS["opponent_max_speed"]["type"] = number
 
 
-def add_setup_options(add: Callable[..., Any], *names: str, **helps: str) -> None:
-    """Add options of a Setup; `setup_of` reads them.
+def group(command: argparse.ArgumentParser, title: str) -> argparse._ArgumentGroup:
+    """Return the group of a command's options that has a title in its help; a new one, if there is none."""
+    there = (each for each in command._action_groups if each.title == title)
+    return next(there, None) or command.add_argument_group(title)
+
+
+def add_setup_options(command: argparse.ArgumentParser, *names: str, **helps: str) -> None:
+    """Add options of a Setup, each to its group; `setup_of` reads them.
 
     Args:
-      add: adds an option to a command.
+      command: that gets them.
       names: keywords of a Setup.
       helps: other help texts, by keyword.
     """
-    for name in names:
-        own = _SETUP[name] | ({"help": helps[name]} if name in helps else {})
-        add(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, **own)
-        if name == "opponents":
-            for option, reads in OPPONENT_OPTIONS.items():
-                add(f"--{option.replace('_', '-')}", action="append", **reads)
+    for title, members in GROUPS.items():
+        for name in [name for name in names if name in members]:
+            add = group(command, title).add_argument
+            own = _SETUP[name] | ({"help": helps[name]} if name in helps else {})
+            add(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, **own)
+            if name == "opponents":
+                for option, reads in OPPONENT_OPTIONS.items():
+                    add(f"--{option.replace('_', '-')}", action="append", **reads)
 
 
 def given_settings(options: argparse.Namespace, lists: Sequence[str] = ()) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from pathlib import Path
 from ..course.files import is_file, is_folder, read_text
 from ..errors import RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
+from .options import OUTPUT, group
 
 RUN, STUDY = "run", "study"
 """Kinds of folders that commands write."""
@@ -37,8 +38,9 @@ _MOST_BYTES = 16 * 2**20  # of a study's mark
 
 def add_out_options(command: argparse.ArgumentParser, kind: str, text: str, *, required: bool = False) -> None:
     """Add `--out` and `--force` to a command, whose folder has a run or a study."""
-    command.add_argument("--out", metavar="DIR", required=required, help=f"{text}; DIR/ numbers itself: DIR/001")
-    command.add_argument("--force", action="store_true", help=f"replace the {kind} that DIR has")
+    add = group(command, OUTPUT).add_argument
+    add("--out", metavar="DIR", required=required, help=f"{text}; DIR/ numbers itself: DIR/001")
+    add("--force", action="store_true", help=f"replace the {kind} that DIR has")
     command.set_defaults(folder_kind=kind)
 
 

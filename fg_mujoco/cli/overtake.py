@@ -43,7 +43,7 @@ def add_overtake(add_command: Callable[..., argparse.ArgumentParser], commands: 
         "--seed", type=seeds_in, default=DEFAULT_SEEDS, metavar="LIST",
         help="numbers, or FIRST:END without END; of start, distance and speed ratio; default: 0:50",
     )  # fmt: skip
-    add_setup_options(add, "laps", *DRIVE, laps="within which the planner is to overtake; default: 2")
+    add_setup_options(command, "laps", *DRIVE, laps="within which the planner is to overtake; default: 2")
     add_study_options(command, "table, picture and finished duels")
 
 

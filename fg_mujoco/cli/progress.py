@@ -68,6 +68,10 @@ class ProgressLine:
         if self.terminal:
             self._print(f"\r\x1b[K{text}")
 
+    def say(self, text: str) -> None:
+        """Write a line that stays."""
+        self._print(f"\r\x1b[K{text}\n" if self.terminal else f"{text}\n")
+
     def _watch(self) -> None:
         """Write what was said last, with the time that it takes already."""
         while not self._ended.wait(PATIENCE if self.terminal else MINUTE):

@@ -25,7 +25,7 @@ from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
 from ..viz.plots import write_run
 from .config import add_config
-from .options import CAR, add_setup_options, add_trust_option, can_draw, in_one_line, setup_of
+from .options import CAR, OUTPUT, add_setup_options, add_trust_option, can_draw, group, in_one_line, setup_of
 from .out import RUN, add_out_options
 from .progress import ProgressLine
 from .render import check_film, film_race
@@ -37,17 +37,17 @@ _DONE, _NOT_DONE = 0, 1
 def add_race(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     command = add_command(commands, "race", _race, "race a controller from a standing start")
-    add = command.add_argument
     add_setup_options(
-        add, "track", "controller", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar",
+        command, "track", "controller", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar",
         "motion_distortion", "seed", "opponents", "grid", "rules", "time_limit", "decision_limit",
     )  # fmt: skip
     add_out_options(command, RUN, "write a run folder here")
-    add("--video", type=Path, metavar="FILE", help="write a video of the race, .mp4 or .gif; see the command render")
+    add = group(command, OUTPUT).add_argument
+    add("--video", type=Path, metavar="FILE", help="write a video of the best lap, .mp4 or .gif; see render")
     add("--json", action="store_true", help="print one JSON object and nothing else")
     add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")
     add_config(command)
-    add_trust_option(add)
+    add_trust_option(command.add_argument)
 
 
 def _race(options: argparse.Namespace) -> int:

@@ -31,7 +31,7 @@ def add_raceline(add_command: Callable[..., argparse.ArgumentParser], commands: 
         help=f"between the car's outline and walls and obstacles; default: {MARGIN:g}",
     )  # fmt: skip
     add_setup_options(
-        add, *_SETTINGS, max_speed="fastest that the car is driven [m/s]; default: 8",
+        command, *_SETTINGS, max_speed="fastest that the car is driven [m/s]; default: 8",
         obstacles="boxes on the track, which the line passes; default: 0",
     )  # fmt: skip
     add("--out", type=Path, metavar="FILE.csv", help="the line, as pure_pursuit[line=FILE.csv] takes it; default: none")

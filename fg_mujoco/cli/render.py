@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _DONE = 0
 _USUAL_SIZE = (1280, 720)
+_TIMED, _LONG = 20, 3.0  # after so many frames it is said how long the video takes, where that is longer [s]
 _CAMERA_NAMES = "chase, onboard, top, track, orbit"
 _SWITCHES = {
     "beams": "the LiDAR's beams, coloured by what the planner made of them",
@@ -40,8 +41,8 @@ def add_render(add_command: Callable[..., argparse.ArgumentParser], commands: An
     add("--size", type=size_of, default=_USUAL_SIZE, metavar="WxH", help="pixels; default: 1280x720")
     add("--fps", type=number, default=30.0, metavar="N", help="frames a second of the video; default: 30")
     add("--quality", default="good", metavar="NAME", help="draft, good, best; default: good")
-    add("--from", dest="start", type=number, default=0.0, metavar="S", help="begin there; default: 0")
-    add("--to", dest="end", type=number, metavar="S", help="end there; default: the end of the run")
+    add("--from", dest="start", type=number, metavar="S", help="begin there; default: the best lap, else 0")
+    add("--to", dest="end", type=number, metavar="S", help="end there; default: that of the best lap, else of the run")
     add("--frame", type=number, metavar="S", help="one picture, of this time, as PNG")
     add("--out", type=Path, metavar="FILE", help=".mp4, .gif, or .png with --frame; default: DIR-CAMERA.mp4 here")
     for name, text in _SWITCHES.items():
@@ -71,7 +72,7 @@ def film_race(result: RaceResult, path: Path) -> None:
     from ..viz.rendering import Film
 
     with Film(result, size=_USUAL_SIZE) as film:
-        _write(film, path, fps=30.0, quality="good", start=0.0, end=None)
+        _write(film, path, fps=30.0, quality="good", start=None, end=None)
 
 
 def _render(options: argparse.Namespace) -> int:
@@ -110,25 +111,34 @@ def _render(options: argparse.Namespace) -> int:
     return _DONE
 
 
-def _write(film: Film, path: Path, *, fps: float, quality: str, start: float, end: float | None) -> None:
-    """Write a video, with a line of progress on a terminal, and say what was written."""
+def _write(film: Film, path: Path, *, fps: float, quality: str, start: float | None, end: float | None) -> None:
+    """Write a video, say before how long it will take, and in the end what was written.
+
+    Without a start and an end, of several laps only the best is filmed.
+    """
     from ..viz.rendering.video import write_video
 
-    count = len(film.times(fps, start, end))
+    best, what = film.drive.best_lap if start is end is None else None, ""
+    if best is not None:
+        lap, start, end = best
+        what = f"lap {lap}, the best (render --from 0 films all laps): "
+    count = len(film.times(fps, start or 0.0, end))
     began = time.perf_counter()
     with ProgressLine("preparing frames") as line:
 
         def watched() -> Iterator[Any]:
-            for index, frame in enumerate(film.frames(fps, start, end), start=1):
+            for index, frame in enumerate(film.frames(fps, start or 0.0, end), start=1):
                 yield frame
+                rate = index / (time.perf_counter() - began)
+                if index == _TIMED and (count - index) / rate > _LONG:
+                    line.say(f"fg-mujoco: {path}: {what}{count} frames take some {count / rate:.0f} s")
                 if line.due:
-                    rate = index / (time.perf_counter() - began)
                     line.write(f"frame {index}/{count}  {rate:5.1f} frames/s{to_go((count - index) / rate)}")
 
         write_video(path, watched(), size=film.size, fps=fps, quality=quality)
     rate = count / (time.perf_counter() - began)
     width, height = film.size
     print(
-        f"{path}: {count} frames of {width} x {height} pixels, {count / fps:.1f} s, "
+        f"{path}: {what}{count} frames of {width} x {height} pixels, {count / fps:.1f} s, "
         f"{path.stat().st_size / 1e6:.1f} MB; {rate:.1f} frames/s, {film.renderer.description}"
     )

@@ -47,8 +47,8 @@ def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: A
         help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
     )  # fmt: skip
     add_setup_options(
-        add, "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches", "laps",
-        "time_limit", "decision_limit", seed="of all that is drawn; default: 0",
+        command, "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving",
+        "patches", "laps", "time_limit", "decision_limit", seed="of all that is drawn; default: 0",
         laps="default: 1, or as many as fit the time limit", decision_limit="of wall time for each decision; a planner "
         "that takes longer, or never answers, ends its world",
     )  # fmt: skip

@@ -25,7 +25,7 @@ def add_scenarios(add_command: Callable[..., argparse.ArgumentParser], commands:
     )  # fmt: skip
     add("--data", metavar="DIR", help="folder that tracks which are paths begin in; default: the present one")
     add("--every", type=whole, default=1, metavar="N", help="drive only one in N, drawn by lot; default: 1")
-    add_setup_options(add, *DRIVE)
+    add_setup_options(command, *DRIVE)
     add_study_options(command, "tables and finished scenarios")
 
 

@@ -49,7 +49,7 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
     )  # fmt: skip
     add("--camera", action="store_true", help="draw the pictures of the front camera; default: they are blank")
     add_setup_options(
-        add, "track", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar", "motion_distortion",
+        command, "track", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar", "motion_distortion",
         "seed", "opponents", "grid", "rules", "time_limit",
         rules=f"of race control; default: {_RULES}, as the league has them",
     )  # fmt: skip
@@ -67,14 +67,14 @@ def add_serve(add_command: Callable[..., argparse.ArgumentParser], commands: Any
 def _add_live_options(command: argparse.ArgumentParser, port: int, **texts: str) -> None:
     """Add the options of a live race; `texts` are the help of some of them."""
     add = command.add_argument
-    add_setup_options(add, "track", "controller", **texts)
+    add_setup_options(command, "track", "controller", **texts)
     add("--host", metavar="ADDRESS", help="address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone")
     add("--port", type=whole, metavar="N", help=f"to listen on; default: {port}")
     add(
         "--step-on-drive", action="store_true",
         help="time stands still between commands, and each one on /drive is a tick of 25 ms; default: real time",
     )  # fmt: skip
-    add_setup_options(add, *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches")
+    add_setup_options(command, *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches")
     add_config(command)
     add_trust_option(add)
 

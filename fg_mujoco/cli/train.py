@@ -163,7 +163,7 @@ def add_evaluate(add_command: Callable[..., argparse.ArgumentParser], commands: 
     add("--mu", type=numbers_in, default=[0.5, 0.8, 1.1], metavar="LIST", help="default: 0.5,0.8,1.1")
     add("--seed", type=seeds_in, default=[0], metavar="LIST", help="of obstacles and noise; default: 0")
     own = (name for name in CAR if name not in ("max_speed", "mu"))
-    add_setup_options(add, "laps", "obstacles", *own, "time_limit", "max_speed", laps="default: 5")
+    add_setup_options(command, "laps", "obstacles", *own, "time_limit", "max_speed", laps="default: 5")
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add_out_options(command, STUDY, "tables, and the runs of each coefficient", required=True)
     add_config(command)

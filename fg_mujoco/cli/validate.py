@@ -22,9 +22,10 @@ _DONE = 0
 def add_validate(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
     """Add the command; `add_command` is the one that adds the others."""
     text = "drive the recorded commands of a real car from its recorded states, and say how far a model is off"
-    add = add_command(commands, "validate", _validate, text).add_argument
+    command = add_command(commands, "validate", _validate, text)
+    add = command.add_argument
     add("drives", metavar="DRIVE", nargs="+", help="CSV files, folders of them, bags, or run folders")
-    add_setup_options(add, "vehicle", "tires", "mu", "floor")
+    add_setup_options(command, "vehicle", "tires", "mu", "floor")
     add(
         "--columns", metavar="FILE.toml|LAYOUT",
         help="which columns of a CSV file are what; default: a layout that is recognised",

@@ -19,8 +19,9 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
     command = add_command(commands, "view", _view, text)
     add = command.add_argument
     add_setup_options(
-        add, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving", "patches"
-    )
+        command, "track", "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving",
+        "patches",
+    )  # fmt: skip
     add("--web", action="store_true", help="serve the view to a browser; without it, a window is opened")
     add("--host", metavar="ADDRESS", help="with --web: listen there; default: 127.0.0.1, this machine alone")
     add("--port", type=whole, metavar="N", help="with --web; default: 8080")

@@ -79,8 +79,18 @@ def race(
       controller: a bundled name or `path/to/file.py:ClassName`, with settings in brackets where wanted, as
         `gap_finder[lookahead=8]`; or a controller object, or a function `f(scan, odometry)` that answers a command.
       watch: called once a tick.
-      keywords: of a Setup, see there: `laps`, `mu`, `entries` and so on. Those of a car are car 0's; of several cars
-        they stand in each Entry.
+      keywords: of a Setup, which has their types. Those of a car are car 0's; of several cars they stand in each Entry.
+
+        What is driven: laps [5]; obstacles, how many boxes or a list, and obstacle_seed; moving, as "pedestrian:2";
+        max_speed [m/s]; start_s [m], start_offset [m], start_heading [rad], start_speed [m/s], or start; seed;
+        time_limit [s] simulated, decision_limit [s] of wall time; planner_settings, by name; name.
+        Car: vehicle; tires; changes, or mass [kg], cog_height [m], command_delay [s], steering_gain and speed_gain as
+        factors.
+        Floor: mu; floor, one that was measured; planner_mu, which the planner assumes, "off": no friction limits;
+        patches with another mu.
+        Sensors: effects, or lidar_effects by name or file, lidar_noise [m], lidar_dropout as a probability,
+        lidar_latency [s], motion_distortion; lidar, the back end; odometry_drift, relative; sensors; knows.
+        Other cars: opponents, or entries of all cars; grid; rules.
 
     Raises:
       TrackError, ControllerError, SettingsError: input that cannot be raced with.

@@ -53,6 +53,16 @@ class Drive:
         """When it ends [s]."""
         return float(self.time[-1])
 
+    @property
+    def best_lap(self) -> tuple[int, float, float] | None:
+        """The number of the fastest lap, and when it begins and ends [s]; None where fewer than two are complete."""
+        laps = self.summary.get("lap_times_s") or ()
+        if len(laps) < 2:
+            return None
+        best = int(np.argmin(laps))
+        ends = np.cumsum(laps)
+        return best + 1, float(ends[best] - laps[best]), min(float(ends[best]), self.end)
+
     @cached_property
     def headings(self) -> FloatArray:
         """At the start of each tick, without jumps (ticks,) [rad]."""
