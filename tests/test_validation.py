@@ -16,7 +16,7 @@ from fg_mujoco.studies.drives.reading import read_drive
 from fg_mujoco.studies.validation.agreement import of_center
 from fg_mujoco.studies.validation.car_model import BEFORE, CarModel, Task
 from fg_mujoco.studies.validation.planar_models import PlanarModel
-from fg_mujoco.studies.validation.scoreboard import Scoreboard
+from fg_mujoco.studies.validation.scoreboard import Scoreboard, models_of
 from fg_mujoco.studies.validation.validation import COMMANDS, HELD, validate, validate_model
 from fg_mujoco.studies.validation.windows import (
     ACCELERATE,
@@ -181,6 +181,13 @@ def test_a_scoreboard_has_the_best_first(circle, own):
     worse = validate_model(CarModel(vehicle=CAR, tires=Tires.load("coulomb"), mu=0.35), [circle])
     rows = Scoreboard(validations=(worse, own)).table.rows
     assert [row[1] for row in rows] == ["0.700", "0.350"]
+
+
+@pytest.mark.parametrize("vehicle", ["f1tenth", "ipz"])
+def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which(vehicle):
+    names = {model.name for model in models_of(Vehicle.load(vehicle))}
+    assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
+    assert len(names) == 9 + 1 + 5
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")

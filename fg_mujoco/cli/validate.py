@@ -30,7 +30,7 @@ def add_validate(add_command: Callable[..., argparse.ArgumentParser], commands: 
         "--columns", metavar="FILE.toml|LAYOUT",
         help="which columns of a CSV file are what; default: a layout that is recognised",
     )  # fmt: skip
-    add("--scoreboard", action="store_true", help="every bundled set of tires, f1tenth_gym's model and ForzaETH's")
+    add("--scoreboard", action="store_true", help="every bundled set of tires on its car, the gym's model, ForzaETH's")
     add("--threads", type=whole, default=1, metavar="N", help="that drive the windows, same bits for any; default: 1")
     add("--report", type=Path, metavar="FILE.html", help="a page of overlays and residuals; default: none")
     add("--csv", type=Path, metavar="FILE.csv", help="all figures, a row each; default: none")

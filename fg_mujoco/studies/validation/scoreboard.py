@@ -30,6 +30,8 @@ _COLUMNS: tuple[tuple[str, str, str, float], ...] = (
     ("speed, commands, 1 s [%]", "speed", COMMANDS, 1.0),
 )
 _FORZAETH = "nuc2"  # the vehicle whose constants are those of ForzaETH's car NUC2
+_MEASURED_ON = {"ipz": "ipz", "forzaeth": _FORZAETH, "f1tenth": "f1tenth"}
+"""First part of the name of a set of tires -> vehicle that it was measured on, or was made for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -77,8 +79,9 @@ def scoreboard(
     threads: int = 1,
     watch: Callable[[str], None] | None = None,
 ) -> Scoreboard:
-    """Return the scoreboard of our vehicle on every bundled set of tires, and of the models of other simulators.
+    """Return the scoreboard of every bundled set of tires, and of the models of other simulators.
 
+    Each set is driven on the vehicle that it was measured on; `vehicle` stands on those of no car and on its own.
     Arguments and errors as of `validate`. With `mu` all models have this friction; else each its own.
     """
     loaded = Vehicle.load(vehicle)
@@ -94,12 +97,17 @@ def scoreboard(
 
 
 def models_of(vehicle: Vehicle, *, mu: float | None = None, threads: int = 1) -> list[DriveModel]:
-    """Return the models of a scoreboard: a vehicle on each bundled set of tires, f1tenth_gym, and ForzaETH's."""
+    """Return the models of a scoreboard: each bundled set of tires on its vehicle, f1tenth_gym, and ForzaETH's.
+
+    Sets that were measured on none of the bundled vehicles stand on `vehicle`, whose own set is among them.
+    """
+    sets = {name: Tires.load(name) for name in tire_names()}
     models: list[DriveModel] = []
-    for name in tire_names():
-        tires = Tires.load(name)
+    for name, tires in (sets | {vehicle.tires.name: vehicle.tires}).items():
         if not tires.is_contact:  # whose sliding is right at ten times as many steps only
-            models.append(CarModel(vehicle=vehicle, tires=tires, mu=mu, threads=threads))
+            own = None if name == vehicle.tires.name else _MEASURED_ON.get(name.partition("_")[0])
+            car = vehicle if own is None else Vehicle.load(own)
+            models.append(CarModel(vehicle=car, tires=tires, mu=mu, threads=threads))
     models.append(PlanarModel(name="f1tenth_gym's model", vehicle=Vehicle.load(DEFAULT_VEHICLE), mu=mu))
     forzaeth = Vehicle.load(_FORZAETH)
     for name in tire_names():
