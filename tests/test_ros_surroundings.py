@@ -11,8 +11,8 @@ from scan_worlds import CAR, corridor, odometry_of
 import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.ros.node_host.drive_topics import _SERVO_OFFSET, _STEERING_TO_SERVO
-from fg_mujoco.ros.node_host.sensing import SPEED_TO_ERPM, STEERING, THROTTLE
+from fg_mujoco.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING_TO_SERVO
+from fg_mujoco.ros.node_host.sensing import STEERING, THROTTLE
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 NODE = """
@@ -273,7 +273,7 @@ def test_a_node_that_commands_motor_and_servo_drives(tmp_path):
             '[self.create_publisher(Float64, f"/commands/{each}", 1) for each in ("motor/speed", "servo/position")]',
         )
         + "\n    def callback(self, message):\n"
-        f"        values = (2.0 * {SPEED_TO_ERPM}, {_SERVO_OFFSET} + 0.1 * {_STEERING_TO_SERVO})\n"
+        f"        values = (2.0 * {SPEED_TO_ERPM}, {SERVO_OFFSET} + 0.1 * {STEERING_TO_SERVO})\n"
         "        for publisher, value in zip(self.publisher, values):\n"
         "            publisher.publish(Float64(data=value))\n"
     )  # fmt: skip

@@ -4,8 +4,8 @@
 
 | what | type of message | topic, where there are several |
 | --- | --- | --- |
-| steering | ackermann_msgs/AckermannDriveStamped; else JointState of the joint "steering" | /drive |
-| wheel speed | JointState of the rear wheels' joints; else the twist of an Odometry | /odom |
+| steering | AckermannDriveStamped; else the VESC's commands; else JointState of the joint "steering" | /drive |
+| wheel speed | JointState of the rear wheels' joints; else the twist of an Odometry; else the VESC's motor | /odom |
 | yaw rate | sensor_msgs/Imu; else the twist of an Odometry | /imu |
 | acceleration | sensor_msgs/Imu, taken to be in the centre of gravity | /imu |
 | pose | geometry_msgs/PoseStamped or PoseWithCovarianceStamped; else the pose of an Odometry | /odom |
@@ -15,6 +15,7 @@ Times are those of the messages' headers, or of the recorder where a header has 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ from .bag_messages import (
     DRIVE,
     IMU,
     JOINTS,
+    MOTOR,
     ODOMETRY,
     POSE,
     POSE_WITH_COVARIANCE,
@@ -47,12 +49,13 @@ from .bag_messages import (
 )
 from .bag_reader import POSES, Clock, pose_of
 from .bag_recording import Recording, Topic
+from .composed_topics import SPEED_TO_ERPM
 
 ACCEPTED = (
-    f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS} or {ODOMETRY}, yaw rate by {IMU} or {ODOMETRY}, and "
-    f"accelerations by {IMU} or poses by {POSE}, {POSE_WITH_COVARIANCE} or {ODOMETRY}"
+    f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS}, {ODOMETRY} or {MOTOR}, yaw rate by {IMU} or {ODOMETRY}"
+    f", and accelerations by {IMU} or poses by {POSE}, {POSE_WITH_COVARIANCE} or {ODOMETRY}"
 )
-_USUAL = {DRIVE: "/drive", JOINTS: "/joint_states", IMU: "/imu", ODOMETRY: "/odom"}
+_KINDS = (DRIVE, JOINTS, IMU, ODOMETRY, MOTOR)
 _OPTIONS = {DRIVE: "--drive-topic", IMU: "--imu-topic", ODOMETRY: "--odom-topic"}
 _REAR = WHEEL_JOINTS[2:]
 
@@ -167,12 +170,11 @@ def _channels(
 ) -> dict[str, Any]:
     """Return the channels of a bag by the names that Drive has."""
     topics = {
-        kind: bag.choose((kind,), wanted=wanted.get(kind), usual=usual, option=_OPTIONS.get(kind))
-        for kind, usual in _USUAL.items()
+        kind: bag.choose((kind,), wanted=wanted.get(kind), option=_OPTIONS.get(kind)) for kind in _KINDS
     }
     poses = _pose_topic(bag, pose_topic, topics[ODOMETRY])
     rows: dict[str, list[tuple[Any, ...]]] = {
-        name: [] for name in ("drive", "angle", "wheels", "speed", "gyro", "turn", "acceleration", "pose")
+        name: [] for name in ("drive", "angle", "wheels", "speed", "motor", "gyro", "turn", "acceleration", "pose")
     }
     clocks: dict[Topic, Clock] = {}
     for heard in bag.messages({topic for topic in (*topics.values(), poses) if topic is not None}):
@@ -192,13 +194,17 @@ def _channels(
         elif kind == ODOMETRY:
             rows["speed"].append((time, message.twist.twist.linear.x))
             rows["turn"].append((time, message.twist.twist.angular.z))
+        elif kind == MOTOR:
+            rows["motor"].append((time, message.state.speed / SPEED_TO_ERPM))
         elif kind == JOINTS:
             angle = _joints(message, (STEERING_JOINT,), message.position)
             rows["angle"] += [] if angle is None else [(time, *angle)]
             turning = _joints(message, _REAR, message.velocity)
             rows["wheels"] += [] if turning is None else [(time, car.wheel_radius * sum(turning) / len(turning))]
+    # a sensor that failed says NaN
+    rows = {name: [row for row in values if not any(map(math.isnan, row[1:]))] for name, values in rows.items()}
     needed = {
-        "steering": ("drive", "angle"), "wheel speed": ("wheels", "speed"), "yaw rate": ("gyro", "turn"),
+        "steering": ("drive", "angle"), "wheel speed": ("wheels", "speed", "motor"), "yaw rate": ("gyro", "turn"),
         "acceleration or pose": ("acceleration", "pose"),
     }  # fmt: skip
     for what, names in needed.items():
@@ -221,7 +227,7 @@ def _channels(
         "steering": channel("steering", "drive", "angle", columns=slice(0, 1)),
         "speed_command": channel("speed command", "drive", columns=slice(1, 2)),
         "commanded": len(rows["drive"]) > 1,
-        "speed": channel("wheel speed", "wheels", "speed"),
+        "speed": channel("wheel speed", "wheels", "speed", "motor"),
         "yaw_rate": channel("yaw rate", "gyro", "turn"),
         "acceleration": channel("acceleration", "acceleration"),
         "pose": channel("pose", "pose"),

@@ -29,9 +29,21 @@ IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
 CLOCK = "rosgraph_msgs/msg/Clock"
 GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
-NUMBER, MARKERS = "std_msgs/msg/Float64", "visualization_msgs/msg/MarkerArray"
+NUMBER, NUMBER_32, MARKERS = "std_msgs/msg/Float64", "std_msgs/msg/Float32", "visualization_msgs/msg/MarkerArray"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOTOR = "vesc_msgs/msg/VescStateStamped"
+DRIVE_TOPICS = (
+    "/drive", "/ego_racecar/drive", "/nav", "/vesc/low_level/ackermann_cmd_mux/input/navigation",
+    "/vesc/ackermann_cmd_mux/input/navigation", "/vesc/high_level/ackermann_cmd_mux/input/nav_0", "/ackermann_cmd",
+)  # fmt: skip
+"""Topics of commands of f1tenth_system, f1tenth_gym_ros, f1tenth_simulator and the MIT racecar, the first before the
+next."""
+USUAL = {
+    SCAN: ("/scan",), DRIVE: DRIVE_TOPICS, JOINTS: ("/joint_states",), MOTOR: ("/sensors/core", "/vesc/sensors/core"),
+    IMU: ("/imu", "/imu/data", "/sensors/imu/raw"),
+    ODOMETRY: ("/odom", "/ego_racecar/odom", "/vesc/odom", "/pf/pose/odom"),
+}  # fmt: skip
+"""Type -> the topics that nodes get and publish, the first before the next."""
 
 MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base_link", "laser", "imu"
 STEERING_JOINT = "steering"
@@ -48,6 +60,38 @@ _NANOSECONDS = 1_000_000_000
 _ADD, _DELETE = 0, 2  # visualization_msgs/Marker.action
 _LINE_STRIP, _POINTS = 4, 8  # .type
 _LINE_WIDTH, _POINT_SIZE = 0.03, 0.08  # [m] of markers
+
+
+_FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
+_VESC_FIELDS = {  # of the VESC's driver, as f1tenth_system and the MIT racecar have it
+    1: (
+        "float64", ("voltage_input temperature_pcb current_motor current_input speed duty_cycle charge_drawn "
+        "charge_regen energy_drawn energy_regen displacement distance_traveled"), "int32", "fault_code",
+    ),
+    2: (
+        "float64", ("temp_fet temp_motor current_motor current_input avg_id avg_iq duty_cycle speed voltage_input "
+        "charge_drawn charge_regen energy_drawn energy_regen"), "int32", "displacement distance_traveled fault_code",
+        "float64", "pid_pos_now", "int32", "controller_id",
+        "float64", "ntc_temp_mos1 ntc_temp_mos2 ntc_temp_mos3 avg_vd avg_vq",
+    ),
+}  # fmt: skip
+
+
+def vesc_definitions(ros: int) -> dict[str, str]:
+    """Return the definitions of the messages of the VESC's driver, in ROS 1 or ROS 2."""
+    said = _VESC_FIELDS[ros]
+    lines = [f"int32 FAULT_CODE_{name}={number}" for number, name in enumerate(_FAULTS)]
+    lines += [f"{kind} {name}" for kind, names in zip(said[::2], said[1::2], strict=True) for name in names.split()]
+    return {
+        "vesc_msgs/msg/VescStateStamped": "std_msgs/Header header\nvesc_msgs/VescState state\n",
+        "vesc_msgs/msg/VescState": "\n".join(lines) + "\n",
+        "vesc_msgs/msg/VescImuStamped": "std_msgs/Header header\nvesc_msgs/VescImu imu\n",
+        "vesc_msgs/msg/VescImu": (
+            "geometry_msgs/Vector3 ypr\ngeometry_msgs/Vector3 linear_acceleration\n"
+            "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 compass\n"
+            "geometry_msgs/Quaternion orientation\n"
+        ),
+    }
 
 
 def require_ros_extra() -> None:
@@ -73,7 +117,7 @@ def type_store(distribution: str = "") -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(getattr(Stores, f"ROS2_{distribution.upper()}", Stores.ROS2_HUMBLE))
-    for name, text in _OTHERS.items():
+    for name, text in (_OTHERS | vesc_definitions(2)).items():
         store.register(get_types_from_msg(text, name))
     return store
 

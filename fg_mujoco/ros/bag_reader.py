@@ -54,10 +54,9 @@ from .bag_messages import (
 )
 from .bag_recording import Heard, Recording, Topic
 from .bag_scans import Mount, beyond, disagreement, to_scan
+from .composed_topics import SPEED_TO_ERPM
 
 POSES = (POSE, POSE_WITH_COVARIANCE)
-ERPM_OF_A_METRE = 4614.0
-"""Electrical turns a minute of a VESC at 1 m/s: speed_to_erpm_gain of f1tenth_system's vesc.yaml."""
 
 _FIRST_TRANSFORMS = 1000  # messages of /tf that are read ahead for how the LiDAR sits on the car
 _FIRST_TWISTS = 400  # of Odometry, that are read ahead for whether it has speeds at all
@@ -172,15 +171,15 @@ class ScanBag:
 
     def _choose_topics(self) -> None:
         bag, (scans, odometry, drive) = self.recording, self._wanted
-        scan = bag.choose((SCAN,), wanted=scans, usual="/scan", option="--scan-topic")
+        scan = bag.choose((SCAN,), wanted=scans, option="--scan-topic")
         if scan is None:
             raise BagError(f"{self.path}: holds no scans; accepted: a bag with {SCAN}; it has {bag.held()}")
         if odometry is not None:
             self._odometry = bag.choose((ODOMETRY, *POSES, MOTOR), wanted=odometry, option="--odom-topic")
         else:
-            self._odometry = bag.choose((ODOMETRY,), usual="/odom", option="--odom-topic")
-        found = [scan, self._odometry, bag.choose((DRIVE,), wanted=drive, usual="/drive", option="--drive-topic")]
-        found += [bag.choose((IMU,), usual="/imu"), bag.choose((JOINTS,), usual="/joint_states")]
+            self._odometry = bag.choose((ODOMETRY,), option="--odom-topic")
+        found = [scan, self._odometry, bag.choose((DRIVE,), wanted=drive, option="--drive-topic")]
+        found += [bag.choose((IMU,)), bag.choose((JOINTS,))]
         if self._odometry is None or self._odometry[0] not in POSES:
             found.append(bag.choose(POSES, sparse=False))
         if self._odometry is None:
@@ -209,7 +208,7 @@ class ScanBag:
         if self._odometry is not None:
             kind, topic = self._odometry
             if kind == MOTOR:
-                return f"that of the motor on {topic}, {ERPM_OF_A_METRE:g} turns a minute for 1 m/s"
+                return f"that of the motor on {topic}, {SPEED_TO_ERPM:g} turns a minute for 1 m/s"
             return f"{'the twist' if self._has_twist else 'that from pose to pose'} on {topic}"
         if any(_moves(topic, self.recording) for topic in transform_topics(self.recording)):
             return "that of the transforms to the car"
@@ -414,7 +413,7 @@ class _Known:
         elif not self._motion:
             motor = self._last.get(MOTOR) if self._odometry is not None and self._odometry[0] == MOTOR else None
             if motor is not None:
-                speed = motor.state.speed / ERPM_OF_A_METRE
+                speed = motor.state.speed / SPEED_TO_ERPM
             elif drive is not None:
                 speed = drive.drive.speed
         steering = self._joint(STEERING_JOINT, "position")

@@ -1,7 +1,7 @@
 """The messages of a bag, of one file or several, in the order of their time.
 
     with Recording("drive") as bag:
-        topic = bag.choose((SCAN,), usual="/scan", option="--scan-topic")
+        topic = bag.choose((SCAN,), option="--scan-topic")
         for heard in bag.messages({topic}):
             print(heard.time, heard.message.ranges)
 
@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from ..course.files import read_text
 from ..errors import BagError, FgMujocoError
-from .autodrive.topics import composed_topics
-from .bag_messages import require_ros_extra, type_store
+from .bag_messages import USUAL, require_ros_extra, type_store
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
+from .composed_topics import composed_topics
 
 Topic = tuple[str, str]
 """Type and name of a topic."""
@@ -62,7 +62,7 @@ class Recording:
 
     Attributes:
       counts: how many messages each topic has that can be chosen; topics without any are left out. AutoDRIVE's
-        commands and odometry are topics that are composed of several.
+        commands and odometry, and the VESC's commands, are topics that are composed of several.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
@@ -127,16 +127,16 @@ class Recording:
         kinds: Collection[str],
         *,
         wanted: str | None = None,
-        usual: str | None = None,
         option: str | None = None,
         sparse: bool = True,
     ) -> Topic | None:
-        """Return the topic of these types: the one asked for, the usual one, or the only one; None: there is none.
+        """Return the topic of these types: the one asked for, a usual one, or the only one; None: there is none.
+
+        Topics that are composed of others count where there is no other one.
 
         Args:
           kinds: of the messages.
           wanted: the name of the topic that is asked for.
-          usual: the name that is taken where there are several.
           option: that asks for one. Without it, several are none.
           sparse: whether topics count that have fewer messages than one in two seconds, as goals have.
 
@@ -156,8 +156,9 @@ class Recording:
         if not sparse:
             least = max(2.0, 0.5 * self.span)
             there = [(name, kind) for name, kind in there if self.counts[kind, name] >= least]
-            names = ", ".join(name for name, _ in there)
-        found = [(kind, name) for name, kind in there if name == usual]
+        there = [each for each in there if each[::-1] not in self._composed] or there
+        names = ", ".join(name for name, _ in there)
+        found = [(kind, name) for kind in kinds for name in USUAL.get(kind, ()) if (name, kind) in there][:1]
         if found or len(there) == 1:
             chosen = found[0] if found else (there[0][1], there[0][0])
             others = ", ".join(name for name, _ in there if name != chosen[1])

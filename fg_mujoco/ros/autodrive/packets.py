@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import MessageError
 from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, shown
-from .topics import STEERING, THROTTLE
+from ..composed_topics import STEERING, THROTTLE
 
 EVENT = "Bridge"
 

@@ -159,7 +159,7 @@ def _rates(track: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray
 
 def _commands(bag: Recording, sweeps: Sweeps, topic: str | None, times: FloatArray, fitting: FloatArray) -> FloatArray:
     """Return steering angle [rad] and speed [m/s] that were commanded at times, those of the path without commands."""
-    drive = bag.choose((DRIVE,), wanted=topic, usual="/drive", option="--drive-topic")
+    drive = bag.choose((DRIVE,), wanted=topic, option="--drive-topic")
     if drive is None:
         bag.warn("has no commands; the run has those that fit its path")
         return fitting

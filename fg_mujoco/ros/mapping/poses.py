@@ -56,7 +56,7 @@ def read_sweeps(
     Raises:
       BagError: no scans; several topics to choose from; no poses.
     """
-    scan = bag.choose((SCAN,), wanted=scan_topic, usual="/scan", option="--scan-topic")
+    scan = bag.choose((SCAN,), wanted=scan_topic, option="--scan-topic")
     if scan is None:
         raise BagError(f"{bag.path}: holds no scans; accepted: a bag with {SCAN}; it has {bag.held()}")
     frames = mounting_frames(bag)
@@ -139,7 +139,7 @@ def _source(
         placed = [topic for topic in bag.counts if topic[0] == ODOMETRY and _frame_of(bag, topic) == MAP_FRAME]
         if len(placed) == 1:
             return _Source(kind="topic", text=f"the poses on {placed[0][1]}", topic=placed[0], drifts=False)
-    topic = bag.choose((ODOMETRY,), wanted=odometry_topic, usual="/odom", option="--odom-topic")
+    topic = bag.choose((ODOMETRY,), wanted=odometry_topic, option="--odom-topic")
     if topic is not None:
         drifts = _frame_of(bag, topic) != MAP_FRAME
         return _Source(kind="topic", text=f"the odometry on {topic[1]}", topic=topic, drifts=drifts)

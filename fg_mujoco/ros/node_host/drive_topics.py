@@ -1,8 +1,8 @@
 """Reads commands from the topics that nodes publish on: selects those that command the car, and their speed and angle.
 
 In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
-drive_param, a Twist. Of several Ackermann topics the first of KNOWN counts, as in the multiplexers of the field, else
-the one that no node listens to. A brake topic overrides the drive topic.
+drive_param, a Twist. Of several Ackermann topics the first of DRIVE_TOPICS counts, as in the multiplexers of the field,
+else the one that no node listens to. A brake topic overrides the drive topic.
 """
 
 from __future__ import annotations
@@ -16,29 +16,21 @@ from typing import Any
 import numpy as np
 
 from ...messages import CarParameters
-from ..autodrive.topics import STEERING, THROTTLE
+from ..bag_messages import DRIVE_TOPICS
+from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, VESC, steering_of_servo
 from .graph import Graph, NodeError, Publication
-from .sensing import SPEED_TO_ERPM
 
 DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
-KNOWN = (
-    DRIVE, "/ego_racecar/drive", "/nav", "/vesc/low_level/ackermann_cmd_mux/input/navigation",
-    "/vesc/ackermann_cmd_mux/input/navigation", "/vesc/high_level/ackermann_cmd_mux/input/nav_0", "/ackermann_cmd",
-)  # fmt: skip
-"""Drive topics of f1tenth_system, f1tenth_gym_ros, f1tenth_simulator and the MIT racecar, the first before the next."""
 
 _STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/AckermannDrive"
 _TWIST, _TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
 _DRIVE_PARAM = "drive_param"
 _AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
-_VESC = re.compile(r"(?:/vesc)?/commands/(motor/speed|servo/position)")
 _MOST_BAD = 10  # commands in a row that are no numbers, of which the first ones hold the last command
 _BRAKES = ("/brake", "/ego_racecar/brake")
 _BRAKE_HOLDS = 200_000_000  # [ns] for which a command on /brake counts, as ackermann_mux of f1tenth_system has it
 _MOST_OF_32_BITS = float(np.finfo(np.float32).max)
 _SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
-
-_STEERING_TO_SERVO, _SERVO_OFFSET = -1.2135, 0.5304  # the same
 
 
 def steering_of_twist(speed: float, turning: float, wheelbase: float) -> float:
@@ -69,7 +61,7 @@ class Driving:
         """
         for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
             if not kinds:
-                for pattern in (_AUTODRIVE, _VESC):
+                for pattern in (_AUTODRIVE, VESC):
                     pair = self._pair(pattern)
                     if pair:
                         return pair
@@ -79,7 +71,7 @@ class Driving:
                 found = {topic: each for topic, each in found.items() if topic not in _BRAKES} or found
             if len(found) == 1:
                 return list(found.values())
-            for topic in KNOWN:
+            for topic in DRIVE_TOPICS:
                 if topic in found:
                     return [found[topic]]
             found.pop(OPPONENT_DRIVE, None)  # of the other car
@@ -175,7 +167,7 @@ class Driving:
             # steering comes before throttle; what is no number is 1 or -1 to `min` and `max`, and stays none here
             throttle, steering = (float(np.clip(value or 0.0, -1.0, 1.0)) for value in (second, first))
             return throttle * THROTTLE, steering * STEERING
-        angle = 0.0 if second is None else (second - _SERVO_OFFSET) / _STEERING_TO_SERVO
+        angle = 0.0 if second is None else steering_of_servo(second)
         return (first or 0.0) / SPEED_TO_ERPM, angle
 
     def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:

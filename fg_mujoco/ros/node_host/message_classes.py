@@ -22,7 +22,7 @@ import numpy as np
 
 from ...errors import ControllerError, accepted_names, missing_extra
 from ...simulation.old_numpy import one_element_advice
-from ..bag_messages import type_store
+from ..bag_messages import type_store, vesc_definitions
 from .graph import THREAD
 from .rospy_times import RosDuration, RosTime
 
@@ -43,38 +43,6 @@ _ACKERMANN_1 = {
         "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
     ),
 }
-
-
-_FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
-_VESC_FIELDS = {  # of the VESC's driver, as f1tenth_system and the MIT racecar have it
-    ROS1: (
-        "float64", ("voltage_input temperature_pcb current_motor current_input speed duty_cycle charge_drawn "
-        "charge_regen energy_drawn energy_regen displacement distance_traveled"), "int32", "fault_code",
-    ),
-    ROS2: (
-        "float64", ("temp_fet temp_motor current_motor current_input avg_id avg_iq duty_cycle speed voltage_input "
-        "charge_drawn charge_regen energy_drawn energy_regen"), "int32", "displacement distance_traveled fault_code",
-        "float64", "pid_pos_now", "int32", "controller_id",
-        "float64", "ntc_temp_mos1 ntc_temp_mos2 ntc_temp_mos3 avg_vd avg_vq",
-    ),
-}  # fmt: skip
-
-
-def _vesc(flavour: int) -> dict[str, str]:
-    """Return the definitions of the messages of the VESC's driver."""
-    said = _VESC_FIELDS[flavour]
-    lines = [f"int32 FAULT_CODE_{name}={number}" for number, name in enumerate(_FAULTS)]
-    lines += [f"{kind} {name}" for kind, names in zip(said[::2], said[1::2], strict=True) for name in names.split()]
-    return {
-        "vesc_msgs/msg/VescStateStamped": "std_msgs/Header header\nvesc_msgs/VescState state\n",
-        "vesc_msgs/msg/VescState": "\n".join(lines) + "\n",
-        "vesc_msgs/msg/VescImuStamped": "std_msgs/Header header\nvesc_msgs/VescImu imu\n",
-        "vesc_msgs/msg/VescImu": (
-            "geometry_msgs/Vector3 ypr\ngeometry_msgs/Vector3 linear_acceleration\n"
-            "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 compass\n"
-            "geometry_msgs/Quaternion orientation\n"
-        ),
-    }
 
 
 _STATE = "std_msgs/Header header\nstring[] joint_names\n" + "".join(
@@ -370,7 +338,8 @@ def _standard(flavour: int) -> dict[str, tuple[Any, Any]]:
             ("Goal", "Result", "Feedback"), _SERVICES["control_msgs/FollowJointTrajectory"].split("---\n"), strict=True
         ):
             control[f"control_msgs/msg/FollowJointTrajectory{part}"] = text
-    more = {name: get_types_from_msg(text, name)[name] for name, text in {**_vesc(flavour), **control}.items()}
+    texts = {**vesc_definitions(flavour), **control}
+    more = {name: get_types_from_msg(text, name)[name] for name, text in texts.items()}
     if flavour == ROS2:
         return {**more, **type_store().fielddefs}
     store = get_typestore(Stores.ROS1_NOETIC)

@@ -20,8 +20,8 @@ import numpy as np
 from ...messages import CarParameters, LaserScan, Odometry
 from ...simulation.planner_adapter import Surroundings
 from ...simulation.world import World
-from ..autodrive.topics import STEERING, THROTTLE, cars_in
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
+from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, cars_in
 from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph
 from .message_classes import ROS1, made, message_class
@@ -70,9 +70,6 @@ _OF_AUTODRIVE = {
 AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
 """Names of the car in AutoDRIVE's releases."""
 TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for name, made in _OF_AUTODRIVE.items()}
-
-SPEED_TO_ERPM = 4614.0
-"""[1/m 1/min s] of the motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
 
 OTHERS = (
     ("/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_odom", "/opponent_odom", "/opponent/odom"),

@@ -22,6 +22,7 @@ from ...viz.live.live_session import LiveSession
 from ..bag_messages import (
     BASE_FRAME,
     DRIVE,
+    DRIVE_TOPICS,
     GRID,
     LASER_FRAME,
     POSE,
@@ -34,7 +35,6 @@ from ..bag_messages import (
 from ..bag_writer import EGO, LATCHED, car_mounts
 from ..client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
 from ..node_host.drive_topics import DRIVE as DRIVE_TOPIC
-from ..node_host.drive_topics import KNOWN
 from ..node_host.graph import BEGIN, Graph, Subscription
 from ..node_host.message_classes import ROS2, message_class
 from ..node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
@@ -44,7 +44,7 @@ TRIGGER = "std_srvs/srv/Trigger"
 SERVICES = {"/reset": TRIGGER, "/pause": TRIGGER, "/step": TRIGGER} | dict.fromkeys(MAP_SERVICES, "nav_msgs/srv/GetMap")
 """Services, with their types."""
 
-COMMANDS = {**dict.fromkeys(KNOWN, (DRIVE, ACKERMANN)), "/cmd_vel": (TWIST, TWIST_STAMPED)}
+COMMANDS = {**dict.fromkeys(DRIVE_TOPICS, (DRIVE, ACKERMANN)), "/cmd_vel": (TWIST, TWIST_STAMPED)}
 PLACE, GOAL = "/initialpose", "/goal_pose"
 TAKEN = {**COMMANDS, PLACE: (POSE_WITH_COVARIANCE,), GOAL: (POSE,)}
 """Topics that are taken from, with their types, the usual one first. A goal changes nothing."""

@@ -135,7 +135,7 @@ def _named(kinds: Mapping[str, str], kind: str) -> list[str]:
 
 
 def _definition(kind: str) -> str:
-    return definition(kind) if kind in type_store().fielddefs else ""  # of the VESC's driver it is not known
+    return definition(kind) if kind in type_store().fielddefs else ""
 
 
 def _part(kind: str, part: str) -> dict[str, Any]:

@@ -19,6 +19,12 @@ LONGEST_PAUSE = 7.0 * 86400.0
 SHORTEST = 5.0
 """[s] A drive that moved for less is refused, and a part that lasts less is left out."""
 
+MOST = {
+    "time": 1e10, "steering": 10.0, "speed": 100.0, "speed_command": 100.0, "yaw_rate": 1e3, "acceleration": 1e4,
+    "acceleration_command": 1e4, "place": 1e8, "yaw": 1e6,
+}  # fmt: skip
+"""In SI units, of what sensors measure and cars are commanded: a greater number is a fault."""
+
 LONGEST, PART = 300.0, 30.0
 """[s] of a drive that is taken as a whole; of a longer one, as much in parts of PART."""
 
@@ -62,6 +68,20 @@ class Channel:
         places = np.searchsorted(self.time, times, side="right") - 1
         found: FloatArray = self.values[np.maximum(places, 0)]
         return found
+
+    def require_bounded(self, *most: float) -> None:
+        """Make sure that the times, and of each column the values, are below what is measured.
+
+        Raises:
+          SettingsError: one is not; the message has its time.
+        """
+        for values, greatest in zip((self.time, *self.values.T), (MOST["time"], *most), strict=True):
+            bad = np.flatnonzero(np.abs(values) > greatest)
+            if len(bad):
+                raise SettingsError(
+                    f"{self.name}: is {values[bad[0]]:.6g} at {self.time[bad[0]]:.9g} s; accepted: {-greatest:g} to "
+                    f"{greatest:g}"
+                )
 
     def between(self, begin: float, end: float) -> Channel | None:
         """Return what was measured from one time to another; None: nothing, or only once."""

@@ -13,7 +13,7 @@ import numpy as np
 from ...course.files import file_sha256, read_bytes
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray, shown
-from .channels import LONGEST_PAUSE, Beams, Channel
+from .channels import LONGEST_PAUSE, MOST, Beams, Channel
 from .drive_checks import DriveChecks, check_drive
 from .drive_columns import LAYOUTS, MEASURED, QUANTITIES, REQUIRED, UNITS, Column, DriveColumns, recognised
 from .drive_recording import RecordedDrive
@@ -22,11 +22,6 @@ from .wrong_units import disagreement, wrong_unit
 _LARGEST, _MOST_ROWS = 2**28, 2**20  # bytes and rows of a file, the latter of 7 h at 40 Hz
 _FEWEST = 3  # rows
 _FARTHEST = 1e4  # [m] of a pose from the median of its drive
-_MOST = {
-    "time": 1e10, "length": 1e8, "angle": 1e6, "speed": 100.0, "yaw rate": 1e3, "acceleration": 1e4,
-}  # fmt: skip
-# in SI units, of each quantity: beyond it a number is no measurement
-_MOST_STEERING = 10.0  # [rad]
 _SEEN_NOTHING = 1e4  # [m] of a beam, whatever the mapping says
 _PERIODS = 5.0  # of a row that comes late
 _MOVES = 0.5  # [m/s] of a car whose poses tell how much time has passed
@@ -275,7 +270,7 @@ def _check_values(path: Path, raw: dict[str, FloatArray], columns: DriveColumns,
         found = next(((name, said) for name in raw if (said := wrong_unit(name, raw[name])) is not None), None)
     if found is None:
         for name in raw:
-            most = _MOST_STEERING if name == "steering" else _MOST[QUANTITIES[name]]
+            most = MOST.get(name) or MOST["place" if name in ("x", "y") else "acceleration"]
             check_bounds(name, -most, most)
         pose = np.column_stack([raw[name] for name in ("x", "y", "yaw")]) if "x" in raw else None
         found = disagreement(raw["time"], raw["speed"], raw["yaw_rate"], raw["steering"], pose)

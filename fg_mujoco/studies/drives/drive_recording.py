@@ -13,7 +13,7 @@ import numpy as np
 from ...display import brief
 from ...errors import SettingsError
 from ...messages import FloatArray, read_only
-from .channels import LONGEST, PART, PAUSE, SHORTEST, Beams, Channel, Measured
+from .channels import LONGEST, LONGEST_PAUSE, MOST, PART, PAUSE, SHORTEST, Beams, Channel, Measured
 from .drive_checks import DriveChecks
 
 
@@ -58,6 +58,14 @@ class RecordedDrive(Measured):
     def __post_init__(self) -> None:
         for name in ("name", "layout"):  # pages and tables are UTF-8, whatever the names of files are
             object.__setattr__(self, name, getattr(self, name).encode(errors="replace").decode())
+        for name in ("steering", "speed_command", "speed", "yaw_rate", "acceleration_command"):
+            channel: Channel | None = getattr(self, name)
+            if channel is not None:
+                channel.require_bounded(MOST[name])
+        if self.acceleration is not None:
+            self.acceleration.require_bounded(MOST["acceleration"], MOST["acceleration"])
+        if self.pose is not None:
+            self.pose.require_bounded(MOST["place"], MOST["place"], MOST["yaw"])
 
     def __repr__(self) -> str:
         return brief(self, self.name, self.layout, f"{self.end - self.start:.3g} s")
@@ -104,11 +112,15 @@ class RecordedDrive(Measured):
         Of a drive that measures for more than LONGEST these are parts of PART, evenly spread, LONGEST in all.
 
         Raises:
-          SettingsError: no part lasts for SHORTEST.
+          SettingsError: no part lasts for SHORTEST, or its clock jumps by more than LONGEST_PAUSE.
         """
         pauses, said = self.pauses, []
         if not pauses and self.end - self.start <= LONGEST:
             return [self]
+        for last, first in pauses:
+            if first - last > LONGEST_PAUSE:
+                said = f"its clock jumps from {last:.9g} to {first:.9g} s"
+                raise SettingsError(f"{self.name}: {said}; accepted: pauses of up to {LONGEST_PAUSE:g} s")
         stretches, begin = [], self.start
         for last, first in [*pauses, (self.end, self.end)]:
             stretches += [(begin, last)] if last > begin else []

@@ -1,19 +1,22 @@
-"""Bags of AutoDRIVE's bridge: commands, odometry and wheels of its topics, whatever the car is called."""
+"""Bags of AutoDRIVE's bridge and of the VESC's driver: what topics of numbers make together."""
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
-from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
+from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
 
+import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.mapping.recorded_map import make_map
-from fg_mujoco.ros.autodrive.topics import STEERING, THROTTLE
 from fg_mujoco.ros.bag_drive import read_drives
-from fg_mujoco.ros.bag_messages import DRIVE, JOINTS, ODOMETRY
+from fg_mujoco.ros.bag_messages import DRIVE, JOINTS, MOTOR, ODOMETRY, USUAL, type_store
 from fg_mujoco.ros.bag_reader import ScanBag
 from fg_mujoco.ros.bag_recording import Recording
+from fg_mujoco.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
 from fg_mujoco.ros.mapping.poses import read_sweeps
+from fg_mujoco.ros.node_host.sensing import TOPICS
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -114,8 +117,6 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
 
 
 def test_odometry_of_autodrives_own_and_joints_of_others_stay(tmp_path):
-    from bag_worlds import robot_odometry
-
     own = [("/autodrive/c/odom", EPOCH + i, robot_odometry(EPOCH + i)) for i in range(3)]
     with Recording(write_bag(tmp_path / "bag", [*entries("c", 3), *own])) as bag:
         assert [name for kind, name in bag.counts if kind == ODOMETRY] == ["/autodrive/c/odom"]
@@ -152,3 +153,77 @@ def test_a_map_says_how_many_scans_it_is_of_and_why_not_of_the_others(tmp_path, 
     assert made.text.startswith(begin)
     main(["bag", str(bag), "--map", str(tmp_path / "map.yaml")])
     assert made.text in capsys.readouterr().out
+
+
+def vesc_entries(driver, number="std_msgs/msg/Float64", count=120):
+    """The messages of a car of f1tenth_system that goes round, without an Odometry."""
+    kind = type_store().types["vesc_msgs/msg/VescState"]
+    found = []
+    for tick in range(count):
+        time = EPOCH + tick * STEP
+        heading, radius = YAW_RATE * tick * STEP / SECOND, SPEED / YAW_RATE
+        state = kind(**{each.name: 0.0 for each in fields(kind)} | {"speed": SPEED * SPEED_TO_ERPM, "fault_code": 0,
+            "displacement": 0, "distance_traveled": 0, "controller_id": 0})  # fmt: skip
+        x, y = radius * math.sin(heading), radius * (1.0 - math.cos(heading))
+        place = make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+        pose = make("geometry_msgs/msg/Pose", position=place, orientation=rotation(heading))
+        stamped = make("geometry_msgs/msg/PoseStamped", header=header(time, "map"), pose=pose)
+        angle = 0.001 * tick
+        speed, servo = (SPEED + angle) * SPEED_TO_ERPM, SERVO_OFFSET + STEERING_TO_SERVO * angle
+        found += [
+            (f"{driver}/sensors/core", time, make(MOTOR, header=header(time, ""), state=state)),
+            ("/sensors/imu/raw", time, imu(time, heading)),
+            ("/pf/viz/inferred_pose", time, stamped),
+            ("/scan", time, robot_scan(np.full(41, 5.0), time=time)),
+            (f"{driver}/commands/motor/speed", time + 1, make(number, data=speed)),
+            (f"{driver}/commands/servo/position", time + 2, make(number, data=servo)),
+        ]  # fmt: skip
+    return found
+
+
+@pytest.mark.parametrize(("driver", "bits", "storage"), [("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")])
+def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys, driver, bits, storage):
+    bag = write_bag(tmp_path / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
+    (drive,) = read_drives(bag)
+    angles = 0.001 * np.arange(120)
+    assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
+    assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
+    assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
+    with ScanBag(bag, CAR) as scans:
+        assert scans.topics[DRIVE] == f"{driver}/commands"
+        last = list(scans)[-1].odometry
+    assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
+    assert main(["bag", str(bag)]) == 0
+    assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_what_an_ackermann_topic_commands_goes_before_the_vescs(tmp_path):
+    drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=0.3, steering_angle_velocity=0.0, speed=1.0,
+                 acceleration=0.0, jerk=0.0)  # fmt: skip
+    times = [EPOCH + i * STEP for i in range(120)]
+    own = [("/mine", time, make(DRIVE, header=header(time, ""), drive=drive)) for time in times]
+    bag = write_bag(tmp_path / "bag", sorted([*vesc_entries(""), *own], key=lambda entry: entry[1]))
+    assert np.allclose(read_drives(bag)[0].steering.values, 0.3)
+    assert np.allclose(read_drives(bag, drive_topic="/commands")[0].steering.values[:, 0], 0.001 * np.arange(120))
+
+
+def test_of_several_topics_those_are_read_that_nodes_get(tmp_path):
+    assert {name for kind in USUAL for name in USUAL[kind]} >= {
+        name for name, (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name
+    }
+    names = ("/a/odom", "/pf/pose/odom", "/vesc/odom")
+    entries = [(name, EPOCH + i, robot_odometry(EPOCH + i)) for i in range(9) for name in names]
+    with Recording(write_bag(tmp_path / "bag", entries)) as bag, pytest.warns(UserWarning, match="/vesc/odom is read"):
+        assert bag.choose((ODOMETRY,), option="--odom-topic") == (ODOMETRY, "/vesc/odom")
+
+
+def test_a_measurement_of_a_bag_that_failed_is_left_out_and_one_that_none_measures_is_refused(tmp_path):
+    for name, value in (("failed", math.nan), ("absurd", 1e300), ("infinite", -math.inf)):
+        entries = vesc_entries("")
+        entries[60][2].state.speed = value * SPEED_TO_ERPM
+        bag = write_bag(tmp_path / name, entries)
+        if name == "failed":
+            assert len(read_drives(bag)[0].speed.time) == 119
+            continue
+        with pytest.raises(fg.FgMujocoError, match=r"wheel speed: .*; accepted: "):
+            read_drives(bag)

@@ -1,4 +1,4 @@
-"""AutoDRIVE's topics: what their numbers mean, and in a bag the commands and the odometry that they make together.
+"""Topics of bare numbers, AutoDRIVE's and the VESC's: what they mean, and what they make together in a bag.
 
 AutoDRIVE's bridge has one topic for each quantity, `/autodrive/CAR/throttle_command` and so on, without stamps. What
 reads bags knows AckermannDriveStamped, Odometry and JointState. Those are composed here:
@@ -8,6 +8,7 @@ reads bags knows AckermannDriveStamped, Odometry and JointState. Those are compo
 | `/autodrive/CAR/command` | AckermannDriveStamped | `throttle_command`, `steering_command` |
 | `/autodrive/CAR/odometry` | Odometry, frame `map` | `ips`, the heading and the yaw rate of `imu`, `speed` |
 | `/autodrive/CAR/wheels` | JointState of the rear wheels | `left_encoder`, `right_encoder` |
+| `/commands`, `/vesc/commands` | AckermannDriveStamped | the VESC's `motor/speed`, `servo/position` |
 
 Their stamps are the recorder's times. The bridge broadcasts the position as that of the car's frame, at the rear axle.
 """
@@ -22,12 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from ...messages import DriveCommand, Odometry
-from ..bag_messages import (
+from ..messages import DriveCommand, Odometry
+from .bag_messages import (
     DRIVE,
     IMU,
     JOINTS,
     MAP_FRAME,
+    NUMBER,
+    NUMBER_32,
     ODOMETRY,
     WHEEL_JOINTS,
     drive_message,
@@ -40,11 +43,22 @@ from ..bag_messages import (
 THROTTLE, STEERING = 22.88, 0.5236
 """[m/s], [rad] at a command of 1. Source: AutoDRIVE, RoboRacer Sim Racing League, technical guide of 2026."""
 
+SPEED_TO_ERPM = 4614.0
+"""[1/m 1/min s] of the VESC's motor. Source: f1tenth_system, f1tenth_stack/config/vesc.yaml."""
+
+VESC = re.compile(r"(?P<driver>(?:/vesc)?)/commands/(?P<name>motor/speed|servo/position)")
+STEERING_TO_SERVO, SERVO_OFFSET = -1.2135, 0.5304  # the same
+
 TOPIC = re.compile(r"/autodrive/(?P<car>\w+)/(?P<name>\w+)")
-_NUMBER, _POINT = "std_msgs/msg/Float32", "geometry_msgs/msg/Point"
+_POINT = "geometry_msgs/msg/Point"
 _FASTEST = 2_000_000  # [ns] between two readings of an encoder, below which a difference says nothing
 
 Topic = tuple[str, str]
+
+
+def steering_of_servo(position: float) -> float:
+    """Return the steering angle [rad] of a position of the VESC's servo, 0 to 1."""
+    return (position - SERVO_OFFSET) / STEERING_TO_SERVO
 
 
 @dataclass(frozen=True)
@@ -67,16 +81,24 @@ class Composed:
 def composed_topics(counts: Mapping[Topic, int]) -> dict[Topic, Composed]:
     """Return the topics that can be composed of those of a bag."""
     cars: dict[str, dict[str, Topic]] = {}
+    drivers: dict[str, dict[str, Topic]] = {}
     for kind, name in counts:
+        found = VESC.fullmatch(name)
+        if found is not None and kind in (NUMBER, NUMBER_32):
+            drivers.setdefault(found["driver"], {})[found["name"]] = (kind, name)
         found = TOPIC.fullmatch(name)
         if found is not None:
             cars.setdefault(found["car"], {})[found["name"]] = (kind, name)
-    made: dict[Topic, Composed] = {}
+    made: dict[Topic, Composed] = {
+        (DRIVE, f"{driver}/commands"): _composed(counts, topics, _VescCommands, "servo/position")
+        for driver, topics in drivers.items()
+        if len(topics) == 2
+    }
     for car, topics in cars.items():
-        commands = _of(topics, {"throttle_command": _NUMBER, "steering_command": _NUMBER})
+        commands = _of(topics, {"throttle_command": NUMBER_32, "steering_command": NUMBER_32})
         if "steering_command" in commands:
             made[DRIVE, f"/autodrive/{car}/command"] = _composed(counts, commands, _Commands, "steering_command")
-        places = _of(topics, {"ips": _POINT, "imu": IMU, "speed": _NUMBER})
+        places = _of(topics, {"ips": _POINT, "imu": IMU, "speed": NUMBER_32})
         if {"ips", "imu"} <= set(places) and "odom" not in topics:
             made[ODOMETRY, f"/autodrive/{car}/odometry"] = _composed(counts, places, _Places, "ips")
         encoders = _of(topics, {"left_encoder": JOINTS, "right_encoder": JOINTS})
@@ -117,6 +139,21 @@ class _Commands:
             return None
         throttle, steering = np.clip((self._throttle, value), -1.0, 1.0).tolist()
         return drive_message(DriveCommand(steering_angle=steering * STEERING, speed=throttle * THROTTLE), time)
+
+
+class _VescCommands:
+    """A command for each position of the servo, with the speed of the motor last heard."""
+
+    def __init__(self) -> None:
+        self._speed = 0.0
+
+    def hear(self, name: str, message: Any, time: int) -> Any:
+        value = float(message.data)
+        if name == "motor/speed":
+            self._speed = value / SPEED_TO_ERPM
+        if name == "motor/speed" or not math.isfinite(value) or not math.isfinite(self._speed):
+            return None
+        return drive_message(DriveCommand(steering_angle=steering_of_servo(value), speed=self._speed), time)
 
 
 class _Places:
