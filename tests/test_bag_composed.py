@@ -211,7 +211,7 @@ def test_of_several_topics_those_are_read_that_nodes_get(tmp_path):
     assert {name for kind in USUAL for name in USUAL[kind]} >= {
         name for name, (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name
     }
-    names = ("/a/odom", "/pf/pose/odom", "/vesc/odom")
+    names = ("/pf/pose/odom", "/vesc/odom")
     entries = [(name, EPOCH + i, robot_odometry(EPOCH + i)) for i in range(9) for name in names]
     with Recording(write_bag(tmp_path / "bag", entries)) as bag, pytest.warns(UserWarning, match="/vesc/odom is read"):
         assert bag.choose((ODOMETRY,), option="--odom-topic") == (ODOMETRY, "/vesc/odom")

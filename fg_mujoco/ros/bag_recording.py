@@ -132,7 +132,8 @@ class Recording:
     ) -> Topic | None:
         """Return the topic of these types: the one asked for, a usual one, or the only one; None: there is none.
 
-        Topics that are composed of others count where there is no other one.
+        Beside topics that are not usual only the first of USUAL is. Topics that are composed count where there is no
+        other one.
 
         Args:
           kinds: of the messages.
@@ -158,7 +159,9 @@ class Recording:
             there = [(name, kind) for name, kind in there if self.counts[kind, name] >= least]
         there = [each for each in there if each[::-1] not in self._composed] or there
         names = ", ".join(name for name, _ in there)
-        found = [(kind, name) for kind in kinds for name in USUAL.get(kind, ()) if (name, kind) in there][:1]
+        usual = [(kind, name) for kind in kinds for name in USUAL.get(kind, ()) if (name, kind) in there]
+        first = [name for kind in kinds for name in USUAL.get(kind, ())[:1]]
+        found = [each for each in usual if len(usual) == len(there) or each[1] in first][:1]
         if found or len(there) == 1:
             chosen = found[0] if found else (there[0][1], there[0][0])
             others = ", ".join(name for name, _ in there if name != chosen[1])

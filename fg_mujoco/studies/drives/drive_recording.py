@@ -114,13 +114,13 @@ class RecordedDrive(Measured):
         Raises:
           SettingsError: no part lasts for SHORTEST, or its clock jumps by more than LONGEST_PAUSE.
         """
-        pauses, said = self.pauses, []
+        pauses, said = self.pauses, list[str]()
         if not pauses and self.end - self.start <= LONGEST:
             return [self]
         for last, first in pauses:
             if first - last > LONGEST_PAUSE:
-                said = f"its clock jumps from {last:.9g} to {first:.9g} s"
-                raise SettingsError(f"{self.name}: {said}; accepted: pauses of up to {LONGEST_PAUSE:g} s")
+                jump = f"its clock jumps from {last:.9g} to {first:.9g} s"
+                raise SettingsError(f"{self.name}: {jump}; accepted: pauses of up to {LONGEST_PAUSE:g} s")
         stretches, begin = [], self.start
         for last, first in [*pauses, (self.end, self.end)]:
             stretches += [(begin, last)] if last > begin else []
