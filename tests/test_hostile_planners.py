@@ -1,5 +1,6 @@
 """A planner can fail in any way: it fails alone, in a line that names its file, and nothing takes it for a success."""
 
+import json
 import os
 import re
 import signal
@@ -189,6 +190,38 @@ def test_os_exit_is_itself_again_afterwards_and_for_forks_all_the_time():
             os._exit(4)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 4
     assert os._exit is before
+
+
+FORKS = """
+class Forks:
+    def reset(self): pass
+    def __call__(self, scan, odometry):
+        from fg_mujoco import DriveCommand
+        if scan.stamp < 0.07: fork()
+        return DriveCommand(steering_angle=0.0, speed=1.0)
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "ends"),
+    [
+        ("race", "def fork(): os.fork()", "time_limit"),
+        ("race", "def fork(): os.fork() or 1 / 0", "time_limit"),
+        ("race", "fork = int\nos.fork()", "time_limit"),
+        ("rollout", "def fork(): os.fork()", "time_limit"),
+        ("rollout", "fork = int\nos.fork()", "time_limit"),
+        ("rollout", "def fork(): os.fork() or time.sleep(99)", "time_limit"),
+        ("rollout", "def fork():\n    if os.fork(): os.kill(os.getpid(), 9)\n    time.sleep(99)", "worker_died"),
+    ],
+)
+def test_a_fork_of_a_planner_drives_nothing_and_holds_nothing_up(command, text, ends, here):
+    (here / "forks.py").write_text(f"import os, time\n{text}\n{FORKS}")
+    line = [sys.executable, "-m", "fg_mujoco", command, "--controller", "forks.py:Forks", "--time-limit", "0.3"]
+    line += ["--out", str(here / "out"), "--json", *(["--n", "3", "--workers", "2"] if command == "rollout" else [])]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60)
+    found = json.loads(done.stdout)  # once
+    assert "Traceback" not in done.stderr
+    assert found["end_reason"] == ends if command == "race" else found["end_reasons"] == {ends: 3}
 
 
 def test_ctrl_c_is_not_the_planners():

@@ -7,6 +7,7 @@ for bit, for that is the contract of `batch`, without the messages in between.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -33,6 +34,7 @@ from .compiled_tick import not_finite
 from .planner_failure import (
     DecisionLimitReached,
     class_name,
+    end_fork_of,
     error_text,
     failure_of,
     file_of,
@@ -174,6 +176,7 @@ class BatchPlanners:
           PlannerError: the planners raise, and it is not known whose failure it is; or `raises`, and a command is no
             number.
         """
+        process = os.getpid()
         try:
             if self._take_readings is not None:
                 for row in np.flatnonzero(cars.running).tolist():
@@ -184,6 +187,8 @@ class BatchPlanners:
             if not is_of_planner(error):
                 raise
             return self.failed(error, cars)
+        finally:
+            end_fork_of(process)
         return None if np.isfinite(cars.commands).all() else self.refused(cars)
 
     def compiled_calls(self, cars: Cars) -> Calls | None:
@@ -368,6 +373,7 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
       PlannerError: it raises, or answers something else than a DriveCommand.
     """
     values: tuple[Any, Any] | None = None
+    process = os.getpid()
     try:
         answer = controller(scan, odometry)
         if issubclass(type(answer), DriveCommand):
@@ -376,6 +382,8 @@ def plan(controller: Controller, scan: LaserScan, odometry: Odometry) -> DriveCo
         if not is_of_planner(error):
             raise
         raise _failed(error, type(controller), scan, odometry) from error
+    finally:
+        end_fork_of(process)
     if values is None:
         raise _answered(f"answered {short(answer)}", A_COMMAND, type(controller), scan, odometry)
     if type(answer) is DriveCommand and {*map(type, values)} == {float} and math.isfinite(sum(values)):

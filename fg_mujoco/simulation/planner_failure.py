@@ -95,14 +95,18 @@ def is_of_planner(error: BaseException) -> bool:
 class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in contextlib
     """Lets `os._exit` raise SystemExit for a while, so that a planner that calls it fails and does not end the process.
 
-    It holds for this process, in all of its threads. Processes that a planner forks end as they would.
+    It holds for this process, in all of its threads. Processes that a planner forks end as they would, and at the
+    latest when they come out of here: only the planner's own code runs in them.
     """
 
     _lock, _entered = threading.Lock(), 0
     _exit: Any = os._exit
 
+    def _recreate_cm(self) -> without_exit:
+        return without_exit()  # as a decorator, one for each call
+
     def __enter__(self) -> None:
-        kind = without_exit
+        self._process, kind = os.getpid(), without_exit
         with kind._lock:
             kind._entered += 1
             if kind._entered == 1:
@@ -110,11 +114,18 @@ class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in 
                 vars(os)["_exit"] = _raising_exit(os._exit, os.getpid())
 
     def __exit__(self, *exception: object) -> None:
+        end_fork_of(self._process)
         kind = without_exit
         with kind._lock:
             kind._entered -= 1
             if kind._entered == 0:
                 vars(os)["_exit"] = kind._exit
+
+
+def end_fork_of(process: int) -> None:
+    """End this process if it is not the one with this number: a planner has forked it, and it would drive on."""
+    if os.getpid() != process:
+        os._exit(0)
 
 
 def class_name(value: object) -> str:

@@ -116,8 +116,13 @@ def work_off(
             crew.append(free := _Worker())
         return free.start(function, item)
 
+    def look() -> None:
+        for worker in crew:
+            worker.bury()
+        pulse()
+
     try:
-        for item, future in completed(start, items, room=lambda: count, pulse=pulse):
+        for item, future in completed(start, items, room=lambda: count, pulse=look):
             try:
                 answer = _answer(item, future.result())
             except BrokenProcessPool:
@@ -134,6 +139,7 @@ def work_off(
             worker.end()
         for worker in crew:
             worker.pool.shutdown()
+            worker.bury()
 
 
 def completed(
@@ -212,6 +218,13 @@ class _Worker:
         self.pool.shutdown()
         return self._began.exception() is None, how_ended(self._context.process.exitcode)
 
+    def bury(self) -> None:
+        """If it has ended, end what a planner has forked in it, too: that would hold its pipes open."""
+        process = self._context.process
+        if process.exitcode is not None and process.pid is not None and hasattr(os, "killpg"):
+            with suppress(OSError):
+                os.killpg(process.pid, signal.SIGKILL)
+
     def end(self) -> None:
         """End it with its work; `pool.shutdown` then waits until it has ended."""
         if not self.future.done():
@@ -250,6 +263,8 @@ def _answer(item: Any, answer: Any) -> Any:
 def _begin() -> None:
     """Begin a worker process, which ends when the process that started it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "setsid"):
+        os.setsid()  # a group of its own, with all that it forks
     sys.stdout = sys.stderr  # what is printed on the way is not our output
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
