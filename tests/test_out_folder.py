@@ -42,6 +42,52 @@ def run(raced, tmp_path, monkeypatch):
     return tmp_path / "runs/first"
 
 
+WALKS = """
+import os
+from fg_mujoco.messages import DriveCommand
+
+os.chdir("walked")
+READ = open("weights").read()
+
+class P:
+    def __init__(self):
+        os.chdir(os.path.abspath(os.sep + "tmp"))
+
+    def __call__(self, scan, odometry):
+        os.chdir("/")
+        return DriveCommand(steering_angle=0.0, speed=1.0)
+
+    def reset(self):
+        pass
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "race --time-limit 0.2 --out out",
+        "rollout --n 2 --workers 1 --time-limit 0.2 --out out", "compare --workers 1 --time-limit 0.2 --out out",
+        "grade lab.toml walks.py --workers 1 --out out", "debug runs/first --trust --out out.html",
+        "export runs/first --trust --out out.mcap", "overtake --workers 1 --out out --seed 0",
+    ],
+)  # fmt: skip
+def test_a_planner_that_changes_the_folder_moves_no_file_that_is_written(command, run, without_pictures):
+    here = os.getcwd()
+    os.makedirs("walked")
+    with open("walks.py", "w") as file, open("lab.toml", "w") as lab, open("walked/weights", "w"):
+        file.write(WALKS)
+        lab.write("time_limit = 0.2\n[[checks]]\ncheck = 'no_crash'\n")
+    before = sorted(os.listdir("/"))
+    if "runs/first" in command:
+        result = fg.race("oval", "walks.py:P", time_limit=0.2)
+        fg.write_run(result, "runs/second", picture=False)
+        command = command.replace("first", "second")
+    named = "" if "runs" in command or "grade" in command else " --controller walks.py:P"
+    main((command + named).split())
+    assert os.getcwd() == here and sum(name.startswith("out") for name in os.listdir()) == 1
+    assert sorted(os.listdir("/")) == before and os.listdir("walked") == ["weights"]
+
+
 def options(out, force=False):
     return argparse.Namespace(out=str(out), force=force)
 

@@ -15,6 +15,7 @@ from ..course.course import Course
 from ..course.files import LONGEST_NAME, file_sha256
 from ..errors import SettingsError
 from ..messages import Controller
+from ..simulation.planner_failure import without_exit
 from ..simulation.settings import DriveSettings
 from .planner_files import Files, planner_files
 from .planner_loading import build_controller
@@ -90,6 +91,7 @@ class ControllerChoice:
         """Return the class or function of the planner; errors are those of `find_controller`."""
         return find_controller(self.source)
 
+    @without_exit()
     def check(self, course: Course, drive: DriveSettings) -> Files:
         """Build it once, for a race on `course` with the car and the planner context of `drive`.
 

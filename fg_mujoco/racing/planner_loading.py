@@ -27,6 +27,7 @@ POSE_SETTINGS = frozenset({"pose", "pose_start", "pose_map", "particles"})
 """Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
 
 
+@without_exit()
 def make_controller(
     source: str | Controller,
     context: PlannerContext | None = None,

@@ -96,21 +96,28 @@ class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in 
     """Lets `os._exit` raise SystemExit for a while, so that a planner that calls it fails and does not end the process.
 
     It holds for this process, in all of its threads. Processes that a planner forks end as they would, and at the
-    latest when they come out of here: only the planner's own code runs in them.
+    latest when they come out of here: only the planner's own code runs in them. In the main thread the current folder
+    is again in the end what it was, where a planner has changed it: paths are from there.
     """
 
     _lock, _entered = threading.Lock(), 0
     _exit: Any = os._exit
+    _folder: str | None = None
 
     def _recreate_cm(self) -> without_exit:
         return without_exit()  # as a decorator, one for each call
+
+    @classmethod
+    def active(cls) -> bool:
+        """Return whether it holds now."""
+        return without_exit._entered > 0
 
     def __enter__(self) -> None:
         self._process, kind = os.getpid(), without_exit
         with kind._lock:
             kind._entered += 1
             if kind._entered == 1:
-                kind._exit = os._exit
+                kind._exit, kind._folder = os._exit, _current_folder()
                 vars(os)["_exit"] = _raising_exit(os._exit, os.getpid())
 
     def __exit__(self, *exception: object) -> None:
@@ -120,6 +127,19 @@ class without_exit(contextlib.ContextDecorator):  # noqa: N801  # a verb, as in 
             kind._entered -= 1
             if kind._entered == 0:
                 vars(os)["_exit"] = kind._exit
+                if kind._folder is not None and _current_folder() != kind._folder:
+                    with contextlib.suppress(OSError):
+                        os.chdir(kind._folder)
+
+
+def _current_folder() -> str | None:
+    """Return the current folder; None: another thread may change it, or it is not there any more."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    try:
+        return os.getcwd()
+    except OSError:
+        return None
 
 
 def end_fork_of(process: int) -> None:

@@ -27,7 +27,7 @@ from ..arguments import Suggesting, explain_class
 from ..course.writing import write_file
 from ..display import Shown, brief, escaped, paragraph, quoted
 from ..errors import ControllerError
-from ..simulation.planner_failure import one_line
+from ..simulation.planner_failure import one_line, without_exit
 from ..viz.pages.table import Table
 from .differences import Differences
 from .rollout.job import versions
@@ -293,6 +293,7 @@ def drive_grid(
         return results
 
 
+@without_exit()
 def _drive(run: GridRun) -> Any:
     return run.drive()
 

@@ -36,6 +36,7 @@ from ...racing.planner_texts import code_of
 from ...racing.randomization import OF_ENVIRONMENTS, Randomization
 from ...racing.setup import require_decision_limit
 from ...simulation.physics import STATE
+from ...simulation.planner_failure import without_exit
 from ...simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.changes import CarChanges
@@ -85,6 +86,7 @@ class RolloutJob:
             raise SettingsError("obstacles is given for all worlds and in randomize; accepted: one of them")
         Record.of(self.record)
 
+    @without_exit()
     def checked(self) -> RolloutJob:
         """Refuse what cannot be driven, before anything is; return the job with the files that its planners read.
 
