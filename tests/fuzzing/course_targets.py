@@ -69,7 +69,35 @@ def _track_name(samples: Path, here: Path, rng: Generator) -> Attempt:
     return command("race", f"--track={name}", *(f"{option}" for option in options), *SHORT)
 
 
+_HEADS = {
+    "x": ("x", "x_m", "x_ref", "center_x_m", "x_cm", "X [m]"),
+    "y": ("y", "y_m", "y_ref", "center_y_m", "y_cm", "Y [m]"),
+    "right": ("w_tr_right_m", "width_right", "d_right", "w_right [cm]"), "left": ("w_tr_left_m", "width_left", "left"),
+    "width": ("width", "track_width"), "v": ("vx_mps", "speed [km/h]", "v"), "yaw": ("psi_rad", "yaw", "theta"),
+    "other": ("s_m", "index", "kappa_radpm", "z", "qx", ""),
+}  # fmt: skip
+
+
+def _field_course(samples: Path, here: Path, rng: Generator) -> Attempt:
+    """A course or a line as teams have them: some of these columns, in any order, with any separator and unit."""
+    kinds = [str(kind) for kind in rng.permutation(list(_HEADS))[: int(rng.integers(2, 9))]]
+    kinds = kinds if rng.random() < 0.2 else list(dict.fromkeys(("x", "y", *kinds)))
+    angle = np.linspace(0.0, 2.0 * np.pi * one_of(rng, (1.0, 1.0, 1.0, 0.5)), int(one_of(rng, (60, 60, 400, 3))))
+    scale = float(one_of(rng, (1.0, 1.0, 1.0, 100.0, 1000.0, 1e-3)))
+    values = {"x": 9.0 * np.cos(angle), "y": 9.0 * np.sin(angle), "yaw": angle, "v": 3.0 + np.sin(angle)}
+    columns = [values.get(kind, np.full(len(angle), 1.0)) * (1.0 if kind == "yaw" else scale) for kind in kinds]
+    between = one_of(rng, (",", ", ", ";", "\t", " "))
+    head = between.join(one_of(rng, _HEADS[kind]) for kind in kinds)
+    rows = [between.join(f"{value:.5g}" for value in row) for row in np.column_stack(columns)]
+    text = "\n".join([one_of(rng, (head, f"# {head}", "")), *rows]).encode()
+    name = one_of(rng, ("course.csv", "course.csv", "course.txt", "course.json", "course.npy", "course.stl"))
+    (here / name).write_bytes(mutated(text, rng) if rng.random() < 0.3 else text)
+    ways = (("--track", name), ("--track", f"{name}[width=2]"), ("--controller", f"pure_pursuit[line={name}]"))
+    return command("race", *one_of(rng, ways), *SHORT)
+
+
 TARGETS = {
+    "field_course": Target(attempt=_field_course),
     "track_csv": Target(attempt=_track_csv, prepare=ring),
     "map_yaml": Target(attempt=_map_yaml, prepare=ring),
     "map_image": Target(attempt=_map_image, prepare=ring),
