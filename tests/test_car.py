@@ -353,20 +353,6 @@ def test_apply_saturates_at_the_limits(flat):
     assert data.ctrl.tolist() == pytest.approx([-0.4189, -5.0])
 
 
-@given(command=st.floats(-30, 30), speed=st.floats(-25, 25))
-def test_power_limit_holds_when_driving_and_leaves_braking_alone(command, speed):
-    car = WORLDS[""][2]
-    limits = car.parameters
-    limited = car.limit_speed_command(command, speed)
-    asked = (limited - speed) / limits.speed_time_constant
-    driving = asked * speed > 0.0
-    if driving and abs(speed) > limits.power_limit_speed:
-        assert abs(asked) <= limits.max_acceleration * limits.power_limit_speed / abs(speed) + 1e-9
-    assert min(command, speed) <= limited <= max(command, speed)
-    if (command - speed) * speed <= 0.0 or abs(speed) <= limits.power_limit_speed:
-        assert limited == command
-
-
 def test_standing_car_senses_gravity_and_nothing_else():
     model, data, car = flat_world()
     car.set_pose(data, 0, 0, 0)

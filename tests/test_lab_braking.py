@@ -41,10 +41,8 @@ def test_full_throttle_is_the_motors_limit_where_the_ground_holds(tires):
     assert len(slow) > 3 and len(fast) > 10
     for row in slow:
         assert row["acceleration_m_s2"] == pytest.approx(9.51, rel=0.003)
-    for row in fast:  # a set point held for a tick: the car catches up with it. Measured: 1.00 to 1.01
-        closed = 9.51 * 7.319 / row["speed_m_s"] * held_share(CAR)
-        assert row["acceleration_m_s2"] == pytest.approx(closed, rel=0.02)
-        assert row["held_limit_m_s2"] == pytest.approx(closed, rel=1e-4)
+    for row in fast:
+        assert row["acceleration_m_s2"] == pytest.approx(9.51 * 7.319 / row["speed_m_s"], rel=0.005)
 
 
 def test_tires_that_slip_leave_less_of_an_acceleration_and_none_of_it_to_a_car_that_stands():

@@ -257,7 +257,7 @@ class _Again:
             if engine.world.track is None or not engine.running.any():
                 engine.running[0] = True
             for car, (steering_angle, speed) in enumerate(commands[tick].tolist()):
-                drive(engine.qvel(0), steering_angle, speed, engine.world.cars[car].constants, commanded)
+                drive(steering_angle, speed, engine.world.cars[car].constants, commanded)
             engine.drive(controls=controls[np.newaxis])
             same = commanded.tobytes() == controls.tobytes()
             engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)

@@ -42,7 +42,7 @@ from ..vehicle import stages
 from ..vehicle.motion import CAR, read_odometry
 from ..vehicle.motion import drive as drive_car
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_tires
+from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_contacts, step_on_tires
 from ..vehicle.tire_slip import measure_slip
 from .clear_ground import ClearGround, touches_nothing
 from .clock import seconds
@@ -212,7 +212,7 @@ def sense(table: Table, which: Mask) -> None:
 def _fields_of(n: Any) -> Fields:
     return Fields(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
-        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24], n[25],
+        n[17], n[18], n[19], n[20], n[21], n[22], n[23], n[24], n[25], n[26],
     )  # fmt: skip
 
 
@@ -256,7 +256,7 @@ def _do_steps(model: int, data: int, world: int, table: Table, alone: bool) -> i
         place_obstacles(data, found, motions)
         under = friction_under(model, data, found, world, step, sizes, car_places, cars, mu, floor)
         if not sizes.own_tires:
-            stages.step(model, data)
+            step_on_contacts(model, data, found, gears, sizes.dofs)
         else:
             own = cars[world * len(car_places) : (world + 1) * len(car_places)]
             clear = touches_nothing(stages.vector(data, found.qpos, sizes.positions), own, ground)
@@ -434,10 +434,9 @@ def hold(table: Table, count: int) -> None:
     commands, telemetry = matrix(table[_COMMANDS]), matrix(table[_TELEMETRY])
     for place in range(count):
         world = ids[place]
-        qvel = states[world, layout.qvel[0] : layout.qvel[1]]
         ctrl = states[world, layout.ctrl[0] : layout.ctrl[1]]
         for row in range(world * cars_per_world, (world + 1) * cars_per_world):
-            drive_car(qvel, commands[row, 0], commands[row, 1], cars[row : row + 1], ctrl)
+            drive_car(commands[row, 0], commands[row, 1], cars[row : row + 1], ctrl)
             for part in range(2):
                 telemetry[row, COMMAND + part] = min(max(commands[row, part], -GREATEST_COMMAND), GREATEST_COMMAND)
 

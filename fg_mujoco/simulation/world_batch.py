@@ -30,7 +30,7 @@ from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR, read_motions
 from ..vehicle.stages import fields
-from ..vehicle.tire_forces import SCRATCH, USERDATA, Inertia, gear_row, no_gear, steps_within, take_over
+from ..vehicle.tire_forces import SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
@@ -261,10 +261,10 @@ class WorldBatch:
         )  # fmt: skip
 
     def _gear_of(self, car: Car, meter: TireSlipMeter) -> NDArray[np.void]:
-        """Return the steering and drive of a car on tires of ours, (1,) of GEAR."""
-        if not len(meter.rows):
-            return no_gear()
+        """Return the steering and drive of a car, (1,) of GEAR."""
         gear = gear_row(self._model, car.prefix).copy()
+        if not len(meter.rows):
+            return gear
         gear["first_tire"] = gear["userdata"] // USERDATA
         gear["tire_steps"] = steps_within(self._model, meter.rows, float(self._model.opt.timestep))
         return gear

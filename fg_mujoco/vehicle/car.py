@@ -185,8 +185,7 @@ class Car:
         constants["wheel_dofs"] = self._wheel_dofs
         constants["accelerometer"] = sensor_slice(model, f"{prefix}accelerometer").start
         constants["steering_ctrl"], constants["speed_ctrl"] = self._steering_ctrl, self._speed_ctrl
-        for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "max_acceleration",
-                     "power_limit_speed", "speed_time_constant", "rear_axle_distance"):  # fmt: skip
+        for name in ("wheel_radius", "max_steering_angle", "min_speed", "max_speed", "rear_axle_distance"):
             constants[name] = getattr(self.parameters, name)
         constants.flags.writeable = False
         self.constants = constants
@@ -242,13 +241,9 @@ class Car:
         data.ctrl[self._steering_ctrl] = 0.0
         data.ctrl[self._speed_ctrl] = speed
 
-    def limit_speed_command(self, speed_command: float, speed: float) -> float:
-        """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s]."""
-        return car_motion.limit_speed_command(float(speed_command), float(speed), self.constants)
-
     def apply(self, data: mujoco.MjData, command: DriveCommand) -> None:
-        """Write a command to the actuators, held within their limits and the motor's power."""
-        car_motion.drive(data.qvel, command.steering_angle, command.speed, self.constants, data.ctrl)
+        """Write a command to the actuators, held within their limits."""
+        car_motion.drive(command.steering_angle, command.speed, self.constants, data.ctrl)
 
     def crashed(self, data: mujoco.MjData) -> bool:
         """Return whether the chassis touched a wall, an obstacle or another car, as of the last sensor update."""

@@ -23,9 +23,6 @@ CAR = np.dtype(
         ("max_steering_angle", np.float64),
         ("min_speed", np.float64),
         ("max_speed", np.float64),
-        ("max_acceleration", np.float64),
-        ("power_limit_speed", np.float64),
-        ("speed_time_constant", np.float64),
         ("rear_axle_distance", np.float64),
     ]
 )
@@ -176,24 +173,8 @@ def sideslip_angle(vx: float, vy: float, yaw_rate: float, car: CarArray) -> floa
 
 
 @kernel
-def limit_speed_command(speed_command: float, speed: float, car: CarArray) -> float:
-    """Return the set point [m/s] that asks for no more than the motor's power gives at `speed` [m/s].
-
-    Above `power_limit_speed` the acceleration falls as power_limit_speed / speed (f1tenth_gym, CommonRoad); the
-    force range in the MJCF cannot say that. Braking is not limited: it keeps the full force range.
-    """
+def drive(steering_angle: float, speed: float, car: CarArray, ctrl: FloatArray) -> None:
+    """Write a command [rad, m/s] to the actuators, held within their limits."""
     limits = car[0]
-    if abs(speed) <= limits.power_limit_speed:
-        return speed_command
-    reach = limits.max_acceleration * limits.power_limit_speed / abs(speed) * limits.speed_time_constant
-    limited: float = min(speed_command, speed + reach) if speed > 0.0 else max(speed_command, speed - reach)
-    return limited
-
-
-@kernel
-def drive(qvel: FloatArray, steering_angle: float, speed: float, car: CarArray, ctrl: FloatArray) -> None:
-    """Write a command [rad, m/s] to the actuators, held within their limits and the motor's power."""
-    limits = car[0]
-    command = min(max(speed, limits.min_speed), limits.max_speed)
     ctrl[limits.steering_ctrl] = min(max(steering_angle, -limits.max_steering_angle), limits.max_steering_angle)
-    ctrl[limits.speed_ctrl] = limit_speed_command(command, surface_speed(qvel, car), car)
+    ctrl[limits.speed_ctrl] = min(max(speed, limits.min_speed), limits.max_speed)

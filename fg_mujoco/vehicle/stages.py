@@ -91,6 +91,7 @@ class Fields(NamedTuple):
     actuator_gainprm: int
     actuator_biasprm: int
     actuator_delay: int
+    actuator_forcerange: int
     pair_friction: int
     # of mjData
     qpos: int
@@ -116,7 +117,9 @@ class Fields(NamedTuple):
     warnings: int  # the mjWarningStat themselves, two numbers of 32 bits each
 
 
-_OF_MODEL = ("dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "pair_friction")
+_OF_MODEL = (
+    "dof_damping", "actuator_gainprm", "actuator_biasprm", "actuator_delay", "actuator_forcerange", "pair_friction",
+)  # fmt: skip
 _OF_DATA = {
     "inertia": "M", "inertia_factor": "qLD", "inverse_diagonal": "qLDiagInv",
     **{name: name for name in (
@@ -141,7 +144,7 @@ _SAMPLE = """
 """
 _PAGE, _MOST_WORDS = 512, 2**15  # words
 _BEFORE = 40  # words before the anchor, from which on all that is looked for lies
-_BEHIND_IN_MODEL, _BEHIND_IN_DATA = 330, 120  # and behind it: the structures are longer
+_BEHIND_IN_MODEL, _BEHIND_IN_DATA = 340, 120  # and behind it: the structures are longer
 
 
 @cache

@@ -143,9 +143,12 @@ GEAR = np.dtype(
         ("delayed", np.int64, (2,)),  # how MuJoCo interpolates what they were told; -1: they have no delay
         ("control_range", np.float64, (2, 2)),
         ("force_range", np.float64, (2, 2)),
+        ("power", np.float64),  # [W] of the motor: its greatest force at `power_limit_speed`
+        ("spin_dof", np.int64, (4,)),
+        ("wheel_radius", np.float64),  # [m] mean of the drive
     ]
 )
-"""The steering and the drive of a car on tires of ours."""
+"""The steering and the drive of a car; of one on MuJoCo's contacts only the servos and the motor's power."""
 
 LANES = 16
 """Numbers in a row of `push_car`'s matrices: CONTACTS and, behind them, zeros."""
@@ -322,12 +325,8 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
     Raises:
       ModelError: the model does not hold the car under this prefix.
     """
-    gears, kinds = np.zeros(1, GEAR), mujoco.mjtObj
+    gears, kinds = no_gear(), mujoco.mjtObj
     gear = gears[0]
-    gear["first_tire"], gear["userdata"] = -1, userdata_place(model, prefix)
-    free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
-    gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
-    _find_common(model, gear, _common(model, prefix, WHEELS))
     for k, name in enumerate(("steering", "speed")):
         servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
         samples, interpolation = model.actuator_history[servo].tolist()
@@ -335,8 +334,21 @@ def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
         unlimited = (-np.inf, np.inf)
         gear["control_range"][k] = model.actuator_ctrlrange[servo] if model.actuator_ctrllimited[servo] else unlimited
         gear["force_range"][k] = model.actuator_forcerange[servo] if model.actuator_forcelimited[servo] else unlimited
-    _find_steering(model, prefix, gear)
-    _find_drive(model, prefix, gear)
+    limit = element_id(model, kinds.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
+    gear["power"] = gear["force_range"][1, 1] * model.numeric_data[model.numeric_adr[limit]]
+    gear["spin_dof"] = [
+        model.jnt_dofadr[element_id(model, kinds.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")] for wheel in WHEELS
+    ]
+    drive = element_id(model, kinds.mjOBJ_TENDON, f"{prefix}drive")
+    wraps = slice(model.tendon_adr[drive], model.tendon_adr[drive] + model.tendon_num[drive])
+    gear["wheel_radius"] = model.wrap_prm[wraps].sum()
+    if not tires_of(model, prefix).is_contact:
+        gear["userdata"] = userdata_place(model, prefix)
+        free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
+        gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
+        _find_common(model, gear, _common(model, prefix, WHEELS))
+        _find_steering(model, prefix, gear)
+        _find_drive(model, prefix, gear)
     gears.flags.writeable = False
     return gears
 
@@ -385,8 +397,7 @@ def _ackermann(model: mujoco.MjModel, steering: int, kingpins: Sequence[int]) ->
 def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
     """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
     motor = int(gear["actuator"][1])
-    joint = mujoco.mjtObj.mjOBJ_JOINT
-    spins = [int(model.jnt_dofadr[element_id(model, joint, f"{prefix}{wheel}_wheel")]) for wheel in WHEELS]
+    spins = gear["spin_dof"].tolist()
     if not _is_plain(model, motor, mujoco.mjtTrn.mjTRN_TENDON):
         return
     tendon = int(model.actuator_trnid[motor, 0])
@@ -446,6 +457,8 @@ def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
 class TireForces(Suggesting):
     """Steps a model by hand, the tires of its cars included; of the model `contact` as mujoco.mj_step does.
 
+    The motor's power is limited here: mujoco.mj_step gives the full force at every speed.
+
     Args:
       model: compiled. Its own contacts of tires that have a law of ours are switched off.
       prefix: of the car's names, or those of several cars, in their order in the model.
@@ -466,15 +479,14 @@ class TireForces(Suggesting):
         self.rows: TireRows = np.concatenate([tire_rows(model, name, wheels) for name in own or prefixes[:1]])
         self.mu: FloatArray = np.concatenate([peaks(model, name, wheels) for name in own or prefixes])
         self.steps: int | None = None
-        self._model = model
+        self._model, self._fields = model, fields()
+        for name in own:
+            take_over(model, name)
+        whole = tuple(wheels) == WHEELS
+        self._gears = np.concatenate([gear_row(model, name) if whole else no_gear() for name in own or prefixes])
         if own:
-            for name in own:
-                take_over(model, name)
-            whole = tuple(wheels) == WHEELS
-            self._gears = np.concatenate([gear_row(model, name) if whole else no_gear() for name in own])
             self._gears["first_tire"] = range(0, len(self.rows), len(wheels))
             self._inertia, self._scratch = Inertia.of(model), np.zeros(SCRATCH)
-            self._fields = fields()
             self._divided: tuple[object, ...] = ()  # what `tire_steps` was worked out for
 
     def _meant(self, name: str) -> str | None:
@@ -499,7 +511,7 @@ class TireForces(Suggesting):
         if len(self.rows):
             self._step(data, True)
         else:
-            mujoco.mj_step(self._model, data)
+            step_on_contacts(self._model._address, data._address, self._fields, self._gears, self._model.nv)
 
     def run(self, data: mujoco.MjData, records: FloatArray, states: FloatArray) -> None:
         """Do a physics step for each row of two arrays, and write its sensors and its userdata there.
@@ -514,7 +526,7 @@ class TireForces(Suggesting):
             steps_on_tires(*arguments)
             return
         for record, state in zip(records, states, strict=True):
-            mujoco.mj_step(self._model, data)
+            self.step(data)
             record[:], state[:] = data.sensordata[: len(record)], data.userdata[: len(state)]
 
     def _step(self, data: mujoco.MjData, advance: bool) -> None:
@@ -860,8 +872,10 @@ def push_car(
                 own[state + SLIDING_ACROSS] = max(own[state + SLIDING_ACROSS], abs(sliding_y))
         if gear.driven:
             speed = scratch[_VELOCITY + _DRIVE]
-            pull = gain + bias + slope * length + damping * speed
-            scratch[_FORCE + _DRIVE] = min(max(pull, least), most) - before
+            pull = min(max(gain + bias + slope * length + damping * speed, least), most)
+            if unlikely(pull * speed > gear.power):
+                pull = gear.power / speed
+            scratch[_FORCE + _DRIVE] = pull - before
             length += short * speed
         for i in range(LANES):
             scratch[_EVEN + i], scratch[_ODD + i] = scratch[_FREE + i], 0.0  # two sums go on at a time
@@ -1091,6 +1105,7 @@ def step_on_tires(
     """
     count, wheels = mu.shape
     begin_step(model, data, found, clear)
+    limit_power(model, data, found, gears, dofs, True)
     for car in range(count):
         gear = gears[car]
         if gear.first_tire >= 0:
@@ -1121,6 +1136,7 @@ def step_on_tires(
                 free = gear.free_dof
                 kept[car, 2], kept[car, 3], kept[car, 4] = qvel[free], qvel[free + 1], qvel[free + 5]
     end_step(model, data, found, dofs, advance, last)
+    limit_power(model, data, found, gears, dofs, False)
     if advance:
         for car in range(count):
             if gears[car].first_tire >= 0 and gears[car].free_dof >= 0:
@@ -1147,6 +1163,36 @@ def steps_on_tires(
             records[step, k] = readings[k]
         for k in range(states.shape[1]):
             states[step, k] = userdata[k]
+
+
+@kernel
+def step_on_contacts(model: int, data: int, found: Fields, gears: GearRows, dofs: int) -> None:
+    """Do a physics step of a model whose cars all stand on MuJoCo's contacts; arguments as of `step_on_tires`."""
+    limit_power(model, data, found, gears, dofs, True)
+    stages.step(model, data)
+    limit_power(model, data, found, gears, dofs, False)
+
+
+@kernel
+def limit_power(model: int, data: int, found: Fields, gears: GearRows, dofs: int, limited: bool) -> None:
+    """Write the forces that MuJoCo lets the motors push with: what their power gives now; if not `limited`, all.
+
+    Above `power_limit_speed` the acceleration falls as power_limit_speed / speed (f1tenth_gym, CommonRoad). Braking
+    keeps the full force. A motor that `push_car` drives is limited there.
+    """
+    qvel = stages.vector(data, found.qvel, dofs)
+    for car in range(len(gears)):
+        gear = gears[car]
+        if gear.power > 0.0 and not gear.driven:
+            spin = 0.0
+            for wheel in range(4):
+                spin += 0.25 * qvel[gear.spin_dof[wheel]]
+            speed, motor = spin * gear.wheel_radius, gear.actuator[1]
+            power = gear.power / max(abs(speed), 1e-9) if limited else math.inf
+            forces = stages.vector(model, found.actuator_forcerange, 2 * motor + 2)
+            least, most = gear.force_range[1, 0], gear.force_range[1, 1]
+            forces[2 * motor] = max(least, -power) if speed < 0.0 else least
+            forces[2 * motor + 1] = min(most, power) if speed > 0.0 else most
 
 
 @kernel

@@ -31,7 +31,7 @@ from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, S
 from .lab_ground import LabGround
 from .speed_laws import LAWS
 from .steady_circle import SteadyCircle
-from .straight_line_limits import even_torque_limit, held_share, stopping_distance, wheel_inertia
+from .straight_line_limits import even_torque_limit, stopping_distance, wheel_inertia
 from .trace import Trace, join
 
 if TYPE_CHECKING:
@@ -121,8 +121,7 @@ def _figures(tires: str, tables: Tables) -> tuple[Figure, ...]:
             name=f"stops{ending}",
             caption=f"Tires {tires}. Left: stopping distance over v²/(2 mu g): with all wheels held, at full brake by "
             "the one motor, and with the friction limiter; lines: closed forms. Right: acceleration at full throttle; "
-            "lines: the motor's limit or the closed form of the front axle; broken: the motor's with a set point held "
-            "for a tick.",
+            "lines: the motor's limit or the closed form of the front axle.",
             draw=lambda figure: draw_stops(figure, tables),
         ),
         Figure(
@@ -187,7 +186,6 @@ def _throttle(tires: Tires, mu: float) -> list[Row]:
                 "speed_m_s": speed,
                 "acceleration_m_s2": float(trace.acceleration[:, 0].mean()),
                 "motor_limit_m_s2": motor,
-                "held_limit_m_s2": motor * (held_share(car) if speed > car.power_limit_speed else 1.0),
                 "axle_limit_m_s2": even_torque_limit(mu, car, 1, wheel_inertia()),
                 "slide_m_s": float(np.nanmax(trace.slip.sliding_speed)),
             }
@@ -277,16 +275,13 @@ def _sentences(tires: str, tables: Tables) -> tuple[str, ...]:
     stops, splits = tables["stops"], tables["splits"]
     grippy = [row for row in tables["throttle"] if row["mu"] == GRIPPY]
     motor = column(grippy, "acceleration_m_s2") / column(grippy, "motor_limit_m_s2")
-    held = column(grippy, "acceleration_m_s2") / column(grippy, "held_limit_m_s2")
     return (
         f"On {tires}, with all wheels held a stop takes {_span(_ratios(stops, 'held', 'best_m'))} of v²/(2 mu g). By "
         f"its one motor the car takes {_span(_ratios(stops, 'full', 'best_m'), 2)}, because open differentials let the "
         "rear axle, which braking lightens, limit the braking of all wheels; with the friction limiter "
         f"{_span(_ratios(stops, 'guard', 'best_m'), 2)}, without sliding, which is its closed form to "
         f"{100 * np.abs(_ratios(stops, 'guard', 'closed_form_m') - 1.0).max():.1f} %.",
-        f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit, and "
-        f"{_span(held, 2)} of what is left of it above the power limit, where a set point is held for a tick and the "
-        "car catches up with it.",
+        f"At full throttle on ground of mu {GRIPPY:g} the car has {_span(motor, 2)} of the motor's limit.",
         f"No tire ever has more than {np.nanmax(column(splits, 'greatest_use')):.6f} of mu times its load. The car has "
         f"{_span(column(splits, 'use_of_car'), 2)} of mu g when its first tire slides. The friction limiter allows "
         f"at least {100 * _least_margin(splits):.0f} % less than what slides.",

@@ -39,9 +39,6 @@ def draw_stops(figure: matplotlib.figure.Figure, tables: Tables) -> None:
         style.measured(right, speed, column(rows, "acceleration_m_s2"), f"mu {mu:g}", colour=colour)
         closed = np.minimum(column(rows, "motor_limit_m_s2"), column(rows, "axle_limit_m_s2"))
         style.theory(right, speed, closed, colour=colour)
-        if mu == max(column(tables["throttle"], "mu")):  # where the motor is the limit
-            held = column(rows, "held_limit_m_s2")
-            right.plot(speed, held, color=colour, linewidth=0.8, linestyle=(0, (4, 2)), label="held for a tick")
     right.set_ylim(0.0, None)
     style.finish(right, "speed [m/s]", "acceleration [m/s²]")
 
