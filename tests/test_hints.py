@@ -12,6 +12,7 @@ from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.decision_times import DecisionTimes
 from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
 from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
+from fg_mujoco.vehicle.car import WHEELS
 
 CAR = fg.Vehicle.load("f1tenth").parameters
 PERIOD = 0.025
@@ -80,6 +81,44 @@ def test_degrees_are_told_and_radians_are_not():
 def test_most_commands_beyond_the_limits_are_told_and_fewer_are_not(angles, speeds, said):
     hint = clamped_hint(telemetry(angles, speeds), CAR)
     assert said in hint and bool(hint) == bool(said) and "\n" not in hint
+
+
+@pytest.mark.parametrize("cut", [0.4189, 0.34])
+def test_degrees_that_are_cut_off_are_told_and_radians_and_one_side_are_not(cut):
+    radians = 0.1 * np.sin(0.2 * np.arange(200))
+    degrees = np.clip(np.degrees(radians), -cut, cut)
+    assert "if these are degrees that were cut off there, try math.radians(angle)" in said_of(degrees)
+    assert [said_of(angles) for angles in (radians, np.abs(degrees), 0.01 * degrees)] == ["", "", ""]
+
+
+def said_of(angles):
+    return clamped_hint(telemetry(angles, [2.0] * len(angles)), CAR)
+
+
+@pytest.mark.parametrize(("moves", "said"), [(0.0, "all "), (1.0, "the last "), (99.0, "")])
+def test_a_planner_that_asks_for_no_speed_is_told_so(moves, said):
+    class Stops(Deepest):
+        def __call__(self, scan, odometry):
+            return DriveCommand(steering_angle=0.0, speed=1.0 if odometry.stamp < moves else 0.0)
+
+    result = fg.race("oval", Stops(as_it_is), laps=1, time_limit=4.0)
+    assert result.car.end_reason == "time_limit"
+    hints = race_hints(result)
+    assert len(hints) == bool(said) and all(hint.startswith(said) and "speed of 0 m/s" in hint for hint in hints)
+
+
+def test_wheels_that_spin_at_the_start_are_told_with_time_and_place():
+    class Floors(Deepest):
+        def __call__(self, scan, odometry):
+            return DriveCommand(steering_angle=0.0, speed=8.0 if odometry.stamp < 0.3 else 2.0)
+
+    car = fg.race("oval", Floors(as_it_is), laps=1, time_limit=2.0).car
+    assert car.max_slide_m_s > 0.5
+    slid = np.nanmax([car.column(f"slide_{wheel}_m_s") for wheel in WHEELS], axis=0)
+    tick = int(np.nanargmax(slid))
+    x, y, time = (car.column(name)[tick] for name in ("x_m", "y_m", "time_s"))
+    assert car.max_slide_place.endswith(f"tire at ({x:.2f}, {y:.2f}) m, t = {time:.2f} s") and time < 0.5
+    assert fg.race("oval", laps=1, time_limit=2.0).car.max_slide_place == ""
 
 
 # -- late decisions

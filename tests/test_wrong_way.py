@@ -74,7 +74,7 @@ def test_five_metres_back_from_the_greatest_progress_end_the_race(name, back, ex
     if expected:  # it ended with the first tick that was so far back, and not with a later one
         fallen = places[turn] - places
         assert engine.time(0) == TICK * int(np.argmax((np.arange(len(places)) > turn) & (fallen >= WRONG_WAY_LIMIT)))
-    where = WrongWay.of(timer, world.track.length, 1)
+    where = WrongWay.of(timer, world.track.length, 1, 1.0)
     x, y, _ = world.track.start_pose(5.7, 0.1)
     begun = 0.5 if world.track.closed else 0.0  # a scene counts from its own start
     assert (where.x_m, where.y_m) == pytest.approx((x, y))
@@ -99,7 +99,7 @@ def test_short_moves_forward_on_the_way_back_do_not_count_anew():
     places = np.concatenate((places, np.arange(4.0, 0.75, -0.2)))
     engine = judged(WORLDS["oval"], places)
     assert reason(engine) == "wrong_way"
-    assert WrongWay.of(engine.monitor.timers[0], 100.0, 1).s_m == pytest.approx(6.0, abs=0.01)
+    assert WrongWay.of(engine.monitor.timers[0], 100.0, 1, 1.0).s_m == pytest.approx(6.0, abs=0.01)
 
 
 def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
@@ -107,7 +107,7 @@ def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
     length, start = world.track.length, 7.0
     places, turn = there_and_back(start, start + length + 1.5, 5.1)  # back over the line
     engine = judged(world, places)
-    where = WrongWay.of(engine.monitor.timers[0], length, 3)
+    where = WrongWay.of(engine.monitor.timers[0], length, 3, 1.0)
     assert (reason(engine), where.lap) == ("wrong_way", 2)
     assert where.s_m == pytest.approx(1.5, abs=0.01) and where.time_s == pytest.approx(turn * TICK)
     assert (where.x_m, where.y_m) == pytest.approx(world.track.start_pose(start + 1.5)[:2], abs=1e-6)
@@ -220,12 +220,11 @@ def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, mo
     tick = int(run.column("progress_m").argmax())
     assert turn == {
         "time_s": run.column("time_s")[tick], "x_m": run.column("x_m")[tick], "y_m": run.column("y_m")[tick],
-        "lap": 1, "s_m": run.column("progress_m")[tick],
+        "lap": 1, "s_m": run.column("progress_m")[tick], "speed_m_s": run.column("vx_m_s")[tick:].mean(),
     }  # fmt: skip
     assert turn["s_m"] > 1.0 and turn["time_s"] > 1.0
-    said = (
-        f"turned at ({turn['x_m']:.2f}, {turn['y_m']:.2f}) m, {turn['s_m']:.1f} m into lap 1, t = {turn['time_s']:.2f}"
-    )
+    place = f"({turn['x_m']:.2f}, {turn['y_m']:.2f}) m, {turn['s_m']:.1f} m into lap 1"
+    said = f"reversed from {place}, t = {turn['time_s']:.2f}"
     assert f"  wrong way         {said} s\n" in table
     assert "0 of 5, wrong way\n" in table
     page = (here / "runs/back/report.html").read_text()

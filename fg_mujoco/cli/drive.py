@@ -110,6 +110,7 @@ def _table(result: RaceResult, out: str | None) -> str:
             rows.append((title, "-" if math.isnan(figures[name]) else text(figures[name])))
     rows += [
         ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+        *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
         ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),
     ]

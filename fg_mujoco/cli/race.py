@@ -142,6 +142,7 @@ def race_table(result: RaceResult, out: str | None) -> str:
         *laps,
         ("collisions", _collisions(result)),
         ("greatest sliding", f"{car.max_slide_m_s:.4f} m/s (a tire slides {sliding_rule(car.tires_model)})"),
+        *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
         ("sliding sideways", f"{car.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * car.slide_time_fraction:.2f} %"),
         ("friction", friction_text(car.mu, car.planner_mu, car.floor)),

@@ -12,7 +12,7 @@ from typing import TypedDict
 
 from ..messages import FloatArray
 from ..simulation.engine import Engine
-from ..simulation.telemetry import StatisticsFigures, statistics_figures
+from ..simulation.telemetry import StatisticsFigures, column_index, statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..simulation.world import OBSTACLE_PREFIX
 from .crash import Crash, crash_of
@@ -98,12 +98,16 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> Cour
     crash = None
     if reason == "crash":
         crash = crash_of(world, **trajectory, timer=timer, laps=laps, period=engine.period, row=row)
+    wrong_way = None
+    if reason == "wrong_way":
+        time, speed = (trajectory["telemetry"][:, column_index(name)] for name in ("time_s", "vx_m_s"))
+        wrong_way = WrongWay.of(timer, course.length, laps, float(speed[time >= timer["furthest_time"]].mean()))
     lap_times = tuple(monitor.lap_times[row, : int(timer["laps_completed"])].tolist())
     return {
         "laps_completed": len(lap_times),
         "lap_times_s": lap_times,
         "finished": reason == "finished",
         "end_reason": reason,
-        "wrong_way": WrongWay.of(timer, course.length, laps) if reason == "wrong_way" else None,
+        "wrong_way": wrong_way,
         "crash": crash,
     }

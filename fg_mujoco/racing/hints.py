@@ -3,8 +3,9 @@
     for hint in race_hints(result):
         print(hint)
 
-Three mistakes are looked for: angles in degrees, or other commands that no car can follow; decisions that take longer
-than the car would wait; and a scan that is read in another order than it has. The last is seen only of a planner that
+Four mistakes are looked for: angles in degrees, or other commands that no car can follow; a car that is not asked to
+move; decisions that take longer than the car would wait; and a scan that is read in another order than it has. The last
+is seen only of a planner that
 is not bundled, and whose car crashed, turned round or came no further after it steered away from the side with more
 room in front of it. Of four simple planners on six circuits at three speeds that finds 71 of 72 crashes with a mirrored
 scan, 77 of 126 with two other wrong layouts, and none of 34 crashes of planners that read the scan rightly.
@@ -33,6 +34,10 @@ _IN_FRONT = 1.6  # [rad] to either side: room behind the car, which has just lef
 _ASIDE = 0.05  # [rad] of the room and of the steering angle, from which on they have a side
 _AWAY = 0.8  # share of the decisions away from the room, from which on it is said
 _ENDS = ("crash", "wrong_way", "no_progress")
+_LEAST_ANGLE = 0.1  # [rad] of a planner's greatest steering angle, from which on it may be cut off
+_EACH_SIDE = 0.05  # share of the decisions with that angle, to each side, from which on it is said
+_STANDING = 2.0  # [s] of such commands until the end, from which on they are said
+_STILL = 0.05  # [m/s] a slower command does not move the car on
 _SPEED = TELEMETRY.index("speed_m_s")
 
 
@@ -44,6 +49,8 @@ def race_hints(result: RaceResult) -> tuple[str, ...]:
         ticks = len(car.telemetry) if alone else round(car.end_time_s / car.decision_times.period_s)
         own = car.telemetry[:ticks]
         found = [clamped_hint(own, parameters), late_hint(vars(car.decision_times))]
+        if car.end_reason in ("no_progress", "time_limit"):
+            found.append(_still_hint(own, car.decision_times.period_s))
         if car.end_reason in _ENDS and _is_a_users(car.controller_origin):
             found.append(_scan_hint(result, row, own))
         hints += [f"{quoted(car.name)}: {hint}" if not alone else hint for hint in found if hint]
@@ -51,15 +58,17 @@ def race_hints(result: RaceResult) -> tuple[str, ...]:
 
 
 def clamped_hint(telemetry: FloatArray, car: CarParameters) -> str:
-    """Return what is said of a drive most of whose commands were beyond the car's limits; empty: they were not.
+    """Return what is said of a drive most of whose commands were beyond the car's limits, or cut off; empty: not so.
 
     Args:
       telemetry: (ticks, len(TELEMETRY)).
       car: whose limits they are.
     """
     clamped, count = clamped_commands(telemetry, car), len(telemetry)
-    if count < _FEWEST or clamped <= _MOST * count:
+    if count < _FEWEST:
         return ""
+    if clamped <= _MOST * count:
+        return _cut_off_hint(np.clip(telemetry[:, COMMAND], -car.max_steering_angle, car.max_steering_angle))
     angles, speeds = np.abs(telemetry[:, COMMAND]), telemetry[:, COMMAND + 1]
     lock = car.max_steering_angle
     said = f"{clamped} of {count} commands were beyond the car's limits"
@@ -72,6 +81,36 @@ def clamped_hint(telemetry: FloatArray, car: CarParameters) -> str:
     fastest = float(np.abs(speeds).max())
     limits = f"{car.min_speed:g} to {car.max_speed:g} m/s"
     return f"{said} of {limits}, up to {fastest:.3g} m/s. Speeds are in metres per second"
+
+
+def _cut_off_hint(angles: FloatArray) -> str:
+    """Return what is said of steering angles (n,) [rad] most of which are the greatest, to one side or the other.
+
+    Planners that give radians steer so far in up to a quarter of their decisions, on the tightest circuits.
+    """
+    greatest = float(np.abs(angles).max())
+    far_left, far_right = angles > 0.999 * greatest, angles < -0.999 * greatest
+    most, count = int(far_left.sum() + far_right.sum()), len(angles)
+    if greatest < _LEAST_ANGLE or most <= _MOST * count or min(far_left.mean(), far_right.mean()) < _EACH_SIDE:
+        return ""
+    return (
+        f"{most} of {count} commands steered as far as ever, {greatest:.3g} rad, to one side or the other. Steering "
+        "angles are in radians: if these are degrees that were cut off there, try math.radians(angle)"
+    )
+
+
+def _still_hint(telemetry: FloatArray, period: float) -> str:
+    """Return what is said of a planner that asked for no speed, from a moment on until the end of its race."""
+    moves = np.flatnonzero(np.abs(telemetry[:, COMMAND + 1]) > _STILL)
+    still = len(telemetry) - (int(moves[-1]) + 1 if len(moves) else 0)
+    if still < _FEWEST or still * period < _STANDING:
+        return ""
+    which = f"all {still}" if still == len(telemetry) else f"the last {still} of {len(telemetry)}"
+    greatest = float(np.abs(telemetry[-still:, COMMAND + 1]).max())
+    return (
+        f"{which} commands asked for a speed of {greatest:.2g} m/s{' or less' if greatest else ''}, and the car stood. "
+        "Try DriveCommand(steering_angle=..., speed=1.0), in rad and m/s"
+    )
 
 
 def late_hint(times: Mapping[str, Any]) -> str:

@@ -292,7 +292,8 @@ def _car_result(
     """Return how a car fared, whose race was over after so many ticks."""
     entry, arrays = setup.named[row], history.arrays(row)
     own: Any = {
-        "telemetry": arrays["telemetry"], "states": arrays["states"][: ticks + 1], "ctrl": arrays["ctrl"][:ticks]
+        "telemetry": arrays["telemetry"][:ticks], "states": arrays["states"][: ticks + 1],
+        "ctrl": arrays["ctrl"][:ticks],
     }  # fmt: skip
     source, settings = split_controller(entry.controller, entry.planner_settings)
     return CarResult(

@@ -20,6 +20,7 @@ from ..simulation.planner_failure import PlannerFailure
 from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
+from ..vehicle.car import WHEELS
 from ..vehicle.tires import CONTACT, MagicFormula
 from .crash import Crash
 from .decision_times import DecisionTimes
@@ -143,6 +144,18 @@ class CarResult(Suggesting):
         best = f"best {min(self.lap_times_s):.2f} s" if self.lap_times_s else "no lap"
         driven = f"{self.laps_completed} laps, {best}, {self.end_reason}"
         return brief(self, f"{self.position}. {quoted(self.name)}", quoted(self.controller), driven)
+
+    @property
+    def max_slide_place(self) -> str:
+        """Which tire slid the fastest, when and where, in words; empty: none slid."""
+        raced = self.telemetry[self.column("time_s") < self.end_time_s]
+        first = column_index(f"slide_{WHEELS[0]}_m_s")
+        slides = np.nan_to_num(raced[:, first : first + len(WHEELS)])
+        if self.slide_time_fraction == 0.0 or not slides.size:
+            return ""
+        tick, wheel = np.unravel_index(int(slides.argmax()), slides.shape)
+        time, x, y = (raced[tick, column_index(name)] for name in ("time_s", "x_m", "y_m"))
+        return f"{WHEELS[wheel].replace('_', ' ')} tire at ({x:.2f}, {y:.2f}) m, t = {time:.2f} s"
 
     @property
     def end(self) -> str:
@@ -273,6 +286,7 @@ class RaceResult(Shown):
             *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
             ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),
             ("greatest sliding", f"{car.max_slide_m_s:.3f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
+            *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
             ("friction coefficient", friction_text(car.mu, car.planner_mu, car.floor)),
         ]
         ends = (("crashed here", car.crash), ("turned here", car.wrong_way), ("rolled over here", car.rollover))

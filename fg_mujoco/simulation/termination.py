@@ -42,7 +42,8 @@ _ROLLED_OVER = END_REASONS.index("rolled_over")
 class WrongWay:
     """Place where a car that went the wrong way turned: where its progress was greatest first. Fields as in the JSON.
 
-    Its text is for people: "turned at (3.10, -0.02) m, 12.3 m into lap 1, t = 4.10 s".
+    Its text is for people: "turned at (3.10, -0.02) m, 12.3 m into lap 1, t = 4.10 s"; of one that went back without
+    turning round, "reversed from".
     """
 
     time_s: float
@@ -50,25 +51,28 @@ class WrongWay:
     y_m: float
     lap: int  # from 1
     s_m: float  # progress in that lap
+    speed_m_s: float  # mean from there on along its own heading; negative: it reversed
 
     @classmethod
-    def of(cls, timer: Any, length: float, laps: int) -> WrongWay:
+    def of(cls, timer: Any, length: float, laps: int, speed: float) -> WrongWay:
         """Return the place where a car turned.
 
         Args:
           timer: a row of LAP_TIMER.
           length: of a lap [m].
           laps: of the race.
+          speed: as `speed_m_s`.
         """
         done = min(int(timer["laps_completed"]), laps - 1)
         return cls(
             time_s=float(timer["furthest_time"]), x_m=float(timer["furthest_x"]), y_m=float(timer["furthest_y"]),
-            lap=done + 1, s_m=float(timer["furthest"]) - done * length,
+            lap=done + 1, s_m=float(timer["furthest"]) - done * length, speed_m_s=speed,
         )  # fmt: skip
 
     def __str__(self) -> str:
         place = f"({self.x_m:.2f}, {self.y_m:.2f}) m"
-        return f"turned at {place}, {self.s_m:.1f} m into lap {self.lap}, t = {self.time_s:.2f} s"
+        how = "reversed from" if self.speed_m_s < 0.0 else "turned at"
+        return f"{how} {place}, {self.s_m:.1f} m into lap {self.lap}, t = {self.time_s:.2f} s"
 
 
 class RaceMonitor:
