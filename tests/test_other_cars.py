@@ -19,6 +19,7 @@ from fg_mujoco.controllers.perception.other_cars import (
     read_told,
     watch_cars,
 )
+from fg_mujoco.controllers.perception.scan_filters import noise_of
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
 from fg_mujoco.messages import ODOMETRY, Reading, columns_of_others
 
@@ -55,14 +56,15 @@ def odometry_row(speed):
     return record(ODOMETRY, [getattr(odometry_of(speed), name) for name in ODOMETRY.names])
 
 
-def watched(place, speed, ticks, own_speed):
+def watched(place, speed, ticks, own_speed, noise=0.0):
     """The memory after some ticks: the planner's car drives straight on, the box as `place` says by the time."""
-    memory = np.zeros(1, OTHER_CARS)[0]
+    memory, rng = np.zeros(1, OTHER_CARS)[0], np.random.default_rng(5)
     seen = False
     for tick in range(ticks):
         time = tick * PERIOD
         x, y = place(time)
-        scan = scan_of(with_box(x - own_speed * time, y, 0.0))
+        ranges = with_box(x - own_speed * time, y, 0.0)
+        scan = scan_of(ranges + rng.normal(0.0, noise, len(ranges)))
         seen = watch_cars(memory, SCAN_ROW, scan.ranges, odometry_row(own_speed), CAR.lidar_offset)
     return memory, seen
 
@@ -72,27 +74,36 @@ def test_a_box_is_found_where_it_is():
     found = np.zeros((16, 2))
     for _ in range(200):
         x, y, heading = rng.uniform(0.6, 7.0), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
-        count = find_boxes(SCAN_ROW, with_box(x, y, heading), found)
+        count = find_boxes(SCAN_ROW, with_box(x, y, heading), 0.005, found)
         assert count == 1, (x, y)
         assert math.hypot(found[0, 0] - x, found[0, 1] - y) < 0.05
 
 
-def test_walls_are_no_boxes():
-    assert find_boxes(SCAN_ROW, np.array(WALLS.ranges), np.zeros((16, 2))) == 0
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.01, 0.02, 0.03])
+def test_walls_are_no_boxes(noise):
+    rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
+    for _ in range(40):
+        walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
+        measured.append(noise_of(walls, WALLS.range_max))
+        assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
+    assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
+    assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("noise", "off"), [(0.0, 0.2), (0.03, 0.4)])
 @pytest.mark.parametrize("own_speed", [0.0, 4.0])
-def test_velocity_of_a_car_is_measured(own_speed):
-    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed)
+def test_velocity_of_a_car_is_measured(own_speed, noise, off):
+    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
     assert seen
-    (car,) = [car for car in memory["cars"] if car["age"] > 0]
-    assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=0.2)
-    assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.08)
+    (car,) = [car for car in memory["cars"] if car["moves"]]
+    assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
+    assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
 
 
-def test_a_box_that_stands_is_no_car_however_the_planners_car_moves():
-    memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0)
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
+    memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
     assert not seen
     assert not memory["cars"]["moves"].any()
 

@@ -22,9 +22,12 @@ def duel(track, opponent, seed, ratio=0.5, laps=1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("obstacles", [0, 6])
-def test_alone_it_is_the_gap_finder_to_the_last_bit(obstacles):
-    settings = {"laps": 1, "obstacles": obstacles, "seed": 2}
+@pytest.mark.parametrize(
+    ("obstacles", "noise"),
+    [(0, {}), (6, {}), (0, {"lidar_noise": 0.01}), (6, {"lidar_noise": 0.03}), (0, {"lidar_effects": "ipz20"})],
+)
+def test_alone_it_is_the_gap_finder_to_the_last_bit(obstacles, noise):
+    settings = {"laps": 1, "obstacles": obstacles, "seed": 2, **noise}
     results = [fg.race("chicanes", name, **settings) for name in ("overtaker", "gap_finder")]
     assert results[0].car.finished and results[0].car.collisions_wall == 0
     assert results[0].trajectory_sha256 == results[1].trajectory_sha256

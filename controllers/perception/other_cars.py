@@ -1,10 +1,12 @@
 """Other cars in the scan: which small things there move, where they are, and how fast.
 
 A car that races others carries a box of 12 x 12 cm at the height of the LiDAR. In a scan it is a short run of beams
-that end nearer than those to both sides, or to one side where a wheel of the same car is to the other. Such runs are
-followed from scan to scan in a frame that stands still, by dead reckoning: position and velocity by an alpha-beta
-filter. One that has moved by `_MOVED` at `_LEAST_SPEED` or faster is a car, and stays one when it stops, as long as it
-is followed. All else stands, as walls do.
+that end nearer than those to both sides, or to one side where a wheel of the same car is to the other. Noise cuts such
+runs out of walls, too, where neighbouring beams end about `_EDGE` apart: at a distance that goes along with the car, as
+a car ahead does. So the noise of the beams is estimated in each scan, and a run counts only if neither neighbour lies
+on the straight line through it, within that noise. Runs are followed from scan to scan in a frame that stands still,
+by dead reckoning: position and velocity by an alpha-beta filter. One that has moved by `_MOVED` at `_LEAST_SPEED` or
+faster is a car, and stays one when it stops, as long as it is followed. All else stands, as walls do.
 
 Source: P. Kalata, The Tracking Index: A Generalized Parameter for alpha-beta and alpha-beta-gamma Target Trackers, IEEE
 Transactions on Aerospace and Electronic Systems, 1984, for the filter; its gains at first are those of a least-squares
@@ -28,13 +30,14 @@ from fg_mujoco.messages import MOST_OTHERS, OF_OTHER_CAR, FloatArray, Reading, c
 
 from ..control.planner_settings import Record
 from ..control.steering import saturate
+from .scan_filters import noise_of
 from .scan_geometry import bearing_of, period_of
 
 MOST_CARS = 6
 BEHIND = 0.06  # [m] from the middle of what is seen of a box to its own middle
 
 _FARTHEST = 9.0  # [m] at which runs of beams are looked at
-_EDGE = 0.12  # [m] by which a run ends nearer than the neighbouring beams
+_EDGE = 0.12  # [m] by which a run ends nearer than the neighbouring beams, at least
 WIDEST = 0.25  # [m] from end to end of a run
 _LEAST_WIDTH = 0.085  # [m] the same: a wheel, which is seen when the planner's car pitches, is less wide
 _NEXT = 0.45  # [m] by which the neighbour of a run may be nearer: another part of the same car
@@ -56,6 +59,9 @@ _FASTEST_TURN = 3.0  # [rad/s]
 _OLDEST = 0.5  # [s] of odometry that was told
 _REACHED = 0.4  # [m] from the middle of a car: a beam that ends there ends on it
 _FOUND = 16  # runs of a scan that are kept
+_NEAREST = 0.02  # [m] that a beam counts as long
+_LEAST_NOISE = 0.005  # [m] standard deviation of a range
+_CUT, _CERTAIN, _SURELY = 4.0, 5.0, 6.0  # standard deviations: of a run's end, of an edge there, of motion
 
 CAR_SEEN = np.dtype(
     [
@@ -108,7 +114,8 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
     if not _move(memory, odometry, period, lidar_offset):
         return False
     found = np.empty((_FOUND, 2))
-    count = find_boxes(scan, ranges, found)
+    noise = max(noise_of(ranges, scan.range_max), _LEAST_NOISE)
+    count = find_boxes(scan, ranges, noise, found)
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     for k in range(count):
         ahead, left = found[k]
@@ -117,7 +124,7 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
     for moves in (True, False):  # cars first: what is seen near one is a part of it
         for car in memory.cars:
             if car.age > 0 and car.moves == moves:
-                _follow(memory, car, found, count, period, scan, ranges)
+                _follow(memory, car, found, count, noise, period, scan, ranges)
                 any_moves = any_moves or (car.moves and car.age > 0)
     for k in range(count):
         if not math.isnan(found[k, 0]):
@@ -231,17 +238,26 @@ def _free_place(memory: Record) -> int:
 
 
 @kernel
-def find_boxes(scan: Record, ranges: FloatArray, found: FloatArray) -> int:
-    """Write where the middles of what may be boxes are, ahead and left of the LiDAR [m]; return how many."""
+def find_boxes(scan: Record, ranges: FloatArray, noise: float, found: FloatArray) -> int:
+    """Write where the middles of what may be boxes are, ahead and left of the LiDAR [m]; return how many.
+
+    Args:
+      scan: of type SCAN.
+      ranges: readings (n,) [m], without NaN or inf.
+      noise: their standard deviation [m].
+      found: (k, 2), written to.
+    """
+    edge = max(_EDGE, _CUT * math.sqrt(2.0) * noise)
     count, first, before = 0, 0, -math.inf  # the run that has not ended, and the step that it began with
     for beam in range(1, len(ranges)):
         step = ranges[beam] - ranges[beam - 1]
-        if abs(step) <= _EDGE:
+        if abs(step) <= edge:
             continue
         last = beam - 1
         width = (last - first + 1) * scan.angle_increment * 0.5 * (ranges[first] + ranges[last])
         stands_out = first > 0 and before < _NEXT and step > -_NEXT and (before < 0.0 or step > 0.0)
-        if stands_out and ranges[first] < _FARTHEST and _LEAST_WIDTH < width < WIDEST and count < len(found):
+        is_box = stands_out and ranges[first] < _FARTHEST and _LEAST_WIDTH < width < WIDEST and count < len(found)
+        if is_box and _ends_at_edges(ranges, first, last, noise):
             bearing, distance = bearing_of(scan, 0.5 * (first + last)), ranges[(first + last) // 2] + BEHIND
             found[count, 0], found[count, 1] = distance * math.cos(bearing), distance * math.sin(bearing)
             count += 1
@@ -250,9 +266,34 @@ def find_boxes(scan: Record, ranges: FloatArray, found: FloatArray) -> int:
 
 
 @kernel
+def _ends_at_edges(ranges: FloatArray, first: int, last: int, noise: float) -> bool:
+    """Return whether neither neighbour of a run of beams ends on the straight line through the run.
+
+    Where a wall is seen at a small angle, noise cuts short runs off it, which go along with the car. The line is that
+    of least squares; of a single beam, the one that is as steep as that through its neighbours.
+    """
+    count, mean, slope = last - first + 1, 0.0, 0.0  # of 1 / range
+    off = 0.5 * (count + 1)
+    spread = count * (count * count - 1) / 12.0 if count > 1 else 2.0  # sum of squared distances [beams^2]
+    for beam in range(first, last + 1):
+        mean += 1.0 / max(ranges[beam], _NEAREST) / count
+        slope += (beam - 0.5 * (first + last)) / max(ranges[beam], _NEAREST) / spread
+    if count == 1:
+        slope = (1.0 / max(ranges[last + 1], _NEAREST) - 1.0 / max(ranges[first - 1], _NEAREST)) / spread
+    of_line = (1.0 / count + off * off / spread) * mean**4
+    for side in (-1, 1):
+        inverse = 1.0 / max(ranges[last + 1 if side > 0 else first - 1], _NEAREST)
+        apart = inverse - mean - side * off * slope
+        if apart * apart < _CERTAIN * _CERTAIN * noise * noise * (of_line + inverse**4):
+            return False
+    return True
+
+
+@kernel
 def _follow(
-    memory: Record, car: Record, found: FloatArray, count: int, period: float, scan: Record, ranges: FloatArray
-) -> None:
+    memory: Record, car: Record, found: FloatArray, count: int, noise: float, period: float, scan: Record,
+    ranges: FloatArray,
+) -> None:  # fmt: skip
     """Take a thing on by one tick, and to the nearest of `found` [m]; what it may have is taken from there."""
     car.x += car.vx * period
     car.y += car.vy * period
@@ -298,7 +339,7 @@ def _follow(
             car.turn_rate += _TURNING * (saturate(turn / period, _FASTEST_TURN) - car.turn_rate)
         car.heading = heading
         way = math.hypot(car.x - car.first_x, car.y - car.first_y)
-        car.moves = car.moves or (sightings >= _LEAST_AGE and way > _MOVED)
+        car.moves = car.moves or (sightings >= _LEAST_AGE and way > max(_MOVED, _SURELY * noise))
     if car.moves:
         for k in range(count):
             if math.hypot(found[k, 0] - car.x, found[k, 1] - car.y) < _PART:

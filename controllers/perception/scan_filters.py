@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
+_MOST_NOISE, _NOISE_BINS = 0.15, 128  # [m] that is measured, and in so many steps
+_NOISE_EVERY = 4  # beams, of which one is compared with its neighbours
+_OFF_LINE = 0.6745 * math.sqrt(6.0)  # median of how far a beam is off the line through its neighbours, over the noise
 _MOST_BEAMS = 1e9  # to either side; a bubble of more beams than a number can count has this many
 
 
@@ -52,6 +55,27 @@ def valid_ranges(ranges: FloatArray, range_max: float) -> FloatArray:
                 neighbour = result[beam]
             result[beam] = min(result[beam], neighbour)
     return result
+
+
+@kernel
+def noise_of(ranges: FloatArray, range_max: float) -> float:
+    """Return the standard deviation of the readings (n,) [m] of a scan, at most _MOST_NOISE.
+
+    It is by the median of how far beams end from the straight line through the ends of their neighbours: along a flat
+    surface 1 / range is nearly linear in the bearing. Beams at edges are too few to change the median.
+    """
+    counts, total = np.zeros(_NOISE_BINS, np.int64), 0
+    for beam in range(1, len(ranges) - 1, _NOISE_EVERY):
+        right, middle, left = ranges[beam - 1], ranges[beam], ranges[beam + 1]
+        if 0.0 < middle < range_max and right > 0.0 and left > 0.0:
+            off = middle * abs(middle * (right + left) / (right * left) - 2.0) / (_OFF_LINE * _MOST_NOISE)
+            counts[int(min(off * _NOISE_BINS + 0.5, _NOISE_BINS - 1.0))] += 1
+            total += 1
+    place, below = 0, counts[0]
+    while 2 * below < total:
+        place += 1
+        below += counts[place]
+    return _MOST_NOISE * place / _NOISE_BINS
 
 
 @kernel

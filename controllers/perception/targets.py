@@ -1,12 +1,14 @@
 """Moving targets in the scan: which things move, where they are and how fast, from the LiDAR and odometry alone.
 
-1. A scan is cut into clusters where neighbouring ranges differ by more than `_EDGE`. A cluster is looked at if it is
-   narrower than `_WIDEST` and ends in front of farther ground on at least one side. Walls are wider, and what lies
-   between two nearer things shows no end of its own.
+1. A scan is cut into clusters where neighbouring ranges differ by more than `_EDGE` and than the noise of the beams
+   explains, which is estimated in each scan. A cluster is looked at if it is narrower than `_WIDEST` and ends in front
+   of farther ground on at least one side. Walls are wider, and what lies between two nearer things shows no end of its
+   own.
 2. Each cluster has two ends: bearings of its outermost beams, at the distance of the middle of a disc that would be
    seen under the same angle at its least range. The middle of the ends does not go round a box or a cylinder when the
-   car does. An end in front of farther ground belongs to the thing itself; one beside nearer ground is the edge of a
-   shadow, and says nothing of motion.
+   car does. The least of many noisy beams is too short, so where there is noise the ranges are averaged first, over an
+   eighth of the cluster at most. An end in front of farther ground belongs to the thing itself; one beside nearer
+   ground is the edge of a shadow, and says nothing of motion.
 3. Clusters are followed from scan to scan in a frame that stands still, by dead reckoning. A Kalman filter with
    constant velocity, whose covariance is the same for x and y, is fed with the mean innovation of the ends that belong
    to the thing. So a thing that comes out of cover is measured by the end that leads. Innovations against the velocity
@@ -36,20 +38,22 @@ from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from .scan_filters import noise_of
 from .scan_geometry import bearing_of, nearest_place, period_of
 
 MOST_TARGETS = 24
 RIGHT, LEFT = 0, 1  # ends of a cluster
 
 _FARTHEST = 12.0  # [m] at which clusters are looked at
-_EDGE = 0.15  # [m] between neighbouring ranges
+_EDGE, _CUT = 0.15, 4.0  # [m] between neighbouring ranges, and in standard deviations, whichever is more
 _STEEP = 4.0  # times the mean step within a cluster, the same
 _LEAST_BEAMS = 2
 _WIDEST = 1.2  # [m] from the first to the last beam of a cluster
 _NEAR = 0.08  # of its distance is half of a thing, from which on its size is not measured
 _FOUND = 48  # clusters of a scan that are kept
 _GATE = 0.3  # [m] from where an end is expected to where it is seen
-_RANGE_NOISE = 0.02  # [m]
+_RANGE_NOISE = 0.02  # [m] besides that of the beams
+_PARTS, _MEAN_NOISE = 8, 0.005  # at least, of a cluster, of whose means the least is its distance; [m] noise of a mean
 _OUTLINE = 0.3  # [m] by which an end may err, for each metre of distance and squared radian of the cluster
 _ACCELERATION = 1.5  # [m/s^2] standard deviation of what a target does between two scans
 _FIRST_SPEED = 2.0  # [m/s] the same, of the velocity of a new one
@@ -127,6 +131,7 @@ _CLUSTER = np.dtype(
         ("own", np.uint8, (2,)),
         ("radius", np.float64),  # [m] as of a target
         ("distance", np.float64),  # [m] least range
+        ("variance", np.float64),  # [m^2] of an end
         ("first", np.int64),  # beam
         ("end", np.int64),  # and the one behind the last
         ("taken", np.bool_),
@@ -171,7 +176,7 @@ def track_targets(
                 _predict(target, period)
                 _follow(memory, target, found, clusters, scan, ranges, odometry, period)
                 memory.count += target.age > 0 and target.moves
-    _begin_all(memory.targets, found, clusters, scan)
+    _begin_all(memory.targets, found, clusters)
     if memory.tick % _EVERY == 1:
         _keep_snapshot(memory, ranges)
     return int(memory.count)
@@ -190,14 +195,16 @@ def forget_targets(memory: Record) -> None:
 @kernel
 def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Record) -> int:
     """Write the clusters of a scan that may be things, (k,) of type _CLUSTER; return how many."""
+    noise = noise_of(ranges, scan.range_max)
+    edge = max(_EDGE, _CUT * math.sqrt(2.0) * noise)
     count, first, nearer = 0, 0, True  # the cluster that has not ended; whether what is right of it is nearer
     for beam in range(1, len(ranges)):
         step = ranges[beam] - ranges[beam - 1]
-        if abs(step) <= _EDGE:
+        if abs(step) <= edge:
             continue
         whole = first > 0 and beam - first >= _LEAST_BEAMS  # what the field of view cuts off may be a wall
         if whole and ranges[first] < _FARTHEST and (not nearer or step > 0.0):
-            count += _is_cluster(memory, scan, ranges, first, beam, found[count])
+            count += _is_cluster(memory, scan, ranges, first, beam, edge, noise, found[count])
             if count == len(found):
                 return count
         first, nearer = beam, step > 0.0
@@ -205,23 +212,40 @@ def find_clusters(memory: Record, scan: Record, ranges: FloatArray, found: Recor
 
 
 @kernel
-def _is_cluster(memory: Record, scan: Record, ranges: FloatArray, first: int, end: int, found: Record) -> bool:
-    """Write a cluster of the beams from `first` to before `end`; return False if it is too wide, or part of a wall."""
+def _is_cluster(
+    memory: Record, scan: Record, ranges: FloatArray, first: int, end: int, edge: float, noise: float, found: Record
+) -> bool:
+    """Write a cluster of the beams from `first` to before `end`; return False if it is too wide, or part of a wall.
+
+    The variance of an end is of the range, of where between two beams the thing ends, and of its outline: near the car
+    another part of the outline is outermost in each scan.
+
+    Args:
+      edge: between neighbouring ranges [m].
+      noise: standard deviation of a range [m].
+    """
     right, left = ranges[first], ranges[end - 1]
-    edge = max(_EDGE, _STEEP * abs(left - right) / (end - 1 - first))  # beams on a wall that is seen at a small angle
+    edge = max(edge, _STEEP * abs(left - right) / (end - 1 - first))  # beams on a wall that is seen at a small angle
     own_right, own_left = ranges[first - 1] - right > edge, ranges[end] - left > edge
     if not (own_right or own_left):
         return False
     turn = (end - 1 - first) * scan.angle_increment
     if right * right + left * left - 2.0 * right * left * math.cos(turn) > _WIDEST * _WIDEST or turn > 2.0:
         return False
-    least = math.inf
-    for beam in range(first, end):
-        least = min(least, ranges[beam])
-    half, radius = math.sin(0.5 * turn), 0.0
+    least, beam, wanted = math.inf, first, math.ceil(noise * noise / (_MEAN_NOISE * _MEAN_NOISE))
+    together = max(min(int(wanted), (end - first) // _PARTS), 1)
+    while beam < end:
+        last, total = beam + together if beam + 2 * together <= end else end, 0.0
+        for k in range(beam, last):
+            total += ranges[k]
+        least = min(least, total / (last - beam))
+        beam = last
+    half, radius, of_range = math.sin(0.5 * turn), 0.0, noise
     if own_right and own_left:
-        radius = least * half / (1.0 - half)
+        radius, of_range = least * half / (1.0 - half), noise / (1.0 - half)
     away, bearing = least + radius, memory.heading + bearing_of(scan, first)
+    between, outline = least * scan.angle_increment, _OUTLINE * least * turn * turn
+    found.variance = _RANGE_NOISE * _RANGE_NOISE + of_range * of_range + between * between / 12.0 + outline * outline
     found.ends[RIGHT, 0] = memory.x + away * math.cos(bearing)
     found.ends[RIGHT, 1] = memory.y + away * math.sin(bearing)
     found.ends[LEFT, 0] = memory.x + away * math.cos(bearing + turn)
@@ -267,7 +291,7 @@ def _follow(
     cluster = found[nearest]
     cluster.taken = True
     dx, dy, ends = _innovation(target, cluster)
-    noise = _noise(cluster, scan) / max(ends, 1)
+    noise = cluster.variance / max(ends, 1)
     if ends == 0:  # only edges of shadows: it is there, and its motion is not seen
         noise *= 100.0
     sum_of_both = target.p_place + noise
@@ -345,17 +369,6 @@ def _innovation(target: Record, cluster: Record) -> tuple[float, float, int]:
 def _is_like(target: Record, cluster: Record) -> bool:
     """Return whether as much of a cluster is seen as of a target at its last sighting: both ends of its own, or one."""
     return bool((target.radius > 0.0) == (cluster.radius > 0.0))
-
-
-@kernel
-def _noise(cluster: Record, scan: Record) -> float:
-    """Return the variance of an end [m^2]: of the range, of where between two beams the thing ends, and of its outline.
-
-    Near the car another part of the outline is outermost in each scan.
-    """
-    turn = (cluster.end - 1 - cluster.first) * scan.angle_increment
-    between, outline = cluster.distance * scan.angle_increment, _OUTLINE * cluster.distance * turn * turn
-    return float(_RANGE_NOISE * _RANGE_NOISE + between * between / 12.0 + outline * outline)
 
 
 @kernel
@@ -455,15 +468,15 @@ def _is_in_view(memory: Record, target: Record, scan: Record, ranges: FloatArray
 
 
 @kernel
-def _begin_all(targets: Record, found: Record, count: int, scan: Record) -> None:
+def _begin_all(targets: Record, found: Record, count: int) -> None:
     """Begin targets of the clusters that no target took."""
     for k in range(count):
         if not found[k].taken:
-            _begin(targets, found[k], scan)
+            _begin(targets, found[k])
 
 
 @kernel
-def _begin(targets: Record, cluster: Record, scan: Record) -> None:
+def _begin(targets: Record, cluster: Record) -> None:
     """Follow a cluster that is new, if there is room for one."""
     for target in targets:
         if target.age == 0:
@@ -473,7 +486,7 @@ def _begin(targets: Record, cluster: Record, scan: Record) -> None:
             target.size = 0.0
             _take(target, cluster)
             target.vx = target.vy = target.unseen = target.still = 0.0
-            target.p_place, target.p_mixed = _noise(cluster, scan), 0.0
+            target.p_place, target.p_mixed = cluster.variance, 0.0
             target.p_speed = _FIRST_SPEED * _FIRST_SPEED
             target.misfits = target.evidence = 0
             target.against = 0.0
