@@ -161,7 +161,6 @@ def race_setup(
     started = time.perf_counter()
     ended = _drive(engine, history, control, clock, watch)
     wall_time = time.perf_counter() - started
-    later_time = started + wall_time - (history.first_end or started + wall_time)  # [s] without the first tick
     control.finish()
 
     order, trajectory, failures = control.order(), history.arrays(), engine.planners.failures
@@ -188,7 +187,7 @@ def race_setup(
         warnings=tuple(control.warnings),
         restarts=tuple(control.restarts),
         wall_time_s=wall_time,
-        realtime_factor=(of_all["sim_time_s"] - engine.period) / later_time if later_time > 0.0 else 0.0,
+        realtime_factor=of_all["sim_time_s"] / wall_time if wall_time > 0.0 else 0.0,
         **of_all,
         **track_figures(engine),
         world=world,

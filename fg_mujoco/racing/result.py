@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -232,7 +231,7 @@ class RaceResult(Shown):
     restarts: tuple[Restart, ...]
     sim_time_s: float  # until the last car's race was over
     wall_time_s: float
-    realtime_factor: float  # from the second tick on: in the first, kernels are read from disk, or compiled
+    realtime_factor: float  # sim_time_s / wall_time_s, loading and compiling kernels included
     trajectory_sha256: str  # of all states and controls, bit for bit
     world: World = field(repr=False)
     states: FloatArray = field(repr=False)  # (ticks + 1, n) mjSTATE_INTEGRATION at the start of each tick; the last
@@ -382,7 +381,6 @@ class History:
     """
 
     def __init__(self, engine: Engine, capacity: int = 512) -> None:
-        self.first_end: float | None = None  # when the first tick was over, on time.perf_counter's clock [s]
         self._ticks = np.zeros(1, np.int64)
         state, ctrl = engine.state(0), engine.ctrl(0)
         self._now = (engine.telemetry, state, ctrl)  # live
@@ -404,13 +402,9 @@ class History:
         telemetry, state, ctrl = self._now
         self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
         self._ticks[0] = tick + 1  # last: an interrupted tick leaves no row
-        if self.first_end is None:
-            self.first_end = time.perf_counter()
 
     def room(self) -> Table:
         """Return a table of compiled_tick.KEPT, in which compiled code keeps another tick."""
-        if self._ticks[0] == 1 and self.first_end is None:
-            self.first_end = time.perf_counter()
         self._make_room()
         if self._table is None:
             rows = {"telemetry": self._telemetry, "states": self._states, "controls": self._ctrl}

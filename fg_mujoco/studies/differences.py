@@ -46,7 +46,7 @@ class Differences:
         for each in found:
             planner, reference, *group, pairs, _, _, share, low, high, values, value, least, most = each.values()
             if tuple(group) == self.everything and reference == found[0][self.names[1]]:
-                points = _signed("+.0f", 100.0 * share, 100.0 * low, 100.0 * high)
+                points = _signed("+.0f", *(None if end is None else 100.0 * end for end in (share, low, high)))
                 rows.append((planner, reference, pairs, *points, values, *_signed("+.2f", value, least, most)))
         return Table(header=self.header, rows=rows, left=self.header[:2], legend=self.legend) if rows else None
 

@@ -28,7 +28,7 @@ from ..viz.pages.table import Table
 from .comparison.comparison import Comparison, compare
 from .comparison.run import RunRow
 from .grid_study import StudyProgress
-from .intervals import per_cent, wilson
+from .intervals import per_cent, varied, wilson
 from .run_grid import as_axis
 
 EVERY_MU = "all"
@@ -49,8 +49,8 @@ class EvaluationRow:
     mu: float | None  # None: over all coefficients
     runs: int
     successes: int  # all laps, and touched nothing
-    success_low: float  # ends of Wilson's interval of their share, at 95 %
-    success_high: float
+    success_low: float | None  # ends of Wilson's interval of their share, at 95 %; None: all runs are alike
+    success_high: float | None
     laps_completed: int
     laps_requested: int
     lap_s: float | None  # median of the mean laps of the successes
@@ -173,7 +173,7 @@ def _row(
     laps = {_place(each, row): row.figures.mean_lap_s for each, row in rows if row.figures.success}
     ratios = [lap / other for place, lap in laps.items() if lap and (other := best.get(place))]
     successes = sum(run.success for run in runs)
-    low, high = wilson(successes, len(runs))
+    low, high = wilson(successes, len(runs)) if varied(run.trajectory_sha256 for run in runs) else (None, None)
     slides = [run.slide_time_fraction for run in runs if run.slide_time_fraction is not None]
     return EvaluationRow(
         controller=label, mu=mu, runs=len(runs), successes=successes, success_low=low, success_high=high,

@@ -26,6 +26,11 @@ _Z = 1.959963984540054  # of 95 %
 _TAIL = 40  # one part in so many, on either side: 2.5 %
 
 
+def varied(runs: Iterable[Hashable]) -> bool:
+    """Return whether two runs are unlike. Of a single one, or of copies of one, intervals and quartiles say nothing."""
+    return len(set(runs)) > 1
+
+
 def wilson(successes: int, count: int) -> tuple[float, float]:
     """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1."""
     if count == 0:
@@ -88,24 +93,26 @@ class Paired:
     successes: int
     reference_successes: int
     share: float  # of the successes; NaN of no pairs
-    share_low: float
-    share_high: float
+    share_low: float | None  # None where all pairs are alike
+    share_high: float | None
     values: int  # pairs in which both succeeded and have a figure
     value: float | None  # median of its differences over these
-    value_low: float | None  # None of fewer than six
+    value_low: float | None  # None of fewer than six, or where all pairs are alike
     value_high: float | None
 
 
 def paired(outcomes: Sequence[Outcome], reference: Sequence[Outcome]) -> Paired:
     """Return the differences of the outcomes of two planners, run by run, with their intervals."""
     succeeded = [(ours, theirs) for (ours, _), (theirs, _) in zip(outcomes, reference, strict=True)]
-    share, share_low, share_high = share_difference(succeeded)
+    varies = varied(zip(outcomes, reference, strict=True))
+    share, *ends = share_difference(succeeded)
+    share_low, share_high = ends if varies else (None, None)
     values = [
         value - other
         for (ours, value), (theirs, other) in zip(outcomes, reference, strict=True)
         if ours and theirs and value is not None and other is not None
     ]
-    low, high = median_interval(values) or (None, None)
+    low, high = (median_interval(values) if varies else None) or (None, None)
     return Paired(
         pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),
         reference_successes=sum(theirs for _, theirs in succeeded), share=share, share_low=share_low,
@@ -139,9 +146,9 @@ def paired_by_planner(
                 yield planner, reference, group, paired([own for own, _ in pairs], [other for _, other in pairs])
 
 
-def per_cent(low: float, high: float) -> str:
+def per_cent(low: float | None, high: float | None) -> str | None:
     """Return the ends of the interval of a share for tables, in percent."""
-    return f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+    return None if low is None or high is None else f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:

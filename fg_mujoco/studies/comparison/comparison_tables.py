@@ -23,7 +23,7 @@ from ...racing.opponents import FIRST
 from ...viz.pages.table import Table
 from ..differences import ALL, Differences
 from ..grid_study import GridCell
-from ..intervals import per_cent, quantile, quartiles, wilson
+from ..intervals import per_cent, quantile, quartiles, varied, wilson
 from .run import RunFigures, RunRow
 
 DIFFERENCES = Differences(
@@ -78,12 +78,12 @@ class Cell(GridCell):
     max_slide_m_s: float | None  # greatest of any run
     least_clearance_m: float | None  # least of any run
     wrong_way_time_s: float | None  # of all runs together
-    success_low: float = 0.0  # ends of Wilson's interval of the share of successes, at 95 %
-    success_high: float = 1.0
+    success_low: float | None = None  # ends of Wilson's interval of the share of successes, at 95 %; None: all runs
+    success_high: float | None = None  # are alike
     runs_with_laps: int = 0  # successes that lap times are of
-    best_lap_q25_s: float | None = None  # quartiles of each one's best
+    best_lap_q25_s: float | None = None  # quartiles of each one's best; None: all are alike
     best_lap_q75_s: float | None = None
-    mean_lap_std_s: float | None = None  # standard deviation of each one's mean; None of fewer than two
+    mean_lap_std_s: float | None = None  # standard deviation of each one's mean; None: all are alike
     among: CellAmong | None = None  # None: there were no opponents
 
     def as_dict(self) -> dict[str, Any]:
@@ -129,7 +129,8 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
         [lap for run in runs if run.success and (lap := getattr(run, name)) is not None]
         for name in ("best_lap_s", "mean_lap_s")
     )
-    low, high = wilson(successes, len(runs))
+    low, high = wilson(successes, len(runs)) if varied(run.trajectory_sha256 for run in runs) else (None, None)
+    quarters = [quantile(best, share) if varied(best) else None for share in (0.25, 0.75)]
     return Cell(
         controller=controller,
         course=course,
@@ -149,9 +150,9 @@ def _cell(controller: str, course: str, max_speed: float, runs: Sequence[RunFigu
         success_low=low,
         success_high=high,
         runs_with_laps=len(best),
-        best_lap_q25_s=quantile(best, 0.25),
-        best_lap_q75_s=quantile(best, 0.75),
-        mean_lap_std_s=statistics.stdev(mean) if len(mean) > 1 else None,
+        best_lap_q25_s=quarters[0],
+        best_lap_q75_s=quarters[1],
+        mean_lap_std_s=statistics.stdev(mean) if varied(mean) else None,
         among=among,
     )
 
@@ -186,7 +187,7 @@ def cells_table(cells: Sequence[Cell]) -> Table:
         legend=(
             "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. "
             'Lap times are of the successes alone, "of runs" says of how many: the median of their best laps with its '
-            "quartiles, and the mean of their mean laps."
+            "quartiles, and the mean of their mean laps. Of one run, or of runs that are alike, there is no interval."
         ),
     )  # fmt: skip
 

@@ -30,9 +30,10 @@ _COLUMNS = ((5.0, 1), (2.5, 2), (0.0, 3))  # from this width over height on, so 
 def table_picture(cells: Sequence[Cell], path: Path) -> None:
     """Draw the table: controllers down, courses across, each cell in the colour of its share of successes.
 
-    In a cell are the successes of the runs, Wilson's interval of their share at 95 %, and the median of the successes'
-    best laps [s], of a scene of the times to its goal. Where all runs succeed, cells have the best and the mean lap [s]
-    and the number of runs, and the colour of the best one over that of the course's fastest controller.
+    In a cell are the successes of the runs, Wilson's interval of their share at 95 % where runs differ, and the median
+    of the successes' best laps [s], of a scene of the times to its goal. Where all runs succeed, cells have the best
+    and the mean lap [s] and the number of runs, and the colour of the best one over that of the course's fastest
+    controller.
 
     Raises:
       MissingExtraError: matplotlib is not installed.
@@ -47,11 +48,12 @@ def table_picture(cells: Sequence[Cell], path: Path) -> None:
         for cell in cells:
             row, column = rows.index(cell.controller), columns.index(course_title(cell, cells))
             shares[row, column], laps[row, column] = cell.success_share, cell.best_lap_s or math.nan
-            lap = "" if cell.best_lap_s is None else f"\n{cell.best_lap_s:.2f} s"
+            interval = per_cent(cell.success_low, cell.success_high)
+            lap = "" if cell.best_lap_s is None else f"{cell.best_lap_s:.2f} s"
             text = (
                 f"{cell.best_lap_s:.2f} s\nmean {cell.mean_lap_s:.2f}\nn = {cell.runs_with_laps}"
                 if by_lap
-                else f"{cell.successes}/{cell.runs}\n{per_cent(cell.success_low, cell.success_high)}{lap}"
+                else "\n".join(filter(None, (f"{cell.successes}/{cell.runs}", interval, lap)))
             )
             dark = not by_lap and abs(cell.success_share - 0.5) > 0.35  # both ends of the scale
             axes.text(column, row, text, ha="center", va="center", color="white" if dark else "black")
