@@ -11,10 +11,12 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control import line_optimizer
 from fg_mujoco.controllers.control.line_optimizer import Grip, Walls, optimize_line, spread
 from fg_mujoco.controllers.control.racelines import read_line
+from fg_mujoco.course.clearance import clearances, outline
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.studies.friction_lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
+from fg_mujoco.studies.racelines import raceline
 from fg_mujoco.studies.racelines.grip import double_track_grip
 from fg_mujoco.studies.racelines.raceline import make_raceline
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -201,3 +203,22 @@ def test_walls_are_told_apart_by_the_side_of_the_line_on_which_they_lie():
 def test_own_line_without_walls_is_refused():
     with pytest.raises(ControllerError, match="on a circuit whose walls are known"):
         fg.race("scene:dead_end:0", "pure_pursuit[line=raceline]")
+
+
+def test_the_clearance_of_a_line_is_that_to_everything_that_stands():
+    course = fg.load_track("hairpins")
+    poses = np.column_stack((course.centreline, course.headings))
+    poses[:, :2] += np.random.default_rng(0).normal(0.0, 0.1, (len(poses), 2))
+    standing = np.concatenate([outline(each) for each in course.edges])
+    every = clearances(poses, standing, CAR)
+    reach = CAR.length + float((course.corridor_left + course.corridor_right).max())
+    np.testing.assert_array_equal(raceline._clearances(poses, standing, CAR, reach), every)
+
+
+def test_a_circuit_whose_line_would_take_minutes_is_refused_at_once():
+    count = 4500
+    turns = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
+    line = 1400.0 * np.column_stack((np.cos(turns), np.sin(turns)))
+    long = fg.Track(name="long", centreline=line, width_right=np.full(count, 1.5), width_left=np.full(count, 1.5))
+    with pytest.raises(TrackError, match=r"'long' is 8796 m long; accepted: up to 8000 m"):
+        make_raceline(Setup(track=long))

@@ -39,8 +39,12 @@ OBJECTIVES = ("time", "curvature")
 MARGIN = 0.1
 """[m] Between the car's outline and walls, if nothing else is said."""
 
+LONGEST = 8000.0
+"""[m] Of a circuit: the time that its line takes grows with it."""
+
 _TOLERANCE = 0.002  # [m] of the smoothed line, of which curvature and speeds are taken
 _ROW = 0.1  # [m] from one row of the file to the next
+_BLOCK = 200  # points of a line, whose clearance is found at once
 _TOUCHES = 0.01  # [m] of the least clearance
 
 
@@ -172,7 +176,8 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
 
     Raises:
       SettingsError: an objective or a margin that there is not, or a solver that does not converge.
-      TrackError: a course that is no circuit, or that is narrower somewhere than the car and the margins.
+      TrackError: a course that is no circuit, is longer than LONGEST, or is narrower somewhere than the car and the
+        margins.
     """
     if objective not in OBJECTIVES:
         raise SettingsError(f"objective is {objective!r}; {accepted_names(objective, OBJECTIVES)}")
@@ -181,6 +186,8 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
     course, car = setup.load_course(), setup.first.car.parameters
     if not isinstance(course, Track):
         raise TrackError(f"course {course.name!r} is driven once, from a start to a goal; accepted: a circuit")
+    if course.length > LONGEST:
+        raise TrackError(f"track {course.name!r} is {course.length:.0f} m long; accepted: up to {LONGEST:g} m")
     course.check_car(car)
     obstacles = setup.obstacles_on(course)
     grip = double_track_grip(setup.first)
@@ -192,7 +199,8 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
     ahead = np.roll(line.points, -1, axis=0) - np.roll(line.points, 1, axis=0)
     headings = np.arctan2(ahead[:, 1], ahead[:, 0])
     standing = np.concatenate([outline(each) for each in (*course.edges, *(solid.corners() for solid in obstacles))])
-    clear = clearances(np.column_stack((line.points, headings)), standing, car)
+    reach = car.length + float((course.corridor_left + course.corridor_right).max())
+    clear = _clearances(np.column_stack((line.points, headings)), standing, car, reach)
     _require_clear(course, line.points, clear, car, margin)
     return Raceline(
         course=course, car=car, grip=grip, objective=objective, margin=margin, obstacles=obstacles, points=line.points,
@@ -200,6 +208,21 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
         accelerations=0.5 * (np.roll(speeds, -1) ** 2 - speeds**2) / line.steps, lap_time=lap_time(line, speeds),
         clearance=float(clear.min()),
     )  # fmt: skip
+
+
+def _clearances(poses: FloatArray, standing: FloatArray, car: CarParameters, reach: float) -> FloatArray:
+    """Return the least distance from the car to what stands within `reach` [m] of it, at each pose (n, 3). Shape (n,).
+
+    Poses follow each other along a line, so that a block of them has few segments (m, 4) near.
+    """
+    least, greatest = (each(standing[:, :2], standing[:, 2:]) for each in (np.minimum, np.maximum))
+    found = np.empty(len(poses))
+    for first in range(0, len(poses), _BLOCK):
+        block = poses[first : first + _BLOCK]
+        places = block[:, :2]
+        near = (greatest > places.min(axis=0) - reach) & (least < places.max(axis=0) + reach)
+        found[first : first + _BLOCK] = clearances(block, standing[near.all(axis=1)], car)
+    return found
 
 
 def _from_start(points: FloatArray, course: Track) -> FloatArray:
