@@ -222,7 +222,7 @@ class TransformObservation(ObservationWrapper):
 
     def __init__(self, env: Any, f: Callable[[Any], Any], *_: Any) -> None:
         super().__init__(env)
-        self.observation = f  # type: ignore[method-assign]
+        self.observation = f  # type: ignore[assignment, method-assign]
 
 
 class FlattenObservation(ObservationWrapper):
@@ -246,7 +246,7 @@ class TransformReward(RewardWrapper):
 
     def __init__(self, env: Any, f: Callable[[float], float]) -> None:
         super().__init__(env)
-        self.reward = f  # type: ignore[method-assign]
+        self.reward = f  # type: ignore[assignment, method-assign]
 
 
 class RecordEpisodeStatistics(Wrapper):
