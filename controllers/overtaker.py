@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from fg_mujoco.kernels import kernel
 from fg_mujoco.messages import FloatArray, Reading
@@ -48,7 +48,6 @@ _find_goal = GapFinder.goal
 class OvertakerSettings(GapFinderSettings):
     """Parameters of the gap finder, and of the cars that it meets."""
 
-    renamed: ClassVar[dict[str, str]] = {**GapFinderSettings.renamed, "closing_braking": "slowing", "beside": "aside"}
 
     braking: float = setting(5.0, "m/s^2", "with which another car may stop", POSITIVE)
     car_margin: float = setting(0.06, "m", "round another car", FROM_ZERO)

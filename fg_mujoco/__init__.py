@@ -8,19 +8,14 @@
 What loads slowly (trimesh, embreex, matplotlib) is imported where it is used.
 """
 
-import sys as _sys
-import warnings as _warnings
 from importlib import import_module as _import_module
-from importlib.machinery import ModuleSpec as _ModuleSpec
 from types import FunctionType as _FunctionType
-from types import ModuleType as _ModuleType
 from typing import TYPE_CHECKING
 from typing import Any as _Any
 
 from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: it chooses how pictures are drawn
 
 # isort: split
-from . import tracks as _tracks  # noqa: F401
 from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
@@ -224,29 +219,7 @@ _PLACES = {
 }
 """Module -> what of it is public."""
 
-_INNER = {
-    "course.generator": "GeneratorSettings",
-    "course.lap_timer": "LapTimer",
-    "course.tight": "TightSettings generate_tight_track",
-    "errors": "MessageError",
-    "lidar.beams": "Beams",
-    "lidar.lidar": "Lidar RangefinderLidar RaycastLidar lidar_spec make_lidar",
-    "racing.manoeuvres": "find_manoeuvre",
-    "racing.race": "RaceProgress",
-    "racing.replay": "ReplayReport",
-    "racing.run_folder": "check_run_folder read_failed_scan",
-    "simulation.cars": "WorldCar",
-    "racing.randomization": "Choice Randomization Uniform",
-    "studies.rollout.rollouts": "RolloutProgress",
-    "vehicle.car": "Car car_parameters",
-    "vehicle.tire_slip": "SLIDING_SPEED TireSlip TireSlipMeter",
-    "vehicle.vehicle": "car_spec",
-    "viz.debug": "DebuggedRun Decision",
-}
-"""Module -> names of it that were in fg_mujoco itself until 0.1.0."""
-
 _HOMES = {name: module for module, names in _PLACES.items() for name in names.split()}
-_MOVED = {name: module for module, names in _INNER.items() for name in names.split()}
 _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"controllers", "f110", "kernels", "models"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
@@ -259,22 +232,6 @@ _ELSEWHERE = {
     "simulate": "Simulation", "vehicles": "vehicle_names",
 }  # fmt: skip
 """What others call it -> what it is called here."""
-
-
-_RENAMED = {
-    "controllers.control.settings": "controllers.control.planner_settings",
-    "controllers.perception.way_on": "controllers.perception.frontiers",
-    "envs.settings": "envs.environment_settings",
-    "racing.decisions": "racing.decision_times",
-    "ros.mapping.recorded_run": "ros.mapping.mapped_run",
-    "ros.mapping.ray_model": "mapping.ray_model",
-    "ros.mapping.recorded_map": "mapping.recorded_map",
-    "ros.mapping.scan_matching": "mapping.scan_matching",
-    "showing": "intermediate_values",
-    "studies.rollout.result": "studies.rollout.rollout_result",
-    "viz.live.session": "viz.live.live_session",
-}
-"""Older name of a module that planners and programs import -> its name now."""
 
 
 def __getattr__(name: str) -> _Any:
@@ -290,8 +247,6 @@ def __getattr__(name: str) -> _Any:
         found = version("fg-mujoco")
     elif name in _MODULES:
         return _import_module(f".{name}", __name__)
-    elif name in _MOVED:
-        raise AttributeError(f"fg_mujoco has no {name!r}; it is fg_mujoco.{_MOVED[name]}.{name}")
     else:
         meant = None if name.startswith("_") else _ELSEWHERE.get(name) or _nearest(name, __all__)
         raise AttributeError(f"fg_mujoco has no {name!r}" + ("" if meant is None else f"; did you mean {meant!r}?"))
@@ -303,34 +258,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-class _Tracks(_ModuleType):
-    """The folder of tracks, of which newcomers think as a function."""
-
-    def __call__(self) -> _Any:
-        raise TypeError("fg_mujoco.tracks is a folder; did you mean 'track_names'?")
-
-
-class _OldNames:
-    """The last of the finders of modules: planners that import a module by an older name get it, and a warning."""
-
-    @staticmethod
-    def find_spec(name: str, path: _Any = None, target: _Any = None) -> _ModuleSpec | None:
-        old = name.removeprefix("fg_mujoco.")
-        return _ModuleSpec(name, _OldNames(), origin=_RENAMED[old]) if old in _RENAMED else None  # type: ignore[arg-type]
-
-    @staticmethod
-    def create_module(spec: _ModuleSpec) -> None:
-        _warnings.warn(f"{spec.name} is called fg_mujoco.{spec.origin} now", FutureWarning, stacklevel=2)
-
-    @staticmethod
-    def exec_module(module: _ModuleType) -> None:
-        assert module.__spec__ is not None
-        _sys.modules[module.__name__] = _import_module(f".{module.__spec__.origin}", __name__)
-
-
 _SCHEMES["policy"] = "fg_mujoco.envs.policy_planner:POLICIES"
 _READERS["bag"] = "fg_mujoco.ros.bag_drive:read_bag_drive"
 _SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
-_sys.modules["fg_mujoco.tracks"].__class__ = _Tracks
-_sys.meta_path.append(_OldNames)
 _register_once_imported()

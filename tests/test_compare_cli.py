@@ -87,7 +87,6 @@ def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
         (("--out", "out", "--controller", "gap_finder[lookahead]"), "accepted: SETTING=VALUE"),
         (("--out", "out", "--track", "nowhere"), "unknown track 'nowhere'"),
         (("--out", "out", "--track", "scene:nowhere"), "unknown scene"),
-        (("--out", "out", "--scenes", "all"), "is called '--track scene:NAME' now"),
         (("--out", "out", "--seed", "1:x"), "accepted: FIRST:END"),
         (("--out", "out", "--seed", "5:5"), "no seed is given"),
         (("--out", "out", "--max-speed", "4,fast"), "accepted: a number"),

@@ -267,12 +267,6 @@ def test_settings_that_it_cannot_have_are_refused(in_file, settings, told):
     refusal(lambda: make_with(in_file(SETTINGS), **settings), "mine.py:Planner", told)
 
 
-@pytest.mark.parametrize(("old", "new"), [("way_out", "safety_filter"), ("backs_out", "recovery")])
-def test_a_setting_that_was_renamed_is_refused_with_its_new_name(old, new):
-    refusal(lambda: make_with("gap_finder", **{old: False}), f"no setting '{old}' any more", f"called '{new}' now")
-    assert getattr(make_with("gap_finder", **{new: False}).settings, new) is False
-
-
 @pytest.mark.parametrize("text", [GOOD, SETTINGS.replace("Settings = PlannerSettings", "Settings = dict")])
 def test_a_planner_without_settings_is_told_how_to_have_them(in_file, text):
     refusal(lambda: make_with(in_file(text), gain=2.0), "mine.py:Planner", "has no settings", "takes `settings`")

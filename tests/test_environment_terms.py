@@ -508,7 +508,7 @@ BAD_SETTINGS = [
     ({"end_conditions": ["turned_round"] * 2}, "twice"),
     ({"observation": 3}, "history:K, normalised"),
     ({"observation": []}, "no part"),
-    ({"observations": ["scan"]}, "'observations' is called 'observation' now"),
+    ({"observations": ["scan"]}, "did you mean 'observation'"),
     ({"observation": ["scam"]}, "did you mean 'scan'"),
     ({"observation": ["scan", "scan"]}, "twice"),
     ({"observation": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),

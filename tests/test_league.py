@@ -238,7 +238,7 @@ def test_entries_of_a_file_have_their_own_cars(here):
         (["gap_finder", "pure_pursuit", "--cars", "3"], "--cars is 3 for 2 planners; accepted: 2 to 2"),
         (["gap_finder", "pure_pursuit", "--rules", "f1"], "--rules is 'f1'; accepted: none, roboracer_2026"),
         (["gap_finder", "pure_pursuit", "--grid", "row"], "--grid is 'row'; accepted: staggered"),
-        (["gap_finder", "pure_pursuit", "--tracks", "oval"], "'--tracks' is called '--track' now"),
+        (["gap_finder", "pure_pursuit", "--tracks", "oval"], "did you mean '--track'"),
         (["gap_finder", "pure_pursuit", "--seed", "-1"], "seed is -1"),
         (["--config", "starts.toml"], "accepted: none, it is the grid's"),
         (

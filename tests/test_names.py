@@ -1,8 +1,6 @@
 """A name that is mistyped is refused with the one that was probably meant, at every door."""
 
-import sys
 import warnings
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -200,22 +198,6 @@ def test_there_is_one_place_that_compares_names():
     """A second one would have another wording and other rules."""
     users = [path.name for path in PACKAGE.rglob("*.py") if "difflib" in path.read_text(encoding="utf-8")]
     assert users == ["errors.py"]
-
-
-@pytest.mark.parametrize(("before", "now"), fg._RENAMED.items())
-def test_an_older_name_of_a_module_gives_the_module_and_a_warning_with_its_name_now(before, now):
-    with pytest.warns(FutureWarning, match=rf"^fg_mujoco\.{before} is called fg_mujoco\.{now} now$"):
-        found = import_module(f"fg_mujoco.{before}")
-    assert found is import_module(f"fg_mujoco.{now}") and found.__name__ == f"fg_mujoco.{now}"
-    del sys.modules[f"fg_mujoco.{before}"]
-
-
-@pytest.mark.parametrize(("name", "module"), fg._MOVED.items())
-def test_a_name_that_only_its_module_has_is_answered_with_where_it_is(name, module):
-    with pytest.raises(AttributeError) as refusal:
-        getattr(fg, name)
-    assert str(refusal.value) == f"fg_mujoco has no {name!r}; it is fg_mujoco.{module}.{name}"
-    assert hasattr(import_module(f"fg_mujoco.{module}"), name) and name not in fg.__all__
 
 
 def test_no_two_modules_have_the_same_name():

@@ -152,7 +152,7 @@ def test_a_finished_folder_is_told_of_again(no_engine, capsys):
         (("--randomize", "grip=1:2"), "no parameter; accepted: mu, mass"),
         (("--randomize", "planner.gain=1:2"), "gain"),
         (("--randomize", "obstacles=500"), "accepted: at most"),
-        (("--tracks", "oval"), "'--tracks' is called '--track' now"),
+        (("--tracks", "oval"), "did you mean '--track'"),
     ],
 )
 def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):

@@ -314,7 +314,6 @@ def nothing_runs(monkeypatch):
         ({"memory_budget": 9}, "memory_budget is of an Executor now; accepted: executor=Executor(memory_budget=9)"),
         ({"record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
         ({"executor": "slurm"}, "executor is 'slurm'; accepted: threads, processes, ray"),
-        ({"executor": "local"}, "executor is 'local', which is called 'threads' now; accepted"),
         ({"randomize": {"grip": (0, 1)}}, "randomize grip: no parameter"),
         ({"randomize": {"mass": (0.1, 4)}}, "randomize mass=0.1:4.0"),
         ({"randomize": {"obstacles": "0:900"}}, "randomize obstacles=900 on 'oval'; accepted: at most"),

@@ -133,13 +133,6 @@ def test_coulomb_has_the_friction_of_the_vehicle_unless_it_names_one():
     assert Tires.load("contact").on(0.7) == Tires.load("contact")
 
 
-def test_names_of_earlier_versions_are_answered_with_those_of_now():
-    with pytest.raises(ImportError, match=r"no 'TireCurve' any more; accepted: a law, MagicFormula\(B, C, D, E\)"):
-        from fg_mujoco.vehicle.tires import TireCurve  # noqa: F401
-    with pytest.raises(AttributeError, match="has no attribute 'TireKurve'"):
-        fg.vehicle.tires.TireKurve  # noqa: B018
-
-
 def test_the_peak_is_that_of_the_closed_form():
     """D where C atan(Phi) is a quarter turn: without E at B s = tan(pi / 2 C)."""
     curve = MagicFormula(B=10.0, C=1.6, D=1.1)

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass, fields
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +112,6 @@ class DrivingSettings(Settings):
         full-speed distance that is not above the safe one.
     """
 
-    renamed: ClassVar[dict[str, str]] = {"way_out": "safety_filter", "backs_out": "recovery"}
 
     speed_law: SpeedLaw = setting("minimum", text="which speed laws apply")  # noqa: RUF009
     safety_filter: bool = setting(

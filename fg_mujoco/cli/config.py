@@ -27,12 +27,11 @@ from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsErr
 from ..racing.planner_choice import ControllerChoice
 from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
 from ..racing.run_folder import SUMMARY, read_summary
-from ..racing.setup import RENAMED, SETUP_KEYWORDS, Setup
+from ..racing.setup import SETUP_KEYWORDS, Setup
 from .options import OPPONENT_OPTIONS, given_settings, number, whole, with_opponents
 
 _OPTION = "--config"
 _OF_THE_USER = ("help", "config", "trust", "force")  # options that no file can set
-_OLDER = {"opponent": "opponents"}  # key of an older run folder -> keyword
 
 
 def add_config(command: argparse.ArgumentParser) -> None:
@@ -85,8 +84,6 @@ def _split(file: TomlFile, command: argparse.ArgumentParser) -> tuple[dict[str, 
             own[name] = _checked(options[name], value, where)
         elif name in SETUP_KEYWORDS:
             values[name] = value
-        elif name in RENAMED:
-            raise SettingsError(f"{where}: {key!r} is called {RENAMED[name]!r} now")
         else:
             known = [each.replace("_", "-") for each in (*SETUP_KEYWORDS, *options)]
             raise SettingsError(f"{where}: {key!r} is no setting; {accepted_names(key, dict.fromkeys(known))}")
@@ -121,7 +118,7 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     if not isinstance(settings, dict):
         said = "there are none: its course or its planner was an object"
         raise RunFolderError(f"{where}: {said}; accepted: a run of a course and planners by name")
-    values = {_OLDER.get(str(name), str(name)): value for name, value in settings.items() if value is not None}
+    values = {str(name): value for name, value in settings.items() if value is not None}
     names, speeds = values.pop("opponents", None) or [], values.pop("opponent_max_speed", None) or []
     rows = summary.get("cars") or [summary]
     cars = values.get("entries") or [values, *({"controller": name} for name in names)]

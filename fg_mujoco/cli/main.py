@@ -133,8 +133,6 @@ class _Parser(argparse.ArgumentParser):
 
     def _no_option(self, given: str) -> str:
         """Return what is said of an option that there is not."""
-        if given in _RENAMED:
-            return f"{given!r} is called {_RENAMED[given]!r} now"
         known = [option for option in self._option_string_actions if option.startswith("--")]
         command = command_for(given)
         meant = nearest(given, known, cutoff=1.0)
@@ -179,14 +177,6 @@ def _names_a_planner(word: str) -> bool:
 
 _MEANS = {"--track": _names_a_course, "--controller": _names_a_planner}
 """Option -> whether a word is a value of it."""
-
-
-_RENAMED = {
-    "--controllers": "--controller", "--duration": "--time-limit", "--engine": "--executor",
-    "--opponent": "--opponents", "--planner": "--controller", "--scenes": "--track scene:NAME", "--seeds": "--seed",
-    "--tracks": "--track",
-}  # fmt: skip
-"""Option that a command had before -> what it is called now."""
 
 
 _COMMANDS = (

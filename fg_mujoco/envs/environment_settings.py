@@ -28,7 +28,7 @@ from ..racing.setup import PARTS, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.settings import CarSettings, Start, known_settings, renamed
+from ..simulation.settings import CarSettings, Start, known_settings
 from ..simulation.world import World
 from .actions import DEFAULT_ACTION
 from .drawn_settings import all_opponents, read_randomization
@@ -251,7 +251,6 @@ class EnvironmentSettings(CarSettings):
         )  # fmt: skip
 
 
-@renamed(observations="observation")
 def _refuse_old(**settings: Any) -> None:
     """Raise SettingsError if a setting has its old name."""
 

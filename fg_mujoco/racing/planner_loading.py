@@ -150,9 +150,6 @@ def _settings(factory: Any, changes: Mapping[str, Any], origin: str, *, taken: b
         )
     defaults = {field.name: field.default for field in fields(kind) if field.init}
     for name, value in changes.items():
-        now = getattr(kind, "renamed", {}).get(name)
-        if name not in defaults and now:
-            raise ControllerError(f"{origin} has no setting {name!r} any more: it is called {now!r} now")
         if name not in defaults:
             raise ControllerError(f"{origin} has no setting {name!r}; {accepted_names(name, defaults)}")
         kind_of_value = _like(defaults[name], value)

@@ -31,7 +31,6 @@ from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import plan
 from ..simulation.planner_failure import one_line
-from ..simulation.settings import Start
 from ..simulation.telemetry import COMMAND, TELEMETRY, recorded_command
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World, shows
@@ -50,8 +49,6 @@ _OF_THE_COURSE = ("lap", "progress_m", "offset_m")  # columns of the telemetry
 _WALL_TIMES = ("wall_time_s", "realtime_factor", "decision_times")
 _VERSIONS = ("schema", "fg_mujoco_version", "mujoco_version", "platform")
 _ASKED_FOR = "no planner is run"
-_OLDER_VERDICTS = "an older version judged the contacts by other rules"
-_OF_VERDICTS = ("contacts", "warnings", "restarts")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,7 +228,6 @@ class _Again:
         self.ends = [len(run.ctrl)] * engine.cars_per_world  # the tick in which the race of each car was over
         self.rows = run.summary.get("cars") or [{}]
         self.control: RaceControl | None = None
-        self.older_verdicts = any("reason" not in contact for contact in run.summary.get("contacts") or ())
         self.over: tuple[int, str] | None = None if engine.running.any() else (0, self._reason)
         self._drive_again(run, history)
         self.trajectory: Trajectory = history.arrays()
@@ -242,9 +238,8 @@ class _Again:
         engine, rows, summary = self.engine, self.rows, run.summary
         if engine.world.track is not None:
             names = [str(row.get("name", "car_0")) for row in rows]
-            rules = "none" if self.older_verdicts else summary.get("rules") or "none"
+            rules = summary.get("rules") or "none"
             self.control = RaceControl(engine, names=names, rules=find_rules(rules))
-        put_back = summary.get("restarts") or () if self.older_verdicts else ()
         ended = [float(row.get("end_time_s", run.time[-1])) for row in rows]  # older runs of one car lack it
         ends = np.searchsorted(run.time, np.array(ended) - 1e-9)
         columns, commanded = slice(COMMAND, COMMAND + 2), np.empty(run.ctrl.shape[1])
@@ -268,9 +263,6 @@ class _Again:
             self._end_from_outside(reasons, ends == tick + 1, before=False)
             if self.control is not None:
                 self.control.after_tick()
-            for each in put_back:
-                if each["tick"] == tick + 1 and each["car"] in range(len(rows)):
-                    engine.put(int(each["car"]), Start(s=each["s_m"], offset=each["offset_m"]))
             if not alone:
                 history.append()
             for car in map(int, np.flatnonzero(~engine.running & ~over)):
@@ -301,9 +293,8 @@ class _Again:
             if on_course:
                 assert self.control is not None
                 figures |= course_figures(self.engine, self._to_the_end_of(car), car)
-                if not self.older_verdicts:
-                    touched = (str(recorded.get("name")) in contact.cars for contact in self.control.contacts)
-                    figures["collisions_car"] = sum(touched)
+                touched = (str(recorded.get("name")) in contact.cars for contact in self.control.contacts)
+                figures["collisions_car"] = sum(touched)
             rows.append(figures)
         own = {name: rows[0][name] for name in OF_CAR_0 if name in rows[0]}
         found = {**own, "collisions": rows[0]["collisions_wall"], **world_figures(self.trajectory)}
@@ -312,8 +303,7 @@ class _Again:
         assert self.control is not None
         both = zip(self.rows, rows, strict=True)
         found["cars"] = [{name: figures.get(name, value) for name, value in row.items()} for row, figures in both]
-        events = [name for name in EVENTS if not (self.older_verdicts and name in _OF_VERDICTS)]
-        return found | track_figures(self.engine) | {name: getattr(self.control, name) for name in events}
+        return found | track_figures(self.engine) | {name: getattr(self.control, name) for name in EVENTS}
 
     def _to_the_end_of(self, car: int) -> Trajectory:
         """Return the trajectory up to where the race of a car was over."""
@@ -323,8 +313,7 @@ class _Again:
 
     def from_outside(self, reason: object) -> bool:
         """Return whether a race ends for a reason that its states do not tell."""
-        judged = reason == "disqualified" and self.older_verdicts
-        return reason in _FROM_OUTSIDE or judged or (reason == "time_limit" and not self.limit_known)
+        return reason in _FROM_OUTSIDE or (reason == "time_limit" and not self.limit_known)
 
 
 def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) -> ReplayReport:
@@ -351,8 +340,6 @@ def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) 
         unproved["end_reason"] = "nothing else had ended the race; its states do not say what did"
     unproved["clamped_commands"] = f"counted in {TELEMETRY_FILE}; the actuators do not show by how much"
     unproved |= {name: _why_not(name, no_course) for name in summary if name not in recomputed}
-    if again.older_verdicts and not no_course:
-        unproved |= dict.fromkeys(_OF_VERDICTS, _OLDER_VERDICTS)
     unproved |= {name: f"not in {SUMMARY}" for name in recomputed if name not in summary}
     columns = TELEMETRY
     if no_course:

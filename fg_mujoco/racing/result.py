@@ -205,11 +205,11 @@ _OF_ALL = (
     "track", "laps_requested", "sim_time_s", "wall_time_s", "realtime_factor", "obstacles", "obstacle_seed",
     "moving", "trajectory_sha256", "winner",
 )  # fmt: skip
-_MOVED = {
-    "car_results": "cars", "collisions": "car.collisions_wall", "decision_limit_s": "setup.decision_limit",
+_ELSEWHERE = {
+    "collisions": "car.collisions_wall", "decision_limit_s": "setup.decision_limit",
     **{name: f"setup.{name}" for name in ("decision_limit", "grid", "lidar", "rules")},
 }  # fmt: skip
-"""What a result said of itself before -> where it is now."""
+"""What is looked for in a result -> where it is."""
 
 EVENTS = ("overtakes", "contacts", "warnings", "restarts")
 
@@ -261,7 +261,7 @@ class RaceResult(Shown):
 
     def _meant(self, name: str) -> str | None:
         """Return what was probably meant, of the race or of car 0."""
-        meant = _MOVED.get(name) or column_meant(name, super()._meant(name))
+        meant = _ELSEWHERE.get(name) or column_meant(name, super()._meant(name))
         return meant if meant is None or "." in meant or meant in super()._names() else f"car.{meant}"
 
     def _names(self) -> list[str]:

@@ -54,14 +54,6 @@ from .race_control import find_rules
 if TYPE_CHECKING:
     pass
 
-RENAMED = {
-    "begin": "start", "car": "changes", "controllers": "controller", "duration": "time_limit",
-    "max_speeds": "max_speed", "opponent": "opponents", "opponent_max_speed": "max_speed of each of opponents",
-    "opponent_vehicle": "vehicle of each of opponents", "opponent_tires": "tires of each of opponents",
-    "planner": "controller", "planners": "controller", "scenes": "track", "seeds": "seed", "tracks": "track",
-}  # fmt: skip
-"""Keyword that a function had before -> its name now."""
-
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
     "lidar_effects": ("effects", "measured"), "lidar_latency": ("effects", "latency"),
@@ -407,10 +399,7 @@ def brief_entry(entry: Entry) -> str:
 
 def _require_known(caller: str, keywords: Mapping[str, Any]) -> None:
     """Refuse a keyword that there is not, with the one that was probably meant."""
-    for name, value in keywords.items():
-        if name in RENAMED:
-            new = RENAMED[name]
-            raise SettingsError(f"setting {name!r} is called {new!r} now; accepted: {new}={shown(value)}")
+    for name in keywords:
         if name not in SETUP_KEYWORDS:
             raise ArgumentError(unknown_argument(caller, name, SETUP_KEYWORDS))
 

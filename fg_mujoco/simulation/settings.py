@@ -5,7 +5,6 @@ A race, a rollout, an environment and the live view spell these settings alike a
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields, is_dataclass, replace
@@ -81,22 +80,6 @@ def require_time_limit(settings: Any) -> None:
     if settings.time_limit is not None:
         accepted = f"a positive number up to {LONGEST_RACE:g} s, a day; a race keeps about 60 kB for each second"
         require(settings, lambda value: 0.0 < value <= LONGEST_RACE, accepted, ("time_limit",), SettingsError)
-
-
-def renamed(**names: str) -> Callable[[_F], _F]:
-    """Return a decorator that answers keywords of old names with the new ones: `@renamed(begin="start")`."""
-
-    def decorate(function: _F) -> _F:
-        @functools.wraps(function)
-        def checked(*args: Any, **settings: Any) -> Any:
-            for old, new in names.items():
-                if old in settings:
-                    raise SettingsError(f"setting {old!r} is called {new!r} now; accepted: {new}={settings[old]!r}")
-            return function(*args, **settings)
-
-        return cast(_F, checked)
-
-    return decorate
 
 
 def known_settings(settings: Mapping[str, Any], kind: Any, what: str) -> dict[str, Any]:
@@ -445,6 +428,3 @@ class Scenario(DriveSettings):
 
     track: Course | str = "oval"  # as `load_track` takes it
     obstacles: tuple[Obstacle, ...] = ()
-
-
-Scenario.__init__ = renamed(car="changes", planner="planner_settings")(Scenario.__init__)  # type: ignore[method-assign]

@@ -24,7 +24,7 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.planner_sources import controller_names
 from ...racing.setup import Setup, StudyKeywords
-from ...simulation.settings import FASTEST, renamed
+from ...simulation.settings import FASTEST
 from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
 from ..grid_study import Study, StudyProgress, drive_grid
@@ -59,7 +59,6 @@ class Comparison(Study[RunRow, Cell]):
         return cells_table(self.cells)
 
 
-@renamed(controllers="controller", tracks="track", seeds="seed", max_speeds="max_speed")
 def compare(
     controller: str | Sequence[str] | None = None,
     *,

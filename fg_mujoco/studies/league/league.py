@@ -32,7 +32,7 @@ from ...racing.race_control import find_rules
 from ...racing.setup import Setup, StudyKeywords
 from ...simulation.cars import GREATEST_CARS
 from ...simulation.course_loading import load_track
-from ...simulation.settings import Start, renamed
+from ...simulation.settings import Start
 from ...viz.pages.table import Table
 from ..grid_study import GridFolder, Study, StudyProgress, drive_grid
 from ..run_grid import as_axis, require_axes
@@ -105,7 +105,6 @@ class LeagueFolder(GridFolder):
         self.runs.add(run.key, answer, answer.line())
 
 
-@renamed(planners="controller", tracks="track", seeds="seed")
 def league(
     controller: Sequence[str | Entry] = (),
     *,

@@ -19,7 +19,6 @@ from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.setup import Setup
 from ...simulation.course_loading import load_track
-from ...simulation.settings import renamed
 from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
 from ..grid_study import GridFolder, Study, StudyProgress, drive_grid
@@ -53,7 +52,6 @@ class Overtaking(Study[DuelRow, DuelCell]):
         return cells_table(chosen_cells(self.cells) if chosen else self.cells)
 
 
-@renamed(planners="controller", tracks="track", seeds="seed")
 def overtake(
     controller: str | Sequence[str] = "overtaker",
     *,

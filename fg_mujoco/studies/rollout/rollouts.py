@@ -28,7 +28,6 @@ from ...racing.planner_choice import split_controller
 from ...racing.randomization import Randomization, world_seeds
 from ...racing.setup import Setup, SetupKeywords
 from ...simulation.course_loading import load_track
-from ...simulation.settings import renamed
 from ..run_grid import time_left
 from ..store import claimed
 from ..workers import usable_cores
@@ -62,8 +61,6 @@ class Executor:
     memory_budget: int = 2**30  # [bytes] that telemetry, states or scans may take; what might take more goes to disk
 
     def __post_init__(self) -> None:
-        if self.kind == "local":
-            raise SettingsError("executor is 'local', which is called 'threads' now; accepted: threads, processes, ray")
         if self.kind not in EXECUTORS:
             raise SettingsError(f"executor is {self.kind!r}; {accepted_names(self.kind, EXECUTORS)}")
         require_whole("chunk", self.chunk, 1)
@@ -92,7 +89,6 @@ class RolloutProgress:
         return time_left(self.worlds, self.worlds_found, self.worlds_driven, self.wall_time_s)
 
 
-@renamed(engine="executor")
 def rollout(
     track: Setup | Course | str | Sequence[Course | str],
     controller: str | None = None,

@@ -1,7 +1,5 @@
 """Tires: the sets of models/tires/, and the laws by which the force of a tire on the ground follows from its slip."""
 
-from typing import Any
-
 from .brush import Brush
 from .coulomb import Coulomb
 from .law import GREATEST_SLIP, NUMBERS, Law
@@ -32,13 +30,3 @@ __all__ = [
     "tire_names",
     "tires_of",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    """Raise an error that says what took the place of a name of earlier versions."""
-    if name == "TireCurve":  # ImportError: the message of another one does not pass `from ... import`
-        raise ImportError(
-            "fg_mujoco.vehicle.tires has no 'TireCurve' any more; accepted: a law, MagicFormula(B, C, D, E), "
-            "Linear(stiffness, D), Coulomb(stiffness, D) or Brush(D, stiffness)"
-        )
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
