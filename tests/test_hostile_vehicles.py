@@ -63,7 +63,7 @@ VEHICLES = {
     "a document type": (lambda xml: "<!DOCTYPE mujoco>" + xml, "document type"),
     "an attribute of a document type": (lambda xml: HIDDEN + xml, "document type"),
     "an entity": (lambda xml: '<!DOCTYPE a [<!ENTITY b "<include/>">]>' + xml, "document type"),
-    "a robot": (lambda xml: '<robot name="a"/>', "accepted: one <mujoco>"),
+    "a robot": (lambda xml: '<robot name="a"/>', "is a URDF or SDF"),
     "two documents": (lambda xml: xml + "<mujoco/>", "no XML: junk"),
     "an unknown element": (added("<assets/>"), "did you mean 'asset'?"),
     "an absolute look": (swapped((LOOK, 'name="look" data="/etc/passwd"')), "text 'look' names '/etc/passwd'"),

@@ -380,3 +380,14 @@ def test_a_number_of_a_loop_beyond_all_is_refused_in_a_line(tmp_path):
     path = draw_map(tmp_path, ring())
     with pytest.raises(TrackError, match=r"loop is 9{30}; accepted: 1 to \d+, as track show counts them"):
         load_map(f"{path}[loop={'9' * 30}]")
+
+
+@pytest.mark.parametrize(("options", "free"), [((), ring()), (("--negate",), ~ring())])
+def test_a_picture_becomes_a_map(tmp_path, capsys, options, free):
+    path = draw_map(tmp_path, free)
+    path.unlink()
+    arguments = ("track", "from-image", str(tmp_path / "drawn.png"), "--resolution", "0.05", *options)
+    assert main(arguments) == 0
+    assert f"{path}: " in capsys.readouterr().out
+    assert load_map(str(path)).length == pytest.approx((2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
+    assert main(arguments) == 2 and "drawn.yaml" in capsys.readouterr().err  # it is there

@@ -12,6 +12,7 @@ from ..course.centreline_csv import write_centreline
 from ..course.course import describe_course
 from ..course.formats import TIGHT, track_names
 from ..course.maps.export import RESOLUTION, SUFFIXES, export_tracks, exported_files, require_track
+from ..course.maps.map_server import image_yaml
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
 from ..course.writing import write_file
@@ -40,6 +41,14 @@ def add_track(add: Callable[..., argparse.ArgumentParser], commands: Any) -> Non
         "track", metavar="TRACK", help="NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml"
     )
     command.add_argument("--out", metavar="FILE.png", type=Path, help="default: NAME.png here")
+
+    command = add(
+        tracks, "from-image", _from_image, "write the YAML that makes a picture a map: light is free, dark is wall"
+    )
+    command.add_argument("image", metavar="IMAGE", type=Path, help="PNG, PGM, ...: seen from above, x to the right")
+    command.add_argument("--resolution", type=number, required=True, metavar="M", help="metres of a pixel, as 0.05")
+    command.add_argument("--negate", action="store_true", help="dark is free, light is wall")
+    command.add_argument("--force", action="store_true", help="replace the YAML if it exists")
 
     add(tracks, "list", _list, "list the bundled tracks")
     add(tracks, "scenes", _scenes, "list the scenes")
@@ -83,6 +92,18 @@ def _show(options: argparse.Namespace) -> int:
                 print(
                     f"another loop: {loop.length:.1f} m round ({x:.2f}, {y:.2f}), with the setting loop={loop.number}"
                 )
+    return _DONE
+
+
+def _from_image(options: argparse.Namespace) -> int:
+    path = options.image.with_suffix(".yaml")
+    require_new(path, force=options.force)
+    text = image_yaml(options.image, options.resolution, negate=options.negate)
+    try:
+        write_file(path, text.encode())
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written: {error.strerror or error}") from error
+    print(f"{path}: look at the course with fg-mujoco track show {path}")
     return _DONE
 
 

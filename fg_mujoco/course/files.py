@@ -29,6 +29,28 @@ LONGEST_NAME = 8192
 """Of a track or a controller with its settings [characters]: a path has 4096 at most."""
 
 
+PICTURES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp")
+"""Suffixes of pictures."""
+
+_FOREIGN = {
+    (".json", ".geojson"): "JSON, as other stacks write waypoints and parameters",
+    (".npy", ".npz"): "an array of NumPy",
+    (".stl", ".obj", ".dae", ".ply", ".glb", ".gltf"): "a mesh, which has no line and no masses",
+    (".urdf", ".xacro"): "a URDF, of ROS",
+    (".sdf", ".world"): "a model or a world of Gazebo",
+    (".pcd", ".las"): "a cloud of points",
+    (".bag", ".db3", ".mcap"): "a bag of ROS",
+    (".pbstream", ".posegraph", ".data"): "the state of a SLAM, which saves a map as YAML and image",
+    PICTURES: "a picture",
+}
+
+
+def foreign_kind(path: str | Path) -> str | None:
+    """Return what a file is by its suffix, in words, where it is neither a course's nor a vehicle's."""
+    suffix = Path(path).suffix.lower()
+    return next((kind for suffixes, kind in _FOREIGN.items() if suffix in suffixes), None)
+
+
 def require_regular(path: str | Path) -> None:
     """Make sure that a file is one to be read to its end.
 

@@ -14,8 +14,9 @@ from ..messages import CarParameters
 from ..registry import Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
-from .files import LONGEST_NAME, is_file
+from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .generator import generate_track
+from .line_csv import COLUMNS
 from .maps.map_track import is_map, load_map
 from .scenes.catalogue import PREFIX, load_scene, scene_names
 from .tight import generate_tight_track
@@ -64,12 +65,25 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         if each.accepts(name):
             return each.load(name, car)
     if is_file(name):
+        if (kind := foreign_kind(name)) is not None:
+            raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
         return load_centreline(name)
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest = name.partition(":")[2]
     besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]
     others = f", {', '.join(texts)} or {last}"
     raise TrackError(f"unknown track {name!r}; {accepted_names(name, track_names(), others, besides=besides)}")
+
+
+def _instead(path: Path) -> str:
+    """Return what is accepted in the place of a file that is no course, and how it is made."""
+    if path.suffix.lower() not in PICTURES:
+        columns = ", ".join(COLUMNS)
+        return f"a .csv of {columns}, or a map .yaml, as the page 'A map or track of your own' (howto/own_map) says"
+    beside = next((each for each in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if is_file(each)), None)
+    if beside is not None:
+        return f"the map that it belongs to, {beside}"
+    return f"a map .yaml: fg-mujoco track from-image {path} --resolution METRES writes one, of so many metres a pixel"
 
 
 def _formats() -> Iterator[CourseFormat]:

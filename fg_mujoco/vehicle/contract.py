@@ -20,7 +20,7 @@ import numpy as np
 from ..course.files import is_file
 from ..course.mjcf import checked_mjcf, inside, short_text
 from ..errors import FgMujocoError, ModelError, SettingsError, nearest
-from ..lidar.beams import DEFAULT_LIDAR, LidarModel
+from ..lidar.beams import DEFAULT_LIDAR, Beams, LidarModel
 from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
@@ -80,6 +80,12 @@ def _parts() -> Iterator[Part]:
         yield Part("sensor", f"{wheel}_wheel_angular_velocity", "of the wheel's body [rad/s]")
 
 
+OWN_CAR = "an MJCF file with the names that the page 'A car of your own' (howto/own_car) lists"
+"""What is accepted as a vehicle, for messages."""
+
+_HEAD = 2000  # characters, within which an XML says what it is
+_FEW = 4  # faults that a message tells each with what is accepted
+
 PARTS = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
 
@@ -90,10 +96,14 @@ def parsed(text: str, where: str) -> Any:
     Raises:
       ModelError: no XML, no MJCF, a name that is there twice, or what `checked_mjcf` refuses.
     """
+    if re.search(r"<(robot|sdf)\b", text[:_HEAD]):
+        raise ModelError(f"{where}: is a URDF or SDF, of ROS or Gazebo; accepted: {OWN_CAR}")
     try:
         document = checked_mjcf(text)
     except ValueError as error:
-        raise ModelError(f"{where}: {error}") from error
+        known = sum(f'"{part.name}"' in text for part in PARTS)
+        other = f"; {_something_else(known)}" if "<mujoco" in text and known <= len(PARTS) // 2 else ""
+        raise ModelError(f"{where}: {error}{other}") from error
     try:
         return mujoco.MjSpec.from_string(document.text)
     except ValueError as error:
@@ -125,21 +135,33 @@ def _reason(error: Exception) -> str:
 
 
 def check_names(spec: Any, where: str) -> None:
-    """Refuse a spec without one of PARTS, or with one of another type.
+    """Refuse a spec without some of PARTS, or with some of another type.
 
     Raises:
-      ModelError: naming it.
+      ModelError: naming all of them.
     """
+    faults: list[tuple[str, str]] = []
     for part in PARTS:
         element = getattr(spec, part.kind)(part.name)
         if element is None:
             names = [other.name for other in getattr(spec, _PLURALS.get(part.kind, f"{part.kind}s")) if other.name]
             near = nearest(part.name, names, cutoff=0.8)
             meant = f" (did you mean {near!r}?)" if near is not None and not _is_part(part.kind, near) else ""
-            raise ModelError(f"{where} has no {part.kind} named {part.name!r}{meant}; accepted: {part.what}")
-        if part.type is not None and element.type != part.type:
+            faults.append((f"has no {part.kind} named {part.name!r}{meant}", part.what))
+        elif part.type is not None and element.type != part.type:
             is_, should = (_type_name(kind) for kind in (element.type, part.type))
-            raise ModelError(f"{where}: {part.kind} {part.name!r} is a {is_}; accepted: a {should}, {part.what}")
+            faults.append((f"{part.kind} {part.name!r} is a {is_}", f"a {should}, {part.what}"))
+    if len(faults) > len(PARTS) // 2:
+        raise ModelError(f"{where}: {_something_else(len(PARTS) - len(faults))}")
+    if faults:
+        told = ", ".join(fault for fault, _ in faults)
+        accepted = "; ".join(what for _, what in faults) if len(faults) <= _FEW else OWN_CAR
+        raise ModelError(f"{where}: {told}; accepted: {accepted}")
+
+
+def _something_else(known: int) -> str:
+    """Say of an MJCF with few of the names of PARTS what it is."""
+    return f"is the MJCF of something else: it has {known} of the {len(PARTS)} names of a vehicle; accepted: {OWN_CAR}"
 
 
 _PLURALS = {"body": "bodies"}
@@ -209,70 +231,82 @@ def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: 
     raise ModelError(f"{where}: text {text!r} names {named}; accepted: a file in its folder, or a bundled one")
 
 
-def check_model(model: Any, where: str) -> None:
+def check_model(model: Any, beams: Beams, where: str) -> None:
     """Refuse a compiled vehicle that could not be driven: its wheels, its servos, its constants, how it stands.
 
     Front wheels that are not steered as Ackermann's are warned of.
 
+    Args:
+      model: the vehicle alone on its ground.
+      beams: of its LiDAR.
+      where: for messages.
+
     Raises:
-      ModelError: saying which, and what is accepted.
+      ModelError: saying all that is wrong, and what is accepted.
     """
     if model.nv > _MOST_DOFS:
         raise ModelError(f"{where}: {model.nv} degrees of freedom; accepted: {_MOST_DOFS} at most")
     try:
-        _check_drive(model, where)
+        faults = list(_drive_faults(model, beams))
+        if not faults:
+            _check_stance(model, where)
+            _check_steering(model, car_parameters(model), where)
     except mujoco.FatalError as error:  # as of too little memory
         raise ModelError(f"{where}: {' '.join(str(error).split())}; accepted: a car that MuJoCo simulates") from error
+    if faults:
+        raise ModelError(f"{where}: {'; and '.join(faults)}")
 
 
-def _check_drive(model: Any, where: str) -> None:
-    """Refuse a compiled vehicle of a bounded size that could not be driven."""
+def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
+    """Yield what is wrong with a compiled vehicle of a bounded size, as it is drawn."""
     if not (np.isfinite(model.body_mass).all() and np.isfinite(model.body_inertia).all()):
-        raise ModelError(f"{where}: a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]")
-    _check_places(model, where)
-    try:
-        parameters = car_parameters(model)
-        _ = Car(model), TireSlipMeter(model), command_response(model)
-    except FgMujocoError as error:
-        raise ModelError(f"{where}: {error}") from error
+        yield "a mass or inertia is not finite; accepted: numbers above 0 [kg, kg m^2]"
+        return
+    yield from _place_faults(model)
     names = [model.actuator(index).name for index in range(model.nu)]
     if names != ["steering", "speed"]:
-        raise ModelError(f"{where}: its actuators are {', '.join(names)}; accepted: steering, speed, in this order")
-    _check_stance(model, parameters.wheel_radius, where)
-    _check_steering(model, parameters, where)
+        yield f"its actuators are {', '.join(names)}; accepted: steering, speed, in this order"
+    wheel_radius = math.nan
+    try:
+        wheel_radius = car_parameters(model).wheel_radius
+        _ = Car(model), TireSlipMeter(model), command_response(model)
+    except FgMujocoError as error:
+        yield str(error)
+    yield from _standing_faults(model, wheel_radius)
+    yield from _beam_faults(model, beams)
 
 
-def _check_places(model: Any, where: str) -> None:
-    """Refuse wheels on the wrong sides, and what should be fixed to the chassis and is not."""
+def _place_faults(model: Any) -> Iterator[str]:
+    """Yield wheels on the wrong sides, and what should be fixed to the chassis and is not."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, "base_link")
     if (height := float(data.geom("ground").xpos[2])) != 0.0:
-        raise ModelError(f"{where}: geom 'ground' is at z = {height:.4g} m; accepted: at 0")
+        yield f"geom 'ground' is at z = {height:.4g} m; accepted: at 0"
     owners = ((model.site("lidar_mount"), "site 'lidar_mount'"), (model.geom("chassis"), "geom 'chassis'"))
     for owner, name in (*owners, (model.geom(HULL), f"geom {HULL!r}")):
         if owner.bodyid[0] != base:
             body = model.body(int(owner.bodyid[0])).name
-            raise ModelError(f"{where}: {name} is on body {body!r}; accepted: on 'base_link'")
+            yield f"{name} is on body {body!r}; accepted: on 'base_link'"
     wheels = [element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{wheel}_wheel") for wheel in WHEELS]
     places = (data.xpos[wheels] - data.xpos[base]) @ data.xmat[base].reshape(3, 3)
     ahead, left = dict(zip(WHEELS, places[:, 0], strict=True)), dict(zip(WHEELS, places[:, 1], strict=True))
     for axle in ("front", "rear"):
         if not left[f"{axle}_left"] > left[f"{axle}_right"]:
-            raise ModelError(
-                f"{where}: {axle}_left_wheel is at y = {left[f'{axle}_left']:.4g} m and {axle}_right_wheel at "
+            yield (
+                f"{axle}_left_wheel is at y = {left[f'{axle}_left']:.4g} m and {axle}_right_wheel at "
                 f"{left[f'{axle}_right']:.4g} m; accepted: y grows to the left"
             )
     for side in ("left", "right"):
         if not ahead[f"front_{side}"] > ahead[f"rear_{side}"]:
-            raise ModelError(
-                f"{where}: front_{side}_wheel is at x = {ahead[f'front_{side}']:.4g} m and rear_{side}_wheel at "
+            yield (
+                f"front_{side}_wheel is at x = {ahead[f'front_{side}']:.4g} m and rear_{side}_wheel at "
                 f"{ahead[f'rear_{side}']:.4g} m; accepted: x grows forward"
             )
 
 
-def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
-    """Refuse a car that does not stand on four tires, as it is drawn and after it has settled."""
+def _standing_faults(model: Any, wheel_radius: float) -> Iterator[str]:
+    """Yield how a car, as it is drawn, does not stand on its four tires; a radius of NaN [m] is not known."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     ground = model.geom("ground").id
@@ -280,22 +314,49 @@ def _check_stance(model: Any, wheel_radius: float, where: str) -> None:
         gap = mujoco.mj_geomDistance(model, data, model.geom(f"{wheel}_tire").id, ground, 1.0, None)
         if not -_DEPTH <= gap <= _GAP:
             place = f"{1e3 * abs(gap):.3g} mm {'over' if gap > 0.0 else 'in'} the ground"
-            raise ModelError(
-                f"{where}: {wheel}_tire is {place} at rest; accepted: at most {1e3 * _GAP:g} mm over it or "
-                f"{1e3 * _DEPTH:g} mm in it"
+            yield (
+                f"{wheel}_tire is {place} at rest; accepted: at most {1e3 * _GAP:g} mm over it or {1e3 * _DEPTH:g} mm "
+                "in it"
             )
         height = float(data.body(f"{wheel}_wheel").xpos[2] - data.geom("ground").xpos[2])
-        if not abs(wheel_radius / height - 1.0) <= _RADIUS_TOLERANCE:
-            raise ModelError(
-                f"{where}: tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel "
-                f"is {height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
+        if abs(wheel_radius / height - 1.0) > _RADIUS_TOLERANCE:
+            yield (
+                f"tendon 'drive' makes wheels roll on {wheel_radius:.4g} m, and the middle of {wheel}_wheel is "
+                f"{height:.4g} m over the ground; accepted: coefficients of a quarter of the radius"
             )
-    hull = model.geom(HULL).id
-    if (clear := mujoco.mj_geomDistance(model, data, hull, ground, 1.0, None)) <= 0.0:
-        raise ModelError(
-            f"{where}: geom 'chassis' is {1e3 * -clear:.3g} mm in the ground at rest; accepted: above the ground, or "
-            f"with a geom {HULL!r} on 'base_link' that is, for the ground to stop"
+    clear = mujoco.mj_geomDistance(model, data, model.geom(HULL).id, ground, 1.0, None)
+    if clear <= 0.0:
+        yield (
+            f"geom 'chassis' is {1e3 * -clear:.3g} mm in the ground at rest; accepted: above the ground, or with a "
+            f"geom {HULL!r} on 'base_link' that is, for the ground to stop"
         )
+
+
+def _beam_faults(model: Any, beams: Beams) -> Iterator[str]:
+    """Yield the parts of a car that its LiDAR's beams meet: `rangefinder` would see them, and `raycast` would not."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    mount = data.site("lidar_mount")
+    turn, count = mount.xmat.reshape(3, 3), len(beams.directions)
+    base = element_id(model, mujoco.mjtObj.mjOBJ_BODY, "base_link")
+    met: dict[int, list[float]] = {}
+    geom = np.zeros(1, np.int32)
+    for origin, direction in zip(beams.origins @ turn.T + mount.xpos, beams.directions @ turn.T, strict=True):
+        distance = mujoco.mj_ray(model, data, origin, direction, None, 1, -1, geom)
+        if 0.0 <= distance < beams.range_max and model.body_rootid[model.geom_bodyid[geom[0]]] == base:
+            met.setdefault(int(geom[0]), []).append(distance)
+    for part, distances in met.items():
+        name = repr(model.geom(part).name) if model.geom(part).name else f"number {part}"
+        yield (
+            f"geom {name} is in the way of {len(distances)} of the {count} beams of the LiDAR, {min(distances):.3f} "
+            "m from it; accepted: below the beams, or transparent (rgba that ends in 0)"
+        )
+
+
+def _check_stance(model: Any, where: str) -> None:
+    """Refuse a car that does not come to rest on four tires as it is drawn."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     drawn = _chassis_places(data)
     for _ in range(math.ceil(_SETTLING / model.opt.timestep)):
         if data.ncon > _MOST_CONTACTS:

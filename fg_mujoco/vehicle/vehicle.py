@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ..arguments import explain_class
-from ..course.files import read_setting
+from ..course.files import foreign_kind, is_file, read_setting
 from ..course.mjcf import MOST_MJCF
-from ..errors import SettingsError
+from ..errors import ModelError, SettingsError
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
 from ..registry import Registry
@@ -30,7 +30,7 @@ from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
 from .command_response import CommandResponse, command_response
-from .contract import check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
+from .contract import OWN_CAR, check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
 from .tire_forces import put_on
 from .tires import DEFAULT_TIRES, Tires
 
@@ -94,9 +94,11 @@ class Vehicle:
             return source
         if not isinstance(source, (str, Path)):
             raise SettingsError(f"vehicle is {source!r}; accepted: a bundled name, the path of a file, or a Vehicle")
-        if isinstance(source, str) and not source.endswith(".xml") and "/" not in source:
+        if isinstance(source, str) and not source.endswith(".xml") and "/" not in source and not is_file(source):
             return _bundled(source)
         path = Path(source).expanduser()
+        if is_file(path) and (kind := foreign_kind(path)) is not None:
+            raise ModelError(f"vehicle file {source}: is {kind}; accepted: {OWN_CAR}")
         text = read_setting(path, f"vehicle file {source}", "an MJCF file", MOST_MJCF)
         return _checked(path.stem, str(path), text, path.parent.absolute())
 
@@ -221,5 +223,5 @@ def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
         name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
         tires=find_tires(spec, folder, where),
     )  # fmt: skip
-    check_model(compiled(add_hull(spec), where), where)
+    check_model(compiled(add_hull(spec), where), vehicle.lidar.beams, where)
     return vehicle

@@ -142,7 +142,7 @@ def test_a_vehicle_may_have_a_hull_of_its_own(tmp_path):
     def edit(spec):
         spec.body("base_link").add_geom(
             name=HULL, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(0.0, 0.0, 0.05, 0.3, 0.0, 0.05), size=(0.05, 0, 0),
-            mass=0.0, contype=0, conaffinity=0,
+            mass=0.0, contype=0, conaffinity=0, rgba=(0.0, 0.0, 0.0, 0.0),
         )  # fmt: skip
 
     model = own_vehicle(tmp_path, edit).compile()

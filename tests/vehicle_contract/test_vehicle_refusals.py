@@ -3,6 +3,7 @@
 import re
 import warnings
 
+import mujoco
 import pytest
 from vehicle_worlds import F1TENTH, made_file
 
@@ -29,6 +30,64 @@ def refusal(folder, text, kind=fg.ModelError):
     line = str(refused.value)
     assert "\n" not in line and str(path) in line and "accepted: " in line
     return line
+
+
+def test_all_faults_are_told_at_once(tmp_path):
+    missing = edited(('name="chassis_contact"', 'name="touch"'), ('<site name="lidar_mount"', '<site name="mount"'))
+    line = refusal(tmp_path, missing)
+    assert "no site named 'lidar_mount'" in line and "no sensor named 'chassis_contact'" in line
+    spec = fg.Vehicle.load().spec()
+    spec.geom("ground").pos[2] = -0.01
+    spec.geom("nose").pos[2] = spec.site("lidar_mount").pos[2]
+    line = refusal(tmp_path, spec.to_xml())
+    for fault in (
+        "'ground' is at z = -0.01",
+        "front_left_tire is",
+        "rear_right_tire is",
+        "geom 'nose' is in the way",
+    ):
+        assert fault in line
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("mine.urdf", "<robot/>", "is a URDF, of ROS; accepted: an MJCF file"),
+        ("mine.xml", '<?xml version="1.0"?>\n<robot name="small"/>', "is a URDF or SDF"),
+        ("mine.stl", "solid", "is a mesh"),
+        ("mine.json", "{}", "is JSON"),
+        ("mine.xml", "<mujoco><include file='car.xml'/></mujoco>", "<include> is not .*is the MJCF of something else"),
+        ("mine.xml", "<mujoco><worldbody><geom name='ground' type='plane' size='1 1 1'/></worldbody></mujoco>",
+         r"is the MJCF of something else: it has 1 of the \d\d names of a vehicle; accepted: .*own_car"),
+    ],
+)  # fmt: skip
+def test_a_file_of_another_kind_is_named_as_what_it_is(tmp_path, monkeypatch, name, text, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text(text)
+    for path in (name, str(tmp_path / name)):
+        with pytest.raises(fg.ModelError, match=said):
+            fg.Vehicle.load(path)
+
+
+@pytest.mark.parametrize(("rise", "alpha", "is_met"), [(0.0, 1.0, True), (0.0, 0.0, False), (-0.04, 1.0, False)])
+def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_met):
+    """`rangefinder` sees it, and `raycast` does not."""
+    spec = fg.Vehicle.load().spec()
+    mount = spec.site("lidar_mount").pos
+    base = spec.body("base_link")
+    base.add_geom(
+        name="mast", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=(0.004, 0.02, 0.0), mass=0.0, contype=0, conaffinity=0,
+        pos=(mount[0] + 0.1, mount[1], mount[2] + rise), rgba=(0.1, 0.1, 0.1, alpha),
+    )  # fmt: skip
+    path = tmp_path / "mine.xml"
+    path.write_text(spec.to_xml())
+    if is_met:
+        with pytest.raises(
+            fg.ModelError, match=r"geom 'mast' is in the way of \d+ of the 1081 beams .*, 0\.096 m from"
+        ):
+            fg.Vehicle.load(path)
+    else:
+        fg.Vehicle.load(path)
 
 
 KINDS = {"numeric": "numeric", "tendon": "fixed", "pair": "pair"}

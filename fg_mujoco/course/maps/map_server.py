@@ -116,7 +116,8 @@ class OccupancyMap:
 
     def without_grey(self) -> tuple[OccupancyMap, dict[str, str]]:
         """Return the map in which grey ground is unknown, and the setting of its name that does this."""
-        return replace(self, free=self.free & ~self.grey), {"free_thresh": f"{_UNKNOWN_THRESH:g}"}
+        free = self.free if self.grey is None else self.free & ~self.grey
+        return replace(self, free=free), {"free_thresh": f"{_UNKNOWN_THRESH:g}"}
 
     def named(self, **settings: str) -> str:
         """Return the name of the map with the settings that it was read with, and other ones."""
@@ -208,6 +209,29 @@ def read_map_file(
         start=start,
         heading=heading,
     )
+
+
+def image_yaml(image: Path, resolution: float, *, negate: bool = False) -> str:
+    """Return the text of the YAML that makes an image a map, with its lower left corner at the origin.
+
+    Args:
+      image: in the folder of the YAML.
+      resolution: side of a pixel [m].
+      negate: whether dark pixels are free, and not light ones.
+
+    Raises:
+      MissingExtraError: the extra `maps` is not installed.
+      TrackError: a resolution that no map has, or a file that is no image.
+    """
+    require_maps_extra()
+    import yaml
+
+    low, high = _RESOLUTIONS
+    if not low <= resolution <= high:
+        raise TrackError(f"resolution is {resolution!r}; accepted: metres of a pixel, from {low} to {high:.0f}")
+    _read_image(image)
+    keys = dict(zip(_REQUIRED, (image.name, resolution, [0.0, 0.0, 0.0], int(negate), 0.65, 0.196), strict=True))
+    return str(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True))
 
 
 def _shares(levels: NDArray[Any], free: BoolArray, occupied: BoolArray, transparent: BoolArray) -> str:
