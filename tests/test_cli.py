@@ -224,7 +224,7 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
     [
         ((), "race,replay,drive,track,controllers"),
         (("fly",), "race"),
-        (("track",), "new,show,list"),
+        (("track",), "new,show,from-image,list"),
         (("race", "--lap", "3"), "--lap"),
         (("replay",), "DIR"),
         (("replay", "nowhere"), "summary.json"),
