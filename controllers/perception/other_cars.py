@@ -6,7 +6,8 @@ runs out of walls, too, where neighbouring beams end about `_EDGE` apart: at a d
 a car ahead does. So the noise of the beams is estimated in each scan, and a run counts only if neither neighbour lies
 on the straight line through it, within that noise. Runs are followed from scan to scan in a frame that stands still,
 by dead reckoning: position and velocity by an alpha-beta filter. One that has moved by `_MOVED` at `_LEAST_SPEED` or
-faster is a car, and stays one when it stops, as long as it is followed. All else stands, as walls do.
+faster, beyond what noise makes of it, is a car, and stays one when it stops, as long as it is followed. All else
+stands, as walls do.
 
 Source: P. Kalata, The Tracking Index: A Generalized Parameter for alpha-beta and alpha-beta-gamma Target Trackers, IEEE
 Transactions on Aerospace and Electronic Systems, 1984, for the filter; its gains at first are those of a least-squares
@@ -61,7 +62,8 @@ _REACHED = 0.4  # [m] from the middle of a car: a beam that ends there ends on i
 _FOUND = 16  # runs of a scan that are kept
 _NEAREST = 0.02  # [m] that a beam counts as long
 _LEAST_NOISE = 0.005  # [m] standard deviation of a range
-_CUT, _CERTAIN, _SURELY = 4.0, 5.0, 6.0  # standard deviations: of a run's end, of an edge there, of motion
+_CUT, _CERTAIN = 4.0, 5.0  # standard deviations: of a run's end, and of an edge there
+_FASTER, _FARTHER = 3.0, 6.0  # the same: of the speed and of the way of what moves
 
 CAR_SEEN = np.dtype(
     [
@@ -114,8 +116,8 @@ def watch_cars(memory: Record, scan: Record, ranges: FloatArray, odometry: Recor
     if not _move(memory, odometry, period, lidar_offset):
         return False
     found = np.empty((_FOUND, 2))
-    noise = max(noise_of(ranges, scan.range_max), _LEAST_NOISE)
-    count = find_boxes(scan, ranges, noise, found)
+    noise = noise_of(ranges, scan.range_max)
+    count = find_boxes(scan, ranges, max(noise, _LEAST_NOISE), found)
     cos, sin = math.cos(memory.heading), math.sin(memory.heading)
     for k in range(count):
         ahead, left = found[k]
@@ -339,7 +341,9 @@ def _follow(
             car.turn_rate += _TURNING * (saturate(turn / period, _FASTEST_TURN) - car.turn_rate)
         car.heading = heading
         way = math.hypot(car.x - car.first_x, car.y - car.first_y)
-        car.moves = car.moves or (sightings >= _LEAST_AGE and way > max(_MOVED, _SURELY * noise))
+        of_speed = noise / period * beta * math.sqrt(2.0 / (alpha * (4.0 - 2.0 * alpha - beta)))  # noise of it
+        surely = speed > _LEAST_SPEED + _FASTER * of_speed and way > max(_MOVED, _FARTHER * noise)
+        car.moves = car.moves or (sightings >= _LEAST_AGE and surely)
     if car.moves:
         for k in range(count):
             if math.hypot(found[k, 0] - car.x, found[k, 1] - car.y) < _PART:
