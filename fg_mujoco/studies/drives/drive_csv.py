@@ -13,7 +13,7 @@ import numpy as np
 from ...course.files import file_sha256, read_bytes
 from ...errors import SettingsError, accepted_names
 from ...messages import FloatArray, shown
-from .channels import LONGEST_PAUSE, MOST, Beams, Channel
+from .channels import LONGEST_PAUSE, MOST, PAUSE, Beams, Channel
 from .drive_checks import DriveChecks, check_drive
 from .drive_columns import LAYOUTS, MEASURED, QUANTITIES, REQUIRED, UNITS, Column, DriveColumns, recognised
 from .drive_recording import RecordedDrive
@@ -231,7 +231,10 @@ def _check_clock(path: Path, time: FloatArray, column: Column, numbers: list[int
 
 
 def _check_jumps(path: Path, raw: dict[str, FloatArray], column: Column, numbers: list[int]) -> None:
-    """Refuse a clock that goes forth by more than a pause, or while the poses of a car that moves go on as before."""
+    """Refuse a clock that goes forth by more than a pause, or by less, while the poses of a car go on as before.
+
+    A drive is cut at a pause, so that it does not matter whether the clock was set there.
+    """
     rows = np.flatnonzero(np.isfinite(raw["time"]))
     time, speed = raw["time"][rows], raw["speed"][rows]
     steps = np.diff(time)
@@ -244,12 +247,12 @@ def _check_jumps(path: Path, raw: dict[str, FloatArray], column: Column, numbers
         dx, dy = x[late + 1] - x[late], y[late + 1] - y[late]
         off = np.hypot(dx - ahead * np.cos(yaw[late]), dy - ahead * np.sin(yaw[late]))
         moves = np.minimum(speed[late], speed[late + 1]) > _MOVES
-        jumps |= moves & (off < _PLACE + _SHARE * ahead)
+        jumps |= (steps[late] <= PAUSE) & moves & (off < _PLACE + _SHARE * ahead)
     if jumps.any():
         row = late[np.flatnonzero(jumps)[0]]
         raise SettingsError(
             f"{path}, line {numbers[rows[row + 1]]}: {column.column}: the clock jumps by {steps[row]:.4g} s at "
-            f"{time[row + 1]:.12g} s; accepted: pauses of up to {LONGEST_PAUSE:g} s, in which the car does not drive on"
+            f"{time[row + 1]:.12g} s; accepted: pauses of up to {LONGEST_PAUSE:g} s, and the time of the poses"
         )
 
 
