@@ -39,11 +39,12 @@ from .friction_limiter import LIMITER, FrictionLimiter, FrictionLimiterSettings,
 
 _TURNING = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.7, 0.8])  # shares of the cornering grip to turn aside with
 _PRESENT = np.array([-0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])  # shares in use when the scan is taken
-_SPEEDS = 48
+_SPEEDS, _MOST_SPEEDS = 48, 128
+_SPEED_STEP = 0.16  # [m/s] greatest between two speeds, as long as there are no more than the most
 _POINTS = 24
 _STEP = 0.01  # [s] of the integration
 _LONGEST_STOP = 2000  # steps
-_GRID = (len(_PRESENT), _SPEEDS, len(_TURNING), _POINTS)
+_GRID = (len(_PRESENT), _MOST_SPEEDS, len(_TURNING), _POINTS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,13 +71,14 @@ TRAJECTORIES = np.dtype(
         ("limiter", LIMITER),  # that they were planned with
         ("lateral", np.float64),  # [m/s^2] that may be used in cornering
         ("wheelbase", np.float64),  # [m]
-        ("speeds", np.float64, (_SPEEDS,)),  # [m/s] slowest first
+        ("count", np.int64),  # of the speeds that are looked at
+        ("speeds", np.float64, (_MOST_SPEEDS,)),  # [m/s] slowest first, and behind the last of them 0
         # of the disc's centre along the trajectories that turn left, as the LiDAR sees it from where the car is now
         ("bearings", np.float32, _GRID),  # [rad]
         ("distances", np.float32, _GRID),  # [m]
     ]
 )
-"""Type of the table of all braking trajectories of a car: half a megabyte."""
+"""Type of the table of all braking trajectories of a car: one megabyte and a half."""
 
 
 class BrakingTrajectories:
@@ -100,7 +102,7 @@ class BrakingTrajectories:
         self.settings = for_car(settings or BrakingSettings(), car)
         self.record = _table(car, limiter.mu, limiter.settings, max_speed, self.settings)
         self.radius = float(self.record["radius"][0])
-        self.speeds: FloatArray = self.record["speeds"][0]
+        self.speeds: FloatArray = self.record["speeds"][0, : int(self.record["count"][0])]
 
     def safe_speed(
         self, widened: FloatArray, angle_min: float, angle_increment: float, speed: float, steering_angle: float
@@ -132,7 +134,7 @@ def safe_speed(
     if len(widened) == 0:
         return 0.0
     to_left, to_right = _nearest(_PRESENT, share), _nearest(_PRESENT, -share)
-    for fast in range(_SPEEDS - 1, -1, -1):
+    for fast in range(trajectories.count - 1, -1, -1):
         for side in (1, -1):
             present = to_left if side == 1 else to_right
             for turning in range(len(_TURNING)):
@@ -199,9 +201,12 @@ def _table(
     # a disc over the car's front corners, its centre a quarter of the width behind the bumper
     table["radius"] = math.hypot(0.5 * car.width, 0.25 * car.width) + settings.clearance
     table["limiter"], table["lateral"], table["wheelbase"] = limiter.record, limiter.lateral, car.wheelbase
-    table["speeds"] = np.linspace(settings.least_speed, max(max_speed, settings.least_speed), _SPEEDS)
+    top = max(min(max_speed, car.max_speed), settings.least_speed)
+    steps = math.ceil((top - settings.least_speed) / _SPEED_STEP)
+    table["count"] = count = min(max(steps + 1, _SPEEDS), _MOST_SPEEDS)
+    table["speeds"][0, :count] = np.linspace(settings.least_speed, top, count)
     row = np.array([record_values(settings)], record_type(BrakingSettings))
-    table["bearings"], table["distances"] = _all_trajectories(limiter.record[0], row[0], table["speeds"][0])
+    table["bearings"], table["distances"] = _all_trajectories(limiter.record[0], row[0], table["speeds"][0, :count])
     table.flags.writeable = False
     return table
 
@@ -209,10 +214,10 @@ def _table(
 @kernel
 def _all_trajectories(limiter: Record, settings: Record, speeds: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return bearings [rad] and distances [m] of the points of all braking trajectories that turn left. Shape _GRID."""
-    bearings, distances = np.empty(_GRID), np.empty(_GRID)
+    bearings, distances = np.zeros(_GRID), np.zeros(_GRID)
     trace = np.empty((_LONGEST_STOP + 1, 4))
     for present in range(len(_PRESENT)):
-        for fast in range(_SPEEDS):
+        for fast in range(len(speeds)):
             for turning in range(len(_TURNING)):
                 steps = _stop(limiter, settings, speeds[fast], _PRESENT[present], _TURNING[turning], trace)
                 place = (present, fast, turning)
