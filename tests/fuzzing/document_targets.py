@@ -6,7 +6,6 @@ A document that is right is changed at one of its leaves or branches, or in its 
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from fg_mujoco.simulation.settings import known_settings
 
 from .folder_targets import any_json
 from .mutations import mutated, one_of
+from .other_targets import drives
 from .target import SHORT, Attempt, Target, command, ignore_refusal
 
 # -- policies
@@ -73,12 +73,11 @@ _SUITE: dict[str, Any] = {
     ],
 }  # fmt: skip
 _COLUMNS: dict[str, Any] = {
-    "time": {"column": "time_s", "unit": "s", "scale": "measured"}, "speed": {"column": "speed_m_s", "scale": 1.01},
-    "yaw_rate": {"column": "yaw_rate_rad_s", "unit": "rad/s", "delay": 0.02}, "steering": "steering_rad",
-    "steering_is": "command", "x": "x_m", "y": "y_m", "yaw": {"column": "yaw_rad", "unit": "rad"}, "pose_ahead": 0.0,
-    "beams": {"columns": "beam_{}_m", "count": 1080, "field_of_view": 270.0, "nothing": 65.5},
+    "time": {"column": "t", "unit": "s", "scale": "measured"}, "speed": {"column": "v", "scale": 1.01},
+    "yaw_rate": {"column": "r", "unit": "rad/s", "delay": 0.02}, "steering": "d", "steering_is": "command",
+    "x": "x", "y": "y", "yaw": {"column": "yaw", "unit": "rad"}, "pose_ahead": 0.0,
+    "beams": {"columns": "beam_{}", "count": 1081, "field_of_view": 270.0, "nothing": 65.5},
 }  # fmt: skip
-_IDENTIFY = ("identify", "drive.csv", "--out", "car", "--budget", "1")
 
 
 def _toml(document: dict[str, Any], use: Callable[[Path, Path], Attempt]) -> Callable[[Path, Path, Generator], Attempt]:
@@ -99,23 +98,7 @@ def _read_training() -> TrainingSettings:
     return TrainingSettings(**known_settings(read_toml("document.toml").values, TrainingSettings, "a training"))
 
 
-def _drive(samples: Path) -> None:
-    """Write 6 s of a drive in a circle, as a model without slip has it."""
-    rate, header = 2.0 * math.tan(0.1) / 0.33, "time_s,speed_m_s,yaw_rate_rad_s,steering_rad,x_m,y_m,yaw_rad"
-    rows = [f"{header},beam_0_m,beam_500_m,beam_1000_m"]
-    for yaw in (rate * 0.025 * i for i in range(240)):
-        x, y = 2.0 / rate * math.sin(yaw), 2.0 / rate * (1.0 - math.cos(yaw))
-        rows.append(f"{yaw / rate:.3f},2,{rate:.6f},0.1,{x:.6f},{y:.6f},{yaw:.6f},3,3,3")
-    (samples / "drive.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-
-
-def _recorded_drive(samples: Path, here: Path, rng: Generator) -> Attempt:
-    (here / "drive.csv").write_bytes(mutated((samples / "drive.csv").read_bytes(), rng))
-    return command(*one_of(rng, (("validate", "drive.csv"), ("validate", "drive.csv"), _IDENTIFY)))
-
-
 TARGETS = {
-    "recorded_drive": Target(attempt=_recorded_drive, prepare=_drive),
     "policy": Target(attempt=_policy, prepare=_policies),
     "training": Target(
         attempt=_toml(_TRAINING, lambda samples, here: ignore_refusal(_read_training)),
@@ -133,6 +116,6 @@ TARGETS = {
             _COLUMNS,
             lambda samples, here: command("validate", samples / "drive.csv", "--columns", "document.toml"),
         ),
-        prepare=_drive,
+        prepare=drives,
     ),
 }

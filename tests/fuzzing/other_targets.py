@@ -258,7 +258,7 @@ def _messages(samples: Path, here: Path, rng: Generator) -> Attempt:
 # -- drives
 
 
-def _drives(samples: Path) -> None:
+def drives(samples: Path) -> None:
     time = np.arange(0.0, 7.0, 0.02)
     speed, steering = 2.5 + np.sin(time), 0.3 * np.sin(2.0 * time)
     yaw_rate = speed * np.tan(steering) / 0.33
@@ -351,7 +351,7 @@ TARGETS = {
     "command_line": Target(attempt=_command_line, prepare=run),
     "bag": Target(attempt=_bag, prepare=_bags),
     "bag_messages": Target(attempt=_messages, prepare=_bags),
-    "drive": Target(attempt=_drive, prepare=_drives),
+    "drive": Target(attempt=_drive, prepare=drives),
     "environment": Target(attempt=_environment),
     "live_view": Target(attempt=_live_view),
 }
