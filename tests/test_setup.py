@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,9 +15,18 @@ import fg_mujoco as fg
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import setup_of
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.f110.environment import simulator_of
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.randomization import PARAMETERS
 from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
+from fg_mujoco.studies.evaluation import evaluate
+from fg_mujoco.studies.league.league import league
+from fg_mujoco.studies.overtaking.overtaking import overtake
+from fg_mujoco.studies.overtaking.scenario_suite import drive_suite
+from fg_mujoco.viz.live.live_session import LiveSession
+
+SUITE = Path(__file__).parents[1] / "examples/scenarios/overtaking.toml"
 
 VALUES = {
     "track": "random:3", "laps": 2, "time_limit": 4.5, "obstacles": 3, "obstacle_seed": 7, "lidar": "rangefinder",
@@ -233,16 +243,70 @@ def test_a_file_that_cannot_be_is_refused_with_its_line(here, capsys, text, said
     assert re.search(said, error), error
 
 
-def test_a_door_refuses_what_it_cannot_use(here):
-    among = Setup.of(opponents=["gap_finder"], rules="roboracer_2026")
-    with pytest.raises(fg.SettingsError, match="rules is 'roboracer_2026' in a rollout, which cannot use it"):
-        fg.rollout(among, n=1)
-    with pytest.raises(fg.SettingsError, match="laps is 2 in drive, which cannot use it"):
-        fg.drive("brake", laps=2)
-    with pytest.raises(fg.SettingsError, match="2 entries in drive; accepted: one car"):
-        fg.drive("brake", setup=Setup.of(opponents=["gap_finder"]))
-    with pytest.raises(fg.SettingsError, match="obstacle_seed is 3 in a comparison"):
-        fg.compare("gap_finder", track="oval", obstacle_seed=3, out="out")
+# every field of a Setup and of an Entry, with a value that is not the default
+OTHER = {
+    "track": "fast", "laps": 3, "time_limit": 0.1, "obstacles": 2, "obstacle_seed": 3, "moving": "pedestrian:1",
+    "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
+    "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
+    "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
+    "knows": "opponents", "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1, "seed": 4,
+    "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
+}  # fmt: skip
+CAR = {"vehicle", "tires", "mu", "floor", "changes"}
+DUEL = CAR | {"planner_mu", "max_speed", "knows"}
+COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
+DRIVER = {"controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
+PLACE = {"planner_settings", "start", "seed", "grid"}
+STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
+STUDY |= {"lidar", "decision_limit"}
+USED = {
+    "overtake": DUEL | {"laps"}, "drive_suite": DUEL, "drive": CAR | {"sensors", "start", "lidar", "name"},
+    "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
+    "an evaluation": STUDY - {"mu"} | {"start", "grid", "rules"},
+    "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
+    "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
+    "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
+    "an environment": CAR | COURSE | {"sensors", "knows", "effects", "start", "laps", "time_limit", "grid"},
+    "an environment of f1tenth_gym": {"vehicle", "tires"},
+}  # fmt: skip
+
+
+class ReachedError(Exception):
+    """A door has taken a setup."""
+
+
+def through(door, given, out):
+    """Give a door a setup of some keywords, or the keywords."""
+    setup = Setup.of(**given)
+    return {
+        "overtake": lambda: overtake("overtaker", track="oval", seed=0, setup=setup, out=out, pictures=False),
+        "drive_suite": lambda: drive_suite(SUITE, "overtaker", setup=setup, out=out),
+        "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out, pictures=False),
+        "an evaluation": lambda: evaluate("gap_finder", setup=setup, out=out),
+        "a league": lambda: league(**{"controller": ["gap_finder", "wall_follow"], "out": out} | given),
+        "a rollout": lambda: fg.rollout(setup, n=1), "drive": lambda: fg.drive("brake", setup=setup),
+        "a live view": lambda: LiveSession(setup), "an environment": lambda: EnvironmentSettings.of({"setup": setup}),
+        "an environment of f1tenth_gym": lambda: simulator_of(setup=setup, vehicle=None, tires=None),
+    }[door]()  # fmt: skip
+
+
+@pytest.mark.parametrize("door", USED)
+def test_a_door_takes_the_fields_of_a_setup_that_it_uses_and_refuses_all_others(door, here, monkeypatch):
+    known = {field.name for kind in (Setup, fg.Entry) for field in fields(kind)} - {"entries"}
+    assert known == set(OTHER)  # a new field has a value here, and a place in USED or nowhere
+    real = Setup.require_usable
+
+    def reach(self, *arguments, **keywords):
+        real(self, *arguments, **keywords)
+        raise ReachedError
+
+    monkeypatch.setattr(Setup, "require_usable", reach)
+    for name, value in OTHER.items():
+        among = {"opponents": ["gap_finder"]} if name in ("grid", "rules") else {}
+        accepts = name in USED[door]
+        said = "" if accepts else rf"{name} is .* in {door}, which cannot use it|2 entries in {door}; accepted: one car"
+        with pytest.raises(ReachedError if accepts else fg.SettingsError, match=said):
+            through(door, {name: value} | among, here / "out")
     assert not list(here.iterdir())
 
 

@@ -24,7 +24,7 @@ from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
 from ..racing.randomization import Randomization
-from ..racing.setup import PARTS, Setup
+from ..racing.setup import OF_A_CAR, OF_A_COURSE, PARTS, Setup
 from ..simulation.cars import WorldCar
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
@@ -46,11 +46,9 @@ if TYPE_CHECKING:
 
 STARTS = ("random", "line")
 
-_UNUSABLE = (
-    "controller", "planner_mu", "max_speed", "planner_settings", "odometry_drift", "seed", "name", "lidar", "rules",
-    "decision_limit",
-)  # fmt: skip
-"""Keywords of a Setup that are of its planner, or of a race from its beginning to its end."""
+_OF_FIRST = (*OF_A_CAR, "sensors", "knows", "effects")
+_OF_RACE = (*OF_A_COURSE, "laps", "time_limit", "grid")
+"""Fields of a Setup that an environment uses, and `start` and the opponents besides."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -266,11 +264,10 @@ def _settings_of(setup: Setup) -> dict[str, Any]:
     Raises:
       SettingsError: it sets what an environment cannot use.
     """
-    setup.require_usable("an environment", *_UNUSABLE)
+    setup.require_usable("an environment", *_OF_FIRST, *_OF_RACE, "start")
     first, usual = setup.first, Setup()
-    own = {name: getattr(first, name) for name in ("vehicle", "tires", "mu", "floor", "changes", "effects")}
-    of_race = ("track", "laps", "time_limit", "obstacles", "obstacle_seed", "moving", "patches", "grid")
-    own |= {name: getattr(setup, name) for name in of_race if getattr(setup, name) != getattr(usual, name)}
+    own = {name: getattr(first, name) for name in _OF_FIRST}
+    own |= {name: getattr(setup, name) for name in _OF_RACE if getattr(setup, name) != getattr(usual, name)}
     return own | ({"opponents": setup.entries[1:]} if len(setup.entries) > 1 else {}) | (
         {} if first.start is None else {"start": first.start}
     )

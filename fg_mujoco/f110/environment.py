@@ -17,7 +17,7 @@ from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError
 from ..messages import FloatArray
-from ..racing.setup import PARTS, SETUP_KEYWORDS, Setup
+from ..racing.setup import Setup
 from ..simulation.planner_failure import one_line
 from ..simulation.world import World
 from ..vehicle.tires import Tires
@@ -27,9 +27,6 @@ from .gym_track import Track
 from .gym_world import LAPS, Driving
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import Simulator
-
-_UNUSABLE = tuple(name for name in SETUP_KEYWORDS if name not in ("vehicle", "tires", "entries", "opponents", *PARTS))
-"""Keywords of a Setup of which f1tenth_gym has its own, such as `map`, `seed` and `params`."""
 
 VEHICLE, TIRES = "FG_MUJOCO_VEHICLE", "FG_MUJOCO_TIRES"
 """Environment variables: the vehicle and the tires of environments that are not given any."""
@@ -269,7 +266,7 @@ def simulator_of(
       SettingsError: as of Simulator; a setup that says more than which car drives, or besides vehicle and tires.
     """
     if setup is not None:
-        setup.require_usable("an environment of f1tenth_gym", *_UNUSABLE, alone=True)
+        setup.require_usable("an environment of f1tenth_gym", "vehicle", "tires", alone=True)
         if vehicle is not None or tires is not None:
             raise SettingsError("setup is given beside vehicle or tires; accepted: one of them")
         vehicle, tires = setup.first.vehicle, setup.first.tires

@@ -24,17 +24,14 @@ from .commands import SUFFIX, CommandPlayer, Commands
 from .manoeuvres import Manoeuvre, find_manoeuvre
 from .race import RaceProgress, race_setup
 from .result import RaceResult
-from .setup import Setup, SetupKeywords
+from .setup import OF_A_CAR, Setup, SetupKeywords
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 
-_UNUSABLE = (
-    "track", "laps", "time_limit", "obstacles", "rules", "decision_limit", "controller", "planner_mu", "max_speed",
-    "planner_settings", "effects", "odometry_drift", "seed", "patches",
-)  # fmt: skip
-"""Keywords of a Setup that mean nothing where no planner drives."""
+_USABLE = (*OF_A_CAR, "sensors", "start", "lidar", "name")
+"""Fields of a Setup that mean something where no planner drives."""
 
 _LEAST_LIMIT = 0.1  # [m/s] of `speed_limit_m_s`, which is the greatest command
 
@@ -68,7 +65,7 @@ def drive(
       ModelError: a file that is not that of a vehicle.
     """
     given = Setup.of(setup, caller="drive", **keywords)
-    given.require_usable("drive", *_UNUSABLE, alone=True)
+    given.require_usable("drive", *_USABLE, alone=True)
     table = find_commands(commands, given.first, speed)
     fastest = min(max(float(np.abs(table.speed).max()), _LEAST_LIMIT), GREATEST_SPEED)
     start = given.first.start or Start(speed=float(table.speed[0]))

@@ -252,12 +252,12 @@ class Setup:
             tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
         )  # fmt: skip
 
-    def require_usable(self, caller: str, *unusable: str, alone: bool = False) -> None:
-        """Refuse settings that the caller cannot use and that are not the default.
+    def require_usable(self, caller: str, *usable: str, alone: bool = False) -> None:
+        """Refuse settings that the caller does not use and that are not the default.
 
         Args:
           caller: its name, for messages.
-          unusable: names of SetupKeywords.
+          usable: names of the fields of a Setup and of an Entry that it uses; those of OF_A_CAR and so on.
           alone: whether it has one car only.
 
         Raises:
@@ -265,7 +265,9 @@ class Setup:
         """
         if alone and len(self.entries) > 1:
             raise SettingsError(f"{len(self.entries)} entries in {caller}; accepted: one car")
-        for name in unusable:
+        for name in (*_OF_RACE, *_OF_CAR):
+            if name in usable or name == "entries":
+                continue
             of_race = name in _OF_RACE
             value, usual = (getattr(each if of_race else each.first, name) for each in (self, _usual()))
             if value != usual and (name != "start" or value != Start()):
@@ -342,6 +344,13 @@ class Setup:
         found["entries"] = [_described_entry(entry, of_object) for entry in self.entries]
         return found
 
+
+OF_A_CAR = ("vehicle", "tires", "mu", "floor", "changes")
+OF_A_DRIVER = (
+    "controller", "planner_settings", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift",
+)  # fmt: skip
+OF_A_COURSE = ("track", "obstacles", "obstacle_seed", "moving", "patches")
+"""Fields that `require_usable` is told of: of a car, of who drives it and what it senses, and of where."""
 
 _OF_RACE = tuple(f.name for f in fields(Setup))
 _OF_CAR = tuple(f.name for f in fields(Entry) if f.name not in _OF_RACE)

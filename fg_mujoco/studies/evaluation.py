@@ -25,7 +25,7 @@ from ..messages import shown
 from ..racing.setup import Setup
 from ..simulation.settings import FASTEST
 from ..viz.pages.table import Table
-from .comparison.comparison import Comparison, compare
+from .comparison.comparison import USABLE, Comparison, compare
 from .comparison.run import RunRow
 from .grid_study import StudyProgress
 from .intervals import per_cent, varied, wilson
@@ -136,6 +136,7 @@ def evaluate(
     if len(set(coefficients)) != len(coefficients) or not coefficients:
         raise SettingsError(f"mu is {shown(mu)}; accepted: coefficients, each once")
     base = Setup.of(setup, caller="evaluate", **keywords)
+    base.require_usable("an evaluation", *(name for name in USABLE if name not in ("controller", "track", "mu")))
     comparisons = {
         float(each): compare(
             controllers, track=track, max_speed=max_speed, seed=seed, out=folder / f"mu_{each:g}", workers=workers,

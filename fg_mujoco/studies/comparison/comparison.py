@@ -23,7 +23,7 @@ from ...racing.opponents import Opponents
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.planner_sources import controller_names
-from ...racing.setup import Setup, StudyKeywords
+from ...racing.setup import OF_A_CAR, Setup, StudyKeywords
 from ...simulation.settings import FASTEST
 from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
@@ -57,6 +57,13 @@ class Comparison(Study[RunRow, Cell]):
 
     def _table(self, *, chosen: bool) -> Table:
         return cells_table(self.cells)
+
+
+USABLE = (
+    *OF_A_CAR, "controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift", "track",
+    "obstacles", "moving", "patches", "start", "laps", "time_limit", "lidar", "grid", "rules", "decision_limit",
+)  # fmt: skip
+"""Fields of a Setup that all runs may have in common."""
 
 
 def compare(
@@ -103,7 +110,7 @@ def compare(
     if pictures:
         require_matplotlib()
     base = Setup.of(setup, caller="compare", **keywords)
-    base.require_usable("a comparison", "obstacle_seed", "name")
+    base.require_usable("a comparison", *USABLE)
     alone = replace(base, entries=base.entries[:1], grid="staggered", rules="none")
     settings = ComparisonSettings(base=alone, opponents=Opponents.of(base), rules=base.rules)
     if setup is None:

@@ -29,7 +29,7 @@ from ...racing.entries import Entry, check_starts, grid_starts
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
 from ...racing.race_control import find_rules
-from ...racing.setup import Setup, StudyKeywords
+from ...racing.setup import OF_A_CAR, Setup, StudyKeywords
 from ...simulation.cars import GREATEST_CARS
 from ...simulation.course_loading import load_track
 from ...simulation.settings import Start
@@ -105,6 +105,13 @@ class LeagueFolder(GridFolder):
         self.runs.add(run.key, answer, answer.line())
 
 
+_USABLE = (
+    *OF_A_CAR, "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift", "obstacles", "obstacle_seed",
+    "moving", "patches", "laps", "time_limit", "lidar", "grid", "rules", "decision_limit",
+)  # fmt: skip
+"""Fields of a Setup that all heats have in common."""
+
+
 def league(
     controller: Sequence[str | Entry] = (),
     *,
@@ -156,7 +163,7 @@ def league(
         grid=grid or base.grid,
         rules=rules or (base.rules if several and base.rules != "none" else DEFAULT_RULES),
     )  # fmt: skip
-    settings.base.require_usable("a league", "start")
+    base.require_usable("a league", *_USABLE, *(("controller", "planner_settings", "seed", "name") if several else ()))
     find_rules(settings.rules)
     with TemporaryDirectory(prefix="fg_mujoco-league-") as marks:
         keep = str(Path(out) / "runs") if keep_runs else ""

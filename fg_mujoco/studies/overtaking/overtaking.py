@@ -17,7 +17,7 @@ from ...errors import SettingsError, TrackError
 from ...messages import require_whole
 from ...racing.planner_choice import ControllerChoice
 from ...racing.planner_files import files_sha256
-from ...racing.setup import Setup
+from ...racing.setup import OF_A_CAR, Setup
 from ...simulation.course_loading import load_track
 from ...viz.pages.figure_kit import require_matplotlib
 from ...viz.pages.table import Table
@@ -31,11 +31,8 @@ DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
 DEFAULT_RATIO = (0.3, 0.9)
 
-UNUSABLE = (
-    "track", "time_limit", "obstacles", "patches", "lidar", "rules", "decision_limit", "planner_settings", "start",
-    "effects", "odometry_drift", "sensors", "seed", "name",
-)  # fmt: skip
-"""Keywords of a Setup that a duel cannot use."""
+USABLE = (*OF_A_CAR, "planner_mu", "max_speed", "knows")
+"""Fields of a Setup that a duel uses, and `laps` besides."""
 
 
 class Overtaking(Study[DuelRow, DuelCell]):
@@ -95,7 +92,7 @@ def overtake(
     if pictures:
         require_matplotlib()
     base = Setup.of(setup, caller="overtake", **keywords)
-    base.require_usable("overtake", *UNUSABLE, alone=True)
+    base.require_usable("overtake", *USABLE, "laps", alone=True)
     first, (slowest, fastest) = base.first, speed_ratio
     settings = DuelSettings(
         vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,

@@ -42,7 +42,7 @@ from ..grid_study import GridCell, GridFolder, Study, StudyProgress, drive_grid
 from ..intervals import wilson
 from ..run_grid import as_axis
 from .duel import DuelSettings, closed_track
-from .overtaking import UNUSABLE
+from .overtaking import USABLE
 from .scenario import LANES, Scenario, ScenarioKey, ScenarioRow
 
 _SAFE = ("overtaken", "behind")
@@ -301,7 +301,7 @@ def drive_suite(
     if not isinstance(suite, Suite):
         suite = Suite.read(suite, data)
     base = Setup.of(setup, caller="drive_suite", **keywords)
-    base.require_usable("drive_suite", *UNUSABLE, "laps", alone=True)
+    base.require_usable("drive_suite", *USABLE, alone=True)
     first = base.first
     settings = DuelSettings(
         vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,

@@ -26,7 +26,7 @@ from ...messages import require_whole
 from ...racing.opponents import Opponents
 from ...racing.planner_choice import split_controller
 from ...racing.randomization import Randomization, world_seeds
-from ...racing.setup import Setup, SetupKeywords
+from ...racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
 from ...simulation.course_loading import load_track
 from ..run_grid import time_left
 from ..store import claimed
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 EXECUTORS = ("threads", "processes", "ray")
 DEFAULT_WORLDS = 1024
 
-_UNUSABLE = ("lidar", "rules", "name")  # keywords of a Setup
+_USABLE = (*OF_A_CAR, *OF_A_DRIVER, *OF_A_COURSE, "start", "seed", "laps", "time_limit", "grid", "decision_limit")
 
 
 @explain_class
@@ -201,7 +201,7 @@ def _job(
     chunk: int,
 ) -> RolloutJob:
     """Return the worlds to be driven; arguments and errors are those of `rollout`."""
-    setup.require_usable("a rollout", *_UNUSABLE)
+    setup.require_usable("a rollout", *_USABLE)
     base, car = setup.drive_settings, setup.first.car.parameters
     source, own = split_controller(setup.first.controller, base.planner_settings)
     courses = tuple(setup.with_moving(load_track(each, car=car)) for each in tracks)

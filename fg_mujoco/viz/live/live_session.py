@@ -27,7 +27,7 @@ from ...messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from ...racing.entries import check_starts, grid_starts
 from ...racing.planner_choice import split_controller
 from ...racing.planner_loading import make_controller
-from ...racing.setup import Setup
+from ...racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
 from ...simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from ...simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
 from ...simulation.settings import DriveSettings, Start
@@ -69,7 +69,7 @@ class LiveSession:
 
     def __init__(self, setup: Setup | None = None) -> None:
         self.setup = setup or Setup()
-        self.setup.require_usable("a live view", "laps", "time_limit", "lidar", "rules", "decision_limit")
+        self.setup.require_usable("a live view", *OF_A_CAR, *OF_A_DRIVER, *OF_A_COURSE, "start", "seed", "grid", "name")
         self.settings = self.setup.drive_settings
         self.planner_settings: dict[str, Any]
         planner = self.setup.first.controller
