@@ -100,6 +100,13 @@ def test_every_option_can_be_in_a_file():
     assert known - {"help", "config", "trust", "force", *OPPONENT_OPTIONS, "floor"} == written  # or mu
 
 
+def test_opponents_are_a_list_with_commas_or_given_again():
+    given = "wall_follow,gap_finder[lookahead=6,learn=true]", "pure_pursuit"
+    entries = setup_of(options("--opponents", given[0], "--opponents", given[1])).entries
+    names = ["gap_finder", "wall_follow", "gap_finder[lookahead=6,learn=true]", "pure_pursuit"]
+    assert [entry.controller for entry in entries] == names
+
+
 def test_opponents_can_be_a_list_in_a_file(config):
     path = config('mu = 0.7\nopponents = ["wall_follow", {controller = "gap_finder", max-speed = 3.5}]\n')
     _, second, third = setup_of(options("--config", path)).entries

@@ -182,6 +182,13 @@ def test_an_environment_of_a_setup_has_its_car_and_course():
             EnvironmentSettings.of({"setup": other})
 
 
+def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
+    effects = fg.LidarEffects(latency=0.02, range_noise_std=0.01)
+    assert Setup.of(lidar_effects=effects) == Setup.of(effects=effects)
+    with pytest.raises(fg.SettingsError, match="lidar_noise and effects are given; accepted: one of them"):
+        Setup.of(lidar_effects=effects, lidar_noise=0.1)
+
+
 # -- what is refused
 
 

@@ -11,8 +11,8 @@ from ..course.scenes.catalogue import PREFIX, scene_names
 from ..racing.planner_sources import controller_names
 from ..simulation.settings import FASTEST
 from ..studies.comparison.comparison import DEFAULT_SEEDS, Comparison, compare
-from .drive_study import add_study_options, drive_study, names_in, numbers_in, seeds_in
-from .options import CAR, add_setup_options, setup_of
+from .drive_study import add_study_options, drive_study, numbers_in, seeds_in
+from .options import CAR, add_setup_options, names_in, setup_of
 
 
 def add_compare(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -23,7 +22,6 @@ from .out import STUDY, add_out_options
 from .progress import shown_as, to_go
 
 _DONE, _NOT_DONE = 0, 1
-_COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 
 
 def add_study_options(command: argparse.ArgumentParser, wrote: str) -> None:
@@ -87,14 +85,6 @@ def drive_study(
     written = f"{len(study.rows)} {noun}{earlier}; written to {options.out}\n{setup.first.friction}"
     print(as_json(study.summary()) if options.json else f"{study.markdown()}\n{written}")
     return _NOT_DONE if any(failed(row.figures) for row in study.rows) else _DONE
-
-
-def names_in(text: str) -> list[str]:
-    """Read names with commas between them; a comma in brackets is part of a name."""
-    names = [name.strip() for name in _COMMA.split(text)]
-    if not all(names):
-        raise argparse.ArgumentTypeError(f"{text!r}; accepted: names, a comma between two")
-    return names
 
 
 def seeds_in(text: str) -> Sequence[int]:

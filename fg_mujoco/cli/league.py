@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..studies.league.league import DECISION_LIMIT, DEFAULT_RULES, DEFAULT_TRACKS, PAGE, League, league
-from .drive_study import add_study_options, drive_study, names_in, seeds_in
-from .options import CAR, add_setup_options, setup_of, whole
+from .drive_study import add_study_options, drive_study, seeds_in
+from .options import CAR, add_setup_options, names_in, setup_of, whole
 
 _NOT_HERE = ("start_s", "start_offset", "start_heading", "start_speed")
 

@@ -27,6 +27,7 @@ from ..viz.pages.figure_kit import require_matplotlib
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
 
+_COMMA = re.compile(r",(?![^\[]*\])")  # outside brackets
 _FIELD = re.compile(r"(?:[A-Z]\w*\.)?([a-z]\w*)(?= is )")
 _FIELD_INSIDE = re.compile(r"(?<=: )[A-Z]\w*\.(?=[a-z]\w* is )")  # the class of a field, within a message
 
@@ -54,6 +55,14 @@ def in_one_line(message: str) -> str:
     words = ("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in word) for word in words)
     line = " ".join(words)
     return line if len(line) <= _LONGEST_LINE else f"{line[: _LONGEST_LINE // 2]} ... {line[-_LONGEST_LINE // 4 :]}"
+
+
+def names_in(text: str) -> list[str]:
+    """Read names with commas between them; a comma in brackets is part of a name."""
+    names = [name.strip() for name in _COMMA.split(text)]
+    if not all(names):
+        raise argparse.ArgumentTypeError(f"{text!r}; accepted: names, a comma between two")
+    return names
 
 
 def whole(text: str) -> int:
@@ -175,8 +184,9 @@ _SETUP: dict[str, dict[str, Any]] = {
     "command_delay": {"type": number, "metavar": "S", "help": "from a command to the servos; default: the vehicle's"},
     "seed": {"type": whole, "metavar": "N", "help": "of noise and dropouts; default: 0"},
     "opponents": {
-        "action": "append", "metavar": "NAME[...]",
-        "help": "a car that races against this one, by its controller; again for each; vehicle and tires are the same",
+        "action": "extend", "type": names_in, "metavar": "LIST",
+        "help": "cars that race against this one, by their controllers, comma between two, or again for each; vehicle "
+        "and tires are the same",
     },
     "grid": {"metavar": "NAME", "help": f"before the start: {' or '.join(GRIDS)}; default: {GRIDS[0]}"},
     "rules": {"metavar": "NAME", "help": f"of race control: {' or '.join(RULES)}; default: none"},

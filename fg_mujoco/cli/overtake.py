@@ -8,8 +8,8 @@ from typing import Any
 
 from ..studies.overtaking.overtaking import DEFAULT_RATIO, DEFAULT_SEEDS, DEFAULT_TRACKS, Overtaking, overtake
 from ..studies.overtaking.slower_opponents import OPPONENTS
-from .drive_study import add_study_options, drive_study, names_in, seeds_in
-from .options import add_setup_options, number, setup_of
+from .drive_study import add_study_options, drive_study, seeds_in
+from .options import add_setup_options, names_in, number, setup_of
 
 DRIVE = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..studies.overtaking.scenario_suite import SuiteResult, drive_suite
-from .drive_study import add_study_options, drive_study, names_in
-from .options import add_setup_options, setup_of, whole
+from .drive_study import add_study_options, drive_study
+from .options import add_setup_options, names_in, setup_of, whole
 from .overtake import DRIVE
 
 

@@ -14,8 +14,8 @@ from ..course.files import is_file
 from ..errors import SettingsError
 from ..simulation.settings import FASTEST
 from .config import add_config
-from .drive_study import names_in, numbers_in, seeds_in
-from .options import CAR, add_setup_options, add_trust_option, setup_of, whole
+from .drive_study import numbers_in, seeds_in
+from .options import CAR, add_setup_options, add_trust_option, names_in, setup_of, whole
 from .out import STUDY, add_out_options
 from .progress import clock, shown_as, to_go
 
@@ -179,7 +179,8 @@ def _evaluate(options: argparse.Namespace) -> int:
     def text(progress: StudyProgress) -> str:
         return f"{progress.runs_found + progress.runs_driven}/{progress.runs} runs{to_go(progress.remaining_s)}"
 
-    controllers = options.controller if len(options.controller) > 1 else [*options.controller, "gap_finder"]
+    alone = len(options.controller) == 1 and options.controller != ["gap_finder"]
+    controllers = [*options.controller, "gap_finder"] if alone else options.controller
     with contextlib.redirect_stdout(sys.stderr), shown_as(text, "preparing runs") as watch:
         evaluation = evaluate(
             controllers, track=options.track, mu=options.mu, seed=options.seed, out=options.out, setup=setup,

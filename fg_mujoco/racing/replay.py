@@ -270,6 +270,8 @@ class _Again:
             if self.over is None and over.all() and engine.world.track is not None:
                 self.over = (history.ticks, self._reason)
         self._end_from_outside(reasons, ends == len(run.ctrl), before=True)
+        if not len(run.ctrl):  # it was interrupted before the first tick
+            self._end_from_outside(reasons, ends == 0, before=False)
         if self.control is not None:
             self.control.finish()
 

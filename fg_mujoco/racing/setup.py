@@ -434,6 +434,8 @@ def _changed_entry(entry: Entry, keywords: Mapping[str, Any]) -> Entry:
     Raises:
       SettingsError: a part, and a field of it besides.
     """
+    if isinstance(keywords.get("lidar_effects"), LidarEffects) and "effects" not in keywords:  # all of them
+        keywords = {"effects" if name == "lidar_effects" else name: value for name, value in keywords.items()}
     own = {name: value for name, value in keywords.items() if name not in PARTS}
     for name in ("changes", "effects", "planner_settings"):
         if name in own and own[name] is None:
