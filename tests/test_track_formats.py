@@ -214,11 +214,12 @@ def test_settings_that_are_wrong_are_refused(tmp_path, settings, message):
         load_track(f"{path}[{settings}]")
 
 
-@pytest.mark.parametrize("width", ["0", "-1", "nan", "inf"])
-def test_a_width_that_is_none_is_refused(tmp_path, width):
+@pytest.mark.parametrize("width", ["0", "-1", "nan", "inf", "220"])
+def test_a_width_that_no_course_has_is_refused(tmp_path, width):
     path = tmp_path / "some.csv"
     path.write_text(text_of([row[:2] for row in ROWS]))
-    with pytest.raises(TrackError, match=r"width is .*; accepted: a positive number of metres"):
+    said = "220 m wide: centimetres" if width == "220" else "width is .*; accepted: a positive number of metres"
+    with pytest.raises(TrackError, match=said):
         load_track(f"{path}[width={width}]")
 
 

@@ -90,6 +90,10 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
         if not 0.0 < width < math.inf:
             raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
         widths = np.full((2, len(line)), 0.5 * width)
+        try:
+            _require_metres(line, widths)
+        except TrackError as error:
+            raise TrackError(f"{path}: {error}") from error
     if widths is None:
         raise TrackError(
             f"{path}: has no widths, but {columns}; accepted: {path.name}[width=W], the width of the track in metres"
