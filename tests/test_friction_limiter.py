@@ -150,7 +150,8 @@ def test_in_a_batch_each_row_of_memory_is_a_limiter_of_its_own():
     for reference in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
         for limiter, memory in zip(limiters, memories, strict=True):
             command = limiter(*reference, odometry_of(3.0, 0.05), PERIOD)
-            row = limited(limiter.record[0], memory, *reference, limiter.settings.least_lateral_use, 0.05, 3.0, PERIOD)
+            least = limiter.settings.least_lateral_use
+            row = limited(limiter.record[0], memory, *reference, least, 0.05, 3.0, PERIOD, False)
             assert row == (command.steering_angle, command.speed)
     assert memories["acceleration"][0] != memories["acceleration"][1]
 
@@ -354,6 +355,37 @@ def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_li
 @pytest.mark.parametrize("tires", TIRES)
 def test_a_limiter_that_believes_in_half_as_much_grip_again_slides(tires):
     assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU), tires)[0] > SLIDING_SPEED
+
+
+def any_references(seed, ticks=400):
+    """References at low speed as planners give them: held for a while, the steering angle with jitter or without."""
+    rng = np.random.default_rng(seed)
+    angles, jitter, speeds = [], [], []
+    while len(angles) < ticks:
+        count = int(rng.integers(3, 25))
+        angles += [rng.choice([0.0, rng.uniform(-0.42, 0.42), 0.4189, -0.4189])] * count
+        jitter += [rng.choice([0.0, 0.0, 0.05, 0.1])] * count
+    while len(speeds) < ticks:
+        speeds += [rng.choice([0.0, 2.5, rng.uniform(0.0, 2.5), -0.8])] * int(rng.integers(6, 50))
+    shaken = np.array(angles) + np.array(jitter) * rng.uniform(-1.0, 1.0, len(angles))
+    return list(zip(np.clip(shaken[:ticks], -0.4189, 0.4189).tolist(), speeds, strict=False))
+
+
+@pytest.mark.parametrize(
+    "references",
+    [[(0.4189, -0.8)] * 50 + [(0.4189, 2.5)] * 30, *map(any_references, (0, 1, 3))],
+    ids=["back and on at full lock", "0", "1", "3"],
+)
+def test_at_low_speed_no_tire_slides_with_the_wheels_turned(references):
+    model, data, car = flat_world(tires="coulomb")
+    meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
+    car.set_pose(data, 0.0, 0.0, 0.0)
+    for angle, speed in references:
+        car.apply(data, limiter(angle, speed, car.odometry(data), PERIOD))
+        for _ in range(round(PERIOD / model.opt.timestep)):
+            step(model, data)
+            meter.record(data)
+    assert np.nanmax(meter.read().sliding_speed) < slides_above("coulomb")
 
 
 @pytest.mark.parametrize("tires", TIRES)

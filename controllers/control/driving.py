@@ -651,7 +651,7 @@ def _hold_by(
     note(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
     target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
     note(reasons, GRIP, target, allowed)
-    steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period)
+    steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period, False)
     note(reasons, TRANSIENTS, steering, speed)
     if limiter.slip.soft:
         steering = steered(limiter.slip, driver.car, steering, now)

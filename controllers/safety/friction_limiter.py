@@ -1,7 +1,7 @@
 """The friction limiter: the command nearest to a reference command that the tires can follow without sliding.
 
 The friction law v = sqrt(g mu b / tan|d|) describes a steady circle. A moving car needs more than that. In each tick
-the limiter applies five limits; k is the curvature tan(d) / b of the path at the rear axle, and a = mu g the
+the limiter applies six limits; k is the curvature tan(d) / b of the path at the rear axle, and a = mu g the
 acceleration that the tires can hold:
 
 1. Speed at the commanded steering angle: v <= sqrt(b a / tan|d|).
@@ -20,7 +20,13 @@ acceleration that the tires can hold:
    car that turns in just after it accelerated still has the light front axle of that acceleration.
 5. Load moves in the time that the suspension takes: braking and accelerating grow over that time, and may fall at once.
    In a corner braking grows slower by the share that is left, down to .7 of that: where a car ends to turn in and
-   brakes harder at once, the light inner rear wheel slides first.
+   brakes harder at once, the light inner rear wheel slides first. For the same reason the use of the front tires in
+   the last tick counts, too, in accelerating and as 6.
+6. Sideways pull of steered wheels: a car that speeds up or brakes by x with its wheels turned yaws faster or slower by
+   x k. The front tires' pull by sin(d) gives most of the lateral force of that, but it moves load to one side as a
+   lateral acceleration lr x k does. This counts where k is great and v^2 k is not: at full lock from standing. It is
+   added to the v^2 k + c v dk/dt of 3, and the share that it leaves is that of steady circles. From .6 m/s on the
+   car brakes without it, as its stops are planned.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
 single-track car, and moments about its axles. The exponent is a fit; tests/test_friction_limiter.py compares it with
@@ -57,6 +63,7 @@ from ..control.steering import saturate
 _CORNERING_EXPONENT = 0.9  # of the F1TENTH car, see 4 above
 _SLOWEST_GROWTH = 0.7  # [-] of braking, see 5 above: slower, and stops get longer than the car sees
 _STEADY_EXPONENT = 0.7  # the same on steady circles
+_SLOW = 0.6  # [m/s] a faster car brakes as its stops are planned
 _FOUND_AT = 1.0489  # friction coefficient at which 0.9 and the shares for evading were found
 _LOAD_MOVED = 0.074 / 0.236  # height of the centre of gravity over the track width, of the F1TENTH car
 
@@ -113,6 +120,7 @@ LIMITER = np.dtype(
 LIMITER_MEMORY = np.dtype(
     [
         ("acceleration", np.float64),  # [m/s^2] that was last commanded
+        ("lateral_use", np.float64),  # share of the lateral grip that was used then
         ("curvature", np.float64),  # [1/m] of the path that the car is on; of tires that need slip angles, see slip
     ]
 )
@@ -190,6 +198,7 @@ def limited(
     angle_now: float,
     speed_now: float,
     period: float,
+    planned: bool,
 ) -> tuple[float, float]:
     """Return the command nearest to the reference that the tires hold: steering angle [rad] and speed [m/s].
 
@@ -204,18 +213,18 @@ def limited(
       angle_now: present steering angle [rad].
       speed_now: present speed [m/s].
       period: until the next command [s].
+      planned: whether the command is one of a stop that is only planned, without 6 and what the last tick leaves.
     """
     car, now = limiter.car, abs(speed_now)
     target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
     slope = math.tan(angle_now)
     step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
-    in_braking, in_accelerating = _uses(limiter, slope, math.tan(command), now)
-    acceleration = _approach(limiter, memory.acceleration, allowed - speed_now, in_braking, in_accelerating, period)
+    acceleration = _approach(limiter, memory, allowed - speed_now, slope, math.tan(command), speed_now, period, planned)
     # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
     reached = speed_now + acceleration * period / share_of_way(period, car.speed_time_constant)
     if not math.isfinite(command + reached):
-        memory.acceleration = 0.0
+        memory.acceleration = memory.lateral_use = 0.0
         return 0.0, 0.0
     memory.acceleration = acceleration
     return command, reached
@@ -275,40 +284,50 @@ def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn
 
 
 @kernel
-def _uses(limiter: Record, slope: float, next_slope: float, now: float) -> tuple[float, float]:
-    """Return the shares of the lateral grip that cornering uses when the car brakes and when it accelerates.
-
-    The slopes are the tangents of the steering angle, now and as commanded.
-    """
-    cornering = now * now * slope / limiter.car.wheelbase
-    next_cornering = now * now * next_slope / limiter.car.wheelbase
-    curvature_rate = (next_slope - slope) / limiter.car.wheelbase / limiter.settings.steering_response
-    front = abs(cornering + limiter.yaw_lag * now * curvature_rate)  # turning in takes more of the front tires
-    rear_lag = limiter.car.yaw_inertia / (limiter.car.mass * limiter.car.front_axle_distance)
-    # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear tires
-    # slide first. Accelerating loads them.
-    rear = abs(cornering - 2.0 * rear_lag * now * curvature_rate)
-    most = limiter.mu * limiter.car.gravity
-    used = max(abs(cornering), abs(next_cornering), front)
-    return max(used, rear) / most, used / most
-
-
-@kernel
 def _approach(
-    limiter: Record, last: float, missing_speed: float, in_braking: float, in_accelerating: float, period: float
+    limiter: Record,
+    memory: Record,
+    missing_speed: float,
+    slope: float,
+    next_slope: float,
+    speed_now: float,
+    period: float,
+    planned: bool,
 ) -> float:
     """Return the acceleration [m/s^2] with which to take up `missing_speed` [m/s], after that of the last tick.
 
-    `in_braking` and `in_accelerating` are the shares of the lateral grip that cornering uses then.
+    The slopes are the tangents of the steering angle, now and as commanded; `memory.lateral_use` is written to.
     """
-    growth = period / limiter.settings.load_transfer_time
-    reference = missing_speed / limiter.settings.speed_response
-    if reference < 0.0:  # a power is what takes longest here, so only one of the two is worked out
-        share = longitudinal_share(in_braking, limiter.braking_exponent)
-        grown = min(last, 0.0) - limiter.braking * max(share, _SLOWEST_GROWTH) * growth
-        return float(max(reference, -limiter.braking * share, grown))
-    share = longitudinal_share(in_accelerating, limiter.exponent)
-    return float(min(reference, limiter.accelerating * share, max(last, 0.0) + limiter.accelerating * growth))
+    car, settings = limiter.car, limiter.settings
+    growth, grip = period / settings.load_transfer_time, limiter.mu * car.gravity
+    reference = missing_speed / settings.speed_response
+    cornering = speed_now * speed_now * slope / car.wheelbase
+    turning = speed_now * (next_slope - slope) / car.wheelbase / settings.steering_response  # [1/s^2] v dk/dt
+    front = cornering + limiter.yaw_lag * turning  # turning in takes more of the front tires
+    used = max(abs(cornering), abs(speed_now * speed_now * next_slope / car.wheelbase), abs(front))
+    if reference < 0.0:
+        # Turning out takes more of the rear tires: twice as much by the slides measured in braking, in which the rear
+        # tires slide first. Accelerating loads them.
+        rear_lag = car.yaw_inertia / (car.mass * car.front_axle_distance)
+        used = max(used, abs(cornering - 2.0 * rear_lag * turning))
+        most, exponent = -limiter.braking, limiter.braking_exponent
+    else:
+        most, exponent = limiter.accelerating, limiter.exponent
+    used /= grip
+    if not planned:
+        estimate = most * max(1.0 - used, 0.0)
+        if abs(reference) < abs(estimate):
+            estimate = reference
+        moved = abs(front + car.rear_axle_distance * estimate * slope / car.wheelbase) / grip
+        steady = min(_STEADY_EXPONENT / _CORNERING_EXPONENT * limiter.exponent / exponent, 1.0)
+        if reference * speed_now >= 0.0 or abs(speed_now) < _SLOW:
+            used = max(used, steady * moved, memory.lateral_use)
+        memory.lateral_use = moved
+    share = longitudinal_share(used, exponent)
+    if reference < 0.0:
+        grown = min(memory.acceleration, 0.0) + most * max(share, _SLOWEST_GROWTH) * growth
+        return float(max(reference, most * share, grown))
+    return float(min(reference, most * share, max(memory.acceleration, 0.0) + most * growth))
 
 
 class FrictionLimiter:
@@ -368,5 +387,5 @@ class FrictionLimiter:
         angle, now = odometry.steering_angle, odometry.speed
         least = self.settings.least_lateral_use
         reference = float(steering_angle), float(speed)  # a whole number would compile the kernel anew
-        command = limited(self.record[0], self._memory[0], *reference, least, angle, now, period)
+        command = limited(self.record[0], self._memory[0], *reference, least, angle, now, period, False)
         return DriveCommand(steering_angle=command[0], speed=command[1])

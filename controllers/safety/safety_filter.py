@@ -345,7 +345,9 @@ def speed_at_contact(
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
         reference_speed = at_first if tick == 0 or time < goes_on else 0.0
-        command = limited(limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period)
+        command = limited(
+            limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period, True
+        )
         next_angle = angle + ticks * turned * (command[0] - angle)
         next_speed = speed + (slowed if tick < _FINE_TICKS else slowed_twice) * (command[1] - speed)
         way = _LONGER * 0.5 * (speed + next_speed) * ticks * period
