@@ -69,7 +69,7 @@ def command(*arguments, **options):
         ("0,0,1,1\n10,0,1,-1\n10,10,1,1\n0,10,1,1\n", "line 2"),
         ("0,0,1,1\n10,10,1,1\n10,0,1,1\n0,10,1,1\n", "crosses itself"),
         (SQUARE.replace("1,1\n", "0.1,0.1\n"), "wider than the car"),
-        ("0,0,1\n10,0,1\n10,10,1\n0,10,1\n", "has no widths, but columns x_m, y_m, vx_mps; accepted: track.csv[width=W]"),
+        ("0,0,1\n10,0,1\n10,10,1\n0,10,1\n", "has no widths, but columns x_m, y_m, vx_mps; accepted: track.csv[width"),
         ("0,0,1,1,1\n10,0,1,1,1\n10,10,1,1,1\n0,10,1,1,1\n", "5 columns; accepted: 4"),
         ("\x00\xff\x00", "track.csv"),
     ],

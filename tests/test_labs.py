@@ -14,7 +14,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.clearance import outline
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.studies.labs import recording
+from fg_mujoco.studies.labs import recorded_commands
 from fg_mujoco.studies.labs.checks import CHECKS, nearest_distances
 from fg_mujoco.studies.labs.grading import grade
 from fg_mujoco.studies.labs.lab_file import read_lab
@@ -170,10 +170,10 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
 CHANGES = """
 import gc
 from fg_mujoco.messages import STOP
-from fg_mujoco.studies.labs import checks, grading, recording
+from fg_mujoco.studies.labs import checks, grading, recorded_commands
 for kind in checks.CHECKS.values():
     kind.judge = lambda self, drive: checks.Verdict(passed=not drive.speeds.any(), measured="mine")
-grading.record = grading.race_setup = recording.RecordedCommands = None
+grading.record = grading.race_setup = recorded_commands.RecordedCommands = None
 def stand(scan, odometry):
     for each in gc.get_objects():
         if type(each).__name__ == "Engine": each.monitor.timers["laps_completed"] = 1
@@ -219,7 +219,7 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeypatch):
-    monkeypatch.setattr(recording, "_SILENT", 4.0)
+    monkeypatch.setattr(recorded_commands, "_SILENT", 4.0)
     text, said = HOSTILE[name]
     (here / name).write_text(text)
     (here / "lab.toml").write_text(ONE)

@@ -96,7 +96,7 @@ def _find_class(source: str, said: str) -> Any:
         if not names:
             raise ControllerError(f"{said}: there is no class in the file; accepted: {A_PLANNER}")
         if not class_name:
-            ways = ", ".join(f"{path}:{name}" for name in names)
+            ways = ", ".join(f"{source.removesuffix(':')}:{name}" for name in names)
             raise ControllerError(f"{said}: the name of its class is missing; accepted: {ways}")
         raise ControllerError(f"{said}: the file has no class {class_name!r}; {accepted_names(class_name, names)}")
     return found

@@ -71,11 +71,11 @@ def require_trusted(
         that it read, or would read, is another one now.
     """
     if source in bundled_names():
+        _require_same(source, files, where, "accepted: the file as it was raced")
         for name, value in (settings or {}).items():
             if isinstance(value, str) and is_file(value) and path_sha256(value) not in (files or {}).values():
                 said = f"{where}: planner {source!r} has {name} {value!r}, which it did not read as it was raced"
                 raise ControllerError(f"{said}; accepted: the files that are recorded with their SHA-256")
-        _require_same(source, files, where, "accepted: the file as it was raced")
         return
     from .manoeuvres import is_driven_by_commands  # nobody else here needs what it imports
 
