@@ -311,7 +311,7 @@ def test_a_door_takes_the_fields_of_a_setup_that_it_uses_and_refuses_all_others(
     for name, value in OTHER.items():
         among = {"opponents": ["gap_finder"]} if name in ("grid", "rules") else {}
         accepts = name in USED[door]
-        said = None if accepts else rf"{name} is .* in {door}, which cannot use it|2 entries in {door}; accepted: one car"
+        said = None if accepts else rf"{name} is .* in {door}, which cannot use|2 entries in {door}; accepted: one car"
         with pytest.raises(ReachedError if accepts else fg.SettingsError, match=said):
             through(door, {name: value} | among, here / "out")
     assert not list(here.iterdir())

@@ -127,7 +127,7 @@ class Settings:
 
     def __init__(self, **named: Any) -> None:
         parts, name = self.parts(), type(self).__name__
-        vars(self).update(self.defaults | self.fixed)
+        vars(self).update({**self.defaults, **self.fixed})
         for part, kind in parts.items():
             setattr(self, part, kind())
         for given, value in named.items():
@@ -272,7 +272,7 @@ def plain_config(config: Any) -> dict[str, Any]:
     simulation, control, lidar = own.simulation_config, own.control_config, own.lidar_config
     return {
         "seed": own.seed, "map": own.map_name, "scale": own.map_scale,
-        "params": asdict(own.params) if is_dataclass(own.params) else own.params,
+        "params": asdict(own.params) if is_dataclass(own.params) and not isinstance(own.params, type) else own.params,
         "num_agents": own.num_agents, "ego_idx": own.ego_index, "timestep": simulation.timestep,
         "integrator": simulation.integrator, "model": simulation.dynamics_model, "max_laps": simulation.max_laps,
         "control_input": [getattr(m, "value", m) for m in (control.longitudinal_mode, control.steering_mode)],

@@ -3,11 +3,11 @@
     grades = grade("lab3.toml", ["alice.py", "bob.py:Planner"], out="grades")
     print(grades.markdown())
 
-Students' files are read by `recorded_commands` in a new process for each drive, which they may end. What comes back
-are the commands of each tick. The drive is driven again by them here, and judged, so that a student's code has no say in the
-checks. A planner that cannot be loaded, that raises, that takes too long for a decision, or that ends its process has
-no points for the checks of that drive, with the reason. The points of its other drives stay, and the other planners go
-on.
+Students' files are read by `recorded_commands` in a new process for each drive, which they may end. What comes back are
+the commands of each tick. The drive is driven again by them here, and judged, so that a student's code has no say in
+the checks. A planner that cannot be loaded, that raises, that takes too long for a decision, or that ends its process
+has no points for the checks of that drive, with the reason. The points of its other drives stay, and the other planners
+go on.
 
 The folder has, besides what `store` says of it:
 
