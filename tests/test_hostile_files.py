@@ -48,11 +48,11 @@ def laughs():
 
 TRACKS = {
     "coordinate of 1e5 m": (csv_of((1e5, 0.0)), "the centreline is", "long; accepted: 30000 m"),
-    "coordinate of 1e150 m": (csv_of((1e150, 0.0)), "1e+150", "accepted: within 1e+06 m"),
-    "far away": (csv_of(shift=1e12), "1e+12", "accepted: within 1e+06 m"),
-    "width of 1e9 m": (csv_of(width=1e9), "1000000000.0 m", "at most 1000 m"),
+    "coordinate of 1e150 m": (csv_of((1e150, 0.0)), "1e+150", "1e+09 at most"),
+    "far away": (csv_of(shift=1e12), "1000000000000.0", "1e+09 at most"),
+    "width of 1e9 m": (csv_of(width=1e9), "2000000000 m wide: millimetres?", "accepted: metres"),
     "points without end": ("1, 2, 1, 1\n" * (MOST_POINTS + 1), f"line {MOST_POINTS + 1}", f"{MOST_POINTS} at most"),
-    "NUL": (csv_of().replace("5.0", "5\0"), "line 2", "accepted: a finite number"),
+    "NUL": (csv_of().replace("5.0", "5\0"), "is not a text file", "accepted: a .csv"),
     "digits": (csv_of().replace("0.0, 0.0", "9" * 5000 + ", 0.0", 1), "line 1", "a finite number"),
 }
 

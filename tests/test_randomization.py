@@ -150,9 +150,9 @@ def test_what_is_drawn_for_a_parameter_does_not_depend_on_the_others(seed, names
 def test_a_world_depends_on_its_seed_alone(seed):
     sites = OVAL.obstacle_sites(default_car())
     first = Randomization.of(SOME).scenario(OVAL, seed)
-    Randomization.of(SOME).scenario(OVAL, seed + 1, sites=sites)
+    Randomization.of(SOME).scenario(OVAL, seed ^ 1, sites=sites)
     assert Randomization.of(SOME).scenario(OVAL, seed, sites=sites) == first
-    assert Randomization.of(SOME).scenario(OVAL, seed + 1) != first
+    assert Randomization.of(SOME).scenario(OVAL, seed ^ 1) != first
 
 
 def test_each_parameter_is_drawn_over_its_whole_range_and_by_itself():

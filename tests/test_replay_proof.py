@@ -175,7 +175,7 @@ def test_the_command_says_whether_the_planner_decides_the_same_again(
 PLACE = {"time_s": 1.0, "x_m": 0.0, "y_m": 0.0, "lap": 1, "s_m": 0.5}
 SLID = {f"slid_{wheel}_s": 0.0 for wheel in WHEELS}
 CRASH = PLACE | SLID | {"into": "obstacle 0", "geom": "obstacle_0", "speed_m_s": 1.0, "sideslip_rad": 0.0}
-RECORDS = {"wrong_way": PLACE, "crash": CRASH}
+RECORDS = {"wrong_way": PLACE | {"speed_m_s": 1.0}, "crash": CRASH}
 CONTACT = {"impulse_Ns": 1.0, "closing_speed_m_s": 1.0, "displacement_m": 0.0, "x_m": 0.0, "y_m": 0.0}
 RECORDS |= {
     "overtakes": [{"time_s": 1.0, "by": "car_0", "of": "car_1", "s_m": 1.0}],

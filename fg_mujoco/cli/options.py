@@ -317,7 +317,7 @@ def with_opponents(setup: Setup, names: Sequence[str], own: Mapping[str, Sequenc
     first, cars = setup.first, []
     for index, (name, car) in enumerate(zip(names, of_each, strict=True), start=1):
         try:
-            cars.append(replace(first.like(name), seed=first.seed + index, **car))
+            cars.append(replace(first.like(name), seed=(first.seed + index) % 2**63, **car))
         except SettingsError as error:
             field = _FIELD.match(str(error))
             if field is None or field[1] not in car:

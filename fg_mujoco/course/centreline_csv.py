@@ -195,7 +195,7 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray | None, str]:
 
 def _require_metres(line: FloatArray, widths: FloatArray) -> None:
     """Raise TrackError where a course is wider than any, most likely in another unit. The walls would take minutes."""
-    width = float(np.median(widths.sum(axis=0))) if len(widths) else 0.0
+    width = float(np.sort(widths.sum(axis=0))[widths.shape[1] // 2]) if len(widths) else 0.0
     if width > WIDEST_ROAD:
         unit, name = (0.001, "millimetres") if width > _MILLIMETRES else (0.01, "centimetres")
         length = float(step_lengths(line).sum())

@@ -165,6 +165,8 @@ def decisions_again(folder: str | Path) -> str:
     """
     run = read_run(folder)
     asked = differing = 0
+    if (reason := run.summary.get("end_reason")) in _FROM_OUTSIDE:  # the planner might end this process, too
+        return f"planner not asked again: its race ended as {reason!r}"
     try:
         world = load_world(run)
         planner = recorded_planner(run.summary, world.model, trust=False, where=str(folder), folder=run.folder)

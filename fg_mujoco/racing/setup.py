@@ -390,7 +390,7 @@ def as_opponent(opponent: Entry | str | Mapping[str, Any], first: Entry, index: 
       SettingsError: it is neither.
     """
     if isinstance(opponent, str):
-        return replace(first.like(opponent), seed=first.seed + index)
+        return replace(first.like(opponent), seed=(first.seed + index) % 2**63)
     if isinstance(opponent, Mapping):
         return _entry(opponent, "opponents")
     if not isinstance(opponent, Entry):
