@@ -26,7 +26,8 @@ DRIFT = 0.05
 @pytest.fixture(scope="module")
 def driven():
     effects = fg.LidarEffects(range_noise_std=0.02)
-    return map_course(Setup.of(COURSE, laps=2, effects=effects, odometry_drift=DRIFT, max_speed=4.0))
+    setup = Setup.of(COURSE, laps=2, effects=effects, odometry_drift=DRIFT, max_speed=4.0, seed=5)
+    return map_course(setup)  # the car turns in one move everywhere: odometry that drifts errs otherwise in several
 
 
 def test_a_loop_spreads_its_error_over_equal_steps():

@@ -459,6 +459,7 @@ def test_a_planner_imports_numpy_messages_and_kernels_only(path):
         else:
             assert not (isinstance(node, ast.ImportFrom) and node.level > 1 + path.count("/"))
     foreign = {name for name in imported if name.split(".")[0] not in sys.stdlib_module_names}
-    own = {f"fg_mujoco.{name}" for name in ("arguments", "array_table", "course.line_csv", "errors", "kernels", "messages")}
+    names = ("arguments", "array_table", "course.line_csv", "errors", "kernels", "messages")
+    own = {f"fg_mujoco.{name}" for name in names}
     assert foreign <= {"numpy", "numpy.typing"} | own
     assert not imported & {"importlib", "builtins", "sys"}  # nor behind its back
