@@ -423,7 +423,8 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
 
 
 @pytest.mark.parametrize("above", ["libs/deep", "../other/libs/deep"])
-def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, above):
+def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch, above):
+    monkeypatch.setattr("fg_mujoco.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # pytest's own folders are there, too
     package = tmp_path / above / "race_msgs"
     (package / "msg").mkdir(parents=True)
     (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
