@@ -39,7 +39,7 @@ SPECK = 9
 """[pixel] Islands of fewer are named when a map is loaded: a laser, a brush and a lossy image leave such specks."""
 
 _RESOLUTIONS = (0.001, 1.0)  # [m] of a pixel: from a millimetre to more than a car
-_FURTHEST = 1e6  # [m] from the world's origin: numbers there are still true to 1e-9 m
+_FURTHEST = 1e4  # [m] from the world's origin: MuJoCo keeps meshes of walls in single precision, 1 mm there
 _GREATEST = 1e300  # of a number at all: whole numbers of YAML have no end
 _MOST_BYTES, _MOST_CHARACTERS, _DEEPEST = 2**20, 1000, 20  # of a YAML, of one value in it, levels of it
 
@@ -174,7 +174,7 @@ def read_map_file(
     negate = _number(path, settings, "negate", lambda value: value in (0.0, 1.0), "0 or 1")
     origin = settings["origin"]
     if not isinstance(origin, list) or len(origin) != 3 or not all(map(_is_near, origin)):
-        raise TrackError(f"{path}: origin is {origin!r}; accepted: [x, y, yaw], three numbers within {_FURTHEST:.0e}")
+        raise TrackError(f"{path}: origin is {origin!r}; accepted: [x, y, yaw], three numbers within {_FURTHEST:g}")
     mode = settings.get("mode", _MODES[0])
     if mode not in _MODES:
         raise TrackError(f"{path}: mode is {mode!r}; {accepted_names(mode, _MODES)}")
