@@ -557,3 +557,10 @@ def test_the_help_of_a_race_has_groups_and_its_docstring_every_keyword(capsys):
     places = [said.index(f"\n{title}:\n") for title in (*GROUPS, OUTPUT)]
     assert places == sorted(places) and said.rindex("--tires NAME") > places[1] and said.rindex("--mu MU") > places[2]
     assert not [name for name in SETUP_KEYWORDS if not re.search(rf"\b{name}\b", fg.race.__doc__)]
+
+
+def test_a_doubt_of_pythons_compiler_about_a_planner_is_one_line(here, capsys):
+    (here / "planner.py").write_text("def drive(scan, odometry):\n    return [][0.5]\n")
+    assert main(["race", "--controller", "planner.py:drive", "--time-limit", "0.1"]) == 1
+    said = [line for line in capsys.readouterr().err.splitlines() if "indices must be" in line and "warning" in line]
+    assert said and all(line.startswith("fg-mujoco: warning: planner.py, line 2: ") for line in said)

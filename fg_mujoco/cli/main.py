@@ -93,7 +93,10 @@ def _warnings_in_a_line() -> Iterator[None]:
     shown: dict[str, type[Warning]] = {}
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-        if category not in (UserWarning, FinalWarning):
+        if category is SyntaxWarning:  # of a planner's file, as Python's compiler finds it
+            file, line = place[:2]
+            say(f"{file}, line {line}: {message}")
+        elif category not in (UserWarning, FinalWarning):
             usual(message, category, *place, **more)
         elif str(message) not in shown:
             shown[str(message)] = category
