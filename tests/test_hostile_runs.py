@@ -187,6 +187,7 @@ SUMMARIES = {
     "digits": (text_of_summary('{"schema": ' + "9" * 5000 + "}"), "digits"),
     "NaN": (text_of_summary('{"schema": 1, "mu": NaN}'), "mu is nan"),
     "a large file": (text_of_summary(" " * 2**20 + "{}"), "has more than 1048576 bytes"),
+    "an end that is a text": (summary(cars=[{"end_time_s": ""}]), "cars is "),
     "laps": (summary(laps_requested=10**9), "accepted: a whole number from 0 to 1000"),
 }  # fmt: skip
 

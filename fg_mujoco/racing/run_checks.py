@@ -86,6 +86,8 @@ def _are_cars(value: Any) -> bool:
     """Return whether a value is rows of cars; of several, with what a replay of them needs."""
     if not isinstance(value, list) or len(value) > GREATEST_CARS or not all(isinstance(row, dict) for row in value):
         return False
+    if not all(is_figure(row.get("end_time_s", 0.0)) for row in value):
+        return False
     names = [row.get("name") for row in value]
     return len(value) < 2 or (
         all(isinstance(name, str) for name in names)
