@@ -13,7 +13,9 @@ of MuJoCo, each tick starts again from its recorded state.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from types import SimpleNamespace
@@ -79,6 +81,23 @@ class Tick:
         return Surroundings(world=world, others=tuple(_other_car(sensed) for sensed in self.sensed_by_each[1:]))
 
 
+@contextmanager
+def _quiet_libraries() -> Iterator[None]:
+    """Leave out what C libraries print on stderr: of a mesh that is flat, MuJoCo's Qhull prints a page."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # it is closed
+        yield
+        return
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
 def load_world(run: Run) -> World:
     """Return the world that a run was raced in, compiled from its scene.xml.
 
@@ -86,7 +105,8 @@ def load_world(run: Run) -> World:
       RunFolderError: it does not compile, or is not that of the states.
     """
     try:
-        world = World.from_xml(run.xml, lidar=str(run.summary.get("lidar", "raycast")))
+        with _quiet_libraries():
+            world = World.from_xml(run.xml, lidar=str(run.summary.get("lidar", "raycast")))
         period = world.make_lidar().beams.period
         whole_steps(period, world.model.opt.timestep)
     except Exception as error:  # whatever MuJoCo, or reading its model, says of a scene that is none of ours
