@@ -136,10 +136,10 @@ def physics_timestep(timestep: float, vehicle: Vehicle) -> float:
     """Return the physics' timestep [s]: the vehicle's own where it divides a step of the gym, else the next lower.
 
     Raises:
-      SettingsError: a step that is not positive, or longer than a second.
+      SettingsError: a step below 10 us, which no race would end with, or longer than a second.
     """
-    if not 0.0 < timestep <= 1.0:
-        raise SettingsError(f"timestep is {timestep!r} s; accepted: above 0, up to 1 s")
+    if not 1e-5 <= timestep <= 1.0:
+        raise SettingsError(f"timestep is {timestep!r} s; accepted: 1e-05 to 1 s")
     own = float(vehicle.spec().option.timestep)
     steps = max(1, math.ceil(timestep / own - 1e-9))
     return own if math.isclose(steps * own, timestep, rel_tol=1e-9) else timestep / steps
