@@ -9,6 +9,7 @@ import math
 import re
 import warnings
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -247,7 +248,8 @@ def check_model(model: Any, beams: Beams, where: str) -> None:
     if model.nv > _MOST_DOFS:
         raise ModelError(f"{where}: {model.nv} degrees of freedom; accepted: {_MOST_DOFS} at most")
     try:
-        faults = list(_drive_faults(model, beams))
+        with _no_warnings():
+            faults = list(_drive_faults(model, beams))
         if not faults:
             _check_stance(model, where)
             _check_steering(model, car_parameters(model), where)
@@ -255,6 +257,18 @@ def check_model(model: Any, beams: Beams, where: str) -> None:
         raise ModelError(f"{where}: {' '.join(str(error).split())}; accepted: a car that MuJoCo simulates") from error
     if faults:
         raise ModelError(f"{where}: {'; and '.join(faults)}")
+
+
+@contextmanager
+def _no_warnings() -> Iterator[None]:
+    """Let MuJoCo print nothing of a car that is refused in a line here."""
+    log = mujoco.MjLogConfig()
+    mujoco.MjLogConfig.set(log)
+    try:
+        yield
+    finally:
+        log.logto_console = True
+        mujoco.MjLogConfig.set(log)
 
 
 def _drive_faults(model: Any, beams: Beams) -> Iterator[str]:
