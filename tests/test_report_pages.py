@@ -416,7 +416,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
             assert f"summary.json: {path[0]} is " in complaint(capsys)
             assert not (copy / "report.html").exists()
             refused += 1
-    refusals = 40 + len(summary["files"])
+    refusals = 41 + len(summary["files"])
     assert (taken["controller"], taken["track"], taken["vehicle"], refused) == (MARKUP, MARKUP, MARKUP, refusals)
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0
