@@ -1,4 +1,4 @@
-"""Runs every benchmark and writes what they print to docs/benchmarks.md and their figures to docs/benchmarks.json.
+"""Runs every benchmark; writes their output and their figures to docs/journal/benchmarks.md and benchmarks.json.
 
 python benchmarks/all.py [--quick]
 """
@@ -17,7 +17,7 @@ from typing import Any
 from common import machine
 
 HERE = Path(__file__).parent
-DOCS = HERE.parent / "docs"
+JOURNAL = HERE.parent / "docs" / "journal"
 BENCHMARKS = {  # title, script, options, options when quick
     "1. The closed loop, one world": ("race_loop.py", [], ["--laps", "1"]),
     "2. The LiDAR": ("lidar_backends.py", [], ["--scans", "50"]),
@@ -47,8 +47,8 @@ def main() -> None:
         + ", ".join(f"{name} {value}" for name, value in described.items())
         + ". Medians; each ratio is to a baseline measured in the same run.\n"
     )
-    (DOCS / "benchmarks.md").write_text("\n".join([intro, *sections]), encoding="utf-8")
-    (DOCS / "benchmarks.json").write_text(json.dumps({"machine": described, **figures}, indent=1) + "\n")
+    (JOURNAL / "benchmarks.md").write_text("\n".join([intro, *sections]), encoding="utf-8")
+    (JOURNAL / "benchmarks.json").write_text(json.dumps({"machine": described, **figures}, indent=1) + "\n")
 
 
 def run(script: str, options: list[str]) -> tuple[str, Any]:

@@ -62,7 +62,7 @@ IPZ = COMMUNITY | {
     "front_axle_distance": 0.162,
     "rear_axle_distance": 0.145,
     "wheelbase": 0.307,
-    # identified, docs/identification.md
+    # identified, docs/addons/realcar/identification.md
     "yaw_inertia": 0.107,
     "lidar_offset": 0.27,
     "max_steering_angle": 0.4373,

@@ -24,9 +24,10 @@ DOCS = ROOT / "docs"
 if not (ROOT / "mkdocs.yml").exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
 
-PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*DOCS.rglob("*.md"), *ROOT.glob("C*.md")))
+READ = [path for path in DOCS.rglob("*.md") if "journal" not in path.parts]  # the journal is about older versions
+PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*READ, *ROOT.glob("C*.md")))
 CONFIG = (ROOT / "mkdocs.yml").read_text("utf-8")
-RUN_ELSEWHERE = {"docs/training.md": "tests/test_training_example.py"}
+RUN_ELSEWHERE = {"docs/addons/learn/training.md": "tests/test_training_example.py"}
 ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
@@ -214,7 +215,7 @@ def test_links_of_a_page_lead_somewhere(page, hooks):
 
 def test_every_page_is_in_the_navigation(hooks):
     listed = set(re.findall(r"^\s*- (?:.*: )?(\S+\.md)(?:  #.*)?$", CONFIG, re.MULTILINE))
-    there = {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md")}
+    there = {path.relative_to(DOCS).as_posix() for path in READ}
     assert listed == there | set(hooks.PAGES_OF_THE_ROOT)
     nav = hooks.on_config({"nav": [{"Planners": ["planners.md"]}]})["nav"]
     assert nav == [{"Planners": ["planners.md", *(f"planners/{name}.md" for name in hooks.planner_names())]}]
@@ -243,7 +244,8 @@ def test_every_public_name_is_on_one_page_of_the_api_with_an_example():
     """The examples are run with those of the other pages."""
     assert len(fg.__all__) <= 80
     shown, used = [], set()
-    for page in (path.relative_to(ROOT).as_posix() for path in DOCS.glob("api/*.md")):
+    pages = [*DOCS.glob("api/*.md"), *DOCS.glob("addons/*/api.md")]
+    for page in (path.relative_to(ROOT).as_posix() for path in pages):
         here = re.findall(r"^::: \S*\.(\w+)$", (ROOT / page).read_text("utf-8"), re.MULTILINE)
         if page == "docs/api/errors.md":  # all of fg_mujoco.errors is shown
             here += [name for name in fg.__all__ if name.endswith("Error")]

@@ -81,7 +81,7 @@ def gym_environment(example):
 
 def test_python_in_the_docs_runs(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = (EXAMPLE.parent.parent / "docs" / "training.md").read_text("utf-8")
+    text = (EXAMPLE.parent.parent / "docs" / "addons" / "learn" / "training.md").read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     assert len(blocks) >= 8
     needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}

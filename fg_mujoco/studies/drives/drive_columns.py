@@ -287,7 +287,7 @@ LAYOUTS: dict[str, dict[str, Any]] = {
     "real_drives": {
         # F1Tenth-INI/f1tenth_development_gym, cut down: ../shared/data/real_drives/README.md. Its clock is nominal, and
         # its gyro and its motor's speed come after its poses. What it calls a speed is an acceleration: its owners
-        # name the column ACCELERATION_CONTROL_COLUMN, and the drives say so (docs/real_cars.md).
+        # name the column ACCELERATION_CONTROL_COLUMN, and the drives say so (docs/addons/realcar/validation.md).
         "time": {"column": "time_s", "scale": MEASURED},
         "speed": {"column": "vx_m_s", "delay": MEASURED},
         "yaw_rate": {"column": "yaw_rate_rad_s", "scale": MEASURED, "delay": MEASURED},

@@ -24,7 +24,7 @@ def tire_text(found: Identification) -> str:
     )  # fmt: skip
     relative = 100.0 * found.validation.yaw_rate_relative
     heading = [
-        f"Tires of {found.drives[0].vehicle}, identified by fg-mujoco identify; docs/identification.md has the method.",
+        f"Tires of {found.drives[0].vehicle}, identified by fg-mujoco identify; see docs/addons/realcar/.",
         *(f"Drive: {text}" for text in sources),
         f"Car: {car.mass:.4g} kg, {car.yaw_inertia:.4g} kg m^2 about its vertical axis; centre of gravity "
         f"{car.front_axle_distance:.4g} m behind the front axle, {car.rear_axle_distance:.4g} m ahead of the rear one, "

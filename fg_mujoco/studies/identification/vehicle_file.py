@@ -54,7 +54,7 @@ def vehicle_text(found: Identification, vehicle: Vehicle, *, name: str, tires: s
     notes += _speed(root, found, vehicle)
     _put(root, "text", "tires", tires)
     heading = [
-        f"{name}: the vehicle {vehicle.name} with what `fg-mujoco identify` found (docs/identification.md).",
+        f"{name}: the vehicle {vehicle.name} with what `fg-mujoco identify` found (see docs/addons/realcar/).",
         *(f"Drive: {Path(drive.name).name} (sha256 {drive.sha256[:12]})" for drive in found.drives),
         *notes,
         *(f"Not told by the drives, and so the vehicle's: {each}." for each in found.untold),
