@@ -146,7 +146,7 @@ def test_a_bag_without_scans_is_refused_with_what_it_has(tmp_path, capsys):
     assert not (tmp_path / "out.csv").exists()
 
 
-@pytest.mark.parametrize("content", [None, b"", b"not a bag at all", b"\x89MCAP0\r\n" + 40 * b"x"])
+@pytest.mark.parametrize("content", [None, b"", b"not a bag at all"])
 def test_what_is_no_bag_is_refused_in_one_line(tmp_path, capsys, content):
     path = tmp_path / "drive.mcap"
     if content is not None:

@@ -79,16 +79,13 @@ class Recording:
             self._distribution = ""
             self._files: list[Storage] = []
             for path in self._paths():
-                self._files.append(stack.enter_context(open_storage(path)))
+                self._files.append(open_storage(path, stack))
             self._order()
             self._recorded = dict(self.counts)
             self._composed = composed_topics(self.counts)
             hidden = frozenset[Topic]().union(*(each.hides for each in self._composed.values()))
             made = {topic: each.count for topic, each in self._composed.items()}
             self.counts = {**{topic: count for topic, count in self.counts.items() if topic not in hidden}, **made}
-            for file in self._files:
-                if file.damage:
-                    self.warn(f"{file.path.name}: {file.damage}; {len(file)} messages of it are read")
             self._decoders: dict[Channel, Callable[[bytes], Any]] = {}
             self._stack = stack.pop_all()
         return self
@@ -200,24 +197,22 @@ class Recording:
                 yield each
 
     def _written(self, wanted: Collection[Topic], most: int | None) -> Iterator[Heard]:
-        numbers = [number for number, topic in enumerate(self._topics) if topic in wanted]
         lost: dict[Topic, int] = {}
         count = 0
         with self.blame():
-            for row in self._sequence[np.isin(self._owners[self._sequence], numbers)][:most].tolist():
-                file = self._files[self._file_of[row]]
-                line = row - self._begins[self._file_of[row]]
-                channel = file.channels[file.owners[line]]
+            for time, (channel, received, data) in self._in_time(wanted):
                 topic = (channel.kind, channel.topic)
                 try:
-                    message = self._decoder(channel)(uncompressed(file.data(line)))
+                    message = self._decoder(channel)(uncompressed(data))
                 except FgMujocoError:
                     raise
                 except Exception:  # of bytes that are not what the type says
                     lost[topic] = lost.get(topic, 0) + 1
                     continue
+                yield Heard(topic=topic, received=received, time=time, message=message)
                 count += 1
-                yield Heard(topic=topic, received=int(file.times[line]), time=int(self._times[row]), message=message)
+                if count == most:
+                    return
         for (kind, name), missing in lost.items():
             if missing == self._recorded[kind, name]:
                 raise BagError(f"{self.path}: none of the messages on {name} can be read; accepted: messages of {kind}")
@@ -274,16 +269,8 @@ class Recording:
         return [Path(name.strip("'\" ")).name for name in _ITEM.findall(listed[1])] if listed else []
 
     def _order(self) -> None:
-        """Order all messages by time. A clock that was set back while recording goes on."""
-        counts = [len(file) for file in self._files]
-        if not sum(counts) and any(file.damage for file in self._files):
-            damage = next(file.damage for file in self._files if file.damage)
-            raise BagError(f"{self.path}: cannot be read: {damage}; accepted: {ACCEPTED}")
-        self._begins = np.cumsum([0, *counts])[:-1].tolist()
-        self._file_of = np.repeat(np.arange(len(counts)), counts)
-        self._times = np.concatenate(
-            [np.array(file.times, np.int64) for file in self._files] or [np.empty(0, np.int64)]
-        )
+        """Note the time of each message. A clock that was set back while recording goes on."""
+        self._times = np.concatenate([np.array(file.times, np.int64) for file in self._files])
         topics: dict[Topic, int] = {}
         owners = []
         for file in self._files:
@@ -292,7 +279,7 @@ class Recording:
                 for owner, channel in file.channels.items()
             }
             owners.append(np.array([number[owner] for owner in file.owners], np.int64))
-        self._owners = np.concatenate(owners or [np.empty(0, np.int64)])
+        self._owners = np.concatenate(owners)
         self._topics = list(topics)
         found = np.bincount(self._owners, minlength=len(topics)).tolist()
         self.counts = {topic: count for topic, count in zip(self._topics, found, strict=True) if count}
@@ -303,7 +290,23 @@ class Recording:
             self.warn(
                 f"the recorder's clock was set back by {back / 1e9:.1f} s after {after:.1f} s; time goes on there"
             )
-        self._sequence: NDArray[np.int64] = np.argsort(self._times, kind="stable")
+
+    def _in_time(self, wanted: Collection[Topic]) -> Iterator[tuple[int, tuple[Channel, int, bytes]]]:
+        """Yield the messages of topics in the order of time, each with its time."""
+        numbers = [number for number, topic in enumerate(self._topics) if topic in wanted]
+        times = self._times[np.isin(self._owners, numbers)]
+        found = zip(times.tolist(), self._read(wanted), strict=True)
+        if (np.diff(times) >= 0).all():
+            yield from found
+        else:
+            yield from sorted(found, key=lambda each: each[0])
+
+    def _read(self, wanted: Collection[Topic]) -> Iterator[tuple[Channel, int, bytes]]:
+        """Yield the messages of topics as the files have them, with the time at which each was recorded [ns]."""
+        for file in self._files:
+            owners = {owner for owner, channel in file.channels.items() if (channel.kind, channel.topic) in wanted}
+            for owner, time, data in file.read(owners):
+                yield file.channels[owner], time, data
 
     def _decoder(self, channel: Channel) -> Callable[[bytes], Any]:
         """Return the decoder of a channel's messages."""
