@@ -1,16 +1,16 @@
-"""How fast `fg_mujoco.f110` steps beside f1tenth_gym's own simulator: both drive a lap of one map, in turns.
+"""How fast `fg_mujoco.addons.gym2d` steps beside f1tenth_gym's own simulator: both drive a lap of one map, in turns.
 
     python benchmarks/f1tenth_gym.py --gym PATH --map MAP.yaml [--agents 2] [--timestep 0.02] [--json FILE]
 
 PATH is your own checkout of f1tenth_gym 0.2.1, its main branch. Only its simulator is imported, which needs numba,
 scipy, pillow and PyYAML, but neither gym nor pyglet. The map's image must have the name of its YAML file.
 
-f1tenth_gym and `fg_mujoco.f110` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
+f1tenth_gym and `fg_mujoco.addons.gym2d` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
 advances it by 25 ms and measures 1081. One pure pursuit planner follows the map's centreline in all three. They take
 turns of one simulated second on one core, and only the time inside `step` counts: a ratio is the median over the turns.
 After each lap, `race` drives one by gap_finder, and its times real time counts the planner too: its ratio is the median
 over the laps. With `--agents` several cars follow each other in both, and only these two are compared; so they are with
-another `--timestep`, of which the gym makes one step of its integrator and `fg_mujoco.f110` one physics step for each
+another `--timestep`, of which the gym makes one step of its integrator and `fg_mujoco.addons.gym2d` one physics step for each
 5 ms.
 """
 
@@ -30,7 +30,7 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
-from fg_mujoco import f110
+from fg_mujoco.addons import gym2d as f110
 
 STEP = 0.01  # [s] unless another is asked for
 GAP = 2.5  # [m] from car to car
@@ -146,7 +146,7 @@ def ours(
         map=str(map_file.with_suffix("")), map_ext=extension, params=PARAMETERS, timestep=timestep, num_agents=agents,
         tires=tires,
     )  # fmt: skip
-    name = "fg_mujoco.f110" if tires is None else f"fg_mujoco.f110, tires {tires}"
+    name = "fg_mujoco.addons.gym2d" if tires is None else f"fg_mujoco.addons.gym2d, tires {tires}"
     return Driven(name, timestep, lambda pose: env.reset(pose)[0], lambda action: env.step(action)[0], agents)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from common import parser, report, table
 
-from fg_mujoco.kernels import cache_folder
+from fg_mujoco.compiled.kernels import cache_folder
 
 ROOT = Path(__file__).parent.parent
 INSIDE = ("controllers", "models", "tracks")
@@ -56,7 +56,7 @@ FAULTS = {
         tests="test_policy_interface.py",
     ),
     "what a car has learned of the friction that the next episode begins with": Fault(
-        file="fg_mujoco/envs/learned_friction.py",
+        file="addons/drivers/learned_friction.py",
         old="self._learned[which] = np.zeros((), LEARNED)",
         new="self._learned[which][\"use\"] = 0.0",
         tests="test_teaching.py",
@@ -75,19 +75,19 @@ FAULTS = {
     ),
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(
-        file="controllers/perception/lap_map.py",
+        file="addons/drivers/lap_map.py",
         old="shift_x, shift_y = x - here_x, y - here_y",
         new="shift_x, shift_y = here_x - x, here_y - y",
         tests="test_lap_map.py",
     ),
     "scans that are matched in the wrong direction": Fault(
-        file="controllers/perception/lap_map.py",
+        file="addons/drivers/lap_map.py",
         old="ex -= normal_x * error",
         new="ex += normal_x * error",
         tests="test_lap_map.py",
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(
-        file="controllers/safety/known_line.py",
+        file="addons/drivers/known_line.py",
         old="used = square * demand / grip",
         new="used = 0.0 * demand / grip",
         tests="test_lap_map.py",
@@ -112,7 +112,7 @@ FAULTS = {
         tests="test_measured_errors.py",
     ),
     "the noise of pairs of scans without the root of two": Fault(
-        file="fg_mujoco/studies/drives/beam_comparison.py",
+        file="addons/realcar/drives/beam_comparison.py",
         old="np.diff(left, axis=0)[same] / math.sqrt(2.0)",
         new="np.diff(left, axis=0)[same]",
         tests="test_beam_comparison.py",
@@ -156,7 +156,7 @@ FAULTS = {
         tests="test_car.py",
     ),
     "a delay of the speed's commands that goes the wrong way": Fault(
-        file="fg_mujoco/studies/identification/speed_response.py",
+        file="addons/realcar/identification/speed_response.py",
         old="held(motion.time - delay)",
         new="held(motion.time + delay)",
         tests="test_identification.py",
@@ -256,19 +256,19 @@ FAULTS = {
         tests="test_friction_limiter.py test_mission.py",
     ),
     "load moved to the wrong axle where friction is learned": Fault(
-        file="controllers/safety/friction_learning.py",
+        file="addons/drivers/friction_learning.py",
         old="(-along if wheel < 2 else along)",
         new="(along if wheel < 2 else -along)",
         tests="test_friction_learning.py",
     ),
     "a learned friction above its bound": Fault(
-        file="controllers/safety/friction_learning.py",
+        file="addons/drivers/friction_learning.py",
         old="wanted = min(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
         new="wanted = max(wanted, max((1.0 + settings.step) * learned.held, settings.start))",
         tests="test_friction_learning.py",
     ),
     "a steering gain that is learned upside down": Fault(
-        file="controllers/safety/friction_learning.py",
+        file="addons/drivers/friction_learning.py",
         old="gain = regressors[1] - 1.0",
         new="gain = 1.0 / regressors[1] - 1.0",
         tests="test_friction_learning.py",
@@ -427,13 +427,13 @@ FAULTS = {
     ),
     # studies
     "Wilson's interval of too small a sample": Fault(
-        file="fg_mujoco/studies/intervals.py",
+        file="fg_mujoco/rollouts/intervals.py",
         old="middle = (share + 0.5 * square / count) / (1.0 + square / count)",
         new="middle = (share + square / count) / (1.0 + square / count)",
         tests="test_intervals.py",
     ),
     "worlds of one track in the order of all": Fault(
-        file="fg_mujoco/studies/rollout/job.py",
+        file="fg_mujoco/rollouts/job.py",
         old="by_track = [np.arange(first, len(self.seeds), every) for first in range(every)]",
         new="by_track = [np.arange(first, len(self.seeds) - 1, every) for first in range(every)]",
         tests="test_rollouts.py test_rollout_store.py",
@@ -445,25 +445,25 @@ FAULTS = {
         tests="test_randomization.py test_rollouts.py",
     ),
     "an interval of the median a value too narrow": Fault(
-        file="fg_mujoco/studies/intervals.py",
+        file="fg_mujoco/rollouts/intervals.py",
         old="return (order[place - 1], order[count - place]) if place else None",
         new="return (order[place], order[count - place - 1]) if place else None",
         tests="test_intervals.py",
     ),
     "the reference's successes and the controller's mixed up": Fault(
-        file="fg_mujoco/studies/intervals.py",
+        file="fg_mujoco/rollouts/intervals.py",
         old="pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),",
         new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
         tests="test_comparison.py",
     ),
     "a gyro whose delay goes the wrong way": Fault(
-        file="fg_mujoco/studies/drives/drive_csv.py",
+        file="addons/realcar/drives/drive_csv.py",
         old='yaw_rate = channel("yaw_rate", late=columns.yaw_rate.late + gyro_late, scale=gyro)',
         new='yaw_rate = channel("yaw_rate", late=columns.yaw_rate.late - gyro_late, scale=gyro)',
         tests="test_recorded_drives.py",
     ),
     "a clock's scale that is turned over": Fault(
-        file="fg_mujoco/studies/drives/drive_csv.py",
+        file="addons/realcar/drives/drive_csv.py",
         old="time=first + clock * (found.time - first), values=found.values)",
         new="time=first + (found.time - first) / clock, values=found.values)",
         tests="test_recorded_drives.py",
@@ -481,19 +481,19 @@ FAULTS = {
         tests="test_validation.py",
     ),
     "an acceleration is given as if the motor's set point were not old": Fault(
-        file="fg_mujoco/studies/validation/car_model.py",
+        file="addons/realcar/validation/car_model.py",
         old="wheel_speeds + goes_on + tau * wanted",
         new="wheel_speeds + 0.8 * tau * wanted",
         tests="test_validation.py",
     ),
     "windows go through collisions": Fault(
-        file="fg_mujoco/studies/validation/windows.py",
+        file="addons/realcar/validation/windows.py",
         old="_HIT = 12.0",
         new="_HIT = 1e3",
         tests="test_validation.py",
     ),
     "a window that starts with its lateral speed to the other side": Fault(
-        file="fg_mujoco/studies/validation/car_model.py",
+        file="addons/realcar/validation/car_model.py",
         old="forward * cos - lateral * sin, forward * sin + lateral * cos",
         new="forward * cos + lateral * sin, forward * sin - lateral * cos",
         tests="test_validation.py",
@@ -543,50 +543,50 @@ FAULTS = {
     ),
     # ros
     "a scan's stamp of its last beam": Fault(
-        file="fg_mujoco/ros/bag_messages.py",
+        file="addons/ros/bag_messages.py",
         old="first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)",
         new="first = scan.stamp",
         tests="test_bag_run.py test_bag_writer.py test_bag_scans.py",
     ),
     "a LiDAR mounted the other way round": Fault(
-        file="fg_mujoco/ros/bag_scans.py",
+        file="addons/ros/bag_scans.py",
         old="    first += mount.yaw",
         new="    first -= mount.yaw",
         tests="test_bag_scans.py test_bag_replay.py",
     ),
     "a node's reckoned pose that turns twice as fast": Fault(
-        file="fg_mujoco/ros/node_host/sensing.py",
+        file="addons/ros/node_host/sensing.py",
         old="turned = self._odometry.yaw_rate * passed",
         new="turned = 2.0 * self._odometry.yaw_rate * passed",
         tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",
     ),
     # viz
     "pictures upside down": Fault(
-        file="fg_mujoco/viz/rendering/cameras.py",
+        file="fg_mujoco/pictures/rendering/cameras.py",
         old="0.5 * width + scale * x, 0.5 * height - scale * y",
         new="0.5 * width + scale * x, 0.5 * height + scale * y",
         tests="test_rendering.py test_rendering_cars.py",
     ),
     "a film a frame short": Fault(
-        file="fg_mujoco/viz/rendering/film.py",
+        file="fg_mujoco/pictures/rendering/film.py",
         old="math.floor((last - start) * fps + 1e-6) + 1",
         new="math.floor((last - start) * fps + 1e-6)",
         tests="test_rendering.py test_rendering_drive.py test_rendering_files.py",
     ),
     "a clip that begins with the last lap": Fault(
-        file="fg_mujoco/viz/report/clip.py",
+        file="addons/look/report/clip.py",
         old="return min(sum(lap_times[:best]), latest)",
         new="return min(sum(lap_times[: best + 1]), latest)",
         tests="test_report.py test_field_report.py",
     ),
     "sectors a line early": Fault(
-        file="fg_mujoco/viz/report/laps_and_slides.py",
+        file="addons/look/report/laps_and_slides.py",
         old="reached = _first_time(time, progress, (number - 1 + sector / SECTORS) * length)",
         new="reached = _first_time(time, progress, (number - 1 + (sector - 1) / SECTORS) * length)",
         tests="test_report.py",
     ),
     "a clip that follows the car that was hit least": Fault(
-        file="fg_mujoco/viz/report/clip.py",
+        file="addons/look/report/clip.py",
         old="hardest = max(contacts, key",
         new="hardest = min(contacts, key",
         tests="test_report.py test_field_report.py",

@@ -184,7 +184,7 @@ def renderers() -> Iterator[Callable[[int], object]]:
     import mujoco
 
     import fg_mujoco as fg
-    from fg_mujoco.viz.rendering import Renderer
+    from fg_mujoco.pictures.rendering import Renderer
 
     world = fg.World("oval")
     data = mujoco.MjData(world.model)
@@ -203,7 +203,7 @@ def forgotten_renderers() -> Iterator[Callable[[int], object]]:
     import mujoco
 
     import fg_mujoco as fg
-    from fg_mujoco.viz.rendering import Renderer
+    from fg_mujoco.pictures.rendering import Renderer
 
     world = fg.World("oval")
     data = mujoco.MjData(world.model)

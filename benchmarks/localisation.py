@@ -31,11 +31,11 @@ from common import parser, report, stay_on_cores, table
 from race_maps import SETTINGS, find_maps
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.localisation.distance_field import DistanceField, Distances, distance_at
-from fg_mujoco.controllers.localisation.localiser import Localiser, PoseSettings
-from fg_mujoco.controllers.localisation.particle_filter import ParticleFilter, costs_of
-from fg_mujoco.kernels import kernel
-from fg_mujoco.mapping.driven_map import Recorder
+from fg_mujoco.addons.drivers.localisation.distance_field import DistanceField, Distances, distance_at
+from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
+from fg_mujoco.addons.drivers.localisation.particle_filter import ParticleFilter, costs_of
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.addons.realcar.mapping.driven_map import Recorder
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 from fg_mujoco.simulation.settings import DriveSettings
 

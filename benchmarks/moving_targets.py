@@ -27,7 +27,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.random_moving import pedestrian
 from fg_mujoco.course.scenes.corridors import straight
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -23,7 +23,7 @@ from common import parser, report, table
 import fg_mujoco as fg
 from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.errors import ControllerError, FgMujocoError
-from fg_mujoco.studies.workers import work_off
+from fg_mujoco.rollouts.workers import work_off
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 SETTINGS = {"levine_slam": "[close=1.5]"}  # what a map needs that cannot be driven as it is

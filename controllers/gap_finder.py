@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings

@@ -20,7 +20,7 @@ from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
 from .racing.planner_texts import SCHEMES as _SCHEMES
-from .studies.drives import READERS as _READERS
+from fg_mujoco.addons.realcar.drives import READERS as _READERS
 
 if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .course.scene import Scene
     from .course.scenes.catalogue import scene_names
     from .course.track import Track
-    from .envs.parallel import parallel_env
+    from fg_mujoco.addons.learn.parallel import parallel_env
     from .errors import (
         BagError,
         ControllerError,
@@ -51,10 +51,10 @@ if TYPE_CHECKING:
     from .intermediate_values import show
     from .lidar.effects import LidarEffects
     from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
-    from .racing.commands import Commands
-    from .racing.drive import drive
+    from .lab.commands import Commands
+    from .lab.drive import drive
     from .racing.entries import Entry
-    from .racing.handling import handling
+    from .lab.handling import handling
     from .racing.planner_loading import make_controller
     from .racing.planner_sources import controller_names
     from .racing.race import race
@@ -64,23 +64,23 @@ if TYPE_CHECKING:
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, read_run
     from .racing.setup import Setup
-    from .ros.bag_drive import identify
+    from fg_mujoco.addons.realcar.bag_drive import identify
     from .simulation.course_loading import load_track
     from .simulation.settings import Start
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
-    from .studies.comparison.comparison import Comparison, compare
-    from .studies.rollout.dataset import Dataset, read_dataset
-    from .studies.rollout.rollout_result import RolloutResult, read_rollout
-    from .studies.rollout.rollouts import Executor, rollout
+    from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
+    from .rollouts.dataset import Dataset, read_dataset
+    from .rollouts.rollout_result import RolloutResult, read_rollout
+    from .rollouts.rollouts import Executor, rollout
     from .vehicle.changes import CarChanges
     from .vehicle.friction_patches import Patch
     from .vehicle.tires import Tires, tire_names
     from .vehicle.vehicle import Vehicle, vehicle_names
-    from .viz.debug import debug
-    from .viz.plots import trace_picture, track_picture, write_run
-    from .viz.rendering import Film, Renderer, render, write_video
+    from fg_mujoco.addons.look.debug import debug
+    from .pictures.plots import trace_picture, track_picture, write_run
+    from .pictures.rendering import Film, Renderer, render, write_video
 
     __version__: str
 
@@ -224,11 +224,11 @@ _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"control
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
-    "ComparisonProgress": "fg_mujoco.studies.grid_study.StudyProgress", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
+    "ComparisonProgress": "fg_mujoco.rollouts.grid_study.StudyProgress", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
     "maps": "track_names", "planners": "controller_names",
-    "read_drive": "fg_mujoco.studies.drives.reading.read_drive", "run": "race", "sim": "Simulation",
+    "read_drive": "fg_mujoco.addons.realcar.drives.reading.read_drive", "run": "race", "sim": "Simulation",
     "simulate": "Simulation", "vehicles": "vehicle_names",
 }  # fmt: skip
 """What others call it -> what it is called here."""
@@ -258,7 +258,7 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-_SCHEMES["policy"] = "fg_mujoco.envs.policy_planner:POLICIES"
-_READERS["bag"] = "fg_mujoco.ros.bag_drive:read_bag_drive"
-_SCHEMES["ros"] = "fg_mujoco.ros.node_host.ros_planner:NODES"
+_SCHEMES["policy"] = "fg_mujoco.addons.learn.policy_planner:POLICIES"
+_READERS["bag"] = "fg_mujoco.addons.realcar.bag_drive:read_bag_drive"
+_SCHEMES["ros"] = "fg_mujoco.addons.ros.node_host.ros_planner:NODES"
 _register_once_imported()

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import settings
 
 import fg_mujoco as fg
-from fg_mujoco.studies.workers import usable_cores
+from fg_mujoco.rollouts.workers import usable_cores
 
 # The same examples in every run, so that a change that passes here passes everywhere; `make fuzz` tries others.
 settings.register_profile("repeatable", max_examples=50, derandomize=True, deadline=None)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fg_mujoco.kernels import inlined
+from fg_mujoco.compiled.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
 MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD = range(10)

@@ -30,7 +30,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 
 from ..perception.scan_geometry import SCAN, period_of

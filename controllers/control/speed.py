@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 
 from .planner_settings import Record
 from .speed import share_of_way

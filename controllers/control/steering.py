@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 
 from .planner_settings import F1TENTH_STEERING, Record
 

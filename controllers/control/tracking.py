@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 X, Y, HEADING, CURVATURE = range(4)  # columns of a motion: of the rear axle after each arc, and the arc's curvature

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 _MOST_NOISE, _NOISE_BINS = 0.15, 128  # [m] that is measured, and in so many steps

@@ -14,7 +14,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, ScanGeometry
 
 from ..control.planner_settings import Record

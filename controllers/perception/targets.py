@@ -34,7 +34,7 @@ import math
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray
 
 from ..control.planner_settings import (

@@ -29,7 +29,7 @@ acceleration that the tires can hold:
    car brakes without it, as its stops are planned.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
-single-track car, and moments about its axles. The exponent is a fit; tests/test_friction_limiter.py compares it with
+single-track car, and moments about its axles. The exponent is a fit; tests/core/test_friction_limiter.py compares it with
 the simulated car.
 """
 
@@ -41,7 +41,7 @@ from dataclasses import astuple, dataclass, replace
 import numpy as np
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
 
 from ..control.planner_settings import (

@@ -23,7 +23,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
 from ..perception.frontiers import AT_WALL, FAR, UNIT, to_go_around, to_go_at

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import POSITIVE, Record, Settings, setting, setting_of_car
 from ..control.steering import arc_through

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from fg_mujoco.kernels import kernel
+from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
 from ..control.steering import arc_through, saturate

@@ -10,7 +10,7 @@ from pathlib import Path
 from PIL import Image
 
 import fg_mujoco as fg
-from fg_mujoco.viz.rendering import Film, Overlays
+from fg_mujoco.pictures.rendering import Film, Overlays
 
 PICTURE = Path(__file__).parent.parent / "images" / "race.webp"
 SIZE = (640, 360)  # [px]

@@ -16,8 +16,8 @@ from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..racing.planner_sources import controller_names
 from ..racing.randomization import OF_ENVIRONMENTS, PARAMETERS
-from ..studies.rollout.recording import RECORDS
-from ..studies.rollout.rollouts import EXECUTORS
+from ..rollouts.recording import RECORDS
+from ..rollouts.rollouts import EXECUTORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import vehicle_names
 
@@ -58,13 +58,13 @@ def _courses() -> list[str]:
 
 
 def _cameras() -> Iterable[str]:
-    from ..viz.rendering.cameras import CAMERAS  # slow to import
+    from ..pictures.rendering.cameras import CAMERAS  # slow to import
 
     return CAMERAS
 
 
 def _qualities() -> Iterable[str]:
-    from ..viz.rendering.presets import QUALITIES  # slow to import
+    from ..pictures.rendering.presets import QUALITIES  # slow to import
 
     return QUALITIES
 

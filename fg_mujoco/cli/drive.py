@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
-from ..racing.commands import COLUMNS
-from ..racing.drive import drive
-from ..racing.handling import handling
+from ..lab.commands import COLUMNS
+from ..lab.drive import drive
+from ..lab.handling import handling
 from ..racing.hints import clamped_hint
-from ..racing.manoeuvres import MANOEUVRES
+from ..lab.manoeuvres import MANOEUVRES
 from ..racing.run_folder import check_run_folder, summary_json
-from ..viz.plots import write_run
+from ..pictures.plots import write_run
 from .config import add_config
 from .options import add_setup_options, add_trust_option, can_draw, number, setup_of
 from .out import RUN, add_out_options
-from .report import PAGE, report_race
+from fg_mujoco.addons.look.commands_report import PAGE, report_race
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult

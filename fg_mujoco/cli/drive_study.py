@@ -14,8 +14,8 @@ from typing import Any
 
 from ..errors import EngineError
 from ..racing.setup import Setup
-from ..studies.grid_study import Study, StudyProgress
-from ..studies.store import as_json
+from ..rollouts.grid_study import Study, StudyProgress
+from ..rollouts.store import as_json
 from .config import add_config
 from .options import add_trust_option, can_draw, number, whole
 from .out import STUDY, add_out_options

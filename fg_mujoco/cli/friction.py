@@ -13,8 +13,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import EngineError, SettingsError
-from ..studies.friction_lab.experiment import OF_TIRES, ON_CIRCLES, LabSettings
-from ..studies.friction_lab.lab import EXPERIMENTS, LabProgress, run_lab
+from ..lab.experiment import OF_TIRES, ON_CIRCLES, LabSettings
+from ..lab.lab import EXPERIMENTS, LabProgress, run_lab
 from .options import can_draw, number, whole
 from .out import STUDY, add_out_options
 from .progress import shown_as, to_go

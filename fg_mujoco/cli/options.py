@@ -23,7 +23,7 @@ from ..vehicle.floors import floor_names
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
-from ..viz.pages.figure_kit import require_matplotlib
+from ..pictures.pages.figure_kit import require_matplotlib
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
 

@@ -23,13 +23,13 @@ from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
-from ..viz.plots import write_run
+from ..pictures.plots import write_run
 from .config import add_config
 from .options import CAR, OUTPUT, add_setup_options, add_trust_option, can_draw, group, in_one_line, setup_of
 from .out import RUN, add_out_options
 from .progress import ProgressLine
 from .render import check_film, film_race
-from .report import PAGE, report_race
+from fg_mujoco.addons.look.commands_report import PAGE, report_race
 
 _DONE, _NOT_DONE = 0, 1
 

@@ -17,7 +17,7 @@ from .progress import ProgressLine, to_go
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
-    from ..viz.rendering import Film
+    from ..pictures.rendering import Film
 
 _DONE = 0
 _USUAL_SIZE = (1280, 720)
@@ -60,8 +60,8 @@ def size_of(text: str) -> tuple[int, int]:
 
 def check_film(path: Path) -> None:
     """Refuse a video that could not be made, before a race is driven for it."""
-    from ..viz.rendering.gl import open_context
-    from ..viz.rendering.video import check_video
+    from ..pictures.rendering.gl import open_context
+    from ..pictures.rendering.video import check_video
 
     check_video(path, _USUAL_SIZE)
     open_context(*_USUAL_SIZE).free()
@@ -69,17 +69,17 @@ def check_film(path: Path) -> None:
 
 def film_race(result: RaceResult, path: Path) -> None:
     """Write a video of a race: the chase camera with its usual overlays."""
-    from ..viz.rendering import Film
+    from ..pictures.rendering import Film
 
     with Film(result, size=_USUAL_SIZE) as film:
         _write(film, path, fps=30.0, quality="good", start=None, end=None)
 
 
 def _render(options: argparse.Namespace) -> int:
-    from ..viz.rendering import Film, find_overlays, write_picture
-    from ..viz.rendering.cameras import find_camera
-    from ..viz.rendering.presets import find_quality
-    from ..viz.rendering.video import check_place, check_video
+    from ..pictures.rendering import Film, find_overlays, write_picture
+    from ..pictures.rendering.cameras import find_camera
+    from ..pictures.rendering.presets import find_quality
+    from ..pictures.rendering.video import check_place, check_video
 
     find_camera(options.camera)
     find_quality(options.quality)
@@ -116,7 +116,7 @@ def _write(film: Film, path: Path, *, fps: float, quality: str, start: float | N
 
     Without a start and an end, of several laps only the best is filmed.
     """
-    from ..viz.rendering.video import write_video
+    from ..pictures.rendering.video import write_video
 
     best, what = film.drive.best_lap if start is end is None else None, ""
     if best is not None:

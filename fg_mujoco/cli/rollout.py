@@ -18,10 +18,10 @@ from ..messages import require_whole
 from ..racing.planner_sources import bundled_names
 from ..racing.setup import Setup
 from ..simulation.settings import friction_text
-from ..studies.rollout.recording import RECORDS, Record
-from ..studies.rollout.rollout_result import RolloutResult
-from ..studies.rollout.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
-from ..studies.store import as_json
+from ..rollouts.recording import RECORDS, Record
+from ..rollouts.rollout_result import RolloutResult
+from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
+from ..rollouts.store import as_json
 from ..vehicle.tire_slip import sliding_rule
 from .config import add_config
 from .options import CAR, add_setup_options, add_trust_option, setup_of, whole

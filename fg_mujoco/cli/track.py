@@ -18,7 +18,7 @@ from ..course.scenes.catalogue import describe_scene, scene_names
 from ..course.writing import write_file
 from ..errors import SettingsError
 from ..simulation.course_loading import load_track
-from ..viz.plots import track_picture
+from ..pictures.plots import track_picture
 from .options import number
 from .out import require_new
 

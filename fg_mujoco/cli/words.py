@@ -15,7 +15,7 @@ _STUDY = "`fg-mujoco compare` races planners on several courses, `fg-mujoco roll
 _LEARN = "`fg-mujoco train` trains a policy; environments are made in Python: gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ROS = "`fg-mujoco race --controller ros:path/to/node.py` races a node of ROS, `fg-mujoco bag` reads a bag"
 _BAG = "`fg-mujoco export` writes a run as a bag"
-_F110 = "`python -m fg_mujoco.f110 script.py` runs a script of f1tenth_gym"
+_F110 = "`python -m fg_mujoco.addons.gym2d script.py` runs a script of f1tenth_gym"
 
 _OF_WORDS = {
     _COURSES: ("circuit", "circuits", "courses", "scenes", "tracks"),

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray
 
 

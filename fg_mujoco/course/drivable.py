@@ -20,7 +20,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..errors import SettingsError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray, require
 from .clearance import outline
 from .track import Track, follow

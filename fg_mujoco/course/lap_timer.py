@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..display import brief
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from .course import Course
 from .track import follow

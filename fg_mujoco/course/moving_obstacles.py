@@ -22,7 +22,7 @@ import numpy as np
 from ..arguments import explain_class
 from ..display import brief
 from ..errors import SettingsError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray, require
 from .obstacles import Box
 from .track_mesh import WALL_HEIGHT

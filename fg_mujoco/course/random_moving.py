@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ArgumentError, SettingsError, accepted_names
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray, shown
 from .clearance import outline, rectangle_distance
 from .course import Course, wall_outlines

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import default_time_limit
 from .line_csv import MOST_POINTS

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MessageError, SettingsError
 from ..messages import CarParameters, FloatArray, shown
-from .residual import Residual
+from fg_mujoco.addons.learn.residual import Residual
 from .reward_kernels import read_actions
 
 ACTIONS = (("steering", "steering_rate"), ("speed", "acceleration"))

@@ -28,9 +28,9 @@ from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action
 from .observer import Observer
-from .policy_batch import PolicyBatch, batch_key
+from fg_mujoco.addons.learn.policy_batch import PolicyBatch, batch_key
 from .policy_interface import Policy, PolicyInterface, row_of
-from .residual import BasePlanners
+from fg_mujoco.addons.learn.residual import BasePlanners
 from .tick_state import SensedState, TickStates
 
 _ACCEPTED = (

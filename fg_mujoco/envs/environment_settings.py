@@ -37,7 +37,7 @@ from .environment_opponents import as_entries
 from .observation_description import DEFAULT_OBSERVATION, Observation, as_privileged
 from .observations import ObservationTerm
 from .policy_interface import check_actions
-from .residual import Residual
+from fg_mujoco.addons.learn.residual import Residual
 from .rewards import Rewards
 from .starts import GRID_ORDERS, StartGrid
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..arguments import Remade
 from ..display import brief
 from ..errors import SettingsError, accepted_names
-from ..studies.workers import usable_cores
+from ..rollouts.workers import usable_cores
 from .environment_settings import EnvironmentSettings
 from .episode_draws import read_options
 from .episodes import Episodes

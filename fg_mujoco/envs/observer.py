@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
 from .actions import CarLimits
-from .learned_friction import LearnedFriction
+from fg_mujoco.addons.drivers.learned_friction import LearnedFriction
 from .observation_description import Observation, Part, even_beams
 from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
 from .reward_kernels import read_sensors

@@ -50,7 +50,7 @@ from .actions import (
 from .observation_description import Observation
 from .observations import ON_BOARD, ObservationTerm
 from .observer import Observer, ScanBeams, Seen, SensorSize
-from .residual import BasePlanners, Residual
+from fg_mujoco.addons.learn.residual import BasePlanners, Residual
 
 Policy = Callable[[Any], ArrayLike]
 """A function of an observation of one car that returns an action."""

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..simulation.engine import Engine
 from ..simulation.world import World
-from ..viz.display_check import can_open_window
-from ..viz.rendering import Renderer
+from ..pictures.display_check import can_open_window
+from ..pictures.rendering import Renderer
 
 WIDTH, HEIGHT = 640, 480  # [px]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..arguments import Suggesting
 from ..course.clearance import clearances, outline
 from ..course.course import wall_outlines
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import TELEMETRY

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
 PoseArrays = tuple[NDArray[np.int32], FloatArray, FloatArray, FloatArray, FloatArray]

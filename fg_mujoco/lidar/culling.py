@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from .visible_surfaces import BINS, SceneArrays, Scratch
 

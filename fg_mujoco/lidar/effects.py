@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ..arguments import explain_class
 from ..errors import SettingsError, accepted_names
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .body_poses import rotated

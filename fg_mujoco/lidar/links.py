@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
 LINK = np.dtype(

@@ -25,7 +25,7 @@ from ..course.documents import read_toml_table
 from ..course.files import read_setting
 from ..display import brief
 from ..errors import SettingsError, accepted_names
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
 MOST_KNOTS = 32

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import kernel, numbas
+from ..compiled.kernels import kernel, numbas
 from ..messages import FloatArray
 
 _MULTIPLIER = 0x2360ED051FC65DA44385DF649FCCF645  # of PCG64

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
 _KINDS = {

@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from ..kernels import inlined, kernel
+from ..compiled.kernels import inlined, kernel
 from ..messages import FloatArray
 from .culling import TINY, Pose, bearing, is_hidden, skip, sort_by_distance, survey, whole_turn
 from .round_shapes import into_shape, ray_distance

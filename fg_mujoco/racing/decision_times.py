@@ -26,7 +26,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..kernels import CompileTime
+from ..compiled.kernels import CompileTime
 from ..simulation.planner_failure import DecisionLimitReached
 
 _Answer = TypeVar("_Answer")

@@ -21,7 +21,7 @@ from ..simulation.planner_failure import error_text, file_of, is_of_planner, one
 from .planner_sources import A_PLANNER, find_controller, planner_of
 
 if TYPE_CHECKING:
-    from fg_mujoco.controllers.localisation.localiser import Localiser
+    from fg_mujoco.addons.drivers.localisation.localiser import Localiser
 
 POSE_SETTINGS = frozenset({"pose", "pose_start", "pose_map", "particles"})
 """Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
@@ -124,8 +124,8 @@ def _with_pose(
     chosen = {name: value for name, value in settings.items() if name in POSE_SETTINGS - own_names}
     if not chosen:
         return factory, settings, context, None
-    from fg_mujoco.controllers.localisation.localised import localised
-    from fg_mujoco.controllers.localisation.localiser import Localiser, PoseSettings
+    from fg_mujoco.addons.drivers.localisation.localised import localised
+    from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
 
     origin, own = f"controller {source!r}", {name: settings[name] for name in settings if name not in chosen}
     try:

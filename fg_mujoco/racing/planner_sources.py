@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..controllers import CONTROLLERS
+from fg_mujoco.controllers import CONTROLLERS
 from ..course.files import is_file
 from ..errors import ControllerError, accepted_names
 from ..messages import DriveCommand, LaserScan, Odometry

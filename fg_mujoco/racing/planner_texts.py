@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..controllers import CONTROLLERS
+from fg_mujoco.controllers import CONTROLLERS
 from ..course.files import is_file
 from ..errors import ControllerError
 from ..registry import Registry

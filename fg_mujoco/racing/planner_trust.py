@@ -77,7 +77,7 @@ def require_trusted(
                 said = f"{where}: planner {source!r} has {name} {value!r}, which it did not read as it was raced"
                 raise ControllerError(f"{said}; accepted: the files that are recorded with their SHA-256")
         return
-    from .manoeuvres import is_driven_by_commands  # nobody else here needs what it imports
+    from ..lab.manoeuvres import is_driven_by_commands  # nobody else here needs what it imports
 
     if is_driven_by_commands(source):
         raise ControllerError(f"{where}: {source!r} has no planner; its commands were made beforehand")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
-from ..array_table import ArrayTable, Table
+from ..compiled.array_table import ArrayTable, Table
 from ..display import Shown, brief, quoted, table
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only

@@ -47,7 +47,7 @@ from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
-from ..kernels import own_folder
+from ..compiled.kernels import own_folder
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant

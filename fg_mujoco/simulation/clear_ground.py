@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.bodywork import HULL
 from ..vehicle.car import element_id

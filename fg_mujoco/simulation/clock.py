@@ -6,7 +6,7 @@ import ctypes
 import time
 from typing import Any
 
-from ..kernels import kernel, numbas
+from ..compiled.kernels import kernel, numbas
 
 _WITH_ROOM, _PLAIN = "PyTime_PerfCounterRaw", "_PyTime_GetPerfCounter"  # since Python 3.13, and before
 

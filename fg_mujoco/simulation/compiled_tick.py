@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import (
+from ..compiled.array_table import (
     ArrayTable,
     Table,
     carray,
@@ -32,7 +32,7 @@ from ..array_table import (
 from ..course.course import Course
 from ..course.lap_timer import LAP_TIMER
 from ..course.moving_obstacles import obstacle_position
-from ..kernels import c_function, call_at, kernel
+from ..compiled.kernels import c_function, call_at, kernel
 from ..lidar.body_poses import mounted_pose
 from ..lidar.links import LINK, place_links
 from ..lidar.scanline import scan

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Uncopied
-from ..array_table import Table
+from ..compiled.array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams

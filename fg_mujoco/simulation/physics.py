@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..arguments import Uncopied
 from ..errors import EngineError
-from ..kernels import kernel, library_function
+from ..compiled.kernels import kernel, library_function
 from ..messages import FloatArray
 from ..vehicle.stages import library_path
 

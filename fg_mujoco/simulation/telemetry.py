@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError, accepted_names, nearest, with_unit
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import DriveCommand, FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, body_velocity, ground_speed, planar_pose, sideslip_angle

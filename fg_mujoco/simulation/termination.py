@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..course.lap_timer import fresh_timers, time_lap
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, is_rolled_over, planar_pose
 from .physics import BAD_WARNINGS, StateLayout

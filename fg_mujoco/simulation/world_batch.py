@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import ArrayTable, Table
+from ..compiled.array_table import ArrayTable, Table
 from ..course.lap_timer import first_seen, fresh_timers
 from ..course.moving_obstacles import make_mover, motion_table
 from ..course.standing import off_course

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..course.moving_obstacles import obstacle_position
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from ..vehicle import stages
 from ..vehicle.friction_patches import look_at_floor

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..kernels import numbas
+from ..compiled.kernels import numbas
 
 
 def _add_scaled(lanes: int) -> Any:

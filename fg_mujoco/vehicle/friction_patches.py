@@ -33,7 +33,7 @@ from ..arguments import explain_class
 from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray, require, shown
 from .car import WHEELS, Car, element_id
 from .motion import planar_pose

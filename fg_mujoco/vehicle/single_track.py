@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..kernels import inlined, kernel
+from ..compiled.kernels import inlined, kernel
 from ..messages import CarParameters, FloatArray, require
 
 FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562

@@ -20,10 +20,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..array_table import carray, pointer
+from ..compiled.array_table import carray, pointer
 from ..errors import EngineError
-from ..interpreted import word_at
-from ..kernels import kernel, library_function, numbas
+from ..compiled.interpreted import word_at
+from ..compiled.kernels import kernel, library_function, numbas
 
 
 @cache

@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 
 from ..arguments import Suggesting
 from ..errors import ModelError
-from ..kernels import inlined, kernel
+from ..compiled.kernels import inlined, kernel
 from ..messages import FloatArray
 from . import stages
 from .arithmetic import add_scaled_4, add_scaled_16, unlikely

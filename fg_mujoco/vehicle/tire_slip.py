@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from ..arguments import explain_class
 from ..display import brief
 from ..errors import ModelError
-from ..kernels import kernel
+from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from .car import WHEELS, element_id, sensor_slice
 from .tire_forces import (

@@ -14,8 +14,8 @@ from numpy.random import Generator
 from small_policies import FLAT, PARTS, interface_of, network_for
 
 from fg_mujoco.course.documents import read_toml, toml_text
-from fg_mujoco.envs.policy_files import save_policy
-from fg_mujoco.envs.training_settings import TrainingSettings
+from fg_mujoco.addons.learn.policy_files import save_policy
+from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.simulation.settings import known_settings
 
 from .folder_targets import any_json

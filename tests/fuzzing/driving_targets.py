@@ -21,14 +21,14 @@ from websockets.sync.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
 import fg_mujoco as fg
-from fg_mujoco import f110
-from fg_mujoco.f110.new_api import F110Env as NewEnv
+from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.addons.gym2d.new_api import F110Env as NewEnv
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.ros.foxglove_server import FoxgloveServer
-from fg_mujoco.ros.rosbridge.server import RosbridgeServer
-from fg_mujoco.viz.live.browser import LiveView
-from fg_mujoco.viz.live.live_session import LiveSession
+from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
+from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
+from fg_mujoco.addons.look.live.browser import LiveView
+from fg_mujoco.addons.look.live.live_session import LiveSession
 
 from .course_targets import ring
 from .folder_targets import any_json_file, changed_arrays, read

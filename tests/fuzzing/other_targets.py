@@ -15,8 +15,8 @@ from numpy.random import Generator
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.gym_environment import F1TenthEnv
-from fg_mujoco.viz.live.handshake import is_own
-from fg_mujoco.viz.rendering.scenery import compile_scenery
+from fg_mujoco.addons.look.live.handshake import is_own
+from fg_mujoco.pictures.rendering.scenery import compile_scenery
 
 from .folder_targets import run
 from .mutations import NUMBERS, WORDS, mutated, mutated_binary, one_of

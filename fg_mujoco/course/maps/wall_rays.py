@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import TrackError
-from ...kernels import kernel
+from ...compiled.kernels import kernel
 from ...messages import FloatArray
 from .map_server import read_map_file
 from .walls import outlines, trace

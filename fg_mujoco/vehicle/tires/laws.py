@@ -5,7 +5,7 @@ A new law is a module in this folder, a place in LAWS, and a case in `curve_forc
 
 from __future__ import annotations
 
-from ...kernels import kernel
+from ...compiled.kernels import kernel
 from ...messages import FloatArray
 from . import brush, coulomb, linear, magic_formula
 from .brush import Brush

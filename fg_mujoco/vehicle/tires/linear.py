@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...errors import SettingsError
-from ...kernels import kernel
+from ...compiled.kernels import kernel
 from ...messages import FloatArray, require
 from .law import Law
 

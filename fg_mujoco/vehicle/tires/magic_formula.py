@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...errors import SettingsError
-from ...kernels import kernel
+from ...compiled.kernels import kernel
 from ...messages import FloatArray, require
 from .law import GREATEST_SLIP, Law, with_sign
 

@@ -1,0 +1,220 @@
+"""The cars that are to be overtaken: each is, at each place of the course, slower than the planner is there alone.
+
+The planner first drives alone, two laps from a standing start. What it did in the second is its pace. An opponent of
+the speed ratio .6 drives no faster than .6 of the pace at the place where it is. So its lap takes about 1/.6 of the
+planner's, however the course winds, which a limit of .6 of the greatest speed does not say.
+
+centreline   pure_pursuit on the centreline
+raceline     pure_pursuit on a line of least curvature between the walls
+reactive     gap_finder, which sees the course and the planner's car
+blocking     pure_pursuit off the centreline: on the side on which the planner's car comes up behind it
+
+`blocking` is a test instrument. It knows where the planner's car is, and moves aside by half of the room that it has,
+no faster than BLOCKING_RATE. It goes on to do so until the planner's car is next to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from fg_mujoco.course.track import Track, follow
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import (
+    CarParameters,
+    Controller,
+    DriveCommand,
+    FloatArray,
+    LaserScan,
+    Odometry,
+    PlannerContext,
+    read_only,
+)
+from fg_mujoco.racing.planner_loading import make_controller
+
+OPPONENTS = ("centreline", "raceline", "reactive", "blocking")
+"""Kinds of opponents."""
+
+BLOCKING_RATE = 0.5  # [m/s] sideways
+BLOCKING_FROM = 6.0  # [m] ahead of the planner's car: further on it keeps to the centreline
+_BLOCKING_SHARE = 0.5  # of the room between the car on the centreline and the nearer wall
+_LEAST_SPEED = 0.3  # [m/s] of an opponent, so that one behind a planner that stands still in its lap does not stop
+_SPACING = 0.5  # [m] of the points of the line of least curvature
+_CLEARANCE = 0.15  # [m] of that line's car to the walls
+_ROUNDS = 4000  # of the descent
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """Speed of a planner at each place of a course, alone."""
+
+    s: FloatArray  # (n,) [m] along the centreline, increasing
+    speed: FloatArray  # (n,) [m/s]
+    length: float  # [m] of a lap
+
+    def at(self, s: float) -> float:
+        """Return the speed [m/s] at a place [m], any number of laps on."""
+        return float(np.interp(s % self.length, self.s, self.speed, period=self.length))
+
+
+class Slowed:
+    """A planner that drives no faster than a share of a pace.
+
+    Args:
+      planner: that drives.
+      track: of the pace.
+      pace: of the planner that is to overtake.
+      ratio: of the speeds.
+    """
+
+    def __init__(self, planner: Controller, track: Track, pace: Pace, ratio: float) -> None:
+        self._planner, self._track, self._pace, self._ratio = planner, track, pace, ratio
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""
+        self._planner.reset()
+        self._s = math.nan
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Answer the planner's command, slower if need be."""
+        s, _ = self.place(odometry)
+        command = self._planner(scan, self.sensed(odometry))
+        most = max(self._ratio * self._pace.at(s), _LEAST_SPEED)
+        return replace(command, speed=min(command.speed, most))
+
+    def place(self, odometry: Odometry) -> tuple[float, float]:
+        """Return the distance of the car along the centreline, and to the left of it [m]."""
+        x, y, _ = odometry.pose.tolist()
+        if math.isnan(self._s):
+            self._s = float(self._track.project([[x, y]])[0][0])
+        self._s, offset = follow(x, y, self._s, self._track.table, self._track.length)
+        return self._s, offset
+
+    def sensed(self, odometry: Odometry) -> Odometry:
+        """Return the odometry for its planner."""
+        return odometry
+
+
+class Blocking(Slowed):
+    """Drives off the centreline, on the side of a follower.
+
+    Arguments are those of Slowed, and:
+
+    Args:
+      car: its parameters.
+
+    Attributes:
+      follower: how far behind it the other car is along the centreline [m], negative ahead, and that one's offset [m].
+    """
+
+    def __init__(self, planner: Controller, track: Track, pace: Pace, ratio: float, car: CarParameters) -> None:
+        super().__init__(planner, track, pace, ratio)
+        self._width, self._length = car.width, car.length
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""
+        super().reset()
+        self._aside = 0.0
+        self.follower = (math.inf, 0.0)
+
+    def sensed(self, odometry: Odometry) -> Odometry:
+        """Return odometry whose pose is as far to the other side as the car is to keep from its line."""
+        s, _ = self.place(odometry)
+        behind, offset = self.follower
+        wanted = 0.0
+        if self._length < behind < BLOCKING_FROM:
+            wanted = math.copysign(_BLOCKING_SHARE * self._room(s), offset)
+        elif -self._length <= behind <= self._length:
+            wanted = self._aside  # it does not turn into a car next to it
+        step = BLOCKING_RATE * 0.025
+        self._aside += max(-step, min(step, wanted - self._aside))
+        x, y, heading = odometry.pose.tolist()
+        along = self._track.start_pose(s)[2]
+        moved = read_only((x + self._aside * math.sin(along), y - self._aside * math.cos(along), heading))
+        return replace(odometry, pose=moved)
+
+    def _room(self, s: float) -> float:
+        """Return the room of the car to either side of the centreline [m]."""
+        track = self._track
+        sides = (track.corridor_right, track.corridor_left)
+        room = min(float(np.interp(s, track.arc_length, side, period=track.length)) for side in sides)
+        return max(room - 0.5 * self._width - _CLEARANCE, 0.0)
+
+
+def make_opponent(
+    kind: str, track: Track, pace: Pace, ratio: float, context: PlannerContext, lines: Path
+) -> Slowed:
+    """Return an opponent.
+
+    Args:
+      kind: one of OPPONENTS.
+      track: that it drives on.
+      pace: of the planner that is to overtake it.
+      ratio: of its speed to that pace.
+      context: of its planner.
+      lines: folder to which the line of least curvature is written.
+
+    Raises:
+      SettingsError: another kind.
+    """
+    if kind not in OPPONENTS:
+        raise SettingsError(f"opponent {kind!r}; accepted: {', '.join(OPPONENTS)}")
+    if kind == "reactive":
+        return Slowed(make_controller("gap_finder", context), track, pace, ratio)
+    settings = {}
+    if kind == "raceline":
+        path = lines / "raceline.csv"
+        write_line(path, least_curvature(track, context.car))
+        settings = {"line": str(path)}
+    planner = make_controller("pure_pursuit", context, settings=settings)
+    if kind == "blocking":
+        return Blocking(planner, track, pace, ratio, context.car)
+    return Slowed(planner, track, pace, ratio)
+
+
+def write_line(path: Path, points: FloatArray) -> None:
+    """Write a line (n, 2) [m] as pure_pursuit reads one: a centreline's CSV, widths 0."""
+    rows = "".join(f"{x!r}, {y!r}, 0.0, 0.0\n" for x, y in points.tolist())
+    path.write_text(f"# x_m, y_m, w_tr_right_m, w_tr_left_m\n{rows}", encoding="utf-8")
+
+
+def least_curvature(track: Track, car: CarParameters, lane: tuple[float, float] = (-1.0, 1.0)) -> FloatArray:
+    """Return a closed line between the walls whose bends are as wide as they can be. Shape (n, 2) [m].
+
+    The points move square to the centreline, and the sum of the squares of their second differences falls: projected
+    gradient descent with Nesterov's momentum.
+
+    Args:
+      track: that it is on.
+      car: whose middle moves on it.
+      lane: of the room between the walls, from -1 at the right one to 1 at the left one.
+    """
+    count = max(round(track.length / _SPACING), 8)
+    stations = np.arange(count) * (track.length / count)
+    middle, left = track.position(stations, 0.0), track.position(stations, 1.0)
+    normal = left - middle
+    room = [
+        np.maximum(np.interp(stations, track.arc_length, side, period=track.length) - 0.5 * car.width - _CLEARANCE, 0.0)
+        for side in (track.corridor_right, track.corridor_left)
+    ]
+    low, high = (np.where(share < 0.0, room[0], room[1]) * share for share in lane)
+    offset = ahead = np.clip(np.zeros(count), low, high)
+    momentum = 1.0
+    for _ in range(_ROUNDS):
+        bend = _second_difference(middle + ahead[:, np.newaxis] * normal)
+        slope = np.sum(_second_difference(bend) * normal, axis=1)
+        moved = np.clip(ahead - slope / 16.0, low, high)  # 16 is the greatest eigenvalue
+        grown = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * momentum * momentum))
+        ahead = moved + (momentum - 1.0) / grown * (moved - offset)
+        offset, momentum = moved, grown
+    return read_only(middle + offset[:, np.newaxis] * normal)
+
+
+def _second_difference(points: FloatArray) -> FloatArray:
+    """Return the curvature vectors of a closed line at its points, (n, 2)."""
+    bend: FloatArray = np.roll(points, 1, axis=0) - 2.0 * points + np.roll(points, -1, axis=0)
+    return bend

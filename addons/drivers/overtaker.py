@@ -1,0 +1,267 @@
+"""Overtaker: the gap finder among other cars, from the scan and odometry alone.
+
+1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
+   With `knows=opponents` the cars are those whose odometry is told, as far as they are in sight.
+2. The beams that end on a car are lengthened to what is next to it. The course ahead of the car is where it is expected
+   to go, with the room to both sides (perception.corridor).
+3. Each car is followed or passed, by the room that there is (safety.passing). While the planner's car follows, it
+   drives as the gap finder does in the scan without cars, so slowly that it could stop behind the car ahead.
+4. While it passes, it keeps a lane: the other car's way, moved aside into the room there. Guidance does not change it.
+5. The safety filter simulates its stops in the scan without cars, and compares each place of a stop with the places
+   where the others may be then. What moves and is no car is predicted as every planner does it (safety.predictions).
+6. A car that has stood for two seconds is an obstacle. So is, once a car has been met, a thing that stands and is as
+   large as the box on a car: it is drawn into the scan as large as a car.
+
+Limits: cars are taken to keep their share of the course's width. One that comes up from behind is not seen; nor is one
+that is hidden. Without a car that has moved in sight this is the gap finder, to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.messages import FloatArray, Reading
+
+from fg_mujoco.controllers.control.driving import refer_to_goal
+from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
+from .other_cars import MOST_CARS, WIDEST, follow_told, is_told, read_told, watch_cars
+from fg_mujoco.controllers.perception.scan_filters import valid_ranges
+from fg_mujoco.controllers.perception.scan_geometry import sees
+from .passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
+from fg_mujoco.controllers.safety.predictions import draw_disc, place_of, separate, track, write_predictions
+
+_HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
+_STEPS = 24  # of a stop
+_STANDS, _STANDING = 4, 0.26  # sightings of what may be a car that stands, and its radius [m]
+_OF_CAR = 0.6  # [m] from the middle of what may be a car: what moves there is a part of it
+_ALONG = 0.7  # of the velocity of a thing is along the car's heading: it drives, as cars do
+_find_goal = GapFinder.goal
+
+
+@dataclass(frozen=True, kw_only=True)
+class OvertakerSettings(GapFinderSettings):
+    """Parameters of the gap finder, and of the cars that it meets."""
+
+
+    braking: float = setting(5.0, "m/s^2", "with which another car may stop", POSITIVE)
+    car_margin: float = setting(0.06, "m", "round another car", FROM_ZERO)
+    least_lead: float = setting(0.2, "s", "for which a car goes on at least", FROM_ZERO)
+    closing: float = setting(1.5, "m/s", "faster than a car that it passes, at most", POSITIVE)
+    slowing: float = setting(3.0, "m/s^2", "with which the car can slow behind another, in a bend, too", POSITIVE)
+    behind: float = setting(0.2, "m", "from a car that it follows, beside what braking takes", FROM_ZERO)
+    look_at: float = setting(4.0, "m", "from a car that it may pass", POSITIVE)
+    aside: float = setting(0.35, "m", "from a car that it passes, at most", FROM_ZERO)
+    patience: float = setting(0.6, "s", "from giving up a pass to the next one", FROM_ZERO)
+    clear: float = setting(0.08, "m", "from side to side, from which on it goes faster than a car ahead", FROM_ZERO)
+    clear_by_speed: float = setting(0.02, "s", "the same, more for each m/s of the other car", FROM_ZERO)
+    room_to_pass: float = setting(0.5, "m", "to a side of another car, for a pass to begin", POSITIVE)
+    room_by_speed: float = setting(0.03, "s", "the same, more for each m/s of the other car", FROM_ZERO)
+    room_to_go_on: float = setting(0.45, "m", "the same, for it to go on", POSITIVE)
+
+
+class Overtaker(GapFinder):
+    """The gap finder among other cars."""
+
+    Settings = OvertakerSettings
+    memory_type = RACING
+    hides_cars = True
+
+    @staticmethod
+    def read(memory: Any, readings: Mapping[str, Reading]) -> None:
+        """Put the odometry of the other cars, where the planner is told of it, into its memory."""
+        if "opponents" in readings:
+            read_told(memory["told"], readings["opponents"])
+
+    @staticmethod
+    @kernel
+    def refer_worlds(  # type: ignore[no-untyped-def]
+        scan, ranges, odometry, running, own, driven, lines, valid, shown
+    ):
+        """Write the references of all running worlds, and for each the scan with cars as drawn and that without."""
+        scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
+        count = len(running)
+        for world in range(count):
+            if running[world]:
+                drawn, without, clear = valid[world], valid[count + world], valid[2 * count + world]
+                keep(drawn, valid_ranges(ranges[world], scan[0].range_max))
+                keep(without, drawn)
+                driver, bearing, distance = driven[world].driver, math.nan, 0.0
+                limit, among = math.inf, False
+                predictions = driven[world].memory.predictions
+                if sees(scan[0], drawn):
+                    memory, settings = own[world].memory, own[world].settings
+                    if is_told(memory.told, odometry[world]):
+                        among = follow_told(memory.seen, memory.told, scan[0], drawn, odometry[world], driver.car)
+                    else:
+                        memory.told.follows = False
+                        among = watch_cars(memory.seen, scan[0], drawn, odometry[world], driver.car.lidar_offset)
+                    draw_standing(memory, scan[0], drawn, driver.car, settings.car_margin)
+                    keep(without, drawn)
+                    if among:
+                        hide_cars(memory, scan[0], without)
+                        keep(drawn, without)
+                        limit = choose(memory, scan[0], without, driver.car, settings)
+                        draw_cars(memory, scan[0], drawn, odometry[world].speed, driver.car, settings)
+                    moves = track(scan[0], without, odometry[world], driver, predictions)
+                    if among:
+                        keep(clear, without)
+                    if moves and leave_cars_out(memory.seen, predictions):
+                        separate(scan[0], without, clear, odometry[world].speed, predictions)
+                        separate(scan[0], drawn, clear, odometry[world].speed, predictions)
+                        keep(clear, without)
+                    if among and driver.prediction:
+                        predict_cars(memory, driver.car, settings.braking, predictions)
+                    keep(scans.filtered, drawn)
+                    bearing, distance = _find_goal(scan[0], drawn, driver.car, settings, scans)
+                reference = driven[world].reference
+                refer_to_goal(scan[0], scans.filtered, odometry[world], driver, bearing, distance, reference)
+                reference.limit = limit
+                if among:
+                    take_lane(own[world].memory, odometry[world].speed, driver, own[world].settings, reference)
+                    if reference.places > 0:
+                        keep(drawn, without)
+
+
+@kernel
+def draw_standing(memory: Record, scan: Record, ranges: FloatArray, parameters: Record, margin: float) -> None:
+    """Shorten beams (n,) [m] to what stands and may be a car, once cars have been met: a box is less than all of it.
+
+    Args:
+      memory: of type RACING, whose `met` is written to.
+      scan: of type SCAN.
+      ranges: readings, written to.
+      parameters: of a car.
+      margin: round a car whose heading is known [m].
+    """
+    seen = memory.seen
+    for car in seen.cars:
+        memory.met = memory.met or (car.age > 0 and car.moves)
+    if memory.met:
+        for k in range(MOST_CARS):
+            car = seen.cars[k]
+            ahead, left = _seen_from(seen, car.x, car.y)
+            if car.age >= _STANDS and not car.moves:
+                draw_disc(scan, ranges, ahead, left, _STANDING)
+            elif car.age > 0 and car.moves and memory.passing[k].stood > STANDS_FOR:
+                _draw_car(scan, ranges, ahead, left, car.heading - seen.heading, parameters, margin)
+
+
+@kernel
+def leave_cars_out(memory: Record, predictions: Record) -> bool:
+    """Predict what crosses the car's way and is no part of what may be a car; return whether there is something.
+
+    Args:
+      memory: of type OTHER_CARS.
+      predictions: of type PREDICTIONS, written to.
+    """
+    seen = predictions.targets
+    cos, sin = math.cos(seen.heading), math.sin(seen.heading)
+    for target in seen.targets:
+        if target.age > 0 and target.moves:
+            along = abs(cos * target.vx + sin * target.vy)
+            of_car = target.size < 0.5 * WIDEST or along > _ALONG * math.hypot(target.vx, target.vy)
+            x, y = place_of(seen, target)
+            for car in memory.cars:
+                ahead, left = _seen_from(memory, car.x, car.y)
+                of_car = of_car or (car.age > 0 and math.hypot(ahead - x, left - y) < _OF_CAR)
+            if of_car:
+                target.moves, target.evidence = False, 0
+    return write_predictions(predictions)
+
+
+@kernel
+def hide_cars(memory: Record, scan: Record, ranges: FloatArray) -> None:
+    """Lengthen the beams (n,) [m] that end on cars to what is next to them; `memory` is of type RACING."""
+    count, seen = len(ranges), memory.seen
+    for place in range(MOST_CARS):
+        car = seen.cars[place]
+        if car.age == 0 or not car.moves or memory.passing[place].stood > STANDS_FOR:
+            continue
+        ahead, left = _seen_from(seen, car.x, car.y)
+        far = math.hypot(ahead, left)
+        middle = round((math.atan2(left, ahead) - scan.angle_min) / scan.angle_increment)
+        half = math.ceil(math.asin(min(_HIDDEN / max(far, _HIDDEN), 1.0)) / scan.angle_increment)
+        first, end = max(middle - half, 0), min(middle + half + 1, count)
+        beam = first
+        while beam < end:
+            if not _ends_near(scan, ranges, beam, ahead, left):
+                beam += 1
+                continue
+            last = beam
+            while last + 1 < end and _ends_near(scan, ranges, last + 1, ahead, left):
+                last += 1
+            beyond = math.inf  # the nearer of the beams to both sides
+            if beam > 0:
+                beyond = ranges[beam - 1]
+            if last + 1 < count:
+                beyond = min(beyond, ranges[last + 1])
+            for k in range(beam, last + 1):
+                if math.isfinite(beyond):
+                    ranges[k] = max(beyond, ranges[k])
+            beam = last + 1
+
+
+@kernel
+def _ends_near(scan: Record, ranges: FloatArray, beam: int, ahead: float, left: float) -> bool:
+    """Return whether a beam ends within _HIDDEN of a place ahead and to the left of the LiDAR [m]."""
+    bearing = scan.angle_min + scan.angle_increment * beam
+    distance = ranges[beam]
+    return math.hypot(distance * math.cos(bearing) - ahead, distance * math.sin(bearing) - left) < _HIDDEN
+
+
+@kernel
+def _seen_from(memory: Record, x: float, y: float) -> tuple[float, float]:
+    """Return the distances of a place ahead of the LiDAR and to its left [m]."""
+    cos, sin = math.cos(memory.heading), math.sin(memory.heading)
+    dx, dy = x - memory.x, y - memory.y
+    return cos * dx + sin * dy, cos * dy - sin * dx
+
+
+@kernel
+def draw_cars(
+    memory: Record, scan: Record, ranges: FloatArray, own_speed: float, car: Record, settings: Record
+) -> None:
+    """Shorten beams (n,) [m] to the cars that are passed, where the planner's car could meet them.
+
+    Args:
+      memory: of type RACING.
+      scan: of type SCAN.
+      ranges: readings without cars, written to.
+      own_speed: of the planner's car [m/s].
+      car: its parameters, which the others are taken to have.
+      settings: fields of OvertakerSettings.
+    """
+    for k in range(MOST_CARS):
+        other, passing = memory.seen.cars[k], memory.passing[k]
+        if passing.places == 0 or passing.what == FOLLOWS:
+            continue
+        speed, time, way = math.hypot(other.vx, other.vy), 0.0, 0.0
+        step = (speed / settings.braking + settings.least_lead) / _STEPS
+        is_ahead = passing.along > 0.5 * car.length
+        for place in range(_STEPS + 1):
+            ahead, left, heading = place_on(passing, way)
+            reached = own_speed * time
+            if (place == _STEPS and is_ahead) or abs(math.hypot(ahead, left) - reached) < car.length:
+                _draw_car(scan, ranges, ahead, left, heading, car, settings.car_margin)
+            way += step * speed
+            time += step
+            if time > settings.least_lead:
+                speed = max(speed - step * settings.braking, 0.0)
+
+
+@kernel
+def _draw_car(
+    scan: Record, ranges: FloatArray, ahead: float, left: float, heading: float, car: Record, margin: float
+) -> None:
+    """Shorten beams to a car at a place [m] with a heading [rad]: three discs, as wide as it is."""
+    radius = 0.5 * car.width + margin
+    reach = 0.5 * car.length - 0.5 * car.width
+    for place in range(-1, 2):
+        x, y = ahead + place * reach * math.cos(heading), left + place * reach * math.sin(heading)
+        draw_disc(scan, ranges, x, y, radius)

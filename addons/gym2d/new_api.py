@@ -1,0 +1,316 @@
+"""The environment of f1tenth_gym v1.0: Gymnasium's interface, five values a step, and a `config`.
+
+    env = gym.make("f1tenth_gym:f1tenth-v0", config={"map": "Spielberg", "num_agents": 1})
+    obs, info = env.reset(options={"poses": np.array([[0.0, 0.0, 0.0]])})
+    obs, reward, terminated, truncated, info = env.step(np.array([[steering_angle, speed]]))
+
+Also as it was before, with Gymnasium under the name `f110_gym:f110-v0`. Written afresh from its documentation and its
+interface.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fg_mujoco.errors import SettingsError, accepted_names
+from fg_mujoco.messages import FloatArray, shown
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.vehicle import Vehicle
+from .environment import RaceEnvironment, say_of_others, simulator_of
+from .gym_config import EnvConfig, VehicleParameters, plain_config
+from .gym_functions import deep_update
+from .gym_observations import Observation
+from .gym_stub import installed_base, spaces
+from .gym_track import Raceline
+from .gym_world import BEAMS, FIELD_OF_VIEW
+from .params import F1TENTH, mapping, number
+from .simulator import DynamicModel, Integrator, checked, say_of_model
+
+_LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
+_BESIDES = {"speed": "steering_angle", "accl": "steering_speed", "steering_angle": "speed", "steering_speed": "accl"}
+_NOT_HERE = ("integrator_timestep", "enable_rendering", "enable_scan", "control_delay_buffer_size", "compute_frenet",
+             "render_fps", "normalize_obs", "normalize_act", "debug_frenet_projection")  # fmt: skip
+_RESETS = [
+    f"{line}_{where}_{order}"
+    for line in ("rl", "cl", "map")
+    for where in ("grid", "random")
+    for order in ("static", "random")
+]
+_ROW = 1.0  # [m] of the line, from its start, in which the first car of a grid is put
+_GAPS = (1.5, 2.5)  # [m] from a car to the next
+
+
+class CarAction:
+    """Meaning of actions: steering first, then speed or acceleration.
+
+    Args:
+      control_input: `speed` or `accl`, and `steering_angle` or `steering_speed`; of one, the other follows.
+      params: with the limits.
+
+    Raises:
+      SettingsError: another name.
+    """
+
+    def __init__(self, control_input: Any, params: Mapping[str, Any]) -> None:
+        names = [control_input] if isinstance(control_input, str) else control_input
+        if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+            accepted = f"one or two of {', '.join(_BESIDES)}"
+            raise SettingsError(f"control_input is {shown(control_input)}; accepted: {accepted}")
+        names = list(names)
+        if len(names) == 1 and names[0] in _BESIDES:
+            names.append(_BESIDES[names[0]])
+        for name in names:
+            if name not in _BESIDES:
+                raise SettingsError(f"control_input is {name!r}; {accepted_names(name, _BESIDES)}")
+        self.longitudinal = next((name for name in names if name in _LONGITUDINAL), "speed")
+        self.steering = next((name for name in names if name in _STEERING), "steering_angle")
+        limits = F1TENTH | mapping("params", params)
+        self.limits = {
+            "steering_angle": (limits["s_min"], limits["s_max"]),
+            "steering_speed": (limits["sv_min"], limits["sv_max"]),
+            "speed": (limits["v_min"], limits["v_max"]), "accl": (-limits["a_max"], limits["a_max"]),
+        }  # fmt: skip
+
+    @property
+    def type(self) -> tuple[str, str]:
+        """The steering action and the longitudinal action."""
+        return self.steering, self.longitudinal
+
+    @property
+    def space(self) -> Any:
+        """The space of one car's action."""
+        return self.space_of(None)
+
+    def space_of(self, agents: int | None) -> Any:
+        """Return the space of so many cars' actions."""
+        bounds = np.array([self.limits[self.steering], self.limits[self.longitudinal]], np.float32).T
+        low, high = bounds if agents is None else np.repeat(bounds[:, None], agents, axis=1)
+        return spaces().Box(low=low, high=high, shape=low.shape, dtype=np.float32)
+
+
+class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[misc]
+    """Some cars on a map, two by default, by the interface of f1tenth_gym v1.0.
+
+    Args:
+      config: settings over `default_config`, or an EnvConfig of the later releases.
+      render_mode: human, human_fast, rgb_array, or None, with which `render` does nothing.
+      vehicle: as of the environment of v0.2; not in the gym.
+      tires: the same.
+      setup: a Setup that says vehicle and tires instead; not in the gym.
+      maps: the same.
+      settings: of `config`, one by one.
+
+    Raises:
+      SettingsError: a setting out of its range.
+      TrackError: a map that cannot be read.
+    """
+
+    metadata = {"render_modes": ["human", "human_fast", "unlimited", "rgb_array"], "render_fps": 100}  # noqa: RUF012
+
+    def __init__(
+        self,
+        config: Any = None,
+        render_mode: str | None = None,
+        *,
+        vehicle: Vehicle | str | Path | None = None,
+        tires: Tires | str | Path | None = None,
+        setup: Setup | None = None,
+        maps: str | Path | None = None,
+        **settings: Any,
+    ) -> None:
+        given = deep_update(plain_config(config), settings)
+        self._times_each_lap = isinstance(config, EnvConfig)
+        defaults = self.default_config()
+        say_of_others(name for name in given if name not in defaults and name not in _NOT_HERE)
+        self.config: dict[str, Any] = deep_update(defaults, given)
+        setting = self.config
+        self.render_mode = render_mode or setting.get("render_mode")
+        if setting["max_laps"] is not None:
+            number("max_laps", setting["max_laps"])
+        integrator, model = setting["integrator"], setting["model"]
+        model = DynamicModel.of(model)
+        say_of_model(model)
+        self.observation_config = mapping("observation_config", setting["observation_config"])
+        sim = simulator_of(
+            params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
+            integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
+            time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
+            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, setup=setup, maps=maps,
+        )  # fmt: skip
+        extension = setting["map_ext"]
+        if extension is None or (isinstance(extension, str) and not extension):
+            extension = number("scale", setting["scale"], 0.01, 100.0)
+        self._begin(sim, setting["map"], extension)
+        self.map = setting["map"]
+        self.agent_ids = [f"agent_{agent}" for agent in range(self.num_agents)]
+        self._take_actions()
+        self.observation_type = Observation(self, **self.observation_config)
+        self.observation_space = self.observation_type.space()
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.timestep)}
+        self.renderer = self._make_renderer()
+        self._steering = np.zeros(self.num_agents)
+        self._generator = np.random.default_rng(self.seed)
+
+    @classmethod
+    def default_config(cls) -> dict[str, Any]:
+        """Return all settings with their defaults."""
+        return {
+            "seed": 12345, "map": "Spielberg", "map_ext": None, "scale": 1.0, "params": dict(F1TENTH),
+            "num_agents": 2, "timestep": 0.01, "ego_idx": 0, "integrator": "rk4", "model": "st",
+            "control_input": ["speed", "steering_angle"], "observation_config": {"type": None},
+            "reset_config": {"type": None}, "num_beams": BEAMS, "fov": FIELD_OF_VIEW, "lidar_dist": None,
+            "max_laps": 2,
+        }  # fmt: skip
+
+    @property
+    def unwrapped(self) -> F110Env:
+        """Itself."""
+        return self
+
+    @property
+    def sim_time(self) -> float:
+        """Simulated since the reset [s]."""
+        return self.current_time
+
+    @property
+    def vehicle_params(self) -> VehicleParameters:
+        """The parameters of the cars, as the later releases have them."""
+        return VehicleParameters(**{each.name: self.params[each.name] for each in fields(VehicleParameters)})
+
+    def configure(self, config: Any) -> None:
+        """Take other settings; of those the parameters are for the next reset, and how actions are meant."""
+        given = plain_config(config)
+        self.config = deep_update(self.config, given)
+        if "params" in given:
+            self.update_params(self.config["params"])
+        self._take_actions()
+        self._note_call("configure", config, of=len(self._calls_since))
+
+    def update_map(self, map_name: Any, map_ext: str | None = None) -> None:
+        """Drive on another map from the next reset on."""
+        self.map = self.map_name = map_name
+        self._set_map(map_name, map_ext)
+        self._note_call("update_map", map_name, map_ext)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None, **_: Any
+    ) -> tuple[Any, dict[str, Any]]:
+        """Place the cars, let them stand for one step, and return an observation and the info of `step`.
+
+        Args:
+          seed: of the places that are drawn.
+          options: with `poses` of the rear axles (num_agents, 3), x [m], y [m], heading [rad]; without, they are drawn
+            as `reset_config` says.
+
+        Raises:
+          SettingsError: poses of another shape.
+        """
+        super().reset(seed=seed)
+        if seed is not None:
+            self._generator = np.random.default_rng(seed)
+        poses = None if options is None else mapping("options", options).get("poses")
+        self._place(self._drawn_poses() if poses is None else poses)
+        self._steering[:] = 0.0
+        first = self.step(np.zeros((self.num_agents, 2)))
+        return first[0], first[4]
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Hold an action for a timestep.
+
+        Args:
+          action: of each car steering and speed, shape (num_agents, 2), as `control_input` says, held within limits.
+
+        Returns:
+          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with an
+          EnvConfig the ego, have driven `max_laps`, whether it is truncated, which it never is, and an info:
+          `checkpoint_done`, whether each car has, `lap_times`, `lap_counts` and `sim_time`.
+
+        Raises:
+          SettingsError: another shape, or a number that is not finite.
+        """
+        self._advance(self._commands(action))
+        done, finished = self._check_done()
+        info = {
+            "checkpoint_done": finished, "lap_times": self.lap_times, "lap_counts": self.lap_counts,
+            "sim_time": self.current_time,
+        }  # fmt: skip
+        return self.observation_type.observe(), self.timestep, done, False, info
+
+    def render(self, mode: str | None = None) -> Any:
+        """Show the world as `render_mode` says: in MuJoCo's viewer, or as a picture (480, 640, 3).
+
+        Without a display a warning says so once, and the script goes on.
+        """
+        mode = mode or self.render_mode
+        return None if mode is None else self._draw(mode)
+
+    def _check_done(self) -> tuple[bool, Any]:
+        most = self.config["max_laps"]
+        _, finished = super()._check_done()
+        finished = np.zeros_like(finished) if most is None else self.lap_counts >= number("max_laps", most)
+        over = finished[self.ego_idx] if self._times_each_lap else finished.all()
+        return bool(self.collisions[self.ego_idx]) or bool(over), finished
+
+    def _take_actions(self) -> None:
+        self.action_type = CarAction(self.config["control_input"], self.config["params"])
+        self.action_space = self.action_type.space_of(self.num_agents)
+
+    def _commands(self, action: ArrayLike) -> ArrayLike:
+        """Return steering angles and speeds that an action asks for."""
+        kind = self.action_type
+        if kind.type == ("steering_angle", "speed"):
+            return action
+        commands = np.array(checked(action, self.num_agents, 2, "action", f"{kind.steering} and {kind.longitudinal}"))
+        if kind.steering == "steering_speed":
+            low, high = kind.limits["steering_angle"]
+            turned = self._steering + np.clip(commands[:, 0], *kind.limits["steering_speed"]) * self.timestep
+            commands[:, 0] = self._steering = np.clip(turned, low, high)
+        if kind.longitudinal == "accl":
+            for agent in range(self.num_agents):
+                wanted = float(np.clip(commands[agent, 1], *kind.limits["accl"]))
+                commands[agent, 1] = self.driving.speed_for(agent, wanted)
+        return commands
+
+    def _drawn_poses(self) -> FloatArray:
+        """Return poses drawn as `reset_config` says."""
+        kind = mapping("reset_config", self.config["reset_config"]).get("type")
+        kind = str(getattr(kind, "value", kind) or "rl_grid_static").lower()
+        if kind not in _RESETS:
+            raise SettingsError(f"reset_config has type {kind!r}; {accepted_names(kind, _RESETS)}")
+        token, where, order = kind.split("_")
+        if not (self.driving.world.track.closed or self.track.has_lines):
+            return self._grid()
+        line = self.track.raceline if token == "rl" else self.track.centerline
+        poses = self._poses_on(line, everywhere=where == "random" or token == "map")
+        return self._generator.permutation(poses) if order == "random" else poses
+
+    def _poses_on(self, line: Raceline, *, everywhere: bool) -> FloatArray:
+        """Return poses on a line, one behind the other, at its start or anywhere on it."""
+        draw, spline = self._generator, line.spline
+        length = float(spline.s[-1])
+        s = draw.uniform(0.0, length if everywhere else min(_ROW, length))
+        poses = np.empty((self.num_agents, 3))
+        side = float(draw.choice([-1.0, 1.0])) if self.num_agents > 1 else 0.0
+        width = 0.5 * float(min(1.0, self._room(line)))
+        for agent in range(self.num_agents):
+            (x, y), heading = spline.calc_position(s % length), spline.calc_yaw(s % length)
+            offset = side * (-1.0) ** agent * width / self.num_agents
+            poses[agent] = (x - offset * math.sin(heading), y + offset * math.cos(heading), heading)
+            s += draw.uniform(*_GAPS)
+        return poses
+
+    def _room(self, line: Raceline) -> float:
+        """Return the greatest distance to the side of a line at which a car can be put [m]: none off the centreline."""
+        track = self.driving.world.track
+        widths = getattr(track, "width_left", None)
+        if line is not self.track.centerline or widths is None:
+            return 0.0
+        return max(0.0, float(np.minimum(widths, track.width_right).min()) - 0.4)  # type: ignore[attr-defined]

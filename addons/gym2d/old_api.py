@@ -1,0 +1,149 @@
+"""The environment of f1tenth_gym v0.2, which is `f110-gym` on PyPI: gym's old interface, four values a step.
+
+    env = gym.make("f110_gym:f110-v0", map="maps/aut", map_ext=".png", num_agents=1)
+    obs, reward, done, info = env.reset(np.array([[0.0, 0.0, 0.0]]))
+    while not done:
+        obs, reward, done, info = env.step(np.array([[steering_angle, speed]]))
+
+Written afresh from its documentation and its interface.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.vehicle import Vehicle
+from .environment import RaceEnvironment, say_of_others, simulator_of
+from .gym_stub import installed_base
+from .gym_world import BEAMS, FIELD_OF_VIEW
+from .simulator import DynamicModel, Integrator, say_of_model
+
+
+class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
+    """Some cars on a map, one on the oval by default, by the interface of f1tenth_gym v0.2.
+
+    Args:
+      map: path of a map_server YAML with or without `.yaml`, the name of a track in the folder of maps, or whatever
+        `load_track` takes, as `oval` or `random:7`.
+      map_ext: of the map's image, as `.png`; None: the image that the YAML names.
+      params: the car's physical parameters by the gym's names, built into the model; what is not is named in a warning.
+      num_agents: how many cars, 1 to 8.
+      timestep: of a step [s].
+      ego_idx: the car whose collision ends an episode, from 0.
+      seed: of the scans' noise.
+      integrator: of the gym, kept as an attribute; MuJoCo has its own.
+      model: of the gym, likewise; the car is MuJoCo's model.
+      lidar_dist: of the LiDAR ahead of the rear axle [m]; None: .275 m, as on the car.
+      num_beams: of a scan.
+      fov: of a scan [rad].
+      vehicle: of all cars: a bundled name, the path of a vehicle's MJCF file, or a Vehicle; not in the gym.
+      tires: that they stand on: a bundled set, a TOML file, or Tires; None: the vehicle's; not in the gym.
+      setup: a Setup that says vehicle and tires instead; not in the gym.
+      maps: folder of named maps; None: FG_MUJOCO_MAPS; not in the gym.
+      render_mode: kept as an attribute; `render` takes its mode as an argument.
+
+    Raises:
+      SettingsError: no such number of cars, no such ego; a timestep that is not positive.
+      TrackError: a map that cannot be read.
+    """
+
+    metadata = {"render.modes": ["human", "human_fast"], "render_modes": ["human", "human_fast", "rgb_array"]}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        map: str = "oval",
+        map_ext: str | None = None,
+        params: dict[str, float] | None = None,
+        num_agents: int = 1,
+        timestep: float = 0.01,
+        ego_idx: int = 0,
+        seed: int = 12345,
+        integrator: Any = Integrator.RK4,
+        model: Any = DynamicModel.ST,
+        lidar_dist: float | None = None,
+        num_beams: int = BEAMS,
+        fov: float = FIELD_OF_VIEW,
+        vehicle: Vehicle | str | Path | None = None,
+        tires: Tires | str | Path | None = None,
+        setup: Setup | None = None,
+        maps: str | Path | None = None,
+        render_mode: str | None = None,
+        **others: Any,
+    ) -> None:
+        self.render_mode = render_mode
+        self.lidar_dist = 0.0 if lidar_dist is None else lidar_dist
+        model = DynamicModel.of(model)
+        say_of_model(model)
+        say_of_others(others)
+        sim = simulator_of(
+            params=params, num_agents=num_agents, seed=seed, integrator=integrator, model=model, time_step=timestep,
+            ego_idx=ego_idx, lidar_dist=lidar_dist, num_beams=num_beams, fov=fov, vehicle=vehicle, tires=tires,
+            setup=setup, maps=maps,
+        )  # fmt: skip
+        self._begin(sim, map, map_ext)
+
+    @property
+    def unwrapped(self) -> F110Env:
+        """Itself."""
+        return self
+
+    def update_map(self, map_path: str, map_ext: str | None = None) -> None:
+        """Drive on another map from the next reset on; arguments as `map` and `map_ext`."""
+        self.map_name, self.map_ext = map_path, map_ext or ".png"
+        self._set_map(map_path, map_ext)
+        self._note_call("update_map", map_path, map_ext)
+
+    def reset(self, poses: ArrayLike | None = None, **_: Any) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
+        """Place the cars, let them stand for one step, and return what `step` returns.
+
+        Args:
+          poses: of the rear axles, x [m], y [m], heading [rad], shape (num_agents, 3); None: at the course's start.
+
+        Raises:
+          SettingsError: another shape, or a number that is not finite.
+        """
+        self._place(self._grid() if poses is None else poses)
+        return self.step(np.zeros((self.num_agents, 2)))
+
+    def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, dict[str, Any]]:
+        """Hold an action for a timestep.
+
+        Args:
+          action: steering angle [rad] and speed [m/s] of each car, shape (num_agents, 2), held within its limits.
+
+        Returns:
+          The observation, the reward, which is the timestep [s], whether the ego has collided or all cars have driven
+          two laps, and `checkpoint_done`, whether each car has driven two laps.
+
+        Raises:
+          SettingsError: another shape, or a number that is not finite.
+        """
+        observation = self._advance(action)
+        self.current_obs = observation
+        done, finished = self._check_done()
+        return observation, self.timestep, done, {"checkpoint_done": finished}
+
+    def render(self, mode: str = "human", **_: Any) -> Any:
+        """Show the world: "human" or "human_fast" in MuJoCo's viewer, "rgb_array" as a picture (480, 640, 3).
+
+        Without a display a warning says so once, and the script goes on.
+
+        Raises:
+          SettingsError: another mode.
+        """
+        return self._draw(mode)
+
+
+class GymEnv(F110Env):
+    """The same with the gym's own defaults: two cars on the map vegas. Scripts have it from `f110_gym`."""
+
+    def __init__(self, **settings: Any) -> None:
+        own: dict[str, Any] = {"map": "vegas", "num_agents": 2}
+        super().__init__(**(own | settings))

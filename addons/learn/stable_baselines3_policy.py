@@ -1,0 +1,324 @@
+"""Policies of Stable-Baselines3: its zip files with an interface inside, and their networks for the other forms.
+
+A zip file is what `model.save` writes, with one member more, `fg_mujoco.json`: the description of the policy, the class
+of the algorithm, and the statistics of VecNormalize where the training had one. `Algorithm.load` reads it as any other.
+Loading runs code that is in the file, as it holds pickled objects. It needs the extra `train`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from fg_mujoco.course.documents import read_json
+from fg_mujoco.errors import SettingsError, missing_extra
+from fg_mujoco.simulation.planner_failure import one_line
+from fg_mujoco.envs.observations import Observed
+from fg_mujoco.envs.observer import PRIVILEGED
+from .perceptron import Layer, Normaliser, Perceptron
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes
+
+MEMBER = "fg_mujoco.json"
+"""Of the zip file."""
+
+_MOST_BYTES = 2**24  # of the member
+_PACKAGES = ("stable_baselines3", "sb3_contrib")
+_STATISTICS = ("obs_rms", "ret_rms")
+_GREATEST = 1e38  # of `clip_obs`, of float32: JSON knows no infinity
+_ACTIVATIONS = {"ReLU": "relu", "Tanh": "tanh", "ELU": "elu", "SiLU": "silu", "Sigmoid": "sigmoid"}
+
+
+def is_model(policy: Any) -> bool:
+    """Return whether an object is an algorithm of Stable-Baselines3 with its policy."""
+    return hasattr(policy, "policy") and hasattr(policy, "get_vec_normalize_env") and hasattr(policy, "save")
+
+
+def has_asymmetric_policy(model: Any) -> bool:
+    """Return whether the actor of an algorithm does not see what is privileged in its observations."""
+    return any(kind.__name__ == "AsymmetricPolicy" for kind in type(model.policy).__mro__)
+
+
+def zip_of_model(described: Mapping[str, Any], model: Any) -> bytes:
+    """Return the contents of a policy.zip.
+
+    Args:
+      described: the description of the policy.
+      model: an algorithm of Stable-Baselines3.
+    """
+    file = io.BytesIO()
+    model.save(file)
+    kinds = ((kind.__module__.partition(".")[0], kind.__name__) for kind in type(model).__mro__)
+    package, name = next(each for each in kinds if each[0] in _PACKAGES)  # of a class of one's own: what it is made of
+    own = {"algorithm": f"{package}.{name}", "vec_normalize": normalize_described(model)}
+    with zipfile.ZipFile(file, "a") as archive:
+        archive.writestr(zipfile.ZipInfo(MEMBER), json.dumps({**described, **own}, indent=1))
+    return file.getvalue()
+
+
+def zip_description(content: bytes) -> dict[str, Any]:
+    """Return what `fg_mujoco.json` has in a zip file.
+
+    Raises:
+      SettingsError: it is no zip file of Stable-Baselines3, or has no such member.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            names = archive.namelist()
+            if MEMBER not in names:
+                of_sb3 = "data" in names
+                ways = "save_policy(model, path) instead of model.save(path)" if of_sb3 else "a file of save_policy"
+                raise SettingsError(f"has no {MEMBER}, which has the policy's interface; accepted: {ways}")
+            if archive.getinfo(MEMBER).file_size > _MOST_BYTES:
+                raise SettingsError(f"its {MEMBER} has more than {_MOST_BYTES} bytes; accepted: as it was written")
+            found = read_json(archive.read(MEMBER), "as save_policy writes it")
+    except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        raise SettingsError(f"is no zip file of Stable-Baselines3: {one_line(error)}; accepted: one") from error
+    return found if isinstance(found, dict) else {}
+
+
+def read_zip(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
+    """Return the description in a zip file, and what makes the policy's function.
+
+    Raises:
+      SettingsError: as `zip_description`.
+    """
+    described = zip_description(content)
+    return described, partial(_function, content, described)
+
+
+def _function(content: bytes, described: Mapping[str, Any], interface: PolicyInterface) -> Act:
+    """Return the policy's function.
+
+    Raises:
+      SettingsError: the model cannot be loaded, or takes something else than its interface says.
+      MissingExtraError: Stable-Baselines3 is not installed.
+    """
+    model = load_model(content, described)
+    space = model.observation_space
+    spaces = getattr(space, "spaces", None)
+    wanted = observed_shapes(interface)
+    shapes = {name: each.shape for name, each in spaces.items()} if spaces else {next(iter(wanted)): space.shape}
+    unseen: Observed = {}
+    if has_asymmetric_policy(model) and PRIVILEGED in shapes:
+        unseen[PRIVILEGED] = np.zeros(shapes.pop(PRIVILEGED), np.float32)
+    require_shapes(interface, shapes, int(np.prod(model.action_space.shape)))
+    return partial(_act, model, statistics_of(described), unseen)
+
+
+def load_model(content: bytes, described: Mapping[str, Any], **changes: Any) -> Any:
+    """Return the algorithm of a zip file, on the CPU.
+
+    Args:
+      content: of the file.
+      described: what its `fg_mujoco.json` has.
+      changes: keywords of the algorithm's `load`.
+
+    Raises:
+      SettingsError: it cannot be loaded.
+      MissingExtraError: Stable-Baselines3 is not installed.
+    """
+    package, _, name = str(described.get("algorithm")).partition(".")
+    try:
+        import stable_baselines3 as algorithms
+
+        if package == _PACKAGES[1]:
+            import sb3_contrib as algorithms
+    except ImportError as error:
+        said = "policies of Stable-Baselines3 need Stable-Baselines3"
+        raise missing_extra(said, "train") from error
+    kind: Any = getattr(algorithms, name, None)
+    if package not in _PACKAGES or not hasattr(kind, "load"):
+        said = f"its algorithm is {described.get('algorithm')!r}"
+        raise SettingsError(f"{said}; accepted: one of {', '.join(_PACKAGES)}, such as stable_baselines3.PPO")
+    try:
+        return kind.load(io.BytesIO(content), device="cpu", **changes)
+    except Exception as error:
+        said = f"Stable-Baselines3 cannot load it: {one_line(error)}"
+        raise SettingsError(f"{said}; accepted: a file of a version that it reads") from error
+
+
+Statistics = dict[str, tuple[Any, Any]]
+"""Mean and standard deviation of an observation's parts by name; of a flat one as "observation"; float64."""
+
+
+def normalize_described(model: Any) -> dict[str, Any] | None:
+    """Return the statistics of the VecNormalize of a model's environment, as JSON takes them; None: there is none."""
+    wrapper = model.get_vec_normalize_env()
+    if wrapper is None:
+        return None
+    found: dict[str, Any] = {name: getattr(wrapper, name) for name in ("norm_obs", "epsilon")}
+    found["clip_obs"] = min(wrapper.clip_obs, _GREATEST)
+    for name in _STATISTICS:
+        own = getattr(wrapper, name, None) if name != "obs_rms" or wrapper.norm_obs else None
+        if own is None:
+            continue
+        each = own if isinstance(own, dict) else {"": own}
+        found[name] = {
+            part: {of: np.asarray(getattr(rms, of)).tolist() for of in ("mean", "var", "count")}
+            for part, rms in each.items()
+        }
+    return found
+
+
+def restore_normalize(wrapper: Any, described: Mapping[str, Any]) -> None:
+    """Write the statistics that `normalize_described` has described to a VecNormalize."""
+    for name in _STATISTICS:
+        for part, saved in (described.get(name) or {}).items():
+            rms = getattr(wrapper, name)
+            rms = rms[part] if part else rms
+            rms.mean, rms.var, rms.count = np.array(saved["mean"]), np.array(saved["var"]), saved["count"]
+
+
+def statistics_of(described: Mapping[str, Any]) -> tuple[Statistics, float]:
+    """Return the statistics by which observations are normalised, empty where they are not, and where they are cut."""
+    own = described.get("vec_normalize") or {}
+    if not own.get("norm_obs"):
+        return {}, 0.0
+    found = {
+        part or "observation": (np.array(each["mean"]), np.sqrt(np.array(each["var"]) + own["epsilon"]))
+        for part, each in own["obs_rms"].items()
+    }
+    return found, float(own["clip_obs"])
+
+
+def _act(model: Any, statistics: tuple[Statistics, float], unseen: Observed, observation: Any) -> Values:
+    """Return the action; the observation is normalised as by VecNormalize, with zeros for what the actor lacks."""
+    known, clip = statistics
+    if unseen:
+        observation = parts_of(observation) | unseen
+    if known:
+        parts = dict(parts_of(observation))
+        for name, (mean, std) in known.items():
+            if name in unseen:
+                continue
+            parts[name] = np.clip((parts[name] - mean) / std, -clip, clip).astype(np.float32)
+        observation = parts if isinstance(observation, dict) else parts["observation"]
+    found: Values = model.predict(observation, deterministic=True)[0]
+    return found
+
+
+def network_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str]) -> Perceptron:
+    """Return the network of a policy of Stable-Baselines3, or of a torch Sequential, that gives its mean action.
+
+    Args:
+      policy: of an algorithm, or a torch module.
+      normalize: as `normalize_described` returned; None: no statistics.
+      inputs: names of the observation's parts in the order in which the network takes them.
+
+    Raises:
+      SettingsError: it is not made of linear layers and known activations.
+    """
+    statistics, clip = statistics_of({"vec_normalize": normalize})
+    normaliser = None
+    if statistics:
+        mean, std = (np.concatenate([statistics[name][i].ravel() for name in inputs]) for i in (0, 1))
+        normaliser = Normaliser(mean=mean, std=std, clip=clip)
+    modules, last = _modules_of(policy)
+    layers = _layers_of(modules)
+    if last is not None and layers:
+        layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation="tanh")
+        layers.append(last)
+    own = getattr(policy, "estimator", None)
+    if own is None:
+        return Perceptron(layers=tuple(layers), normaliser=normaliser)
+    estimator = Perceptron(layers=tuple(_layers_of(_flat(own))))
+    first, present = layers[0], [*policy.present, *range(estimator.inputs, estimator.inputs + estimator.outputs)]
+    weights = np.zeros((len(first.bias), present[-1] + 1), np.float32)  # 0: of the past, which the actor does not take
+    weights[:, present] = first.weights
+    layers[0] = Layer(weights=weights, bias=first.bias, activation=first.activation)
+    return Perceptron(layers=tuple(layers), normaliser=normaliser, estimator=estimator)
+
+
+def _layers_of(modules: list[Any]) -> list[Layer]:
+    """Return the layers of modules of torch.
+
+    Raises:
+      SettingsError: a module that is no linear layer or known activation.
+    """
+    layers: list[Layer] = []
+    for module in modules:
+        kind = type(module).__name__
+        if kind in ("Flatten", "Identity", "Dropout"):
+            continue
+        if kind == "Linear":
+            bias = np.zeros(module.out_features) if module.bias is None else module.bias.detach().cpu().numpy()
+            layers.append(Layer(weights=module.weight.detach().cpu().numpy(), bias=bias))
+        elif kind in _ACTIVATIONS and layers and layers[-1].activation == "none":
+            layers[-1] = Layer(weights=layers[-1].weights, bias=layers[-1].bias, activation=_ACTIVATIONS[kind])
+        else:
+            names = ", ".join(["Linear", *_ACTIVATIONS])
+            raise SettingsError(f"a network with a {kind} has no form in a policy.json; accepted: {names}; or .onnx")
+    return layers
+
+
+def _modules_of(policy: Any) -> tuple[list[Any], Layer | None]:
+    """Return the modules from an observation to an action, and the layer that scales a squashed action."""
+    import torch
+
+    if isinstance(policy, torch.nn.Sequential):
+        return _flat(policy), None
+    if not hasattr(policy, "mlp_extractor") and not hasattr(policy, "actor"):
+        said = f"a {type(policy).__name__} has no form in a policy.json"
+        raise SettingsError(f"{said}; accepted: a Perceptron, a torch Sequential, an MlpPolicy; or .onnx")
+    extractor = getattr(policy if hasattr(policy, "mlp_extractor") else policy.actor, "features_extractor", None)
+    if type(extractor).__name__ not in ("FlattenExtractor", "CombinedExtractor"):
+        said = f"a policy with the features of a {type(extractor).__name__} has no form in a policy.json"
+        raise SettingsError(f"{said}; accepted: an MlpPolicy or MultiInputPolicy; or .onnx")
+    if hasattr(policy, "mlp_extractor"):
+        return [*_flat(policy.mlp_extractor.policy_net), policy.action_net], None
+    actor, space = policy.actor, policy.action_space
+    middle, half = 0.5 * (space.high + space.low), 0.5 * (space.high - space.low)
+    scale = Layer(weights=np.diag(half), bias=middle)
+    if hasattr(actor, "latent_pi"):  # SAC
+        return [*_flat(actor.latent_pi), actor.mu], scale
+    modules = _flat(actor.mu)  # TD3, DDPG
+    return (modules[:-1] if type(modules[-1]).__name__ == "Tanh" else modules), scale
+
+
+def _flat(module: Any) -> list[Any]:
+    """Return the modules of a Sequential, and of those in it, one after the other."""
+    return [inner for each in module for inner in (_flat(each) if type(each).__name__ == "Sequential" else [each])]
+
+
+def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str]) -> Any:
+    """Return a torch module of observations, whose parts it takes in their order, that returns mean actions (n, 2).
+
+    Args:
+      policy: of an algorithm of Stable-Baselines3.
+      normalize: as `normalize_described` returned; None: no statistics.
+      inputs: names of the observation's parts.
+    """
+    import torch
+
+    statistics, clip = statistics_of({"vec_normalize": normalize})
+    tensors = {name: tuple(torch.as_tensor(each, dtype=torch.float32) for each in pair)
+               for name, pair in statistics.items()}  # fmt: skip
+
+    class MeanAction(torch.nn.Module):  # type: ignore[misc]
+        """The mean action of a policy, as `predict` returns it before it is clipped."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.policy = policy
+
+        def forward(self, *parts: Any) -> Any:
+            named = dict(zip(inputs, parts, strict=True))
+            for name, (mean, std) in tensors.items():
+                named[name] = torch.clamp((named[name] - mean) / std, -clip, clip)
+            flat = inputs == ["observation"]
+            action = self.policy._predict(named["observation"] if flat else named, deterministic=True)
+            if not self.policy.squash_output:
+                return action
+            low, high = (torch.as_tensor(each) for each in (policy.action_space.low, policy.action_space.high))
+            return low + 0.5 * (action + 1.0) * (high - low)
+
+    return MeanAction()

@@ -1,0 +1,243 @@
+"""The settings of a training, and how far it is."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fg_mujoco.course.files import is_file
+from fg_mujoco.errors import SettingsError, accepted_names
+from fg_mujoco.messages import require, require_whole, shown
+from fg_mujoco.simulation.settings import as_part
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from .self_play import USUAL_RACE, SelfPlay
+
+SETTINGS, PROGRESS, CHECKPOINTS, LOG = "training.json", "progress.jsonl", "checkpoints", "log"
+"""Files and folders of a training."""
+SCHEMA = 1
+"""Of a training's folder; another is refused."""
+
+USUAL_ENVIRONMENT: Mapping[str, Any] = {
+    "track": ["random:0:100", "random:0:100:tight"], "randomize": {"mu": (0.5, 1.1)}, "rewards": "no_slide",
+    "privileged": "mu,slip",
+    "observation": "beams:108,speed,yaw_rate,acceleration,steering,previous_action,history:3,normalised,flat",
+    "action": "steering_rate,acceleration", "normalised_actions": True, "speed_range": (0.5, 8.0), "time_limit": 40.0,
+    "laps": 100,
+}  # fmt: skip
+"""Settings of the environment that differ from its own, unless they are given."""
+
+USUAL_RESIDUAL: Mapping[str, Any] = {
+    "observation": "beams:72,planner_command:history=3,speed:history=3,wheel_speeds,yaw_rate:history=3,"
+    "acceleration:history=3,steering:history=3,previous_action:history=3,friction,normalised,flat",
+    "action": "steering,speed", "speed_range": (-5.0, 8.0),
+}  # fmt: skip
+"""Further ones, where the policy corrects a planner."""
+
+_MOST_STEPS = 2**26  # that are kept at once: 2^26 numbers are half a gigabyte
+_MOST_WORLDS, _WIDEST = 2**16, 2**14
+_ACTIVATIONS = ("tanh", "relu", "elu", "silu")
+MAY_CHANGE = ("steps", "threads", "checkpoints")
+"""Settings that may be others when training goes on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPO:
+    """Settings of PPO, with the names of Stable-Baselines3 where it has one.
+
+    Raises:
+      SettingsError: a value that is not accepted.
+    """
+
+    n_steps: int = 128  # of each world in an iteration
+    minibatches: int = 8  # of an iteration's steps
+    n_epochs: int = 5
+    learning_rate: float = 4e-4  # falls in a line to a twentieth at the end
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    vf_coef: float = 0.5
+    max_grad_norm: float = 0.5
+    target_kl: float = 0.03  # from which on an iteration's updates end
+    net: tuple[int, ...] = (128, 128)  # widths of the hidden layers
+    activation: str = "tanh"
+    log_std: float | None = None  # of the actions, at the beginning; None: as start_from has it, else -0.7
+    normalise_reward: bool = True  # divide rewards by the running standard deviation of the discounted return
+    normalise_observation: bool = False  # by running statistics, which are then part of the policy
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "net", tuple(self.net) if isinstance(self.net, (list, tuple)) else (self.net,))
+        for name in ("n_steps", "minibatches", "n_epochs"):
+            require_whole(name, getattr(self, name), 1, _MOST_STEPS)
+        for width in self.net:
+            require_whole("net", width, 1, _WIDEST)
+        positive = ("learning_rate", "clip_range", "max_grad_norm", "target_kl")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        require(self, lambda value: 0.0 <= value <= 1.0, "a number from 0 to 1", ("gamma", "gae_lambda"), SettingsError)
+        costs = ("ent_coef", "vf_coef")
+        require(self, lambda value: 0.0 <= value < math.inf, "a number from 0 on", costs, SettingsError)
+        if self.log_std is not None:
+            require(self, math.isfinite, "a finite number", ("log_std",), SettingsError)
+        if self.activation not in _ACTIVATIONS:
+            said = f"activation is {shown(self.activation)}"
+            raise SettingsError(f"{said}; {accepted_names(self.activation, _ACTIVATIONS)}")
+        for name in ("normalise_reward", "normalise_observation"):
+            if not isinstance(getattr(self, name), bool):
+                raise SettingsError(f"{name} is {shown(getattr(self, name))}; accepted: True, False")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Teacher:
+    """A planner that teaches the policy before PPO trains it, see `teaching`.
+
+    Raises:
+      SettingsError: a value that is not accepted.
+    """
+
+    planner: str = "gap_finder"  # told the friction of each world
+    steps: int = 2_000_000  # of all worlds together, besides those of PPO
+    policy_turn: float = 4.0  # [s] mean length of the policy's turns in the second half; shorter before
+    planner_turn: float = 1.0  # [s] of the planner's
+    lessons: int = 1_000_000  # the last steps, which the policy learns from
+    passes: float = 3.0  # how often a step is learned from, on average
+    batch: int = 512  # lessons at a time
+    learning_rate: float = 1e-3  # falls in a line to a twentieth
+    critic_steps: int = 500_000  # the first ones of PPO, in which only the critic learns
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.planner, str):
+            raise SettingsError(f"planner is {shown(self.planner)}; accepted: the name or the path of a planner")
+        require_whole("steps", self.steps, 1)
+        for name in ("lessons", "batch"):
+            require_whole(name, getattr(self, name), 1, _MOST_STEPS)
+        require_whole("critic_steps", self.critic_steps, 0)
+        positive = ("policy_turn", "planner_turn", "passes", "learning_rate")
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingSettings:
+    """What a training is.
+
+    Raises:
+      SettingsError: a value that is not accepted.
+    """
+
+    environment: Mapping[str, Any] = field(default_factory=dict)  # by name; others as USUAL_ENVIRONMENT has them
+    steps: int = 1_000_000  # of all worlds together
+    worlds: int = 32
+    seed: int = 0  # of the worlds and of the network
+    threads: int = 1  # that step the worlds, and that torch computes with
+    checkpoints: int = 20  # how many are written, evenly
+    ppo: PPO = field(default_factory=PPO)
+    teacher: Teacher | None = None  # who teaches the policy first; None: nobody
+    self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
+    estimate: tuple[str, ...] | None = None  # privileged terms that the actor gets estimates of; see EstimatingPolicy
+    start_from: str | None = None  # folder of another training, or a policy.zip, whose weights are the first ones
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.environment, Mapping):
+            raise SettingsError(f"environment is {shown(self.environment)}; accepted: settings by name")
+        for name, kind in (("self_play", SelfPlay), ("teacher", Teacher)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, as_part(getattr(self, name), kind, name))
+        object.__setattr__(self, "ppo", as_part(self.ppo, PPO, "ppo"))
+        usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
+        if self.environment.get("residual") is not None:
+            usual |= USUAL_RESIDUAL
+        object.__setattr__(self, "environment", usual | dict(self.environment))
+        require_whole("steps", self.steps, 1)
+        for name in ("worlds", "threads", "checkpoints"):
+            require_whole(name, getattr(self, name), 1, _MOST_WORLDS)
+        if self.worlds * self.ppo.n_steps > _MOST_STEPS:
+            said = f"{self.worlds} worlds with n_steps {self.ppo.n_steps}"
+            raise SettingsError(f"{said}; accepted: {_MOST_STEPS} steps at most in an iteration")
+        require_whole("seed", self.seed, 0)
+        if self.start_from is not None:
+            object.__setattr__(self, "start_from", str(self.start_from))
+            self.first_weights()  # refuses what has none
+        if self.worlds * self.ppo.n_steps % self.ppo.minibatches:
+            said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
+            raise SettingsError(f"{said}; accepted: a divisor of that")
+        environment = EnvironmentSettings.of(self.drawn_environment())
+        if self.teacher is not None:
+            self._check_teacher(environment)
+        if self.estimate is not None:
+            self._check_estimate([term.name for term in environment.privileged])
+            if not environment.observation.flat:
+                said = f"estimate with the observation {str(environment.observation)!r}"
+                raise SettingsError(f"{said}; accepted: with one that is flat")
+        environment.make_world()  # refuses what cannot be driven before torch is imported
+
+    def _check_estimate(self, privileged: Sequence[str]) -> None:
+        """Read the names of `estimate`; raise SettingsError if one is not privileged."""
+        given = [each.strip() for each in self.estimate.split(",")] if isinstance(self.estimate, str) else self.estimate
+        if not isinstance(given, (list, tuple)) or not given:
+            said = f"estimate is {shown(self.estimate)}"
+            raise SettingsError(f"{said}; accepted: names of privileged terms, such as 'mu'")
+        for name in given:
+            if name not in privileged:
+                raise SettingsError(f"estimate has {shown(name)}; {accepted_names(name, privileged)}")
+        object.__setattr__(self, "estimate", tuple(given))
+
+    def _check_teacher(self, environment: EnvironmentSettings) -> None:
+        """Raise SettingsError if a policy cannot be taught with these settings."""
+        if not environment.observation.flat or self.ppo.normalise_observation:
+            said = f"teacher with the observation {str(environment.observation)!r}"
+            if self.ppo.normalise_observation:
+                said = "teacher with normalise_observation"
+            raise SettingsError(f"{said}; accepted: one that is flat, and not normalised by statistics")
+        if environment.residual is not None:
+            raise SettingsError("teacher with a residual, which drives from the beginning; accepted: one of the two")
+        if self.start_from is not None:
+            raise SettingsError(f"teacher with start_from {shown(self.start_from)}; accepted: one of the two")
+
+    def drawn_environment(self, snapshots: Sequence[Path] = ()) -> dict[str, Any]:
+        """Return the settings of the environment, with a pool of opponents for self-play.
+
+        Args:
+          snapshots: earlier versions of the policy.
+
+        Raises:
+          SettingsError: self-play without opponents.
+        """
+        own = dict(self.environment)
+        return own if self.self_play is None else self.self_play.environment(own, snapshots)
+
+    def first_weights(self) -> Path | None:
+        """Return the file of `start_from`: of a training's folder its last checkpoint; None: weights are drawn.
+
+        Raises:
+          SettingsError: there is none.
+        """
+        if self.start_from is None or is_file(self.start_from):
+            return None if self.start_from is None else Path(self.start_from)
+        found = sorted((Path(self.start_from) / CHECKPOINTS).glob("*.zip"))
+        if not found:
+            said = f"start_from is {shown(self.start_from)}, where no checkpoint is"
+            raise SettingsError(f"{said}; accepted: the folder of a training, or a policy.zip")
+        return found[-1]
+
+    def described(self) -> dict[str, Any]:
+        """Return the settings as JSON takes them."""
+        found: dict[str, Any] = json.loads(json.dumps(asdict(self), default=repr))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingProgress:
+    """How far a training is."""
+
+    steps: int
+    total: int
+    rate: float  # steps per second of wall time, since it was called
+    figures: Mapping[str, float]  # of the last iteration, as progress.jsonl has them
+
+    @property
+    def remaining_s(self) -> float | None:
+        """Wall time that is left [s]; None: not known."""
+        return (self.total - self.steps) / self.rate if self.rate else None

@@ -1,0 +1,192 @@
+"""The input of a report: a run folder, a Run or a RaceResult, read into the same fields, and what is drawn of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from fg_mujoco.errors import RunFolderError
+from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.racing.crash import Crash
+from fg_mujoco.racing.planner_choice import with_settings
+from fg_mujoco.racing.resimulation import load_world
+from fg_mujoco.racing.result import RaceResult, tires_model
+from fg_mujoco.racing.rollover import Rollover
+from fg_mujoco.racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.simulation.termination import WrongWay
+from fg_mujoco.vehicle.car import WHEELS, car_parameters
+
+SPEED_FAR_ABOVE = 99.0
+"""[m/s] Drawn for a limit that is higher, as that of a car that does not steer."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordedRun:
+    """A race as it was recorded."""
+
+    source: str  # a folder, or what else it was read from
+    summary: dict[str, Any] = field(repr=False)  # as in summary.json
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
+    model: mujoco.MjModel = field(repr=False)  # of its world
+    others: tuple[FloatArray, ...] = field(default=(), repr=False)  # telemetry of the other cars; all else is of car 0
+
+    def column(self, name: str) -> FloatArray:
+        """Return one column of the telemetry, shape (ticks,)."""
+        return self.telemetry[:, TELEMETRY.index(name)]
+
+    @property
+    def title(self) -> str:
+        """What was raced: the course, and the planner with its settings."""
+        planner = with_settings(str(self.summary["controller"]), self.summary.get("planner_settings") or {})
+        return f"{self.summary['track']}, {planner}"
+
+    @property
+    def mu(self) -> float:
+        """Friction coefficient of the tires [-]."""
+        return float(self.summary["mu"])
+
+    @property
+    def tires_model(self) -> str:
+        """Model of the tires."""
+        return tires_model(self.summary)
+
+    @property
+    def lap_times(self) -> tuple[float, ...]:
+        """Of the laps that were completed [s]."""
+        return tuple(float(time) for time in self.summary["lap_times_s"])
+
+    @property
+    def end(self) -> float:
+        """Simulated time at the end [s]."""
+        return float(self.summary["sim_time_s"])
+
+    @property
+    def wrong_way(self) -> WrongWay | None:
+        """Where the car turned; None: the race did not end by going the wrong way."""
+        told = self.summary.get("wrong_way")  # older runs lack it
+        return None if told is None else WrongWay(**told)
+
+    @property
+    def planner_failure(self) -> dict[str, Any] | None:
+        """How the planner failed, as in summary.json; None: it did not."""
+        told: dict[str, Any] | None = self.summary.get("planner_failure")  # older runs lack it
+        return told
+
+    @property
+    def crash(self) -> Crash | None:
+        """What the car hit; None: the race did not end in a crash."""
+        told = self.summary.get("crash")  # older runs lack it
+        return None if told is None else Crash(**told)
+
+    @property
+    def rollover(self) -> Rollover | None:
+        """Where the car rolled over; None: the race did not end so, or was one of several cars."""
+        return None if self.others else Rollover.of(self.summary["end_reason"], self.telemetry)
+
+    @cached_property
+    def car(self) -> CarParameters:
+        """Of the car that was raced."""
+        return car_parameters(self.model, CAR_PREFIX)
+
+
+_NEEDED = (
+    "track", "controller", "laps_requested", "laps_completed", "finished", "end_reason", "lap_times_s", "collisions",
+    "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "sim_time_s", "mu", "speed_limit_m_s",
+    "trajectory_sha256",
+)  # fmt: skip
+"""What a report is made of."""
+_OF_TIRES = ("max_slide_m_s", "slide_time_fraction")  # of a run that a car recorded, not known
+
+
+def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
+    """Return a race to be reported.
+
+    Raises:
+      RunFolderError: a folder that is none of `race --out`, lacks a file, or is of another version.
+    """
+    if isinstance(source, RaceResult):
+        return RecordedRun(
+            source=f"{source.track}, {source.car.controller}", summary=json.loads(summary_json(source)),
+            telemetry=source.car.telemetry, model=source.world.model,
+            others=tuple(car.telemetry for car in source.cars[1:]),
+        )  # fmt: skip
+    run = source if isinstance(source, Run) else read_run(source)
+    unknown = _OF_TIRES if run.summary.get("end_reason") == RECORDED else ()
+    missing = [name for name in _NEEDED if run.summary.get(name) is None and name not in unknown]
+    if missing:
+        raise RunFolderError(
+            f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"
+        )
+    model = load_world(run).model
+    return RecordedRun(
+        source=str(run.folder), summary=run.summary, telemetry=run.telemetry, model=model, others=run.others
+    )  # fmt: skip
+
+
+def tick_columns(run: RecordedRun) -> dict[str, FloatArray]:
+    """Return the columns of a report's plots, each (ticks,), by name.
+
+    Besides those of the telemetry, with its names: `distance_m` that the rear axle drove, `limit_speed_m_s` of the law,
+    `friction_use` and `slide_m_s` of the tire with the greatest, `acceleration_ahead_m_s2`, `acceleration_left_m_s2`.
+    """
+    own = (
+        "time_s", "lap", "progress_m", "offset_m", "x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s",
+        "steering_angle_rad", "command_steering_rad", "command_speed_m_s",
+        *(f"slide_{wheel}_m_s" for wheel in WHEELS), *(f"friction_use_{wheel}" for wheel in WHEELS),
+        "sliding_steps", "steps",
+    )  # fmt: skip
+    columns = {name: run.column(name) for name in own}
+    steps = np.hypot(np.diff(columns["x_m"]), np.diff(columns["y_m"]))
+    columns["distance_m"] = np.concatenate(([0.0], np.cumsum(steps)))[: len(columns["x_m"])]
+    columns["limit_speed_m_s"] = limit_speed(columns["steering_angle_rad"], run.car, run.mu)
+    for name, form in (("friction_use", "friction_use_{}"), ("slide_m_s", "slide_{}_m_s")):
+        tires = np.stack([columns[form.format(wheel)] for wheel in WHEELS])
+        columns[name] = np.where(np.isnan(tires), 0.0, tires).max(axis=0)  # NaN: off the ground, and so no force
+    ahead, left = accelerations(columns["time_s"], columns["speed_m_s"], columns["yaw_rate_rad_s"])
+    columns["acceleration_ahead_m_s2"], columns["acceleration_left_m_s2"] = ahead, left
+    return columns
+
+
+def limit_speed(steering_angle: FloatArray, car: CarParameters, mu: float) -> FloatArray:
+    """Return the law's greatest speed at a steering angle, sqrt(g mu b / tan|steering|), at most SPEED_FAR_ABOVE.
+
+    Args:
+      steering_angle: (n,) [rad].
+      car: its wheelbase b [m] and gravity g [m/s^2].
+      mu: friction coefficient of the tires [-].
+
+    Returns:
+      (n,) [m/s].
+    """
+    grip = car.gravity * mu * car.wheelbase
+    least = grip / SPEED_FAR_ABOVE**2  # of the tangent, for which the limit is just that
+    limit: FloatArray = np.sqrt(grip / np.maximum(np.tan(np.abs(steering_angle)), least))
+    return limit
+
+
+def accelerations(time: FloatArray, speed: FloatArray, yaw_rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the acceleration of the rear axle ahead, dv/dt over the tick, and to the left, v times the yaw rate.
+
+    They leave out the lateral slip of the rear axle. In the last tick, whose end the telemetry does not have, dv/dt is
+    that of the tick before.
+
+    Args:
+      time: of the starts of the ticks (n,) [s].
+      speed: ahead (n,) [m/s].
+      yaw_rate: (n,) [rad/s].
+
+    Returns:
+      ahead (n,) and left (n,) [m/s^2].
+    """
+    if len(time) < 2:
+        return np.zeros(len(time)), speed * yaw_rate
+    ahead = np.diff(speed) / np.diff(time)
+    return np.append(ahead, ahead[-1]), speed * yaw_rate

@@ -1,0 +1,21 @@
+"""Recorded drives: what a car measured and was commanded, read from CSV files, bags and run folders alike.
+
+    drive = read_drive("drive.csv")
+    print(drive.checks)
+    drive.rows.speed, drive.rows.yaw_rate
+
+`channels` has what one sensor measured, `recorded` a drive of them. `drive_columns` says which column of a CSV file is
+what, `drive_csv` reads it, `wrong_units` recognises degrees and the like, `drive_checks` compares the sensors with each
+other, `driven_runs` makes the drive of a run folder, and `reading` reads any drive.
+
+`recorded_beams` casts the LiDAR's beams in a map and finds where the LiDAR sits, `beam_comparison` says how far
+recorded and cast beams are apart and why, and `beam_text` writes it.
+"""
+
+from typing import Any
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.registry import Registry
+
+READERS: Registry[Any] = Registry("reader of drives", SettingsError)
+"""Readers of drives in upper rooms: "bag", a function of a path, a vehicle and topics, which the package registers."""

@@ -1,0 +1,365 @@
+"""ROS 2 messages of scans, odometry and commands, without ROS: their types, and how they are made.
+
+    message = scan_message(scan)
+    data = to_cdr(message)
+
+Types and CDR are those of the package rosbags. Frames are as in REP 105: `map`, `odom`, `base_link` (rear axle), and
+`laser` and `imu` where they are mounted; axes and units as in REP 103. Unknown values are as each message defines
+them: a covariance of zeros, -1 in front where there is no estimate at all (sensor_msgs/Imu), an empty array.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.errors import missing_extra
+from fg_mujoco.intermediate_values import IntermediateValue
+from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
+from fg_mujoco.simulation.telemetry import recorded_command
+
+SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
+DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
+CLOCK = "rosgraph_msgs/msg/Clock"
+GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
+NUMBER, NUMBER_32, MARKERS = "std_msgs/msg/Float64", "std_msgs/msg/Float32", "visualization_msgs/msg/MarkerArray"
+POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
+MOTOR = "vesc_msgs/msg/VescStateStamped"
+DRIVE_TOPICS = (
+    "/drive", "/ego_racecar/drive", "/nav", "/vesc/low_level/ackermann_cmd_mux/input/navigation",
+    "/vesc/ackermann_cmd_mux/input/navigation", "/vesc/high_level/ackermann_cmd_mux/input/nav_0", "/ackermann_cmd",
+)  # fmt: skip
+"""Topics of commands of f1tenth_system, f1tenth_gym_ros, f1tenth_simulator and the MIT racecar, the first before the
+next."""
+USUAL = {
+    SCAN: ("/scan",), DRIVE: DRIVE_TOPICS, JOINTS: ("/joint_states",), MOTOR: ("/sensors/core", "/vesc/sensors/core"),
+    IMU: ("/imu", "/imu/data", "/sensors/imu/raw"),
+    ODOMETRY: ("/odom", "/ego_racecar/odom", "/vesc/odom", "/pf/pose/odom"),
+}  # fmt: skip
+"""Type -> the topics that nodes get and publish, the first before the next."""
+
+MAP_FRAME, ODOM_FRAME, BASE_FRAME, LASER_FRAME, IMU_FRAME = "map", "odom", "base_link", "laser", "imu"
+STEERING_JOINT = "steering"
+WHEEL_JOINTS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
+
+_OTHERS = {  # our own, and those of the package ackermann_msgs, which no release of ROS has in its core
+    READING: "std_msgs/Header header\nstring[] names\nfloat64[] values\n",
+    DRIVE: "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+    "ackermann_msgs/msg/AckermannDrive": (
+        "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+    ),
+}
+_NANOSECONDS = 1_000_000_000
+_ADD, _DELETE = 0, 2  # visualization_msgs/Marker.action
+_LINE_STRIP, _POINTS = 4, 8  # .type
+_LINE_WIDTH, _POINT_SIZE = 0.03, 0.08  # [m] of markers
+
+
+_FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
+_VESC_FIELDS = {  # of the VESC's driver, as f1tenth_system and the MIT racecar have it
+    1: (
+        "float64", ("voltage_input temperature_pcb current_motor current_input speed duty_cycle charge_drawn "
+        "charge_regen energy_drawn energy_regen displacement distance_traveled"), "int32", "fault_code",
+    ),
+    2: (
+        "float64", ("temp_fet temp_motor current_motor current_input avg_id avg_iq duty_cycle speed voltage_input "
+        "charge_drawn charge_regen energy_drawn energy_regen"), "int32", "displacement distance_traveled fault_code",
+        "float64", "pid_pos_now", "int32", "controller_id",
+        "float64", "ntc_temp_mos1 ntc_temp_mos2 ntc_temp_mos3 avg_vd avg_vq",
+    ),
+}  # fmt: skip
+
+
+def vesc_definitions(ros: int) -> dict[str, str]:
+    """Return the definitions of the messages of the VESC's driver, in ROS 1 or ROS 2."""
+    said = _VESC_FIELDS[ros]
+    lines = [f"int32 FAULT_CODE_{name}={number}" for number, name in enumerate(_FAULTS)]
+    lines += [f"{kind} {name}" for kind, names in zip(said[::2], said[1::2], strict=True) for name in names.split()]
+    return {
+        "vesc_msgs/msg/VescStateStamped": "std_msgs/Header header\nvesc_msgs/VescState state\n",
+        "vesc_msgs/msg/VescState": "\n".join(lines) + "\n",
+        "vesc_msgs/msg/VescImuStamped": "std_msgs/Header header\nvesc_msgs/VescImu imu\n",
+        "vesc_msgs/msg/VescImu": (
+            "geometry_msgs/Vector3 ypr\ngeometry_msgs/Vector3 linear_acceleration\n"
+            "geometry_msgs/Vector3 angular_velocity\ngeometry_msgs/Vector3 compass\n"
+            "geometry_msgs/Quaternion orientation\n"
+        ),
+    }
+
+
+def require_ros_extra() -> None:
+    """Make sure that bags can be read and written.
+
+    Raises:
+      MissingExtraError: a part is not installed; the message has the command that installs it.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("mcap", "rosbags", "scipy")):
+        raise missing_extra("ROS bags need mcap, rosbags and SciPy", "ros")
+
+
+@lru_cache(maxsize=4)
+def type_store(distribution: str = "") -> Any:
+    """Return the types of a distribution of ROS 2; those of Humble, unless rosbags knows the one that is named.
+
+    Those that are written here are the same in every later release.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+    """
+    require_ros_extra()
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(getattr(Stores, f"ROS2_{distribution.upper()}", Stores.ROS2_HUMBLE))
+    for name, text in (_OTHERS | vesc_definitions(2)).items():
+        store.register(get_types_from_msg(text, name))
+    return store
+
+
+def definition(kind: str) -> str:
+    """Return the definition of a type and of its parts, as `ros2 bag` stores it with the messages."""
+    text: str = type_store().generate_msgdef(kind, ros_version=2)[0]
+    return text
+
+
+def to_cdr(message: Any) -> bytes:
+    """Return a message as a robot would send it: little-endian CDR."""
+    return bytes(type_store().serialize_cdr(message, message.__msgtype__))
+
+
+def from_cdr(content: bytes, kind: str) -> Any:
+    """Return the message of a type that CDR has; raises what rosbags does where it has none."""
+    return type_store().deserialize_cdr(content, kind)
+
+
+def nanoseconds(seconds: float) -> int:
+    """Return a time in whole nanoseconds."""
+    return round(seconds * _NANOSECONDS)
+
+
+def stamp_of(message: Any) -> int:
+    """Return the time in a message's header [ns]."""
+    return int(message.header.stamp.sec) * _NANOSECONDS + int(message.header.stamp.nanosec)
+
+
+def scan_message(scan: LaserScan, frame: str = LASER_FRAME) -> Any:
+    """Return sensor_msgs/LaserScan. Its stamp is that of the first beam, ours that of the last."""
+    first = scan.stamp - scan.time_increment * (len(scan.ranges) - 1)
+    return _make(
+        SCAN,
+        header=_header(nanoseconds(first), frame),
+        angle_min=scan.angle_min,
+        angle_max=scan.angle_max,
+        angle_increment=scan.angle_increment,
+        time_increment=scan.time_increment,
+        scan_time=scan.scan_time,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        ranges=scan.ranges.astype(np.float32),
+        intensities=np.empty(0, np.float32),
+    )
+
+
+def odometry_message(
+    odometry: Odometry,
+    position: FloatArray,
+    quaternion: FloatArray,
+    lateral_speed: float,
+    *,
+    frame: str = ODOM_FRAME,
+    child: str = BASE_FRAME,
+) -> Any:
+    """Return nav_msgs/Odometry: the true pose, the wheels' mean speed, and the gyro's turning rate.
+
+    Args:
+      odometry: what the car senses.
+      position: (3,) [m] of base_link in the world.
+      quaternion: (4,) wxyz of base_link in the world.
+      lateral_speed: of base_link over the ground, left positive [m/s].
+      frame: that the pose is in.
+      child: frame of the car.
+    """
+    unknown = np.zeros(36)
+    twist = _make("geometry_msgs/msg/Twist", linear=_vector((odometry.speed, lateral_speed, 0.0)),
+                  angular=_vector(odometry.angular_velocity))  # fmt: skip
+    return _make(
+        ODOMETRY,
+        header=_header(nanoseconds(odometry.stamp), frame),
+        child_frame_id=child,
+        pose=_make("geometry_msgs/msg/PoseWithCovariance", pose=_pose(position, quaternion), covariance=unknown),
+        twist=_make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+
+
+def imu_message(odometry: Odometry, frame: str = IMU_FRAME) -> Any:
+    """Return sensor_msgs/Imu: gyro and accelerometer, and no orientation, which they do not measure."""
+    none = np.zeros(9)
+    none[0] = -1.0
+    return _make(
+        IMU,
+        header=_header(nanoseconds(odometry.stamp), frame),
+        orientation=_quaternion((1.0, 0.0, 0.0, 0.0)),
+        orientation_covariance=none,
+        angular_velocity=_vector(odometry.angular_velocity),
+        angular_velocity_covariance=np.zeros(9),
+        linear_acceleration=_vector(odometry.linear_acceleration),
+        linear_acceleration_covariance=np.zeros(9),
+    )
+
+
+def joints_message(odometry: Odometry, wheel_radius: float, frame: str = BASE_FRAME) -> Any:
+    """Return sensor_msgs/JointState: the steering angle [rad], and how fast each wheel turns [rad/s]."""
+    turning = odometry.wheel_speeds / wheel_radius
+    nan = np.full(len(WHEEL_JOINTS), math.nan)
+    return _make(
+        JOINTS,
+        header=_header(nanoseconds(odometry.stamp), frame),
+        name=[STEERING_JOINT, *WHEEL_JOINTS],
+        position=np.concatenate(([odometry.steering_angle], nan)),
+        velocity=np.concatenate(([math.nan], turning)),
+        effort=np.empty(0),
+    )
+
+
+def reading_messages(reading: Reading, frame: str) -> list[Any]:
+    """Return READING messages of all that a sensor delivered since the last tick, each stamped when it was measured."""
+    return [
+        _make(READING, header=_header(nanoseconds(stamp), frame), names=list(reading.columns), values=values)
+        for stamp, values in zip(reading.stamps.tolist(), reading.samples, strict=True)
+    ]
+
+
+def drive_message(command: DriveCommand, time: int, frame: str = BASE_FRAME) -> Any:
+    """Return ackermann_msgs/AckermannDriveStamped; its rates are 0, "as fast as it can"; `time` is in [ns].
+
+    Its numbers are of 32 bits: a command is as the telemetry keeps it.
+    """
+    command = recorded_command(command)
+    drive = _make(
+        "ackermann_msgs/msg/AckermannDrive", steering_angle=command.steering_angle, steering_angle_velocity=0.0,
+        speed=command.speed, acceleration=0.0, jerk=0.0,
+    )  # fmt: skip
+    return _make(DRIVE, header=_header(time, frame), drive=drive)
+
+
+def transform_message(time: int, transforms: Sequence[tuple[str, str, FloatArray, FloatArray]]) -> Any:
+    """Return tf2_msgs/TFMessage, at `time` [ns], of (parent frame, child frame, position (3,) [m], quaternion wxyz)."""
+    return _make(
+        TRANSFORMS,
+        transforms=[
+            _make(
+                "geometry_msgs/msg/TransformStamped",
+                header=_header(time, parent),
+                child_frame_id=child,
+                transform=_make(
+                    "geometry_msgs/msg/Transform", translation=_vector(position), rotation=_quaternion(quaternion)
+                ),
+            )
+            for parent, child, position, quaternion in transforms
+        ],
+    )
+
+
+def grid_message(time: int, cells: NDArray[np.int8], resolution: float, origin: FloatArray) -> Any:
+    """Return nav_msgs/OccupancyGrid of cells (rows, columns), row 0 below: 0 free, 100 occupied, -1 unknown.
+
+    `time` is in [ns], and `origin` (2,) [m] the lower left corner of the first cell in the map frame.
+    """
+    rows, columns = cells.shape
+    info = _make(
+        "nav_msgs/msg/MapMetaData",
+        map_load_time=_time(time),
+        resolution=resolution,
+        width=columns,
+        height=rows,
+        origin=_pose(np.append(origin, 0.0), np.array((1.0, 0.0, 0.0, 0.0))),
+    )
+    return _make(GRID, header=_header(time, MAP_FRAME), info=info, data=cells.astype(np.int8).ravel())
+
+
+def clock_message(time: int) -> Any:
+    """Return rosgraph_msgs/Clock at `time` [ns]."""
+    return _make(CLOCK, clock=_time(time))
+
+
+def number_message(value: float) -> Any:
+    """Return std_msgs/Float64."""
+    return _make(NUMBER, data=float(value))
+
+
+def markers_message(time: int, values: Sequence[IntermediateValue], gone: Sequence[str] = ()) -> Any:
+    """Return visualization_msgs/MarkerArray of points and lines that a planner shows, at `time` [ns].
+
+    The namespace of a marker is the name of its value, and its frame is the value's. `gone` are names whose markers
+    are deleted.
+    """
+    markers = [_marker(time, value.name, value) for value in values]
+    return _make(MARKERS, markers=markers + [_marker(time, name, None) for name in gone])
+
+
+def _marker(time: int, name: str, value: IntermediateValue | None) -> Any:
+    """Return the marker of a value; None: one that deletes it."""
+    points = np.empty((0, 2)) if value is None else value.array
+    line = value is not None and value.draw != "points" and len(points) > 1
+    if line and value is not None and value.draw == "polygon":
+        points = np.concatenate((points, points[:1]))
+    width = _LINE_WIDTH if line else _POINT_SIZE
+    red, green, blue = (0, 0, 0) if value is None else value.colour
+    return _make(
+        "visualization_msgs/msg/Marker",
+        header=_header(time, MAP_FRAME if value is None else value.frame),
+        ns=name, id=0, type=_LINE_STRIP if line else _POINTS, action=_DELETE if value is None else _ADD,
+        pose=_pose(np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0))),
+        scale=_vector((width, width, 0.0)),
+        color=_make("std_msgs/msg/ColorRGBA", r=red / 255.0, g=green / 255.0, b=blue / 255.0, a=1.0),
+        lifetime=_make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+        frame_locked=False,
+        points=[_make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0) for x, y in points],
+        colors=[], texture_resource="", text="", mesh_resource="", mesh_use_embedded_materials=False,
+        texture=_make("sensor_msgs/msg/CompressedImage", header=_header(0, ""), format="", data=np.empty(0, np.uint8)),
+        uv_coordinates=[],
+        mesh_file=_make("visualization_msgs/msg/MeshFile", filename="", data=np.empty(0, np.uint8)),
+    )  # fmt: skip
+
+
+def heading_of(quaternion: Any) -> float:
+    """Return the heading [rad] of a geometry_msgs/Quaternion."""
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def _make(kind: str, **values: Any) -> Any:
+    return type_store().types[kind](**values)
+
+
+def _time(time: int) -> Any:
+    sec, nanosec = divmod(time, _NANOSECONDS)
+    return _make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def _header(time: int, frame: str) -> Any:
+    return _make("std_msgs/msg/Header", stamp=_time(time), frame_id=frame)
+
+
+def _vector(values: Any) -> Any:
+    x, y, z = map(float, values)
+    return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
+
+
+def _quaternion(wxyz: Any) -> Any:
+    w, x, y, z = map(float, wxyz)
+    return _make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+
+
+def _pose(position: FloatArray, quaternion: FloatArray) -> Any:
+    x, y, z = map(float, position)
+    return _make(
+        "geometry_msgs/msg/Pose", position=_make("geometry_msgs/msg/Point", x=x, y=y, z=z),
+        orientation=_quaternion(quaternion),
+    )  # fmt: skip

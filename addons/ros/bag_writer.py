@@ -1,0 +1,421 @@
+"""A run folder as a ROS 2 bag in one MCAP file, which Foxglove, `ros2 bag` and rosbags open.
+
+    export_bag("runs/oval", "oval.mcap")
+
+    /scan          sensor_msgs/LaserScan                 measured again (resimulation), frame laser
+    /odom          nav_msgs/Odometry                     odom -> base_link
+    /imu           sensor_msgs/Imu                       frame imu
+    /joint_states  sensor_msgs/JointState                steering angle, turning rates of the wheels
+    /drive         ackermann_msgs/AckermannDriveStamped  the planner's command
+    /tf            tf2_msgs/TFMessage                    odom -> base_link
+    /tf_static     tf2_msgs/TFMessage                    map -> odom, base_link -> laser, base_link -> imu; latched
+    /map           nav_msgs/OccupancyGrid                frame map; latched
+
+Of a car with `sensors`, all that each of them has delivered:
+
+    /sensors/NAME  fg_mujoco_msgs/msg/Reading                 names with units, values; frame of the sensor
+
+With the planner run once more (`trust`), also what it shows by `fg_mujoco.show`:
+
+    /show          visualization_msgs/MarkerArray        points, lines and polygons, one namespace a name
+    /show/NAME     std_msgs/Float64                      a number
+    /show/NAME     sensor_msgs/LaserScan                 an array of the scan's length
+
+Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
+f1tenth_gym_ros for two cars, with frames of their own under map:
+
+    /ego_racecar/odom  car 0's odometry, map -> ego_racecar/base_link;  /ego_racecar/opp_odom  car 1's
+    /opp_scan, /opp_drive, /opp_racecar/odom, /opp_racecar/imu, /opp_racecar/joint_states  car 1's;
+    /opp_racecar/opp_odom  car 0's
+    /car_2/scan, /car_2/drive, /car_2/odom, /car_2/imu, /car_2/joint_states  car 2's, and so on
+    /opp_racecar/sensors/NAME, /car_2/sensors/NAME  of the others' sensors
+
+Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
+time of the measurement. The odometry of a run does not drift, so map and odom are one frame.
+
+Sources: MCAP specification, profile ros2; rosbag2's metadata version 8 (QoS); f1tenth_gym_ros, config/sim.yaml and
+gym_bridge.py (names).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from fg_mujoco.course.writing import staged_file
+from fg_mujoco.errors import BagError, PlannerError, SettingsError
+from fg_mujoco.intermediate_values import NUMBER as NUMBER_VALUE
+from fg_mujoco.intermediate_values import SCAN as SCAN_VALUE
+from fg_mujoco.intermediate_values import IntermediateValue, IntermediateValues
+from fg_mujoco.messages import DriveCommand, LaserScan
+from fg_mujoco.racing.planner_sources import bundled_names
+from fg_mujoco.racing.planner_trust import recorded_planner
+from fg_mujoco.racing.resimulation import Sensed, Tick, load_world, recorded_sensors, resimulate
+from fg_mujoco.racing.run_folder import Run, read_run
+from fg_mujoco.simulation.cars import car_prefix
+from fg_mujoco.simulation.planner_adapter import plan
+from fg_mujoco.simulation.telemetry import COMMAND
+from fg_mujoco.simulation.world import World
+from fg_mujoco.vehicle.car import car_parameters, element_id
+from fg_mujoco.vehicle.sensors import Sensor
+from .bag_messages import (
+    BASE_FRAME,
+    DRIVE,
+    GRID,
+    IMU,
+    IMU_FRAME,
+    JOINTS,
+    LASER_FRAME,
+    MAP_FRAME,
+    ODOM_FRAME,
+    ODOMETRY,
+    SCAN,
+    TRANSFORMS,
+    definition,
+    drive_message,
+    grid_message,
+    imu_message,
+    joints_message,
+    markers_message,
+    nanoseconds,
+    number_message,
+    odometry_message,
+    reading_messages,
+    require_ros_extra,
+    scan_message,
+    to_cdr,
+    transform_message,
+)
+from .occupancy_grid import grid_of
+
+TOPICS = {
+    "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,
+    "/tf_static": TRANSFORMS, "/map": GRID,
+}  # fmt: skip
+SHOWN = "/show"
+"""Topic of the markers that a planner shows; its numbers and scans are below it."""
+LATCHED = ("/tf_static", "/map")
+"""Topics whose last message late subscribers get, too: durability "transient local"."""
+
+EGO, OPPONENT = "ego_racecar", "opp_racecar"
+"""Namespaces of car 0 and car 1, as f1tenth_gym_ros has them."""
+
+KEPT = (KeyboardInterrupt, PlannerError)
+"""Errors that leave what was written up to there."""
+
+_NO_ROTATION = np.array((1.0, 0.0, 0.0, 0.0))
+_QOS = (  # rmw's numbers: keep last, reliable; durability 1 transient local, 2 volatile
+    "- history: 1\n  depth: {depth}\n  reliability: 1\n  durability: {durability}\n"
+    "  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n    sec: 9223372036\n    nsec: 854775807\n"
+    "  liveliness: 1\n  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n"
+    "  avoid_ros_namespace_conventions: false"
+)
+
+
+class BagWriter:
+    """Writes messages into an MCAP file, which gets its name when it is complete, or ended by an error of KEPT.
+
+    Args:
+      path: of the file; one that exists is replaced.
+      metadata: texts to keep in it, by name.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+      BagError: the file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
+        require_ros_extra()
+        from mcap.writer import Writer
+
+        self._path = Path(path)
+        with self._blame(), ExitStack() as stack:
+            self._file = stack.enter_context(stack.enter_context(staged_file(path)).open("wb"))
+            self._writer = Writer(self._file)
+            self._writer.start(profile="ros2", library="fg_mujoco")
+            # without texts of its own, rosbag2 reads QoS as before its version 9: as numbers
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": ""})
+            if metadata:
+                self._writer.add_metadata("fg_mujoco", metadata)
+            self._staged = stack.pop_all()
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[tuple[str, str], int] = {}
+        self._counts: dict[str, int] = {}
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        whole = kind is None or issubclass(kind, KEPT)
+        with self._blame():
+            if not whole:
+                self._staged.__exit__(kind, error, trace)  # leaves nothing
+                return
+            with self._staged:
+                self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def write(self, topic: str, message: Any, time: int) -> None:
+        """Add a message, logged at `time` [ns].
+
+        Raises:
+          BagError: the file cannot be written.
+        """
+        count = self._counts[topic] = self._counts.get(topic, -1) + 1
+        channel = self._channel(topic, message.__msgtype__)
+        with self._blame():
+            self._writer.add_message(channel, time, to_cdr(message), time, count)
+
+    @contextmanager
+    def _blame(self) -> Iterator[None]:
+        """Turn an error of writing into one line that names the file."""
+        try:
+            yield
+        except OSError as error:
+            reason = error.strerror or error
+            raise BagError(f"{self._path}: cannot be written: {reason}; accepted: a file that can be") from error
+
+    def _channel(self, topic: str, kind: str) -> int:
+        if (topic, kind) not in self._channels:
+            if kind not in self._schemas:
+                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", definition(kind).encode())
+            latched = topic in LATCHED
+            qos = _QOS.format(depth=1 if latched else 10, durability=1 if latched else 2)
+            self._channels[topic, kind] = self._writer.register_channel(
+                topic, "cdr", self._schemas[kind], {"offered_qos_profiles": qos}
+            )
+        return self._channels[topic, kind]
+
+
+def export_bag(
+    folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None, *, trust: bool = False
+) -> int:
+    """Write a run folder as a bag, and return how many ticks it has.
+
+    Args:
+      folder: as `race --out` wrote it.
+      path: of the MCAP file; one that exists is replaced.
+      watch: called once a tick with its number, from 1, and how many there are.
+      trust: run the planner of the run once more, for what it shows by `fg_mujoco.show`, and for what nodes publish:
+        markers, paths and all else. Why a value is not shown is said in a warning.
+
+    Raises:
+      MissingExtraError: the extra `ros` is not installed.
+      ControllerError, SettingsError: `trust`, and the planner is a bundled one, or not as it was raced.
+      RunFolderError: the folder is not a run's, or is damaged.
+      BagError: the file cannot be written.
+    """
+    require_ros_extra()
+    run = read_run(folder)
+    world = load_world(run)
+    model = world.model
+    radius = world.parameters.wheel_radius
+    ticks = len(run.ctrl)
+    others = [_Other(run, model, index) for index in range(1, len(world.cars))]
+    ends, own_sensors = _Ends.of(run, 0), recorded_sensors(run.summary)
+    show = _Shown(run, world) if trust else None
+    with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
+        for index, tick in enumerate(resimulate(run, world), start=1):
+            time, sensed = nanoseconds(tick.time), tick.sensed
+            assert sensed is not None
+            if index == 1:
+                grid = grid_of(model, sensed.position[:2])
+                bag.write("/map", grid_message(time, grid.cells, grid.resolution, grid.origin), time)
+                static = car_mounts(model) + [mount for other in others for mount in other.mounts]
+                if others:
+                    static.append((BASE_FRAME, f"{EGO}/{BASE_FRAME}", np.zeros(3), _NO_ROTATION))
+                bag.write("/tf_static", transform_message(time, static), time)
+            if others:
+                _write_others(bag, others, index - 1, time, tick.sensed_by_each, ends)
+            if index <= ends.leaves:
+                moved = (ODOM_FRAME, BASE_FRAME, sensed.position, sensed.quaternion)
+                bag.write("/tf", transform_message(time, [moved]), time)
+                odometry = odometry_message(sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed)
+                bag.write("/odom", odometry, time)
+                bag.write("/imu", imu_message(sensed.odometry), time)
+                bag.write("/joint_states", joints_message(sensed.odometry, radius), time)
+                _write_readings(bag, "", own_sensors, sensed, time)
+            if index <= ends.drives:
+                bag.write("/scan", scan_message(sensed.scan), time)
+                bag.write("/drive", drive_message(tick.command, time), time)
+                for topic, message in () if show is None else show(tick):
+                    bag.write(topic, message, time)
+            if watch is not None:
+                watch(index, ticks)
+    for said in () if show is None else show.remarks:
+        warnings.warn(said, stacklevel=2)
+    return ticks
+
+
+def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
+    """Return the transforms of a car that never change; with those of car 0 map and odom are one."""
+    within = f"{_names(car)[0]}/" if car else ""
+    transforms: list[tuple[str, str, Any, Any]] = []
+    if not car:
+        transforms.append((MAP_FRAME, ODOM_FRAME, np.zeros(3), _NO_ROTATION))
+    for frame, name in ((LASER_FRAME, "lidar_mount"), (IMU_FRAME, "imu")):
+        site = element_id(model, mujoco.mjtObj.mjOBJ_SITE, car_prefix(car) + name)
+        transforms.append((within + BASE_FRAME, within + frame, model.site_pos[site], model.site_quat[site]))
+    return transforms
+
+
+def _names(car: int) -> tuple[str, str, str]:
+    """Return the namespace of a car, and its topics of scans and of commands."""
+    if car < 2:
+        return ((EGO, "/scan", "/drive"), (OPPONENT, "/opp_scan", "/opp_drive"))[car]
+    return f"car_{car}", f"/car_{car}/scan", f"/car_{car}/drive"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ends:
+    """Number of ticks of a run in which a car is there."""
+
+    drives: int  # driven by its planner, which gets its scans
+    leaves: int  # on the course: one that has finished is taken off
+
+    @classmethod
+    def of(cls, run: Run, car: int) -> _Ends:
+        """Return those of a car; one that was alone is there to the end."""
+        ticks = len(run.ctrl)
+        if not run.others:
+            return cls(drives=ticks, leaves=ticks)
+        row = run.summary["cars"][car]
+        drives = int(np.searchsorted(run.time[:-1], float(row["end_time_s"]) - 1e-9))
+        return cls(drives=drives, leaves=drives if row["finished"] else ticks)
+
+
+class _Shown:
+    """The intermediate values of car 0's planner and the messages of its nodes: it runs again, as it was raced.
+
+    Raises:
+      ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is a bundled one.
+    """
+
+    def __init__(self, run: Run, world: World) -> None:
+        self._world = world
+        self._planner: Any = recorded_planner(
+            run.summary, world.model, trust=True, where=str(run.folder), folder=run.folder
+        )
+        self._published: Any = getattr(self._planner, "published", None)  # of nodes
+        if str(run.summary["controller"]) in bundled_names():
+            raise SettingsError(
+                f"{run.folder}: its planner publishes no topics and shows no values; accepted with --trust: a run of "
+                "ros:..., or of a planner that calls fg_mujoco.show"
+            )
+        self._values, self._topics = IntermediateValues(), dict[str, str]()
+        self._marked: set[str] = set()  # names of the values that have a marker
+        if self._published is not None:
+            self._published()  # from here on all is kept
+
+    @property
+    def remarks(self) -> list[str]:
+        """Why values are not shown."""
+        return self._values.remarks
+
+    def __call__(self, tick: Tick) -> Iterator[tuple[str, Any]]:
+        """Yield topics and messages of a tick, without those that the bag has of its own."""
+        own = tick.sensed
+        assert own is not None
+        if hasattr(self._planner, "look_round"):
+            self._planner.look_round(tick.surroundings(self._world))
+        with self._values.of(own.scan):
+            plan(self._planner, own.scan, own.odometry)
+        for topic, message in () if self._published is None else self._published():
+            if topic not in TOPICS:
+                yield topic, message
+        yield from self._values_of(own.scan, nanoseconds(tick.time))
+
+    def _values_of(self, scan: LaserScan, time: int) -> Iterator[tuple[str, Any]]:
+        """Yield topics and messages of the values that are shown now."""
+        marked: list[IntermediateValue] = []
+        for name, value in self._values.now.items():
+            if value.kind == NUMBER_VALUE:
+                yield self._topic(name), number_message(float(value.array))
+            elif value.kind == SCAN_VALUE:
+                yield self._topic(name), scan_message(replace(scan, ranges=value.array))
+            elif len(value.array):
+                marked.append(value)
+        gone = sorted(self._marked - {value.name for value in marked})
+        self._marked = {value.name for value in marked}
+        if marked or gone:
+            yield SHOWN, markers_message(time, marked, gone)
+
+    def _topic(self, name: str) -> str:
+        """Return the topic of a value: its name as ROS accepts it, and a number where another value has that, too."""
+        if name not in self._topics:
+            plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "value"
+            plain = f"{SHOWN}/{plain if not plain[0].isdigit() else f'value_{plain}'}"
+            taken = set(self._topics.values())
+            others = (f"{plain}_{number}" for number in range(2, len(taken) + 3))
+            self._topics[name] = next(topic for topic in (plain, *others) if topic not in taken)
+        return self._topics[name]
+
+
+class _Other:
+    """The messages of a car other than car 0."""
+
+    def __init__(self, run: Run, model: mujoco.MjModel, car: int) -> None:
+        self.car, self.mounts, self.ends = car, car_mounts(model, car), _Ends.of(run, car)
+        self.namespace, self.scans, self.drive = _names(car)
+        self.base = f"{self.namespace}/{BASE_FRAME}"
+        self.sensors = recorded_sensors(run.summary["cars"][car])
+        self.commands = run.others[car - 1][:, COMMAND : COMMAND + 2]
+        self.radius = car_parameters(model, car_prefix(car)).wheel_radius
+
+
+def _write_others(
+    bag: BagWriter, others: list[_Other], tick: int, time: int, sensed: Sequence[Sensed], ends: _Ends
+) -> None:
+    """Write a tick of all cars but car 0, and car 0's odometry by its name among several."""
+    if tick < ends.leaves:
+        own = _told(sensed[0], f"{EGO}/{BASE_FRAME}")
+        for topic in (f"/{EGO}/odom", f"/{OPPONENT}/opp_odom"):
+            bag.write(topic, own, time)
+    moved = []
+    for other in others:
+        if tick >= other.ends.leaves:
+            continue
+        seen, name = sensed[other.car], other.namespace
+        moved.append((MAP_FRAME, other.base, seen.position, seen.quaternion))
+        odometry = _told(seen, other.base)
+        bag.write(f"/{name}/odom", odometry, time)
+        if other.car == 1:
+            bag.write(f"/{EGO}/opp_odom", odometry, time)
+        bag.write(f"/{name}/imu", imu_message(seen.odometry, f"{name}/{IMU_FRAME}"), time)
+        bag.write(f"/{name}/joint_states", joints_message(seen.odometry, other.radius, other.base), time)
+        _write_readings(bag, f"/{name}", other.sensors, seen, time)
+        if tick < other.ends.drives:
+            bag.write(other.scans, scan_message(seen.scan, f"{name}/{LASER_FRAME}"), time)
+            steering_angle, speed = other.commands[tick].tolist()
+            command = DriveCommand(steering_angle=steering_angle, speed=speed)
+            bag.write(other.drive, drive_message(command, time, other.base), time)
+    if moved:
+        bag.write("/tf", transform_message(time, moved), time)
+
+
+def _write_readings(
+    bag: BagWriter, namespace: str, sensors: Sequence[Sensor], sensed: Sensed, time: int
+) -> None:
+    """Write what each sensor of a car has delivered in a tick, in frames of the car's namespace."""
+    for sensor in sensors:
+        within = "" if sensor.frame in (MAP_FRAME, ODOM_FRAME) or not namespace else f"{namespace[1:]}/"
+        for message in reading_messages(sensed.odometry.readings[sensor.name], within + sensor.frame):
+            bag.write(f"{namespace}/sensors/{sensor.name}", message, time)
+
+
+def _told(sensed: Sensed, child: str) -> Any:
+    """Return the odometry of a car on the map."""
+    return odometry_message(
+        sensed.odometry, sensed.position, sensed.quaternion, sensed.lateral_speed, frame=MAP_FRAME, child=child
+    )  # fmt: skip

@@ -1,0 +1,185 @@
+"""Reads commands from the topics that nodes publish on: selects those that command the car, and their speed and angle.
+
+In this order: Ackermann messages, AutoDRIVE's throttle and steering, the VESC's motor and servo, the F1/10 course's
+drive_param, a Twist. Of several Ackermann topics the first of DRIVE_TOPICS counts, as in the multiplexers of the field,
+else the one that no node listens to. A brake topic overrides the drive topic.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fg_mujoco.messages import CarParameters
+from ..bag_messages import DRIVE_TOPICS
+from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, VESC, steering_of_servo
+from .graph import Graph, NodeError, Publication
+
+DRIVE, OPPONENT_DRIVE = "/drive", "/opp_drive"
+
+_STAMPED, _PLAIN = "ackermann_msgs/AckermannDriveStamped", "ackermann_msgs/AckermannDrive"
+_TWIST, _TWIST_STAMPED = "geometry_msgs/Twist", "geometry_msgs/TwistStamped"
+_DRIVE_PARAM = "drive_param"
+_AUTODRIVE = re.compile(r"/autodrive/\w+/(throttle|steering)_command")
+_MOST_BAD = 10  # commands in a row that are no numbers, of which the first ones hold the last command
+_BRAKES = ("/brake", "/ego_racecar/brake")
+_BRAKE_HOLDS = 200_000_000  # [ns] for which a command on /brake counts, as ackermann_mux of f1tenth_system has it
+_MOST_OF_32_BITS = float(np.finfo(np.float32).max)
+_SLOWEST = 0.05  # [m/s] below which a Twist's yaw rate says nothing of the steering angle
+
+
+def steering_of_twist(speed: float, turning: float, wheelbase: float) -> float:
+    """Return the steering angle [rad] at which a car turns at a rate [rad/s] while it drives at a speed [m/s]."""
+    angle = math.atan2(turning * wheelbase, abs(speed)) if abs(speed) > _SLOWEST else 0.0
+    return math.copysign(1.0, speed) * angle
+
+
+class Driving:
+    """The drive topics of some nodes.
+
+    Args:
+      graph: of the nodes.
+      car: that they drive.
+      said: returns what the nodes are called, for messages.
+    """
+
+    def __init__(self, graph: Graph, car: CarParameters, said: Callable[[], str]) -> None:
+        self._graph, self._car, self._said = graph, car, said
+        self._last: tuple[float, float] | None = None  # command that was made of numbers
+        self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
+
+    def topics(self) -> list[Publication]:
+        """Return one publisher of each topic that commands the car: one, or two where speed and angle have their own.
+
+        Raises:
+          NodeError: there are several drive topics, and it is not known which counts.
+        """
+        for kinds in ((_STAMPED, _PLAIN), (), (_DRIVE_PARAM,), (_TWIST, _TWIST_STAMPED)):
+            if not kinds:
+                for pattern in (_AUTODRIVE, VESC):
+                    pair = self._pair(pattern)
+                    if pair:
+                        return pair
+                continue
+            found = self._of_kinds(kinds)
+            if len(found) > 1:  # a brake overrides another drive topic, and is one where there is no other
+                found = {topic: each for topic, each in found.items() if topic not in _BRAKES} or found
+            if len(found) == 1:
+                return list(found.values())
+            for topic in DRIVE_TOPICS:
+                if topic in found:
+                    return [found[topic]]
+            found.pop(OPPONENT_DRIVE, None)  # of the other car
+            last = [topic for topic in found if not self._graph.listens(topic)]  # none goes on to another node
+            if len(found) == 1 or len(last) == 1:
+                return [found[topic] for topic in (last or found)]
+            if found:
+                places = "".join(each.place for each in found.values())
+                topics = sorted(found)
+                raise NodeError(
+                    f"{self._said()} has {len(topics)} drive topics, {' and '.join(topics)}{places}; "
+                    f"accepted: one, or one that is {DRIVE}: [remap.{topics[0]}={DRIVE}]"
+                )
+        return []
+
+    def asked(self) -> tuple[float, float] | None:
+        """Return the speed [m/s] and the steering angle [rad] last asked for; None: nothing yet.
+
+        A command that is no number holds the last one, and a warning says so.
+
+        Raises:
+          NodeError: the tenth such command in a row; several drive topics, see `topics`.
+        """
+        topics = self.topics()
+        brake = self._brake()
+        if brake is not None:
+            return brake
+        messages: list[Any] = [self._graph.newest.get(each.topic) for each in topics]
+        if all(message is None for message in messages):
+            return None
+        if len(topics) == 2:
+            found, wrong = self._of_two(topics, messages), ""
+            if math.isnan(found[0]) or not math.isfinite(found[1]):
+                data = " and ".join(repr(message.data) for message in messages if message is not None)
+                wrong = f"{data} on {topics[0].topic} and {topics[1].topic}"
+        else:
+            found, wrong = self._of_one(messages[0], topics[0])
+        if not wrong:
+            self._last, self._bad = found, 0
+            return found
+        count = sum(each.count for each in topics)
+        self._bad += count != self._counted  # the same message is one
+        self._counted = count
+        said = f"{self._said()} has published {wrong}{topics[0].place}"
+        if self._bad >= _MOST_BAD:
+            raise NodeError(f"{said}, {self._bad} times in a row; accepted: a finite number")
+        held = "the car stands" if self._last is None else "the last command is held"
+        warnings.warn(f"{said}, which is no command: {held}", stacklevel=2)
+        return self._last
+
+    def _of_one(self, message: Any, topic: Publication) -> tuple[tuple[float, float], str]:
+        """Return speed and angle of a message, and what in it is no number: nothing, or name, value and topic."""
+        kind = message._type
+        if kind in (_TWIST, _TWIST_STAMPED):
+            twist = message if kind == _TWIST else message.twist
+            values = {"linear.x": float(twist.linear.x), "angular.z": float(twist.angular.z)}
+            speed, turning = values.values()
+            angle = steering_of_twist(speed, turning, self._car.wheelbase)
+        else:
+            drive = message.drive if kind == _STAMPED else message
+            names = ("velocity", "angle") if topic.is_drive_param else ("speed", "steering_angle")
+            values = {name: getattr(drive, name) for name in names}
+            speed, angle = values.values()
+        for i, (name, value) in enumerate(values.items()):
+            infinite = abs(value) > _MOST_OF_32_BITS
+            if value != value or (infinite and i == 1):  # a speed is limited
+                return (speed, angle), f"{name} {value!r} on {topic.topic}"
+        return (speed, angle), ""
+
+    def _brake(self) -> tuple[float, float] | None:
+        """Return the command of an emergency brake, which overrides the drive topic; None: it is not on.
+
+        A Bool such as /brake_bool that no node listens to brakes from True to False, as in f1tenth_simulator, and holds
+        the steering angle. Without one an Ackermann message on /brake counts for 0.2 s, as in the multiplexer of
+        f1tenth_system.
+        """
+        graph = self._graph
+        switches = [each for each in graph.publications if each.is_brake_switch and not graph.listens(each.topic)]
+        if switches:
+            braking = any(getattr(graph.newest.get(each.topic), "data", False) for each in switches)
+            return (0.0, 0.0 if self._last is None else self._last[1]) if braking else None
+        for each in graph.publications:
+            brakes = each.topic in _BRAKES and getattr(each.kind, "_type", "") in (_STAMPED, _PLAIN)
+            if brakes and each.count and graph.now - each.at < _BRAKE_HOLDS:
+                found, wrong = self._of_one(graph.newest[each.topic], each)
+                return None if wrong else found
+        return None
+
+    def _of_two(self, topics: Sequence[Publication], messages: Sequence[Any]) -> tuple[float, float]:
+        """Return speed and angle of messages of numbers; a message that has not come yet is 0."""
+        first, second = (None if message is None else float(message.data) for message in messages)
+        if _AUTODRIVE.fullmatch(topics[0].topic):
+            # steering comes before throttle; what is no number is 1 or -1 to `min` and `max`, and stays none here
+            throttle, steering = (float(np.clip(value or 0.0, -1.0, 1.0)) for value in (second, first))
+            return throttle * THROTTLE, steering * STEERING
+        angle = 0.0 if second is None else steering_of_servo(second)
+        return (first or 0.0) / SPEED_TO_ERPM, angle
+
+    def _pair(self, pattern: re.Pattern[str]) -> list[Publication]:
+        """Return the publishers of two topics of numbers, by their names; none where one of them is missing."""
+        found = self._of(
+            lambda each: each.kind._type.startswith("std_msgs/Float") and bool(pattern.fullmatch(each.topic))
+        )
+        return [found[topic] for topic in sorted(found)][:2] if len(found) >= 2 else []
+
+    def _of_kinds(self, kinds: Sequence[str]) -> dict[str, Publication]:
+        return self._of(lambda each: each.is_drive_param if kinds == (_DRIVE_PARAM,) else each.kind._type in kinds)
+
+    def _of(self, wanted: Callable[[Any], bool]) -> dict[str, Publication]:
+        """Return the last publisher of each topic that is wanted."""
+        return {each.topic: each for each in self._graph.publications if hasattr(each.kind, "_type") and wanted(each)}

@@ -1,0 +1,435 @@
+"""Launch files of ROS 2 in Python: which nodes they start, with which parameters, names of topics and arguments.
+
+    launched(Path("ws/src/my_car/launch/race.launch.py"), {"speed": "2.0"}, said, graph)
+
+They are executed, with the stubs of `launch_objects`. A node is one of a package of the same workspace, in Python;
+others, such as RViz, a driver or the simulator, are left out, and a warning names them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from fg_mujoco.course.maps.map_server import plain_yaml
+from fg_mujoco.errors import ControllerError, accepted_names
+from fg_mujoco.simulation.planner_failure import one_line
+from .graph import Graph
+from .launch_objects import Context, Lacking, LaunchImports, Made, executed, refusal
+from .source import data_file
+from .workspace import executable, packages
+
+_DEEPEST = 10  # launch files that include each other
+_SIMULATORS = ("f1tenth_gym_ros", "f1tenth_simulator", "autodrive_f1tenth", "autodrive_roboracer")
+"""Packages of simulators, whose nodes this simulator replaces."""
+_NODES = ("Node", "LifecycleNode")
+_INCLUDES = ("IncludeLaunchDescription",)
+_GROUPS = ("LaunchDescription", "GroupAction", "TimerAction", "RegisterEventHandler", "OpaqueCoroutine")
+_HANDLERS = ("OnProcessStart", "OnExecutionComplete")
+_WITHOUT_NODES = (
+    "LogInfo", "EmitEvent", "Shutdown", "SetEnvironmentVariable", "AppendEnvironmentVariable", "SetUseSimTime",
+    "UnsetEnvironmentVariable", "UnsetLaunchConfiguration",
+)  # fmt: skip
+_SAME_TEXT = ("TextSubstitution", "ParameterValue", "ParameterFile", "PathSubstitution", "BooleanSubstitution")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Launched:
+    """One node that a launch file starts."""
+
+    path: Path
+    entry: str  # function that is its entry point; empty: the file is run
+    name: str | None
+    namespace: str
+    parameters: Mapping[str, Any]
+    parameter_files: tuple[Path, ...]
+    remap: Mapping[str, str]
+    arguments: tuple[str, ...]
+
+
+@dataclass
+class LaunchFiles:
+    """The launch files that one includes, and what they start.
+
+    Attributes:
+      nodes: in their order.
+      read: all launch files that were executed.
+    """
+
+    first: Path
+    said: str
+    configurations: dict[str, str]
+    graph: Graph
+    nodes: list[Launched] = field(default_factory=list)
+    read: dict[Path, None] = field(default_factory=dict)
+    declared: set[str] = field(default_factory=set)
+    left_out: list[str] = field(default_factory=list)
+    _known: dict[str, Path] = field(default_factory=dict)
+    _everywhere: dict[str, Any] = field(default_factory=dict)  # parameters of all nodes
+    _namespaces: list[str] = field(default_factory=list)
+    _remaps: list[tuple[str, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._known = packages(self.first)
+        self._context = Context(self._text)
+        self._imports = LaunchImports(self.first.resolve(), self.graph, self._known.get, self._context)
+
+    def include(self, path: Path, depth: int = 0) -> None:
+        """Execute a launch file, and take what it starts.
+
+        Raises:
+          ControllerError: it cannot be executed, or a node depends on what is not here.
+        """
+        if depth > _DEEPEST:
+            raise ControllerError(f"{self.said}: launch files include each other more than {_DEEPEST} deep ({path})")
+        path = path.resolve()
+        self.read[path] = None
+        try:
+            self._take(executed(path, self._imports), depth)
+        except ControllerError as error:
+            if str(error).startswith(self.said):
+                raise
+            raise ControllerError(f"{self.said}: {error}{self.graph.place_of_error(error)}") from error
+        except Exception as error:  # whatever it raises, arguments that an action of launch does not take among it
+            said = one_line(error)
+            place = self.graph.place_of_error(error) or f" ({path})"
+            raise ControllerError(f"{self.said}: the launch file has failed: {said}{place}") from error
+
+    # Actions
+
+    def _take(self, action: Any, depth: int) -> None:
+        if isinstance(action, (list, tuple)):
+            for each in action:
+                self._take(each, depth)
+        elif isinstance(action, Lacking):
+            self.left_out.append(action.text)
+        if not isinstance(action, Made) or not self._applies(action):
+            return
+        place = f" ({action.file}, line {action.line})"
+        if action.kind in _NODES:
+            self._node(action, place)
+        elif action.kind == "DeclareLaunchArgument":
+            self._declare(action, place)
+        elif action.kind in _INCLUDES:
+            self._include(action, place, depth)
+        elif action.kind == "SetLaunchConfiguration":
+            name, value = (*action.values, *action.named.values())[:2]
+            self.configurations[self._text(name)] = self._text(value)
+        elif action.kind == "SetParameter":
+            name = action.named.get("name", action.values[0] if action.values else "")
+            value = action.named.get("value", action.values[-1] if action.values else None)
+            self._everywhere[self._text(name)] = self._parameter(value)
+        elif action.kind == "PushRosNamespace":
+            self._namespaces.append(self._text((*action.values, *action.named.values())[0]).strip("/"))
+        elif action.kind == "SetRemap":
+            source, target = (*action.values, *action.named.values())[:2]
+            self._remaps.append((self._text(source), self._text(target)))
+        elif action.kind == "OpaqueFunction":
+            function: Any = action.named.get("function", action.values[0] if action.values else None)
+            values, named = action.named.get("args") or (), action.named.get("kwargs") or {}
+            self._context.launch_configurations = self.configurations
+            self._take(function(self._context, *values, **named), depth)
+        elif action.kind in _GROUPS:
+            kept = (dict(self.configurations), dict(self._everywhere), list(self._namespaces), list(self._remaps))
+            for each in (*action.values, action.named.get("initial_entities"), action.named.get("actions")):
+                self._take(each, depth)
+            handler = action.named.get("event_handler", action.values[0] if action.values else None)
+            if isinstance(handler, Made) and handler.kind in _HANDLERS:
+                for name in ("on_start", "on_completion"):
+                    self._take(handler.named.get(name), depth)
+            if action.kind == "GroupAction" and action.named.get("scoped", True):
+                self.configurations, self._everywhere, self._namespaces, self._remaps = kept
+        elif action.kind not in _WITHOUT_NODES:
+            self.left_out.append(f"{action.kind}{place}")
+
+    def _applies(self, action: Made) -> bool:
+        condition = action.named.get("condition")
+        if condition is None:
+            return True
+        place = f" ({action.file}, line {action.line})"
+        if not isinstance(condition, Made):
+            self._refuse(condition, place)
+            return True
+        values = [*condition.values, *condition.named.values()]
+        if condition.kind in ("IfCondition", "UnlessCondition"):
+            text = self._text(values[0] if values else "").strip().lower()
+            if text not in ("true", "1", "false", "0"):
+                raise ControllerError(f"{self.said}: a condition is {text!r}{place}; accepted: true, false, 1, 0")
+            return (text in ("true", "1")) is (condition.kind == "IfCondition")
+        if condition.kind in ("LaunchConfigurationEquals", "LaunchConfigurationNotEquals") and len(values) == 2:
+            same = self.configurations.get(self._text(values[0])) == self._text(values[1])
+            return same is (condition.kind == "LaunchConfigurationEquals")
+        raise ControllerError(
+            f"{self.said}: the condition {condition.kind} is not understood{place}; accepted: IfCondition, "
+            "UnlessCondition, LaunchConfigurationEquals, LaunchConfigurationNotEquals"
+        )
+
+    def _declare(self, action: Made, place: str) -> None:
+        name = self._text(action.named.get("name", action.values[0] if action.values else ""))
+        self.declared.add(name)
+        if name in self.configurations:
+            choices = action.named.get("choices")
+            if isinstance(choices, list) and self.configurations[name] not in choices:
+                raise ControllerError(
+                    f"{self.said}: launch.{name} is {self.configurations[name]!r}{place}; accepted: "
+                    f"{', '.join(map(str, choices))}"
+                )
+            return
+        default = action.named.get("default_value", action.values[1] if len(action.values) > 1 else None)
+        if default is None:
+            raise ControllerError(
+                f"{self.said}: the launch argument {name!r} has no default{place}; accepted: [launch.{name}=VALUE]"
+            )
+        self.configurations[name] = "" if isinstance(default, Lacking) else self._text(default)
+
+    def _include(self, action: Made, place: str, depth: int) -> None:
+        source = action.named.get("launch_description_source", action.values[0] if action.values else None)
+        inner = source
+        if isinstance(source, Made) and source.kind.endswith("LaunchDescriptionSource"):
+            inner = (*source.values, *source.named.values())[0]
+        if isinstance(inner, Lacking):
+            self.left_out.append(f"an included launch file: {inner.text}{place}")
+            return
+        path = Path(self._text(inner))
+        if not path.is_file():
+            self.left_out.append(f"the included launch file {path}, which is not here{place}")
+            return
+        if path.suffix != ".py":
+            self.left_out.append(f"the included launch file {path}, which is not in Python{place}")
+            return
+        if any(name in path.parts for name in _SIMULATORS):
+            self.left_out.append(f"the launch file of the simulator {path.name}{place}")
+            return
+        given = action.named.get("launch_arguments") or []
+        self._refuse(given, place)
+        rows = given.items() if isinstance(given, dict) else given
+        for row in rows:
+            if isinstance(row, (list, tuple)) and len(row) == 2:
+                self._refuse(row[1], place)
+                self.configurations[self._text(row[0])] = self._text(row[1])
+        self.include(path, depth + 1)
+
+    def _node(self, action: Made, place: str) -> None:
+        named = {**dict(zip(("executable", "package"), action.values, strict=False)), **action.named}
+        for name in ("package", "executable", "node_executable", "name", "namespace"):
+            self._refuse(named.get(name), place)
+        package = self._text(named.get("package") or "")
+        said = self._text(named.get("executable") or named.get("node_executable") or "")
+        folder = self._known.get(package)
+        if folder is None or package in _SIMULATORS:
+            why = "which this simulator replaces" if package in _SIMULATORS else "whose package is not here"
+            self.left_out.append(f"{said or 'a node'} of {package or 'no package'}, {why}{place}")
+            return
+        found = executable(folder, said)
+        if found is None:
+            self.left_out.append(f"{said} of {package}, of which there is no Python file{place}")
+            return
+        parameters, files = dict(self._everywhere), []
+        rows = named.get("parameters", ())
+        self._refuse(rows, place)
+        for row in rows if isinstance(rows, (list, tuple)) else [rows or {}]:
+            self._refuse(row, place)
+            if isinstance(row, dict):
+                for name, value in flat({self._text(key): value for key, value in row.items()}).items():
+                    self._refuse(value, place)
+                    parameters[name] = self._parameter(value)
+            else:
+                file = self._parameter_file(row, place)
+                files += [] if file is None else [file]
+        remap = dict(self._remaps)
+        rows = named.get("remappings", ())
+        self._refuse(rows, place)
+        for row in rows or ():
+            if not isinstance(row, (list, tuple)) or len(row) != 2:
+                raise ControllerError(f"{self.said}: a remapping is {row!r}{place}; accepted: (from, to)")
+            for each in row:
+                self._refuse(each, place)
+            remap[self._text(row[0])] = self._text(row[1])
+        given = named.get("arguments", ())
+        self._refuse(given, place)
+        arguments = [self._text(each) for each in given or () if not isinstance(each, Lacking)]
+        plain, more = _without_ros_arguments(arguments, remap)
+        namespace = "/".join(each for each in (*self._namespaces, self._text(named.get("namespace") or "")) if each)
+        self.nodes.append(
+            Launched(
+                path=found[0], entry=found[1], name=self._text(named["name"]) if named.get("name") else None,
+                namespace=namespace.strip("/"), parameters={**parameters, **more}, parameter_files=tuple(files),
+                remap=remap, arguments=tuple(plain),
+            )
+        )  # fmt: skip
+
+    # Values
+
+    def _parameter_file(self, value: Any, place: str) -> Path | None:
+        """Return a file of parameters; as in ROS one that is not there gives a warning, and is left out."""
+        if isinstance(value, Made) and value.kind == "ParameterFile":
+            value = (*value.values, *value.named.values())[0]
+        path = Path(self._text(value))
+        if path.is_file():
+            return path
+        found = data_file(str(path), self.first)
+        if found is None:
+            self.left_out.append(f"the parameters of {path}, which is no file{place}")
+        else:
+            warnings.warn(f"{path} is not there; {found} is taken{place}", stacklevel=2)
+        return found
+
+    def _parameter(self, value: Any) -> Any:
+        """Return the value of a parameter: a substitution's text is read as YAML, as launch_ros does."""
+        if isinstance(value, Made) and value.kind in ("ParameterValue", "ParameterFile"):
+            inner, kind = (*value.values, *value.named.values())[0], value.named.get("value_type")
+            text = self._text(inner)
+            return text if kind is str else kind(self._read(text)) if kind in (float, int, bool) else self._read(text)
+        if isinstance(value, Made):
+            return self._read(self._text(value))
+        if isinstance(value, (list, tuple)):
+            parts = [self._parameter(each) for each in value]
+            return "".join(map(str, parts)) if any(isinstance(each, Made) for each in value) else parts
+        return str(value) if isinstance(value, Path) else value
+
+    def _read(self, text: str) -> Any:
+        try:
+            return plain_yaml(text)
+        except Exception:  # YAML's own
+            return text
+
+    def _text(self, value: Any) -> str:
+        """Return the text of a substitution, or of several behind each other.
+
+        Raises:
+          ControllerError: it is not understood.
+        """
+        if isinstance(value, (list, tuple)):
+            return "".join(self._text(each) for each in value)
+        self._refuse(value)
+        if value is None or isinstance(value, (str, int, float, Path)):
+            return "" if value is None else str(value)
+        if not isinstance(value, Made):
+            raise ControllerError(
+                f"{self.said}: {self.first}: {value!r} is no text; accepted: a text or a substitution"
+            )
+        values = [*value.values, *value.named.values()]
+        first = values[0] if values else ""
+        place = f" ({value.file}, line {value.line})"
+        if value.kind == "LaunchConfiguration":
+            name = self._text(first)
+            if name in self.configurations:
+                return self.configurations[name]
+            if "default" in value.named or len(value.values) > 1:
+                return self._text(value.named.get("default", value.values[-1]))
+            known = accepted_names(name, sorted(self.declared))
+            raise ControllerError(f"{self.said}: the launch argument {name!r} is not declared{place}; {known}")
+        if value.kind == "PathJoinSubstitution":
+            return os.path.join(*(self._text(each) for each in first)) if first else ""
+        if value.kind == "FindPackageShare":
+            found = self._known.get(self._text(first))
+            return f"/{self._text(first)} is not here" if found is None else str(found)
+        if value.kind == "PythonExpression":
+            text = self._text(first)
+            try:
+                return str(eval(text, {**vars(math), "math": math, "true": True, "false": False}))
+            except Exception as error:
+                said = f"PythonExpression {text!r} has failed: {one_line(error)}"
+                raise ControllerError(f"{self.said}: {said}{place}") from error
+        if value.kind in ("EnvironmentVariable", "OptionalEnvironmentVariable"):
+            default = value.named.get("default_value", value.values[1] if len(value.values) > 1 else "")
+            return os.environ.get(self._text(first), self._text(default))
+        if value.kind == "ThisLaunchFileDir":
+            return str(value.file.resolve().parent)
+        if value.kind in ("EqualsSubstitution", "NotEqualsSubstitution"):
+            same = self._text(values[0]) == self._text(values[1])
+            return str(same is (value.kind == "EqualsSubstitution")).lower()
+        if value.kind in ("AndSubstitution", "OrSubstitution"):
+            truths = [self._text(each).lower() in ("true", "1") for each in values]
+            return str(all(truths) if value.kind == "AndSubstitution" else any(truths)).lower()
+        if value.kind == "NotSubstitution":
+            return str(self._text(first).lower() not in ("true", "1")).lower()
+        if value.kind == "IfElseSubstitution":
+            chosen = self._text(first).strip().lower() in ("true", "1")
+            names = ("if_value", "else_value")
+            parts = {**dict(zip(names, value.values[1:], strict=False)), **value.named}
+            return self._text(parts.get(names[0] if chosen else names[1], ""))
+        if value.kind in _SAME_TEXT or value.kind.endswith("Source"):
+            return self._text(first)
+        raise ControllerError(
+            f"{self.said}: {value.kind} is not understood{place}; accepted: LaunchConfiguration, PathJoinSubstitution, "
+            "FindPackageShare, TextSubstitution, PythonExpression, EnvironmentVariable, ThisLaunchFileDir"
+        )
+
+    def _refuse(self, value: Any, place: str = "") -> None:
+        if isinstance(value, Lacking):
+            raise ControllerError(f"{self.said}: {refusal(value, place)}")
+
+
+def launched(path: Path, given: Mapping[str, Any], said: str, graph: Graph) -> LaunchFiles:
+    """Execute a launch file in a thread of a graph, whose limit of wall time holds, and return what it starts.
+
+    Args:
+      path: of the file.
+      given: launch arguments, by name.
+      said: what names the file, for messages.
+      graph: is closed at the end.
+
+    Raises:
+      ControllerError: it fails, starts no node that is here, has no such argument, or a node depends on what is not
+        here.
+      NodeBlockedError: it does not come to its end.
+    """
+    found = LaunchFiles(path, said, {name: _as_text(value) for name, value in given.items()}, graph)
+    graph.start(path.name, lambda: found.include(path))
+    try:
+        graph.settle()
+    finally:
+        graph.close()
+    for name in given:
+        if name not in found.declared:
+            known = accepted_names(name, sorted(found.declared))
+            raise ControllerError(f"{said}: {path} has no launch argument {name!r}; {known}")
+    left = "; ".join(found.left_out)
+    if not found.nodes:
+        raise ControllerError(
+            f"{said}: {path} starts no node that is here{': left out are ' + left if left else ''}; accepted: nodes in "
+            "Python of a package of the same workspace, which has a package.xml"
+        )
+    if left:
+        warnings.warn(f"{path}: left out are {left}", stacklevel=2)
+    return found
+
+
+def _without_ros_arguments(arguments: list[str], remap: dict[str, str]) -> tuple[list[str], dict[str, Any]]:
+    """Return a node's arguments without ROS's own, and the parameters that those give; remappings are added."""
+    plain: list[str] = []
+    parameters: dict[str, Any] = {}
+    of_ros = False
+    waiting = iter(arguments)
+    for each in waiting:
+        if each == "--ros-args":
+            of_ros = True
+        elif of_ros and each == "--":
+            of_ros = False
+        elif not of_ros:
+            plain.append(each)
+        elif each in ("-p", "--param", "-r", "--remap"):
+            name, _, value = next(waiting, "").partition(":=")
+            if each in ("-p", "--param"):
+                parameters[name] = plain_yaml(value)
+            else:
+                remap[name] = value
+    return plain, parameters
+
+
+def flat(values: Mapping[Any, Any], before: str = "") -> dict[str, Any]:
+    """Return nested parameters under names with dots."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
+    return found
+
+
+def _as_text(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

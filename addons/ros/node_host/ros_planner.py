@@ -1,0 +1,395 @@
+"""A node of ROS, or several, as a planner: what the engine builds of `ros:path/node.py:ClassName`.
+
+    planner = find_node("ros:wall_follow.py:WallFollow")(car=car, max_speed=8.0, settings={"speed": 2.0})
+    planner(scan, odometry)   # the last message on /drive
+
+Each tick the nodes receive the scan, the odometry and the pose, and do all that is due in simulated time. The last
+message that they have published on the drive topic is the command. Before the first the car stands.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+import warnings
+import weakref
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from fg_mujoco.course.files import is_file
+from fg_mujoco.errors import ControllerError, FinalWarning
+from fg_mujoco.intermediate_values import listener
+from fg_mujoco.lidar.beams import MOST_BEAMS
+from fg_mujoco.messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
+from fg_mujoco.racing.planner_sources import READ
+from fg_mujoco.racing.planner_texts import PlannerScheme
+from fg_mujoco.simulation.planner_adapter import Surroundings
+from fg_mujoco.simulation.planner_failure import one_line
+from ..bag_messages import nanoseconds
+from .drawings import Drawings, for_bag
+from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
+from .graph import BEGIN, Graph, NodeError, Process
+from .imports import Imports, NeedsRospy
+from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
+from .node_session import Session
+from .other_modules import other_modules, overlays, random_overlays
+from .program import NodeFile, Program, read_arguments, read_parameters, read_program, start_launch_file
+from .rclpy_modules import rclpy_modules
+from .rospy_modules import rospy_modules
+from .rospy_times import NANOSECONDS
+from .sensing import Sensing, is_anothers
+from .sensor_modules import sensor_modules
+from .services import Call
+from .transform_modules import transform_modules
+
+WALL_LIMIT = 30.0
+"""[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
+_OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
+_SEED = 0  # of random numbers that a node draws without a seed of its own
+_MOST_KEPT = 10_000  # messages, for who asks what has been published
+PATIENCE = 5.0
+"""[s] simulated in which a node must have published its first command."""
+
+
+class RosPlanner:
+    """Nodes as a planner; `find_node` makes a class of it for each program.
+
+    Args:
+      car: parameters of the car.
+      max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
+      settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `host.params` a file of
+        parameters, `host.args` the arguments of a node, `host.beams` how many beams a scan has, `launch.NAME` an
+        argument of a launch file in Python, `host.wall_limit` the wall time that a node may take [s].
+
+    Raises:
+      ControllerError: a parameter that no node has, or a node that cannot drive.
+    """
+
+    any_settings = True
+    _program: ClassVar[Program]
+    _graph: Graph
+    _sensing: Sensing
+    _driving: Driving
+    _drawings: Drawings
+    _fresh: list[tuple[str, Any]]
+    _ticked: bool
+    _flavour: int
+    _failed: list[str]  # of nodes that the others drive on without
+
+    def __init__(self, car: CarParameters, max_speed: float, settings: Mapping[str, Any] | None = None) -> None:
+        self._car, self._max_speed, self._settings = car, max_speed, dict(settings or {})
+        self._build()
+
+    def reset(self) -> None:
+        """End the nodes, and start them anew."""
+        if self._ticked:
+            self._close()
+            self._build()
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Tell the nodes what the car senses, and return the last command that they have published."""
+        if not self._ticked:
+            self._ticked, self._began = True, scan.stamp
+            self._sensing.opponent = any(each.topic == OPPONENT_DRIVE for each in self._driving.topics())
+            self._take_others_names()
+            self._warn_of_silence()
+        time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
+        self._graph.listener = listener()
+        self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
+        if all(process.done for process in self._graph.processes):
+            raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
+        return self._command(scan.stamp - self._began)
+
+    def look_round(self, surroundings: Surroundings) -> None:
+        """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
+        self._sensing.surroundings = surroundings
+
+    def published(self) -> list[tuple[str, Any]]:
+        """Return topics and messages, as those of a bag, that the nodes have published since this was asked last.
+
+        From the first question on all is kept. Left out are messages whose type is none of ROS's own.
+        """
+        self._drawn_from()
+        found, self._fresh = self._fresh, []
+        return [(topic, made) for topic, message in found if (made := for_bag(message)) is not None]
+
+    @property
+    def files(self) -> list[str]:
+        """The files that the nodes have read: those of data, and those of parameters that `host.params` names."""
+        params = self._settings.get("host.params")
+        read = [path for path in self._graph.data if is_file(path)]
+        return sorted({*read, *([] if params is None else [str(params)])})
+
+    def drawings(self) -> list[Sketch]:
+        """Return the markers, paths and poses that the nodes show, those published since this was asked first."""
+        self._drawn_from()
+        return self._drawings.now()
+
+    def _drawn_from(self) -> None:
+        """Take what has been published since."""
+        journal, self._graph.journal = self._graph.journal, []
+        for time, topic, message in journal or ():
+            self._drawings.take(topic, message, time)
+            self._fresh.append((topic, message))
+        del self._fresh[:-_MOST_KEPT]
+
+    def _build(self, flavour: int = 0) -> None:
+        """Start the nodes as those of a flavour; 0: the one that their files name, or that they import."""
+        require_rosbags()
+        self._ticked, self._began = False, 0.0
+        given = dict(self._settings)
+        limit = given.pop("host.wall_limit", WALL_LIMIT)
+        if not isinstance(limit, (int, float)) or not 0.0 < limit < math.inf:
+            raise ControllerError(f"host.wall_limit is {limit!r}; accepted: a positive number of seconds")
+        beams = given.pop("host.beams", None)
+        if beams is not None and not (isinstance(beams, int) and 2 <= beams <= MOST_BEAMS):
+            raise ControllerError(f"host.beams is {beams!r}; accepted: a whole number from 2 to {MOST_BEAMS}")
+        file = given.pop("host.params", None)
+        arguments = read_arguments(given.pop("host.args", None), "host.args")
+        remap = {name.removeprefix("remap."): str(given.pop(name)) for name in list(given) if name.startswith("remap.")}
+        for_launch = {name[7:]: given.pop(name) for name in list(given) if name.startswith("launch.")}
+        program, read = type(self)._program, set[str]()
+        if program.files:
+            launching = Graph(float(limit))
+            nodes = start_launch_file(program, for_launch, program.path.name, launching)
+            program, read = replace(program, nodes=nodes), launching.data
+        elif for_launch:
+            name = next(iter(for_launch))
+            raise ControllerError(f"there is no launch argument {name!r}; accepted: with a launch file in Python")
+        self._program = program  # type: ignore[misc]
+        self._graph = Graph(float(limit))
+        self._graph.data |= read
+        self._close = weakref.finalize(self, self._graph.close)
+        self._drawings, self._fresh = Drawings(self._graph), []
+        self._flavour = flavour or next((each.flavour for each in self._program.nodes if each.flavour), ROS2)
+        message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
+        self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
+        self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
+        goes_on, self._failed = weakref.WeakMethod(self._goes_on_without), []
+        self._graph.spares = lambda process, error: goes_on()(process, error)  # type: ignore[misc]
+        self._sessions, definitions = [], Definitions(self._flavour)
+        for node in self._program.nodes:
+            of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
+            own = {**node.parameters, **of_file, **given}
+            session = Session(
+                self._graph, node.path, own, {**node.remap, **remap}, node.name, arguments or node.arguments,
+                namespace=node.namespace, undeclared=frozenset(node.parameters if node.takes_all else ()),
+            )  # fmt: skip
+            self._sessions.append(session)
+            self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node, definitions))
+        try:
+            self._run(self._graph.settle)
+            self._check()
+        except NeedsRospy:
+            self._close()
+            self._build(ROS1)
+        except BaseException:
+            self._close()
+            raise
+
+    def _run(self, act: Callable[[], None]) -> None:
+        """Let nodes run; an error in one of several names its own file and line."""
+        try:
+            act()
+        except Exception as error:
+            of_shape = isinstance(error, (IndexError, ValueError)) and _OF_GYM in str(error)
+            if of_shape and "host.beams" not in self._settings:
+                warnings.warn(
+                    f"{self._said()} may have been written for the {_OF_GYM} beams of f1tenth_gym_ros, and a scan has "
+                    f"another number here: [host.beams={_OF_GYM}]",
+                    stacklevel=2,
+                )
+            if len(self._program.nodes) == 1 or isinstance(error, NodeError):
+                raise
+            raise NodeError(f"{one_line(error)}{self._graph.place_of_error(error)}") from error
+
+    def _goes_on_without(self, process: Process, error: Exception) -> bool:
+        """Return whether the other nodes drive on without one that has failed, as in ROS; a warning says so.
+
+        They do where it does not start, and in the race where neither the command nor another node needs it.
+        """
+        graph, several = self._graph, self._graph.processes[: len(self._sessions)]
+        needed = self._ticked and any(
+            each.process is process and (each.commands or graph.listens(each.topic)) for each in graph.publications
+        )
+        if process not in several or all(each.done for each in several) or needed or not process.done:
+            return False
+        self._failed.append(f"node {process.name!r} has failed: {one_line(error)}{graph.place_of_error(error)}")
+        warnings.warn(f"{self._failed[-1]}; the other nodes drive on", stacklevel=2)
+        graph.bury(process)
+        return True
+
+    def _check(self) -> None:
+        """Refuse nodes that cannot drive, and parameters that none of them has."""
+        known = set().union(*(session.asked for session in self._sessions))
+        for session in self._sessions:
+            session.asked |= known & set(self._settings)
+            wrong = session.unknown_parameters()
+            if wrong:
+                raise NodeError(f"{self._said()} {wrong}{self._line()}")
+        processes = self._graph.processes
+        if all(process.done for process in processes):
+            raise NodeError(
+                f"{self._said()} has ended at once; accepted: one that spins, or a class: ros:{self._program.path}:"
+                f"ClassName{self._line()}"
+            )
+        drives = self._driving.topics()
+        if all(process.done or process.spinning for process in processes) and not drives:
+            raise NodeError(self._no_drive())
+
+    def _no_drive(self) -> str:
+        topics = sorted({each.topic for each in self._graph.publications})
+        return (
+            f"{self._said()} publishes on no drive topic; accepted: AckermannDriveStamped on {DRIVE}; it publishes on "
+            f"{', '.join(topics) or 'none'}{self._line()}{''.join(f'; {each}' for each in self._failed)}"
+        )
+
+    def _command(self, driven: float) -> DriveCommand:
+        """Return the last command; `driven` is the simulated time since the first scan [s]."""
+        asked = self._driving.asked()
+        if asked is None:
+            if driven >= PATIENCE:
+                raise NodeError(self._silent())
+            return STOP
+        speed = max(-self._max_speed, min(self._max_speed, float(np.float32(asked[0]))))
+        self._sensing.command = speed, float(asked[1])
+        return DriveCommand(steering_angle=float(np.float32(asked[1])), speed=speed)
+
+    def _silent(self) -> str:
+        """Return the message for nodes that have published no command within PATIENCE."""
+        drives = self._driving.topics()
+        waits = "".join(f"; it waits for {session.waits}" for session in self._sessions if session.waits)
+        waits += "".join(f"; its callback failed: {session.failed}" for session in self._sessions if session.failed)
+        if not drives:
+            return self._no_drive() + waits
+        waits += "".join(f"; {each}" for each in self._failed)
+        return (
+            f"{self._said()} has published nothing on {drives[0].topic} within {PATIENCE:g} s{drives[0].place}{waits}"
+        )
+
+    def _take_others_names(self) -> None:
+        """Give a topic that nobody publishes on what is published here in its type, where it is the only one of it."""
+        published = {each.topic for each in self._graph.publications}
+        listened = {each.topic: each.kind for each in self._graph.subscriptions}
+        for topic, kind in listened.items():
+            others = published | {each for each in listened if is_anothers(each)}
+            alike = [each for each in listened if listened[each] is kind and each not in others]
+            ours = self._sensing.taken_for(topic, kind)
+            here = self._sensing.kind_of(topic)
+            if ours is None or alike != [topic] or (here and message_class(here, self._flavour) is kind):
+                continue
+            lacks = f"is {here} here" if here else "has no publisher here"
+            for each in self._graph.subscriptions:
+                if each.topic == topic:
+                    each.topic = ours
+                    said = f"{topic} {lacks}, and is taken for {ours}; node {each.node!r} listens"
+                    warnings.warn(f"{said}{each.place}", stacklevel=2)
+
+    def _warn_of_silence(self) -> None:
+        """Warn, in one line, of topics that nodes listen to and nobody publishes on, or not in that type."""
+        published = {each.topic for each in self._graph.publications}
+        found: dict[str, None] = {}
+        for each in self._graph.subscriptions:
+            if each.kind is Call or each.topic in published:
+                continue
+            kind = self._sensing.kind_of(each.topic)
+            if kind is None:
+                found[f"{each.topic} has no publisher here; node {each.node!r} listens{each.place}"] = None
+            elif each.kind is not message_class(kind, self._flavour):
+                said = f"{each.topic} is {kind} here; node {each.node!r} listens for {each.kind.__name__}"
+                found[f"{said}{each.place}"] = None
+        if found:
+            warnings.warn("; ".join(found), FinalWarning, stacklevel=2)
+
+    def _said(self) -> str:
+        return _said(self._graph, self._program) if hasattr(self, "_graph") else self._program.path.name
+
+    def _line(self) -> str:
+        node = self._program.nodes[0]
+        return f" ({node.path}, line {node.line})" if len(self._program.nodes) == 1 else f" ({self._program.path})"
+
+
+def _said(graph: Graph, program: Program) -> str:
+    """Return the name of nodes for messages."""
+    names = [process.name for process in graph.processes]
+    return f"node {names[0]!r}" if len(names) == 1 else f"{program.path.name}"
+
+
+def find_node(source: str) -> type[RosPlanner]:
+    """Return the class of planners of a program; nothing of it is executed.
+
+    Raises:
+      ControllerError: a file that cannot be read, is no Python or no launch file, or has no such class.
+    """
+    program = read_program(source)
+    place = str(program.path)
+    module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")
+    module.__file__ = place
+    vars(module)[READ] = program.text
+    sys.modules[module.__name__] = module  # where `planner_origin` finds what was read
+    said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes) or program.path.name}."
+    return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
+
+
+def source_text(source: str) -> bytes:
+    """Return the code that `ros:...` names: the node's file; of a launch file that and the nodes' files."""
+    return read_program(source).text
+
+
+NODES = PlannerScheme(find=find_node, code=source_text)
+"""Planners whose texts begin with `ros:`."""
+
+
+def _starter(session: Session, node: NodeFile, definitions: Definitions) -> Callable[[], None]:
+    """Return the function that the thread of a node runs; nodes of a planner share the definitions of messages."""
+    rospy = definitions.flavour == ROS1
+    modules = rospy_modules(session) if rospy else rclpy_modules(session)
+    modules.update(transform_modules(session, definitions.flavour))
+    modules.update(sensor_modules(definitions.flavour))
+    modules.update(other_modules(session, modules))
+    graph = session.graph
+
+    def sleep(seconds: float) -> None:
+        if rospy:
+            modules["rospy"].sleep(float(seconds))
+        else:
+            graph.pause(graph.now + max(1, round(float(seconds) * NANOSECONDS)))
+
+    imports = Imports(
+        node.path, graph, definitions, modules, overlays(session, sleep), random_overlays(_SEED)
+    )  # fmt: skip
+
+    def run() -> None:
+        if node.entry:
+            getattr(imports.run(node.path, node.text, node.path.stem), node.entry)()
+            return
+        if not node.class_name:
+            module = imports.run(node.path, node.text, "__main__" if node.is_script else node.path.stem)
+            if not node.is_script and node.has_main:
+                needed = [p for p in inspect.signature(module.main).parameters.values() if p.default is p.empty]
+                module.main(*(None for p in needed if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)))
+            return
+        module = imports.run(node.path, node.text, node.path.stem)
+        kind = getattr(module, node.class_name)
+        if rospy:
+            modules["rospy"].init_node(node.class_name)
+            made = kind()
+        else:
+            modules["rclpy"].init()
+            made = kind()
+        if rospy:
+            modules["rospy"].spin()
+        elif not isinstance(made, modules["rclpy.node"].Node):
+            raise TypeError(f"class {node.class_name} is no Node; accepted: a Node, or without class: ros:{node.path}")
+        else:
+            modules["rclpy"].spin(made)
+
+    return run

@@ -1,0 +1,444 @@
+"""Stubs of tf2_ros, tf and tf_transformations: a tree of frames, of which the newest transforms are kept."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from fg_mujoco.messages import FloatArray
+from .graph import Graph
+from .imports import StandIn
+from .message_classes import ROS1, ROS2, Message, made, message_class
+from .node_session import Session
+from .rospy_times import NANOSECONDS, RosTime
+
+
+class TransformException(Exception):
+    pass
+
+
+class LookupException(TransformException):
+    pass
+
+
+class ConnectivityException(TransformException):
+    pass
+
+
+class ExtrapolationException(TransformException):
+    pass
+
+
+class InvalidArgumentException(TransformException):
+    pass
+
+
+class TimeoutException(TransformException):
+    pass
+
+
+def matrix(position: Any, quaternion: Any) -> FloatArray:
+    """Return the matrix (4, 4) of a position and a quaternion x, y, z, w."""
+    found = quaternion_matrix(quaternion)
+    found[:3, 3] = position
+    return found
+
+
+def lookup(graph: Graph, target: str, source: str) -> FloatArray:
+    """Return the matrix (4, 4) that takes points of the frame `source` into `target`.
+
+    Raises:
+      LookupException: a frame that nobody has broadcast.
+      ConnectivityException: they are not of one tree.
+    """
+    to_root = [_chain(graph, frame.strip("/")) for frame in (target, source)]
+    if to_root[0][0] != to_root[1][0]:
+        raise ConnectivityException(f"frames {target!r} and {source!r} are not of one tree")
+    return np.asarray(np.linalg.inv(to_root[0][1]) @ to_root[1][1], np.float64)
+
+
+def _chain(graph: Graph, frame: str) -> tuple[str, FloatArray]:
+    """Return the root of a frame's tree, and the matrix from the frame to it."""
+    known = {*graph.transforms, *(parent for parent, _ in graph.transforms.values())}
+    if frame not in known:
+        raise LookupException(f"there is no frame {frame!r}; accepted: {', '.join(sorted(known))}")
+    found, seen = np.eye(4), {frame}
+    while frame in graph.transforms:
+        parent, step = graph.transforms[frame]
+        found, frame = step @ found, parent
+        if frame in seen:
+            raise ConnectivityException(f"the frames {', '.join(sorted(seen))} are a circle")
+        seen.add(frame)
+    return frame, found
+
+
+def euler_from_quaternion(quaternion: Any, axes: str = "sxyz") -> tuple[float, float, float]:
+    return euler_from_matrix(quaternion_matrix(quaternion), axes)
+
+
+def euler_from_matrix(found: Any, axes: str = "sxyz") -> tuple[float, float, float]:
+    m = np.asarray(found, float)
+    if axes not in ("sxyz", "rzyx"):
+        from scipy.spatial.transform import Rotation  # heavy, and few nodes want other axes
+
+        a, b, c = Rotation.from_matrix(m[:3, :3]).as_euler(_axes(axes)).tolist()
+        return a, b, c
+    cosine = math.hypot(m[0, 0], m[1, 0])
+    if cosine > 1e-12:
+        angles = math.atan2(m[2, 1], m[2, 2]), math.atan2(-m[2, 0], cosine), math.atan2(m[1, 0], m[0, 0])
+    else:
+        angles = math.atan2(-m[1, 2], m[1, 1]), math.atan2(-m[2, 0], cosine), 0.0
+    return angles if axes == "sxyz" else angles[::-1]
+
+
+def _axes(axes: str) -> str:
+    """Return axes such as `szyz` as SciPy has them: `zyz`, and in capitals those of a frame that turns along."""
+    if len(axes) != 4 or axes[0] not in "sr" or not set(axes[1:]) <= set("xyz"):
+        raise KeyError(f"axes {axes!r}; accepted: s or r, and three of x, y, z, as in sxyz")
+    return axes[1:] if axes[0] == "s" else axes[1:].upper()
+
+
+def quaternion_from_euler(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    if axes not in ("sxyz", "rzyx"):
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_euler(_axes(axes), (ai, aj, ak)).as_quat())
+    roll, pitch, yaw = (ai, aj, ak) if axes == "sxyz" else (ak, aj, ai)
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
+    return np.array(
+        (
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+            cr * cp * cy + sr * sp * sy,
+        )
+    )
+
+
+def quaternion_matrix(quaternion: Any) -> FloatArray:
+    q = np.array([float(each) for each in quaternion])
+    norm = float(q @ q)
+    found = np.eye(4)
+    if norm > 1e-16:
+        x, y, z, w = q / math.sqrt(norm)
+        found[:3, :3] = (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+            (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+        )
+    return found
+
+
+def quaternion_from_matrix(found: Any) -> FloatArray:
+    return quaternion_from_euler(*euler_from_matrix(found))
+
+
+def quaternion_multiply(one: Any, other: Any) -> FloatArray:
+    x0, y0, z0, w0 = other
+    x1, y1, z1, w1 = one
+    return np.array(
+        (
+            x1 * w0 + y1 * z0 - z1 * y0 + w1 * x0, -x1 * z0 + y1 * w0 + z1 * x0 + w1 * y0,
+            x1 * y0 - y1 * x0 + z1 * w0 + w1 * z0, -x1 * x0 - y1 * y0 - z1 * z0 + w1 * w0,
+        )
+    )  # fmt: skip
+
+
+def quaternion_conjugate(quaternion: Any) -> FloatArray:
+    x, y, z, w = quaternion
+    return np.array((-x, -y, -z, w))
+
+
+def quaternion_inverse(quaternion: Any) -> FloatArray:
+    q = np.asarray(quaternion, float)
+    return quaternion_conjugate(q) / float(q @ q)
+
+
+def quaternion_about_axis(angle: float, axis: Any) -> FloatArray:
+    a = np.asarray(axis, float)
+    return np.append(a / np.linalg.norm(a) * math.sin(angle / 2), math.cos(angle / 2))
+
+
+def translation_matrix(direction: Any) -> FloatArray:
+    return matrix(direction, (0.0, 0.0, 0.0, 1.0))
+
+
+def translation_from_matrix(found: Any) -> FloatArray:
+    return np.array(found)[:3, 3].copy()
+
+
+def euler_matrix(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    return quaternion_matrix(quaternion_from_euler(ai, aj, ak, axes))
+
+
+def rotation_matrix(angle: float, direction: Any, point: Any = None) -> FloatArray:
+    return quaternion_matrix(quaternion_about_axis(angle, direction))
+
+
+def concatenate_matrices(*matrices: Any) -> FloatArray:
+    found = np.eye(4)
+    for each in matrices:
+        found = found @ each
+    return found
+
+
+def identity_matrix() -> FloatArray:
+    return np.eye(4)
+
+
+def inverse_matrix(found: Any) -> FloatArray:
+    return np.asarray(np.linalg.inv(found), np.float64)
+
+
+def vector_norm(data: Any, axis: Any = None) -> Any:
+    return np.linalg.norm(data, axis=axis)
+
+
+def unit_vector(data: Any, axis: Any = None) -> FloatArray:
+    found = np.array(data, float)
+    return np.asarray(found / np.linalg.norm(found, axis=axis, keepdims=axis is not None))
+
+
+def quaternion_slerp(quat0: Any, quat1: Any, fraction: float, spin: int = 0, shortestpath: bool = True) -> FloatArray:
+    one, other = unit_vector(quat0), unit_vector(quat1)
+    along = float(one @ other)
+    if shortestpath and along < 0.0:
+        along, other = -along, -other
+    angle = math.acos(min(1.0, along))
+    if angle < 1e-9:
+        return one
+    return (one * math.sin((1.0 - fraction) * angle) + other * math.sin(fraction * angle)) / math.sin(angle)
+
+
+def euler2quat(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    return np.roll(quaternion_from_euler(ai, aj, ak, axes), 1)
+
+
+def quat2euler(quaternion: Any, axes: str = "sxyz") -> tuple[float, float, float]:
+    return euler_from_quaternion(np.roll(quaternion, -1), axes)
+
+
+def quat2mat(q: Any) -> FloatArray:
+    return quaternion_matrix(np.roll(q, -1))[:3, :3]
+
+
+def mat2quat(found: Any) -> FloatArray:
+    whole = np.eye(4)
+    whole[:3, :3] = np.asarray(found)[:3, :3]
+    return np.roll(quaternion_from_matrix(whole), 1)
+
+
+def euler2mat(ai: float, aj: float, ak: float, axes: str = "sxyz") -> FloatArray:
+    return euler_matrix(ai, aj, ak, axes)[:3, :3]
+
+
+_TRANSFORMATIONS = (
+    identity_matrix, inverse_matrix, vector_norm, unit_vector, quaternion_slerp,
+    euler_from_quaternion, euler_from_matrix, quaternion_from_euler, quaternion_matrix, quaternion_from_matrix,
+    quaternion_multiply, quaternion_conjugate, quaternion_inverse, quaternion_about_axis, translation_matrix,
+    translation_from_matrix, euler_matrix, rotation_matrix, concatenate_matrices,
+)  # fmt: skip
+
+
+class Frames:
+    """The transforms of one graph, in messages of one flavour."""
+
+    def __init__(self, graph: Graph, flavour: int) -> None:
+        self.graph, self.flavour = graph, flavour
+
+    def kind(self, name: str) -> type[Message]:
+        return message_class(f"geometry_msgs/msg/{name}", self.flavour)
+
+    def add(self, stamped: Any) -> None:
+        """Take a TransformStamped, or a list of them, as the newest."""
+        for each in stamped if isinstance(stamped, (list, tuple)) else [stamped]:
+            t, r = each.transform.translation, each.transform.rotation
+            parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
+            self.graph.transforms[child] = parent, matrix((t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
+
+    def stamped(self, target: str, source: str) -> Any:
+        """Return the TransformStamped from `source` to `target`."""
+        found = lookup(self.graph, target, source)
+        (x, y, z), q = found[:3, 3].tolist(), quaternion_from_matrix(found).tolist()
+        now = self.graph.now
+        header = message_class("std_msgs/msg/Header", self.flavour)()
+        header.frame_id = target
+        if self.flavour == ROS1:
+            header.stamp = RosTime.from_nanoseconds(now)
+        else:
+            header.stamp.sec, header.stamp.nanosec = divmod(now, NANOSECONDS)
+        vector, quaternion = self.kind("Vector3"), self.kind("Quaternion")
+        transform = made(
+            self.kind("Transform"), translation=made(vector, x=x, y=y, z=z),
+            rotation=made(quaternion, x=q[0], y=q[1], z=q[2], w=q[3]),
+        )  # fmt: skip
+        return made(self.kind("TransformStamped"), header=header, child_frame_id=source, transform=transform)
+
+    def moved(self, stamped: Any, transform: Any) -> Any:
+        """Return a PointStamped, PoseStamped, Pose or Vector3Stamped, moved by a TransformStamped."""
+        t, r = transform.transform.translation, transform.transform.rotation
+        by = unit(r)
+        answer = stamped.__deepcopy__({})
+        if hasattr(type(answer), "header"):
+            answer.header.frame_id = transform.header.frame_id
+        names = answer._makers
+        pose = answer.pose if "pose" in names else answer if "position" in names else None
+        while pose is not None and "pose" in pose._makers:  # of a PoseWithCovariance
+            pose = pose.pose
+        point = pose.position if pose is not None else answer.point if "point" in names else answer.vector
+        x, y, z = turned(by, (point.x, point.y, point.z))
+        shift = (0.0, 0.0, 0.0) if "vector" in names else (t.x, t.y, t.z)
+        point.x, point.y, point.z = x + shift[0], y + shift[1], z + shift[2]
+        if pose is not None:
+            o = pose.orientation
+            o.x, o.y, o.z, o.w = product(by, unit(o))
+        return answer
+
+
+Quaternion = tuple[float, float, float, float]
+
+
+def unit(message: Any) -> Quaternion:
+    """Return the quaternion of a message, of length 1; of nothing but zeros no rotation."""
+    x, y, z, w = float(message.x), float(message.y), float(message.z), float(message.w)
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    return (x / length, y / length, z / length, w / length) if length > 1e-8 else (0.0, 0.0, 0.0, 1.0)
+
+
+def product(one: Quaternion, other: Quaternion) -> Quaternion:
+    """Return the rotation `other`, and then `one`."""
+    ax, ay, az, aw = one
+    bx, by, bz, bw = other
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+def turned(by: Quaternion, vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a vector, turned."""
+    qx, qy, qz, qw = by
+    x, y, z = vector
+    tx, ty, tz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
+    return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
+
+
+def transform_modules(session: Session, flavour: int) -> dict[str, ModuleType]:
+    """Return the modules of tf2_ros, tf2_geometry_msgs, tf_transformations and tf, for one node."""
+    graph, frames = session.graph, Frames(session.graph, flavour)
+
+    class Buffer:
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def lookup_transform(self, target_frame: str, source_frame: str, time: Any = None, timeout: Any = None) -> Any:
+            return frames.stamped(target_frame, source_frame)
+
+        def can_transform(self, target_frame: str, source_frame: str, *_: Any, **__: Any) -> bool:
+            try:
+                lookup(graph, target_frame, source_frame)
+            except TransformException:
+                return False
+            return True
+
+        def transform(self, object_stamped: Any, target_frame: str, *_: Any, **__: Any) -> Any:
+            return frames.moved(object_stamped, frames.stamped(target_frame, object_stamped.header.frame_id))
+
+        def set_transform(self, transform: Any, authority: str = "") -> None:
+            frames.add(transform)
+
+        set_transform_static = set_transform
+
+    class TransformListener:
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+    class TransformBroadcaster:
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def sendTransform(self, transform: Any, *rest: Any) -> None:  # noqa: N802
+            if not rest:
+                frames.add(transform)
+                return
+            rotation, _, child, parent = rest  # of ROS 1's tf
+            graph.transforms[child.strip("/")] = parent.strip("/"), matrix(transform, rotation)
+
+    class Listener1:
+        """tf.TransformListener of ROS 1."""
+
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def lookupTransform(self, target: str, source: str, time: Any = None) -> Any:  # noqa: N802
+            found = lookup(graph, target, source)
+            return found[:3, 3].tolist(), quaternion_from_matrix(found).tolist()
+
+        def waitForTransform(self, target: str, source: str, time: Any, timeout: Any = None, *_: Any) -> None:  # noqa: N802
+            until = None if timeout is None else graph.now + round(timeout.to_sec() * NANOSECONDS)
+            while not self.canTransform(target, source):
+                if until is not None and graph.now >= until:
+                    raise TransformException(
+                        f"no transform from {source!r} to {target!r} within {timeout.to_sec():g} s"
+                    )
+                graph.poll(wake=until)
+
+        def canTransform(self, target: str, source: str, time: Any = None) -> bool:  # noqa: N802
+            return Buffer().can_transform(target, source)
+
+        def transformPose(self, target: str, pose: Any) -> Any:  # noqa: N802
+            return Buffer().transform(pose, target)
+
+        def transformPoint(self, target: str, point: Any) -> Any:  # noqa: N802
+            return Buffer().transform(point, target)
+
+    exceptions: dict[str, Any] = {
+        "TransformException": TransformException, "LookupException": LookupException,
+        "ConnectivityException": ConnectivityException, "ExtrapolationException": ExtrapolationException,
+        "InvalidArgumentException": InvalidArgumentException, "TimeoutException": TimeoutException,
+    }  # fmt: skip
+    maths: dict[str, Any] = {each.__name__: each for each in _TRANSFORMATIONS}
+    members: dict[str, Any] = {
+        "Buffer": Buffer, "TransformListener": TransformListener, "TransformBroadcaster": TransformBroadcaster,
+        "StaticTransformBroadcaster": TransformBroadcaster, "BufferInterface": Buffer, **exceptions,
+    }  # fmt: skip
+    geometry: dict[str, Any] = dict.fromkeys(
+        ("do_transform_point", "do_transform_pose", "do_transform_vector3"), frames.moved
+    )
+    geometry["do_transform_pose_stamped"] = frames.moved
+    for name in ("PointStamped", "PoseStamped", "Vector3Stamped", "PoseWithCovarianceStamped"):
+        geometry[name] = frames.kind(name)
+    modules: dict[str, ModuleType] = {
+        "tf2_ros": StandIn("tf2_ros", **members),
+        "tf2_ros.buffer": StandIn("tf2_ros.buffer", Buffer=Buffer),
+        "tf2_ros.transform_listener": StandIn("tf2_ros.transform_listener", TransformListener=TransformListener),
+        "tf2_ros.transform_broadcaster": StandIn(
+            "tf2_ros.transform_broadcaster", TransformBroadcaster=TransformBroadcaster
+        ),
+        "tf2_ros.static_transform_broadcaster": StandIn(
+            "tf2_ros.static_transform_broadcaster", StaticTransformBroadcaster=TransformBroadcaster
+        ),
+        "tf2_geometry_msgs": StandIn("tf2_geometry_msgs", **geometry),
+        "tf2_geometry_msgs.tf2_geometry_msgs": StandIn("tf2_geometry_msgs.tf2_geometry_msgs", **geometry),
+        "tf2_py": StandIn("tf2_py", **exceptions),
+        "tf_transformations": StandIn("tf_transformations", **maths),
+    }
+    modules["tf_conversions.transformations"] = StandIn("tf_conversions.transformations", **maths)
+    if importlib.util.find_spec("transforms3d") is None:  # whose quaternions are w, x, y, z
+        eulers = {each.__name__: each for each in (euler2quat, quat2euler, euler2mat)}
+        modules["transforms3d.euler"] = StandIn("transforms3d.euler", mat2euler=euler_from_matrix, **eulers)
+        modules["transforms3d.quaternions"] = StandIn("transforms3d.quaternions", quat2mat=quat2mat, mat2quat=mat2quat)
+    if flavour == ROS2:
+        return modules
+    modules["tf.transformations"] = StandIn("tf.transformations", **maths)
+    modules["tf"] = StandIn(
+        "tf", TransformListener=Listener1, TransformBroadcaster=TransformBroadcaster, Exception=TransformException,
+        transformations=modules["tf.transformations"], **exceptions,
+    )  # fmt: skip
+    return modules

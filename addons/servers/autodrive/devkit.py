@@ -1,0 +1,218 @@
+"""A DevKit of AutoDRIVE as a planner: in each tick it is told what its car senses, and its answer is the command.
+
+    with DevKit("127.0.0.1:4567") as devkit:
+        result = race("oval", controller=devkit, rules="autodrive_2026")
+
+In lockstep a tick waits for the answer, so that the same DevKit gives the same race. Of several answers to a packet the
+last counts. What comes before a packet is sent answers an earlier one, and is not believed. In real time a tick takes
+as long as on a car, and holds the last command that has come.
+
+A DevKit that does not answer the first packet, while its connection lives, is sent the packets of classic DevKits.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from types import TracebackType
+from typing import Protocol
+
+import numpy as np
+
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.errors import ControllerError, EngineError, SettingsError
+from fg_mujoco.messages import STOP, DriveCommand, LaserScan, Odometry, shown
+from fg_mujoco.simulation.planner_adapter import Surroundings
+from .packets import EVENT, Answer, LapTimes, packet, read_answer
+from .socket_io import open_client
+
+PORT = 4567
+"""Port on which the DevKit of the league listens."""
+
+PATIENCE = 10.0
+"""[s] of wall time after which a DevKit that has not answered is taken to be gone."""
+
+WHEEL_RADIUS = 0.059
+"""[m] of the simulator's car, by which DevKits make distances of the encoders' angles. Source: its technical guide."""
+
+_SETTLE = 0.1  # [s] within which further answers to a packet follow
+_MOST_EXTRA, _FORGOTTEN = 5.0, 0.1  # answers that were not waited for; of them are forgotten in a tick
+
+_REAR = slice(2, 4)  # of the wheel speeds of an odometry
+
+
+class Camera(Protocol):
+    """Takes the pictures that a DevKit is sent."""
+
+    def __call__(self, surroundings: Surroundings, odometry: Odometry) -> str:
+        """Return the picture of the front camera, a JPEG in base64."""
+
+
+class DevKit:
+    """The connection to a DevKit, which drives one car.
+
+    Args:
+      address: host and port, such as "127.0.0.1:4567"; without a port, that of the league.
+      camera: takes its pictures.
+      real_time: a tick takes as long as on a car; else it waits for the answer.
+      patience: see PATIENCE.
+
+    Attributes:
+      address: as given.
+      collisions: of the car with walls, which whoever races it writes.
+      reset_asked: whether the DevKit has asked for the simulation to begin anew; one that keeps asking has asked once.
+
+    Raises:
+      SettingsError: an address that is none, or a patience that is no positive time.
+      EngineError: no DevKit answers there.
+      MissingExtraError: the extra `autodrive` is not installed.
+    """
+
+    def __init__(self, address: str, camera: Camera, *, real_time: bool = False, patience: float = PATIENCE) -> None:
+        if not 0.0 < patience < math.inf:
+            raise SettingsError(f"patience is {shown(patience)}; accepted: a positive number of seconds")
+        self.address, self._camera, self._real_time, self._patience = address, camera, real_time, patience
+        self._client = open_client(*split_address(address), EVENT)
+        self._heard = self._classic = self._reset_held = False
+        self._answers, self._extra = 0, 0.0  # to a packet, 0: not known; that were not waited for
+        self.reset()
+
+    def __enter__(self) -> DevKit:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    def reset(self) -> None:
+        """Begin a race: laps, collisions and encoders begin at zero."""
+        self.collisions, self.reset_asked = 0, False
+        self._answer: Answer | None = None
+        self._throttle = 0.0  # commanded last
+        self._laps: LapTimer | None = None
+        self._encoders, self._stamp = np.zeros(2), math.nan
+        self._sent: float | None = None  # [s] on the wall's clock, of a packet that is not answered
+        self._began: float | None = None  # [s] on the wall's clock, when the simulated time was 0
+
+    def look_round(self, surroundings: Surroundings) -> None:
+        """Take the world, whose laps are timed and whose pictures are taken."""
+        self._surroundings = surroundings
+        if self._laps is None:
+            self._laps = LapTimer(surroundings.world.track)
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Tell the DevKit what the car senses, and return its command.
+
+        Raises:
+          ControllerError: it has not answered in time, or has gone.
+          MessageError: it has answered something else than commands.
+        """
+        self._turn_wheels(odometry)
+        try:
+            if self._real_time:
+                self._keep_time(odometry.stamp)
+            late = self._hear(0.0)
+            if self._answers:
+                self._extra += late
+            if self._sent is None:
+                self._ask(scan, odometry)
+            if self._is_silent() and not (self._heard or self._classic) and self._client.is_alive():
+                self._classic = True
+                warnings.warn(
+                    f"the DevKit at {self.address} has not answered the first packet: from now on it is sent those of "
+                    "classic DevKits, with ticks of the encoders, intensities, and ranges as text", stacklevel=2,
+                )  # fmt: skip
+                self._ask(scan, odometry)
+        except EngineError as error:
+            raise ControllerError(f"the DevKit has gone: {error}") from None
+        if self._is_silent():
+            raise ControllerError(f"the DevKit at {self.address} {self._why_silent()}")
+        self._throttle, command = (0.0, STOP) if self._answer is None else (self._answer.throttle, self._answer.command)
+        return command
+
+    def _ask(self, scan: LaserScan, odometry: Odometry) -> None:
+        """Send a packet, and in lockstep wait for its answer."""
+        told = packet(
+            scan, odometry, throttle=self._throttle, encoders=self._encoders, laps=self._lap_times(odometry),
+            collisions=self.collisions, image=self._camera(self._surroundings, odometry), classic=self._classic,
+        )  # fmt: skip
+        self._client.send(told)
+        self._sent = time.monotonic()
+        if self._real_time:
+            return
+        came = self._hear(self._patience)
+        until = time.monotonic() + _SETTLE
+        while 0 < came < (self._answers or math.inf) and time.monotonic() < until:
+            came += self._hear(until - time.monotonic())  # how many answers there are is seen after the first packet
+        self._answers = self._answers or came
+        self._extra = max(self._extra + came - self._answers - _FORGOTTEN, 0.0)
+        if self._extra > _MOST_EXTRA:
+            said = f"the DevKit at {self.address} sends several answers to a packet, more than {_SETTLE:g} s apart"
+            raise ControllerError(f"{said}; accepted: one answer to each packet, or --real-time")
+
+    def _hear(self, timeout: float) -> int:
+        """Take the answers that have come, of which the newest counts; wait for one if there is none."""
+        try:
+            answers = self._client.receive(timeout)
+        except TimeoutError:
+            return 0
+        for data in answers:
+            self._answer = read_answer(data)
+            self.reset_asked = self.reset_asked or (self._answer.reset and not self._reset_held)
+            self._reset_held = self._answer.reset
+        self._heard = self._heard or self._sent is not None
+        self._sent = None
+        return len(answers)
+
+    def _is_silent(self) -> bool:
+        return self._sent is not None and time.monotonic() - self._sent >= self._patience
+
+    def _why_silent(self) -> str:
+        if not self._client.is_alive():
+            return f"has not answered within {self._patience:g} s, nor does its connection answer a ping"
+        tried = "" if self._heard else ", neither to the packets of the league nor to those of classic DevKits"
+        return (
+            f"has sent no answer for {self._patience:g} s{tried}; its connection is alive: an exception has ended its "
+            f"handler of {EVENT!r}, which its own terminal shows, or it takes longer than --patience"
+        )
+
+    def _keep_time(self, stamp: float) -> None:
+        """Wait until as much time has passed as was simulated."""
+        now = time.monotonic()
+        if self._began is None:
+            self._began = now - stamp
+        time.sleep(max(self._began + stamp - now, 0.0))
+
+    def _turn_wheels(self, odometry: Odometry) -> None:
+        """Turn the encoders by what the rear wheels have rolled since the last tick."""
+        passed = 0.0 if math.isnan(self._stamp) else odometry.stamp - self._stamp
+        self._encoders = self._encoders + odometry.wheel_speeds[_REAR] * passed / WHEEL_RADIUS
+        self._stamp = odometry.stamp
+
+    def _lap_times(self, odometry: Odometry) -> LapTimes:
+        assert self._laps is not None
+        x, y, _ = odometry.pose.tolist()
+        count, times = self._laps.update(odometry.stamp, (x, y)), self._laps.lap_times
+        if not count:
+            return LapTimes(count=0, time=odometry.stamp, last=0.0, best=0.0)
+        return LapTimes(count=count, time=odometry.stamp - sum(times), last=times[-1], best=min(times))
+
+
+def split_address(address: str) -> tuple[str, int]:
+    """Return host and port of a text such as "127.0.0.1:4567"; without a port, PORT.
+
+    Raises:
+      SettingsError: it is no such text.
+    """
+    host, colon, port = address.rpartition(":")
+    if not colon:
+        host, port = address, str(PORT)
+    if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
+        raise SettingsError(f"devkit is {address!r}; accepted: HOST or HOST:PORT, such as 127.0.0.1:{PORT}")
+    return host, int(port)

@@ -1,0 +1,228 @@
+"""A live race as ROS has it: topics that sensors publish on, topics that commands are taken from, and services.
+
+Published are the topics of the node host (`node_host.sensing`) but AutoDRIVE's, by the same names, and
+
+    /tf_static  tf2_msgs/TFMessage                    where LiDAR and IMU are mounted
+    /drive      ackermann_msgs/AckermannDriveStamped  the planner's command, while the planner drives
+    /car        std_msgs/String                       numbers to plot, in JSON, and what happened last
+
+Taken are commands on the drive topics that the node host knows and on /cmd_vel, and poses on /initialpose.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Collection
+from typing import Any
+
+from fg_mujoco.errors import MessageError
+from fg_mujoco.messages import STOP, DriveCommand
+from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.addons.ros.bag_messages import (
+    BASE_FRAME,
+    DRIVE,
+    DRIVE_TOPICS,
+    GRID,
+    LASER_FRAME,
+    POSE,
+    POSE_WITH_COVARIANCE,
+    TRANSFORMS,
+    drive_message,
+    nanoseconds,
+    transform_message,
+)
+from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, car_mounts
+from ..client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
+from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
+from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
+from fg_mujoco.addons.ros.node_host.message_classes import ROS2, message_class
+from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
+from .json_messages import to_json
+
+TRIGGER = "std_srvs/srv/Trigger"
+SERVICES = {"/reset": TRIGGER, "/pause": TRIGGER, "/step": TRIGGER} | dict.fromkeys(MAP_SERVICES, "nav_msgs/srv/GetMap")
+"""Services, with their types."""
+
+COMMANDS = {**dict.fromkeys(DRIVE_TOPICS, (DRIVE, ACKERMANN)), "/cmd_vel": (TWIST, TWIST_STAMPED)}
+PLACE, GOAL = "/initialpose", "/goal_pose"
+TAKEN = {**COMMANDS, PLACE: (POSE_WITH_COVARIANCE,), GOAL: (POSE,)}
+"""Topics that are taken from, with their types, the usual one first. A goal changes nothing."""
+
+STANDING = (*LATCHED, "/map_metadata")
+"""Topics with one message, which late subscribers get, too."""
+
+_CAR, _SCAN = "/car", "/scan"
+_NODE = "clients"  # the subscriptions of all are one
+
+
+class LiveRace:
+    """The race of a session.
+
+    Args:
+      session: to be driven on.
+      step_on_drive: a tick is driven for each command, and time stands still between them.
+      send: is called with topic and JSON of each message that is published.
+      listened: returns the topics that somebody listens to.
+      tell: is called with a level of a status and a text, when something has happened.
+
+    Attributes:
+      session: the same.
+      step_on_drive: the same.
+      published: types of the topics that are published, by name.
+    """
+
+    def __init__(
+        self,
+        session: LiveSession,
+        *,
+        step_on_drive: bool,
+        send: Callable[[str, str], None],
+        listened: Callable[[], Collection[str]],
+        tell: Callable[[str, str], None],
+    ) -> None:
+        self.session, self.step_on_drive = session, step_on_drive
+        self._send, self._listened, self._tell = send, listened, tell
+        self._graph = Graph(wall_limit=1.0)  # of no nodes: it only says what is listened to
+        self._commanded: float | None = None  # [s] on the wall's clock, of the last command
+        self._said = ""  # the message of the session that was told last
+        self._standing: dict[str, str] = {}
+        self.published: dict[str, str] = {}
+        self._sense()
+        self._map: dict[str, Any] = to_json(self._graph.answers[MAP_SERVICES[0]](None).map, GRID)
+        mounted = to_json(transform_message(self.now(), self._mounts()), TRANSFORMS)
+        parts = {"/map": self._map, "/map_metadata": self._map["info"], "/tf_static": mounted}
+        self._standing = {topic: json.dumps(part) for topic, part in parts.items()}
+        others = [topic for names in OTHERS for topic in names]
+        kinds = {topic: self._sensing.kind_of(topic) for topic in (*TOPICS, *others) if "/autodrive/" not in topic}
+        self.published |= {topic: kind for topic, kind in kinds.items() if kind}
+        self.published |= {"/tf_static": TRANSFORMS, _CAR: "std_msgs/msg/String", DRIVE_TOPIC: DRIVE}
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.session.simulation.time
+
+    @property
+    def stands(self) -> bool:
+        """Whether time stands still until somebody does something."""
+        return self.step_on_drive or self.session.paused
+
+    def now(self) -> int:
+        """Return the time of ROS [ns]."""
+        return BEGIN + nanoseconds(self.time)
+
+    def tick(self) -> bool:
+        """Drive on for a tick, and publish what the car senses then; answer whether it did."""
+        session = self.session
+        late = self._commanded is not None and time.monotonic() - self._commanded > HELD
+        if late and not self.step_on_drive and session.held_from_outside:
+            session.hold(STOP)  # whoever has driven is gone, or has let go
+        driven = session.tick()
+        if driven:
+            self._publish()
+        self._tell_what_happened("info" if driven else "error")
+        return driven
+
+    def take(self, topic: str, kind: str, message: Any) -> None:
+        """Take a message on one of TAKEN; a command is held, and is a tick where each one is.
+
+        Raises:
+          MessageError: it cannot be done.
+        """
+        if topic in COMMANDS:
+            self._commanded = time.monotonic()
+            self.session.hold(command_of(kind, message, self.session.world.parameters.wheelbase))
+            if self.step_on_drive:
+                self._step()
+        elif topic == PLACE:
+            try:
+                self.session.put(*pose_of(message))
+            except ValueError as error:
+                raise MessageError(f"a message on {topic}: {error}; accepted: a finite pose") from error
+            self._place()
+
+    def call(self, service: str) -> dict[str, Any]:
+        """Do what one of SERVICES asks for, and return its response.
+
+        Raises:
+          MessageError: it cannot be done.
+        """
+        session = self.session
+        if service in MAP_SERVICES:
+            return {"map": self._map}
+        if service == "/reset":
+            session.reset()
+            self._place()
+        elif service == "/pause":
+            session.paused = not session.paused
+        else:
+            paused, session.paused = session.paused, False
+            try:
+                self._step()
+            finally:
+                session.paused = session.paused or paused
+        return {"success": True, "message": "paused" if session.paused else ""}
+
+    def moment(self, topics: Collection[str]) -> dict[str, str]:
+        """Return the present messages of topics, in JSON, in the order in which they are published: the scan last."""
+        session, sensing = self.session, self._sensing
+        sensing.surroundings = session.simulation.engine.surroundings(0)
+        kinds = {topic: kind for topic in topics if topic not in STANDING and (kind := self.published.get(topic))}
+        self._graph.subscriptions = [
+            Subscription(topic, message_class(kind, ROS2), lambda message: None, 1, _NODE, "")
+            for topic, kind in kinds.items()
+        ]
+        sensed = dict(sensing.messages(session.scan, session.odometry))
+        found = {topic: json.dumps(to_json(message, kinds[topic])) for topic, message in sensed.items()}
+        found |= {topic: text for topic, text in self._standing.items() if topic in topics}
+        if _CAR in topics:
+            found[_CAR] = self._numbers()
+        if DRIVE_TOPIC in topics and not session.held_from_outside:
+            steering_angle, speed = session.simulation.engine.commands[0].tolist()
+            command = DriveCommand(steering_angle=steering_angle, speed=speed)
+            found[DRIVE_TOPIC] = json.dumps(to_json(drive_message(command, self.now()), DRIVE))
+        return dict(sorted(found.items(), key=lambda each: each[0] == _SCAN))
+
+    def _step(self) -> None:
+        if not self.tick():
+            paused = self.session.paused and self.session.failure is None
+            reason = "the race is paused: call /pause" if paused else self.session.message
+            raise MessageError(f"no tick was driven: {reason}")
+
+    def _place(self) -> None:
+        """Put the car where it was asked to be, and publish the moment at which it stands there."""
+        session = self.session
+        session.message = ""
+        session.obey()
+        if session.message:
+            raise MessageError(session.message)
+        if session.held_from_outside:
+            session.hold(STOP)
+        self._sense()
+        self._publish()
+        self._said = ""
+
+    def _publish(self) -> None:
+        for topic, text in self.moment([each for each in self._listened() if each not in STANDING]).items():
+            self._send(topic, text)
+
+    def _sense(self) -> None:
+        """Begin to sense: odometry and map are those of this moment."""
+        self._sensing = Sensing(self._graph, ROS2, self.session.world.parameters)
+        self.moment([])
+
+    def _mounts(self) -> list[tuple[str, str, Any, Any]]:
+        mounts = car_mounts(self.session.world.model)
+        laser = next(each for each in mounts if each[1] == LASER_FRAME)
+        return [*mounts, (f"{EGO}/{BASE_FRAME}", f"{EGO}/{LASER_FRAME}", *laser[2:])]
+
+    def _numbers(self) -> str:
+        return json.dumps({"data": json.dumps(self.session.numbers())})
+
+    def _tell_what_happened(self, level: str) -> None:
+        said, self._said = self._said, self.session.message
+        if self._said not in ("", said):
+            self._tell(level, self._said)
+            if level == "error":
+                self._send(_CAR, self._numbers())

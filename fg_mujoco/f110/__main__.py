@@ -1,8 +1,0 @@
-"""python -m fg_mujoco.f110 script.py; see `running`."""
-
-import sys
-
-from .running import main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,174 @@
+"""The car on its endless level ground, at any settings of the engine: where the lab drives without walls.
+
+    ground = LabGround(mu=0.7)
+    ground.place(speed=3.0)
+    trace = ground.run([DriveCommand(steering_angle=0.1, speed=3.0)] * 40)
+    trace.slip.sliding_speed, trace.acceleration  # at every physics step
+
+All that a `Trace` tells is read off the car's own sensors, of each step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import mujoco
+import numpy as np
+
+from ..errors import SettingsError, accepted_names
+from ..messages import DriveCommand, FloatArray, Odometry, require
+from ..simulation.engine import whole_steps
+from ..simulation.physics import STATE
+from ..simulation.simulation import complete_state
+from ..vehicle.car import Car
+from ..vehicle.changes import GREATEST_MU, CarChanges
+from ..vehicle.tire_forces import TireForces
+from ..vehicle.tire_slip import add_axle_sensors
+from ..vehicle.tires import Tires
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .trace import CarSensors, Trace, join
+
+TICK = 0.025
+"""[s] A command is held this long: the period of the LiDAR."""
+
+Driver: TypeAlias = Callable[[Odometry], DriveCommand]
+"""What decides, once a period, from the present motion."""
+
+_SOLVERS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG}
+_CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """Settings of the physics engine; None: as in the vehicle's MJCF.
+
+    Raises:
+      SettingsError: an unknown solver or cone, or a number out of its range.
+    """
+
+    timestep: float | None = None  # [s]
+    impratio: float | None = None  # [-] of frictional to normal impedance
+    solver: str | None = None
+    cone: str | None = None
+    iterations: int | None = None  # of the solver, at most
+    tolerance: float | None = None  # at which it stops
+
+    def __post_init__(self) -> None:
+        positive = tuple(name for name in ("timestep", "impratio", "iterations") if getattr(self, name) is not None)
+        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
+        if self.tolerance is not None:
+            require(self, lambda value: 0.0 <= value < 1.0, "a number from 0, below 1", ("tolerance",), SettingsError)
+        for name, known in (("solver", _SOLVERS), ("cone", _CONES)):
+            value = getattr(self, name)
+            if value not in (None, *known):
+                raise SettingsError(f"Engine.{name} is {value!r}; {accepted_names(value, known)}")
+
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Set a compiled model to it."""
+        for name in ("timestep", "impratio", "iterations", "tolerance"):
+            if getattr(self, name) is not None:
+                setattr(model.opt, name, getattr(self, name))
+        if self.solver is not None:
+            model.opt.solver = _SOLVERS[self.solver]
+        if self.cone is not None:
+            model.opt.cone = _CONES[self.cone]
+
+
+def require_mu(mu: float) -> None:
+    """Make sure that a friction coefficient is one that the lab accepts.
+
+    Raises:
+      SettingsError: it is not.
+    """
+    if not 0.0 < mu <= GREATEST_MU:
+        raise SettingsError(
+            f"mu, the friction coefficient of the tires, is {mu!r}; accepted: above 0, up to {GREATEST_MU:g}"
+        )
+
+
+class LabGround:
+    """A car on endless level ground.
+
+    Args:
+      mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
+      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
+      tires: that the car stands on; None: its own.
+      vehicle: the car.
+      changes: what differs from its MJCF.
+
+    Attributes:
+      model: the compiled mujoco.MjModel.
+      data: its mujoco.MjData.
+      car: the Car in it.
+      forces: of the tires.
+
+    Raises:
+      SettingsError: a friction coefficient that is no number above 0 and up to GREATEST_MU.
+    """
+
+    def __init__(
+        self,
+        mu: float | None = None,
+        engine: Engine | None = None,
+        tires: Tires | None = None,
+        vehicle: str | Vehicle = DEFAULT_VEHICLE,
+        changes: CarChanges | None = None,
+    ) -> None:
+        if mu is not None:
+            require_mu(mu)
+        built = Vehicle.load(vehicle)
+        tires = tires or built.tires
+        spec = built.spec(mu, changes, tires)
+        add_axle_sensors(spec)
+        self.model = spec.compile()
+        (engine or Engine(timestep=tires.sliding_timestep)).apply(self.model)
+        self.data = mujoco.MjData(self.model)
+        self.car = Car(self.model)
+        self.forces = TireForces(self.model)
+        self._sensors = CarSensors(self.model)
+
+    def place(self, speed: float = 0.0) -> None:
+        """Place the car at the origin, heading along x, rolling at `speed` [m/s]."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.car.set_pose(self.data, 0.0, 0.0, 0.0, speed)
+        self.forces.begin(self.data)
+
+    def hold(self, command: DriveCommand, seconds: float = TICK) -> Trace:
+        """Hold a command and return what happened, at each physics step."""
+        records = np.empty((whole_steps(seconds, self.model.opt.timestep), self.model.nsensordata))
+        states = np.empty((len(records), self.model.nuserdata))
+        self.car.apply(self.data, command)
+        self.forces.run(self.data, records, states)
+        return Trace(records=records, states=states, sensors=self._sensors, timestep=self.model.opt.timestep)
+
+    def run(self, commands: Iterable[DriveCommand], seconds: float = TICK) -> Trace:
+        """Hold one command after another, each for so many seconds."""
+        return join([self.hold(command, seconds) for command in commands])
+
+    def drive(
+        self, driver: Driver, seconds: float, period: float = TICK, until: Callable[[Odometry], bool] | None = None
+    ) -> Trace:
+        """Drive by what a driver makes of the odometry, once a period [s], for so long or until something holds."""
+        return self.run(self._decisions(driver, round(seconds / period), until), period)
+
+    def _decisions(
+        self, driver: Driver, ticks: int, until: Callable[[Odometry], bool] | None
+    ) -> Iterator[DriveCommand]:
+        for tick in range(ticks):
+            odometry = self.car.odometry(self.data)
+            if tick and until is not None and until(odometry):
+                return
+            yield driver(odometry)
+
+    @property
+    def state(self) -> FloatArray:
+        """The complete state of the physics, a copy."""
+        return complete_state(self.model, self.data)
+
+    @state.setter
+    def state(self, state: FloatArray) -> None:
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        mujoco.mj_forward(self.model, self.data)

@@ -1,0 +1,267 @@
+"""A car held on a circle: constant steering, and the speed brought slowly to k times the law's.
+
+    circle = SteadyCircle(mu=0.7, steering=0.2)
+    reading = circle.at(0.98)
+    reading.slide, reading.axle_use, reading.curvature
+    circle.bisect(lambda reading: reading.sliding.any())  # the readings before and after
+
+The state settles at each k: it is reached from the nearest slower one that was settled before, gaining 3 % of mu g of
+speed at most, so that the tires have the circle to hold and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.controllers.control.speed import friction_speed
+
+from ..errors import SettingsError
+from ..messages import DriveCommand, FloatArray
+from ..vehicle.car import WHEELS
+from ..vehicle.changes import CarChanges
+from ..vehicle.tires import Tires
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+from .lab_ground import Engine, LabGround
+from .trace import Trace, join
+
+_PERIOD = 0.01  # [s] of the speed's control: whole steps of 0.25 to 5 ms
+_GAIN = 3.0  # [1/s] of the command's rate, per missing speed: slower than the speed servo, so that it does not swing
+_GENTLE = 0.03  # of mu g, for gaining speed
+_SETTLING = 1.5  # [s] after the speed is there: several times what yaw (.1 s), springs (.2 s) and command (.4 s) take
+_WINDOW = 0.5  # [s] that is measured
+_STEADY, _WINDOWS = 5e-4, 40  # change of speed and yaw rate from one window to the next; and how many
+_START = 0.8  # of the law's speed
+_STRIDE = 0.05  # of the law's speed, upwards to where a bisection begins
+_SHORT = 0.02  # of the law's speed, by which a car may fall behind what was asked for
+_EXHAUSTED = 0.999  # of an axle's friction: the rest is what settles
+_SPINNING = 0.2  # [m/s] sliding speed of a wheel that spins, before its axle slides
+_UPRIGHT = 0.9  # cosine of the car's lean, below which it is falling over
+
+
+class UnreachableError(Exception):
+    """A speed that the car does not reach on the circle; the text is the reason for a table."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CircleReading:
+    """A settled car on a circle: means over the last half second, where nothing else is said."""
+
+    k: float  # [-] speed of the rear axle over the law's
+    speed: float  # [m/s]
+    curvature: float  # [-] of the rear axle's path, over that of the steering angle, tan(d) / b
+    slides: FloatArray  # (4,) [m/s] greatest sliding speed of each tire; NaN: off the ground all the time
+    sliding: NDArray[np.bool_]  # (4,) whether each tire slides, as `TireSlip.slides` says, at any time
+    first_tire: str  # name of the one that slid first on the way here and in it; "": none
+    lost: bool  # whether tires slid, and the car did not keep its speed
+    axle_use: tuple[float, float]  # [-] friction over the greatest at the load, of the front and of the rear axle
+    acceleration: float  # [m/s^2] of the centre of gravity along the ground
+    slip_angles: FloatArray  # (4,) [rad] positive where the force is to the left
+    loads: FloatArray  # (4,) [N]
+    airborne: float  # [-] share of the time that some tire is off the ground
+
+    @property
+    def slide(self) -> float:
+        """Greatest slip speed of any tire [m/s]."""
+        return float(np.nanmax(self.slides))
+
+    @property
+    def lets_go(self) -> str:
+        """What lets go: an axle, its friction used up, or a wheel, too light for the torque that all share; or ""."""
+        if max(self.axle_use) > _EXHAUSTED:
+            return ("front axle", "rear axle")[int(np.argmax(self.axle_use))]
+        return f"{self.fastest_tire} spins" if self.slide > _SPINNING or self.lost else ""
+
+    @property
+    def why_lost(self) -> str:
+        """Why the car did not keep its speed; only of a reading in which it did not."""
+        if self.slide > _SPINNING:
+            wheel = self.fastest_tire.replace("_", " ")
+            load = np.min(self.loads)
+            return f"the {wheel} wheel, with {load:.1f} N on it, spins, and open differentials stop there"
+        return "the car slides" if self.lost else "the motor gives no more"
+
+    @property
+    def fastest_tire(self) -> str:
+        """Name of the one that slides fastest."""
+        return WHEELS[int(np.nanargmax(self.slides))]
+
+
+class SteadyCircle:
+    """A car on a circle, for any k.
+
+    Args:
+      mu: friction coefficient of the tires [-]; of those with a curve the least peak, which planners are told.
+      steering: angle [rad], left positive.
+      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
+      tires: that the car stands on; None: its own.
+      vehicle: the car.
+      changes: what differs from its MJCF.
+
+    Attributes:
+      tires: that the car stands on.
+      ground: the LabGround it is driven on.
+      law: speed of the law at this mu and steering [m/s].
+
+    Raises:
+      SettingsError: a friction coefficient that the lab does not accept, no steering, or more than the car's lock.
+    """
+
+    def __init__(
+        self,
+        mu: float,
+        steering: float,
+        engine: Engine | None = None,
+        tires: Tires | None = None,
+        vehicle: str | Vehicle = DEFAULT_VEHICLE,
+        changes: CarChanges | None = None,
+    ) -> None:
+        self.tires = tires or Vehicle.load(vehicle).tires
+        self.ground = LabGround(greatest_peak(self.tires, mu), engine, self.tires, vehicle, changes)
+        self.car = self.ground.car.parameters
+        self.mu, self.steering = mu, steering
+        lock = self.car.max_steering_angle
+        if not 0.0 < abs(steering) <= lock:
+            raise SettingsError(
+                f"steering is {steering!r} rad; accepted: a number other than 0, at which the law's speed is infinite, "
+                f"and up to the car's lock, {lock:g} rad, to either side"
+            )
+        self.law = friction_speed(steering, mu, self.car.wheelbase, self.car.gravity)
+        self._settled: dict[float, tuple[FloatArray, float, CircleReading]] = {}  # by k: state, command, reading
+
+    def at(self, k: float) -> CircleReading:
+        """Return how the car runs at `k` times the law's speed.
+
+        Raises:
+          UnreachableError: it never gets there.
+        """
+        if k not in self._settled:
+            self._settle(k)
+        return self._settled[k][2]
+
+    @property
+    def fastest(self) -> CircleReading | None:
+        """The reading of the greatest k so far at which no tire slid; None: there is none."""
+        held = [k for k, settled in self._settled.items() if not settled[2].sliding.any()]
+        return self._settled[max(held)][2] if held else None
+
+    def bisect(
+        self, happens: Callable[[CircleReading], bool], *, low: float = 0.85, high: float = 1.3, width: float = 0.002
+    ) -> tuple[CircleReading, CircleReading]:
+        """Return the last reading before something `happens` and the first after, no farther than `width` apart in k.
+
+        From `low` upwards it goes in steps, so that the car is driven no farther beyond the limit than it must be.
+
+        Raises:
+          UnreachableError: it happens at `low`, or not up to `high`, or the car does not get there.
+        """
+        if happens(self.at(low)):
+            raise UnreachableError(f"it happens at {low:g} of the law's speed already")
+        upper = low
+        while not happens(self.at(upper)):
+            if upper >= high:
+                raise UnreachableError(f"it does not happen up to {high:g} of the law's speed")
+            low, upper = upper, min(upper + _STRIDE, high)
+        while upper - low > width:
+            middle = 0.5 * (low + upper)
+            low, upper = (low, middle) if happens(self.at(middle)) else (middle, upper)
+        return self.at(low), self.at(upper)
+
+    def _settle(self, k: float) -> None:
+        target = k * self.law
+        if target > self.car.max_speed:
+            raise UnreachableError(f"{target:.1f} m/s is above the car's greatest speed, {self.car.max_speed:g} m/s")
+        slower = [settled for settled in self._settled if settled < k]
+        if slower:
+            state, command, _ = self._settled[max(slower)]
+            self.ground.state = state
+            gained = (k - max(slower)) * self.law
+        else:
+            command = min(_START, 0.9 * k) * self.law
+            self.ground.place(command)
+            gained = target - command
+        ramp = gained / (_GENTLE * self.mu * self.car.gravity)
+        traces: list[Trace] = []
+        for _ in range(round((ramp + _SETTLING + _WINDOW) / _PERIOD)):
+            command = self._next_command(command, target)
+            traces.append(self.ground.hold(self._drive(command), _PERIOD))
+        for _ in range(_WINDOWS):
+            if self._steady(join(traces[-2 * round(_WINDOW / _PERIOD) :]), target):
+                break
+            for _ in range(round(_WINDOW / _PERIOD)):
+                command = self._next_command(command, target)
+                traces.append(self.ground.hold(self._drive(command), _PERIOD))
+        reading = self._read(join(traces), k)
+        if reading.k < k - _SHORT and not reading.lost:
+            raise UnreachableError(f"{reading.why_lost} at {reading.speed:.2f} m/s; {target:.2f} were asked for")
+        self._settled[k] = self.ground.state, command, reading
+
+    def _drive(self, command: float) -> DriveCommand:
+        turned_in = min(1.0, self.ground.data.time / 0.5)
+        return DriveCommand(steering_angle=self.steering * turned_in, speed=command)
+
+    def _next_command(self, command: float, target: float) -> float:
+        """Return the set point [m/s] that brings the rear axle to `target` [m/s] gently.
+
+        The servo holds the mean of all wheels, of which the front ones go faster: hence by integration.
+        """
+        data = self.ground.data
+        if 1.0 - 2.0 * (data.qpos[4] ** 2 + data.qpos[5] ** 2) < _UPRIGHT:
+            raise UnreachableError("the car tips over first")
+        gentle = _GENTLE * self.mu * self.car.gravity
+        rate = _GAIN * (target - math.hypot(data.qvel[0], data.qvel[1]))
+        return command + _PERIOD * max(-gentle, min(gentle, rate))
+
+    def _steady(self, trace: Trace, target: float) -> bool:
+        """Return whether the car runs steadily, or has begun to slide.
+
+        Near the speed at which it would spin, a car on tires with a curve leaves its circle slowly.
+        """
+        before, last = trace[: len(trace.records) // 2], trace.last(_WINDOW)
+        if last.slip.slides.any():
+            return True
+        moved = abs(float(last.yaw_rate.mean()) / float(before.yaw_rate.mean()) - 1.0)
+        return moved < _STEADY and abs(float(last.speed.mean()) / target - 1.0) < _STEADY
+
+    def _read(self, whole: Trace, k: float) -> CircleReading:
+        trace = whole.last(_WINDOW)
+        slip, speed, sliding = trace.slip, float(trace.speed.mean()), whole.slip.slides
+        friction, load = np.nan_to_num(slip.friction_force).mean(axis=0), np.nan_to_num(slip.normal_force).mean(axis=0)
+        most = _greatest_forces(trace)
+        front, rear = (float(friction[axle].sum() / most[axle].sum()) for axle in (slice(2), slice(2, 4)))
+        lost = speed < (k - _SHORT) * self.law and bool(sliding.any())
+        first = np.argwhere(sliding)
+        airborne = np.isnan(slip.normal_force)
+        slides = np.nanmax(np.where(airborne, -1.0, slip.sliding_speed), axis=0)
+        return CircleReading(
+            k=speed / self.law,
+            speed=speed,
+            curvature=float(trace.yaw_rate.mean()) / speed * self.car.wheelbase / math.tan(self.steering),
+            slides=np.where(slides < 0.0, math.nan, slides),
+            sliding=np.asarray((sliding if lost else slip.slides).any(axis=0)),
+            first_tire=WHEELS[first[0, 1]] if len(first) else "",
+            lost=lost,
+            axle_use=(front, rear),
+            acceleration=float(np.hypot(*trace.acceleration.T).mean()),
+            slip_angles=np.nan_to_num(slip.slip_angle).mean(axis=0),
+            loads=load,
+            airborne=float(airborne.any(axis=1).mean()),
+        )
+
+
+def greatest_peak(tires: Tires, mu: float) -> float:
+    """Return the greatest peak that gives tires the least peak `mu` [-]: mu where the friction is the vehicle's."""
+    if tires.peak is None or tires.least_peak is None:
+        return mu
+    return tires.peak * mu / tires.least_peak
+
+
+def _greatest_forces(trace: Trace) -> FloatArray:
+    """Return the greatest force of each tire at its load, in the direction of its slip. Shape (4,) [N]."""
+    slip = trace.slip
+    found: FloatArray = np.nan_to_num(slip.friction_force / np.maximum(slip.friction_utilisation, 1e-9)).mean(axis=0)
+    return found

@@ -1,0 +1,144 @@
+"""The motion of a car on level ground, step by step, read off the sensors of its MJCF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from ..messages import FloatArray
+from ..vehicle.car import WHEELS, car_parameters, sensor_slice
+from ..vehicle.tire_slip import TireSlip, TireSlipMeter
+
+
+class CarSensors:
+    """Where in a row of `sensordata` a car's sensors are.
+
+    Raises:
+      ModelError: the model does not hold the car, with what `add_axle_sensors` adds.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.meter = TireSlipMeter(model)
+        self.parameters = car_parameters(model)
+        for name in ("position", "orientation", "accelerometer", "gyro", "steering_angle"):
+            setattr(self, name, sensor_slice(model, name))
+        self.wheel_speeds = [sensor_slice(model, f"{wheel}_wheel_speed").start for wheel in WHEELS]
+        self.velocities = [sensor_slice(model, f"{wheel}_wheel_velocity") for wheel in WHEELS]
+        self.axles = [sensor_slice(model, f"{wheel}_wheel_axle") for wheel in WHEELS]
+
+    position: slice
+    orientation: slice
+    accelerometer: slice
+    gyro: slice
+    steering_angle: slice
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """A car's motion over some physics steps, n of them. The rear axle's where nothing else is said."""
+
+    records: FloatArray  # (n, nsensordata) sensors at each step, of the state at its start
+    states: FloatArray  # (n, nuserdata) user data at each step: of tires with a law of ours
+    sensors: CarSensors
+    timestep: float  # [s]
+
+    def __getitem__(self, steps: slice) -> Trace:
+        """Return the trace of some of the steps."""
+        return Trace(
+            records=self.records[steps], states=self.states[steps], sensors=self.sensors, timestep=self.timestep
+        )
+
+    def last(self, seconds: float) -> Trace:
+        """Return the trace of the last so many seconds."""
+        return self[-round(seconds / self.timestep) :]
+
+    @property
+    def time(self) -> FloatArray:
+        """Since the trace began. Shape (n,) [s]."""
+        return self.timestep * np.arange(len(self.records), dtype=np.float64)
+
+    @cached_property
+    def slip(self) -> TireSlip:
+        """What the tires did, (n, 4)."""
+        return self.sensors.meter.measure(np.ascontiguousarray(self.records), np.ascontiguousarray(self.states))
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (n, 2) [m], world frame."""
+        return self.records[:, self.sensors.position][:, :2]
+
+    @cached_property
+    def heading(self) -> FloatArray:
+        """Shape (n,) [rad], without jumps."""
+        w, x, y, z = self.records[:, self.sensors.orientation].T
+        heading: FloatArray = np.unwrap(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+        return heading
+
+    @cached_property
+    def velocity(self) -> FloatArray:
+        """Shape (n, 2) [m/s], world frame: the mean of the rear wheels'."""
+        left, right = (self.records[:, wheel][:, :2] for wheel in self.sensors.velocities[2:])
+        velocity: FloatArray = 0.5 * (left + right)
+        return velocity
+
+    @property
+    def speed(self) -> FloatArray:
+        """Over the ground, in any direction. Shape (n,) [m/s]."""
+        speed: FloatArray = np.hypot(self.velocity[:, 0], self.velocity[:, 1])
+        return speed
+
+    @property
+    def yaw_rate(self) -> FloatArray:
+        """Shape (n,) [rad/s]."""
+        return self.records[:, self.sensors.gyro][:, 2]
+
+    @property
+    def steering_angle(self) -> FloatArray:
+        """Shape (n,) [rad]."""
+        return self.records[:, self.sensors.steering_angle][:, 0]
+
+    @cached_property
+    def acceleration(self) -> FloatArray:
+        """Of the centre of gravity along and across the heading, forward and left positive. Shape (n, 2) [m/s^2].
+
+        What the accelerometer reads, turned into the world by roll and pitch too, is level: gravity is vertical.
+        """
+        w, x, y, z = self.records[:, self.sensors.orientation].T
+        ax, ay, az = self.records[:, self.sensors.accelerometer].T
+        world_x = (1 - 2 * (y * y + z * z)) * ax + 2 * (x * y - w * z) * ay + 2 * (x * z + w * y) * az
+        world_y = 2 * (x * y + w * z) * ax + (1 - 2 * (x * x + z * z)) * ay + 2 * (y * z - w * x) * az
+        return self._along_heading(world_x, world_y)
+
+    @cached_property
+    def tire_forces(self) -> FloatArray:
+        """Of the ground on each tire, along and across the car's heading. Shape (n, 4, 2) [N]; 0 in the air.
+
+        Tires with a law of ours act along the wheel's heading half a step later, seen from the car, which turns, too;
+        MuJoCo's contacts along that of now.
+        """
+        later = 1 if len(self.sensors.meter.rows) else 0
+        along, across = np.nan_to_num(self.slip.longitudinal_force), np.nan_to_num(self.slip.lateral_force)
+        forces = []
+        for tire, sensor in enumerate(self.sensors.axles):
+            axle = self._along_heading(*self.records[:, sensor][:, :2].T)
+            axle = axle + np.concatenate((axle[later:], axle[len(axle) - later :]))  # twice that of half a step later
+            ahead_x, ahead_y = np.array((axle[:, 1], -axle[:, 0])) / np.hypot(axle[:, 0], axle[:, 1])
+            x = ahead_x * along[:, tire] - ahead_y * across[:, tire]
+            y = ahead_y * along[:, tire] + ahead_x * across[:, tire]
+            forces.append(np.stack((x, y), axis=1))
+        return np.stack(forces, axis=1)
+
+    def _along_heading(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        return np.column_stack((cos * x + sin * y, cos * y - sin * x))
+
+
+def join(traces: Sequence[Trace]) -> Trace:
+    """Return one trace of several of the same car, one after another."""
+    records = np.concatenate([trace.records for trace in traces])
+    states = np.concatenate([trace.states for trace in traces])
+    return Trace(records=records, states=states, sensors=traces[0].sensors, timestep=traces[0].timestep)

@@ -1,0 +1,493 @@
+"""A comparison drives each run of its grid once, says how it went, and keeps it."""
+
+import csv
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparison_worlds import PLANNERS, files
+
+import fg_mujoco as fg
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.course.writing import claimed_folder
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.addons.arena.comparison.comparison_tables import DIFFERENCES, cells_table, make_cells
+from fg_mujoco.addons.arena.comparison.ground import Ground, course_ground
+from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
+from fg_mujoco.addons.arena.comparison.pictures import table_picture
+from fg_mujoco.addons.arena.comparison.run import (
+    RunFigures,
+    RunKey,
+    RunRow,
+    driven_poses,
+    wrong_way_time,
+)
+from fg_mujoco.rollouts.intervals import wilson
+
+CAR = fg.Vehicle.load().parameters
+GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "planners.py").write_text(PLANNERS)
+    return tmp_path
+
+
+def compare(controller=GRID, **options):
+    defaults = {
+        "track": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seed": [0, 4], "workers": 1, "out": "out",
+        "pictures": False,
+    }  # fmt: skip
+    return fg.compare(controller, **(defaults | options))
+
+
+# what a run is
+
+
+@pytest.mark.parametrize(
+    ("text", "source", "settings"),
+    [
+        ("gap_finder", "gap_finder", {}),
+        (" a/b.py:C ", "a/b.py:C", {}),
+        ("f[point=middle, n=3,t=5.0,on=true]", "f", {"point": "middle", "n": 3, "t": 5.0, "on": True}),
+    ],
+)
+def test_a_controller_is_read_with_its_settings(text, source, settings):
+    choice = ControllerChoice.of(text)
+    assert choice.source == source
+    assert dict(choice.settings) == settings
+    assert ControllerChoice.of(choice.label).settings == choice.settings
+
+
+@pytest.mark.parametrize(
+    "text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""]
+)
+def test_what_is_no_controller_with_settings_is_refused(text):
+    with pytest.raises(fg.SettingsError, match="accepted: "):
+        ControllerChoice.of(text)
+
+
+def test_a_run_is_the_race_that_it_says():
+    comparison = compare(GRID[1:2], seed=[4], lidar_noise=0.02)
+    (row,) = comparison.rows
+    result = fg.race(
+        "oval", "planners.py:Gentle", laps=1, time_limit=0.6, obstacles=1, obstacle_seed=4, seed=4,
+        effects=fg.LidarEffects(range_noise_std=0.02), planner_settings={"speed": 2, "steering": 0.1},
+    )  # fmt: skip
+    figures = row.figures
+    assert figures.trajectory_sha256 == result.trajectory_sha256
+    assert figures.end_reason == result.car.end_reason == "time_limit"
+    assert not figures.success
+    assert (figures.laps_completed, figures.laps_requested, figures.best_lap_s) == (0, 1, None)
+    assert figures.mean_speed_m_s == result.car.mean_speed_m_s
+    assert figures.distance_m == pytest.approx(result.car.column("progress_m")[-1], rel=0.1)
+    assert row.key.controller == "planners.py:Gentle[speed=2,steering=0.1]"
+
+
+def test_a_lap_is_a_success_with_its_times():
+    (row,) = compare(["gap_finder"], time_limit=None, obstacles=0).rows
+    assert row.key.seed is None  # nothing depends on it: two seeds, one run
+    assert row.figures.success
+    assert row.figures.first_lap_s == row.figures.best_lap_s == row.figures.mean_lap_s > 5.0
+    assert row.figures.wrong_way_time_s == 0.0
+    assert 0.05 < row.figures.least_clearance_m < 1.1 - 0.5 * CAR.width
+
+
+def test_a_run_that_touches_something_has_no_clearance():
+    (row,) = compare(["planners.py:Gentle[speed=4]"], obstacles=0, time_limit=8.0).rows
+    assert row.figures.end_reason == "crash"
+    assert row.figures.least_clearance_m == 0.0
+    assert row.figures.collisions == 1
+
+
+@pytest.mark.parametrize(("track", "speed"), [("oval", 1.0), ("oval", -1.0), ("l_corridor", 2.0)])
+def test_where_the_physics_meets_the_wall_the_footprint_does(track, speed):
+    """The engine's contacts know nothing of the clearance: what they report is its oracle."""
+    settings = {"speed": speed, "steering": 0.05}
+    result = fg.race(track, "planners.py:Gentle", laps=1, planner_settings=settings)
+    assert result.car.end_reason == "crash"
+    poses = driven_poses(result)
+    ground, times = Ground(result.world.track), np.zeros(len(poses))
+    assert ground.least_clearance(times, poses, CAR) < 0.01
+    before = poses[:-2]  # the tick of the contact is the last
+    assert ground.least_clearance(times[:-2], before, CAR) > 0.0
+
+
+def test_a_car_that_reverses_drives_the_wrong_way():
+    (row,) = compare(["planners.py:Gentle[speed=-1]"], obstacles=0, time_limit=2.0).rows
+    assert 1.7 < row.figures.wrong_way_time_s < 2.0
+
+
+def test_wrong_way_time_counts_what_goes_back_faster_than_jitter():
+    time = np.array([0.0, 1.0, 2.0, 3.0, 5.0, 6.0])
+    assert wrong_way_time(time, np.array([0.0, 1.0, 0.95, 0.5, -9.0, -8.0])) == 3.0
+    assert wrong_way_time(time, np.zeros(6)) == 0.0
+    assert wrong_way_time(time[:0], time[:0]) == 0.0
+
+
+def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
+    comparison = compare(seed=[0])
+    assert [row.figures.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "planner_failed"]
+    failed = comparison.rows[-1].figures
+    assert failed.message == "ValueError: no more (planners.py, line 34), t = 0.200 s"
+    assert failed.sim_time_s == pytest.approx(0.2) and failed.distance_m > 0.0 and not failed.success
+
+
+def test_obstacles_are_those_of_their_seed():
+    first, again, other = (course_ground("oval", seed, 2).boxes for seed in (3, 3, 4))
+    assert first == again != other
+    boxes = fg.race("oval", "gap_finder", laps=1, time_limit=0.05, obstacles=2, obstacle_seed=3).world.obstacles
+    assert first == boxes
+
+
+def test_the_clearance_to_what_moves_is_that_of_its_time():
+    crossing = MovingObstacle(length=0.4, width=0.4, start=(2.0, -4.0), end=(2.0, 4.0), speed=1.0)
+    scene = Scene(
+        name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0,
+        walls=(fg.Box(x=0.0, y=6.0, length=9.0, width=0.2),), moving=(crossing,), time_limit=10.0,
+    )  # fmt: skip
+    front = CAR.length - CAR.rear_overhang
+    times = np.array([0.0, 4.0, 8.0])
+    standing = np.zeros((3, 3))
+    assert Ground(scene).least_clearance(times, standing, CAR) == pytest.approx(2.0 - 0.2 - front)
+    assert Ground(scene).least_clearance(times[::2], standing[::2], CAR) > 3.0
+
+
+# the grid and its folder
+
+
+def test_the_files_are_the_same_for_any_number_of_workers_and_after_an_interruption(here):
+    compare(out="straight", pictures=True)
+
+    def interrupt(progress):
+        if progress.runs_driven == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare(out="halting", pictures=True, watch=interrupt)
+    assert len((here / "halting/runs.jsonl").read_text().splitlines()) == 2
+    assert compare(out="halting", pictures=True).runs_driven == 4
+    assert compare(out="many", pictures=True, workers=2).runs_driven == 6
+    assert files(here / "straight") == files(here / "halting") == files(here / "many")
+    assert {"runs.csv", "table.csv", "table.md", "table.png", "traces/oval.png"} < files(here / "straight").keys()
+
+
+def test_finished_runs_are_not_driven_again_and_a_larger_grid_goes_on(here):
+    assert compare(GRID[:1]).runs_driven == 2
+    assert compare(GRID[:1]).runs_driven == 0
+    assert compare(GRID[:2], max_speed=(8.0, 4.0), seed=[0, 4, 5]).runs_driven == 10
+    smaller = compare(GRID[:1])
+    assert smaller.runs_driven == 0
+    assert len(smaller.rows) == 2
+    assert len((here / "out/runs.jsonl").read_text().splitlines()) == 12  # what is there stays there
+    with (here / "out/runs.csv").open() as file:
+        assert len(list(csv.reader(file))) == 1 + 2  # the tables are of what was asked for
+
+
+def test_an_edited_controller_is_another_one(here):
+    compare(GRID[:1])
+    (here / "planners.py").write_text(PLANNERS.replace("speed: float = 1.0", "speed: float = 1.5"))
+    comparison = compare(GRID[:1])
+    assert comparison.runs_driven == 2
+    assert comparison.rows[0].figures.mean_speed_m_s > 0.9 * 1.0
+
+
+def test_a_torn_line_is_dropped_and_its_run_driven_again(here):
+    compare()
+    whole = files(here / "out")
+    for torn in (whole["runs.jsonl"][:-9], whole["runs.jsonl"][:30], whole["runs.jsonl"] + b'{"contr'):
+        (here / "out/runs.jsonl").write_bytes(torn)
+        assert compare().runs_driven == 6 - torn.count(b"\n")
+        assert files(here / "out") == whole
+
+
+def edit(path, old, new):
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+
+
+def flip(path):
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+
+
+DAMAGE = {
+    "no run": ("runs.jsonl, line 1: ", lambda f: (f / "runs.jsonl").write_text('{"controller": 3}\n')),
+    "edited": ("runs.jsonl, line [12]: ", lambda f: edit(f / "runs.jsonl", '"seed": 4', '"seed": 5')),
+    "flipped": ("poses/.*npy: ", lambda f: flip(min((f / "poses").iterdir()))),
+    "another's": ("poses/.*npy: ", lambda f: np.save(min((f / "poses").iterdir()), np.zeros((3, 3), np.float32))),
+    "lost": ("poses/.*npy: ", lambda f: min((f / "poses").iterdir()).unlink()),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_run_is_refused_by_its_name_and_driven_again_by_the_same_comparison(here, damage):
+    compare(GRID[:1])
+    whole = files(here / "out")
+    named, spoil = DAMAGE[damage]
+    spoil(here / "out")
+    spoilt = files(here / "out")
+    with pytest.raises(fg.RunFolderError, match=rf"{named}.*; accepted: ") as caught:
+        write_comparison_report("out")
+    assert "\n" not in str(caught.value)
+    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == spoilt
+    with pytest.warns(UserWarning, match=rf"{named}is damaged, and made again"):
+        driven = compare(GRID[:1]).runs_driven
+    assert driven == (2 if damage == "no run" else 1)
+    assert {name: text for name, text in files(here / "out").items() if "report" not in name} == whole
+
+
+def test_a_row_of_a_comparison_of_other_settings_is_noticed(here):
+    compare(GRID[:1])
+    compare(GRID[:1], out="other", lidar_noise=0.01)
+    (here / "other/runs.jsonl").replace(here / "out/runs.jsonl")
+    with pytest.warns(UserWarning, match=r"line [12]: is damaged"):
+        assert compare(GRID[:1]).runs_driven == 2
+
+
+def test_a_second_process_on_the_same_folder_is_refused(here):
+    with (
+        claimed_folder(here / "out"),
+        pytest.raises(fg.RunFolderError, match="out: another process is writing to it; accepted: "),
+    ):
+        compare(GRID[:1])
+
+
+def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
+    compare(GRID[:1])
+    with pytest.raises(fg.RunFolderError, match="laps is 1 there and 2 here; accepted: "):
+        compare(GRID[:1], laps=2)
+    with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
+        compare(GRID[:1], planner_mu=float("inf"))
+    monkeypatch.setattr("fg_mujoco.rollouts.grid_study.versions", lambda: {"sources_sha256": "other"})
+    with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
+        compare(GRID[:1])
+    (here / "full").mkdir()
+    (here / "full/notes.txt").write_text("mine")
+    with pytest.raises(fg.RunFolderError, match="is not empty"):
+        compare(GRID[:1], out="full")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"controller": []}, "no controller is given"),
+        ({"controller": ["gap_finder", "gap_finder"]}, "controller gap_finder is given twice"),
+        ({"controller": ["nobody"]}, "'nobody' is not known"),
+        ({"controller": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
+        ({"controller": ["gap_finder[lookahead=-1]"]}, "lookahead"),
+        ({"track": []}, "no course is given"),
+        ({"track": ["nowhere"]}, "unknown track 'nowhere'"),
+        ({"track": ["scene:nowhere"]}, "unknown scene"),
+        ({"seed": []}, "no seed is given"),
+        ({"seed": [-1]}, "seed is -1"),
+        ({"max_speed": [0.0]}, "max_speed is 0.0"),
+        ({"max_speed": [4.0, 4.0]}, "max_speed 4.0 is given twice"),
+        ({"obstacles": 500}, "500 obstacles on track 'oval'; accepted: at most"),
+        ({"laps": 0}, "laps is 0"),
+        ({"mu": -1.0}, "mu"),
+        ({"time_limit": 0.0}, "time_limit"),
+        ({"lidar_noise": -1.0}, "lidar_noise is -1.0"),
+        ({"workers": 0}, "workers is 0"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said):
+    with pytest.raises(fg.FgMujocoError, match=said):
+        compare(**options)
+    assert not (here / "out").exists()
+
+
+def test_a_worker_that_dies_is_told_of_and_the_other_runs_are_driven(here):
+    with pytest.warns(UserWarning, match=r"Deadly on oval, seed \d: the worker ended by SIGKILL"):
+        result = compare(["planners.py:Gentle", "planners.py:Deadly"], workers=2)
+    assert [row.figures.end_reason for row in result.rows] == ["time_limit"] * 2 + ["worker_died"] * 2
+    assert compare(["planners.py:Gentle"]).runs_driven == 0
+
+
+# the tables
+
+
+def row(controller="a", course="oval", speed=8.0, seed=0, **figures):
+    none = {
+        "success": True, "end_reason": "finished", "message": None, "laps_completed": 1, "laps_requested": 1,
+        "first_lap_s": 9.0, "best_lap_s": 9.0, "mean_lap_s": 9.5, "collisions": 0, "max_slide_m_s": 0.01,
+        "slide_time_fraction": 0.0, "least_clearance_m": 0.3, "wrong_way_time_s": 0.0, "distance_m": 50.0,
+        "mean_speed_m_s": 5.0, "sim_time_s": 9.0, "trajectory_sha256": str(seed),
+    }  # fmt: skip
+    return RunRow(RunKey(controller, None, course, None, speed, seed), RunFigures(**(none | figures)))
+
+
+CRASH = {
+    "success": False,
+    "end_reason": "crash",
+    "best_lap_s": None,
+    "mean_lap_s": None,
+    "collisions": 1,
+    "laps_completed": 0,
+}
+
+
+def test_a_cell_sums_up_the_runs_of_a_controller_on_a_course():
+    (cell, other) = make_cells(
+        [
+            row(best_lap_s=9.0, mean_lap_s=12.0, least_clearance_m=0.3, wrong_way_time_s=1.0, slide_time_fraction=0.5),
+            row("b", **CRASH),
+            row(
+                seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4
+            ),
+            row(
+                seed=2,
+                **CRASH
+                | {
+                    "best_lap_s": 2.0,
+                    "mean_lap_s": 2.0,
+                    "least_clearance_m": 0.0,
+                    "wrong_way_time_s": None,
+                    "slide_time_fraction": None,
+                },
+            ),
+            row(seed=3, best_lap_s=14.0, mean_lap_s=15.0),
+        ]
+    )
+    assert (cell.controller, cell.course, cell.runs, cell.successes) == ("a", "oval", 4, 3)
+    assert cell.success_share == 0.75
+    assert cell.end_reasons == "1 crash, 3 finished"
+    assert (cell.laps_completed, cell.laps_requested, cell.collisions) == (3, 4, 1)
+    assert cell.best_lap_s == 11.0
+    assert cell.mean_lap_s == 13.0  # of the successes
+    assert cell.least_clearance_m == 0.0
+    assert cell.wrong_way_time_s == 1.5
+    assert cell.max_slide_m_s == 0.4
+    assert cell.slide_time_fraction == pytest.approx(0.5 / 3)
+    assert (cell.success_low, cell.success_high) == wilson(3, 4)
+    assert (cell.runs_with_laps, cell.best_lap_q25_s, cell.best_lap_q75_s) == (3, 10.0, 12.5)  # 9, 11 and 14 s
+    assert cell.mean_lap_std_s == pytest.approx(3.0**0.5)  # 12, 12 and 15 s
+    assert (other.controller, other.best_lap_s, other.runs_with_laps) == ("b", None, 0)
+    assert (other.best_lap_q25_s, other.mean_lap_std_s) == (None, None)
+
+
+def test_of_one_run_or_of_copies_of_it_there_are_no_intervals_and_no_quartiles():
+    """Twelve runs that are alike are one: ten of ten is no interval from 72 to 100 %."""
+    copies = [row(each, seed=seed, trajectory_sha256="same") for each in ("a", "b") for seed in range(12)]
+    for rows in (copies[::12], copies):
+        for cell in make_cells(rows):
+            assert (cell.success_low, cell.success_high, cell.mean_lap_std_s) == (None, None, None)
+            assert (cell.best_lap_s, cell.best_lap_q25_s, cell.best_lap_q75_s) == (9.0, None, None)
+        (found,) = DIFFERENCES.of(rows)
+        assert [found[name] for name in found if name.endswith(("_low", "_high", "_low_s", "_high_s"))] == [None] * 4
+        assert "| b          | a     |" in DIFFERENCES.table([found]).markdown()
+
+
+def test_differences_are_within_pairs_of_runs(capsys):
+    """Of what hard seeds do to both planners nothing is left: each is 0.5 s slower than the reference."""
+    laps = [9.0, 14.0, 21.0, 9.5, 30.0, 12.0]
+    rows = [row(seed=seed, best_lap_s=lap) for seed, lap in enumerate(laps)]
+    rows += [row("b", seed=seed, best_lap_s=lap + 0.5) for seed, lap in enumerate(laps)]
+    rows += [row("b", seed=6, best_lap_s=99.0), row(seed=7), row(seed=8), row("b", seed=8, **CRASH)]
+    (found,) = DIFFERENCES.of(rows)
+    assert (found["controller"], found["reference"], found["course"]) == ("b", "a", "all")
+    assert (found["pairs"], found["successes"], found["reference_successes"]) == (7, 6, 7)  # seeds 6, 7 have one run
+    assert found["success_difference"] == pytest.approx(-1 / 7)
+    assert (found["lap_pairs"], found["best_lap_difference_s"]) == (6, 0.5)
+    assert (found["best_lap_difference_low_s"], found["best_lap_difference_high_s"]) == (0.5, 0.5)
+    _, _, line = DIFFERENCES.table([found]).markdown().splitlines()[:3]
+    low, high = (round(100 * found[f"success_difference_{end}"]) for end in ("low", "high"))
+    said = f"| b | a | 7 | -14 | {low:+d} to {high:+d} | 6 | +0.50 | +0.50 to +0.50 |"
+    assert " ".join(line.split()) == said
+
+
+def test_differences_are_of_each_two_planners_and_of_each_course():
+    rows = [row(name, course=course) for name in "abc" for course in ("oval", "tight")]
+    found = DIFFERENCES.of(rows)
+    assert [(each["reference"], each["controller"], each["course"]) for each in found] == [
+        (reference, controller, course)
+        for reference, controller in ("ab", "ac", "bc")
+        for course in ("all", "oval", "tight")
+    ]
+    assert [controller for controller, *_ in DIFFERENCES.table(found).rows] == ["b", "c"]
+    assert DIFFERENCES.of(rows[:2]) == () and DIFFERENCES.table(()) is None
+
+
+def test_runs_on_another_course_of_the_same_name_are_no_pair():
+    other = row("b")
+    other = replace(other, key=replace(other.key, course_sha256="1"))
+    assert DIFFERENCES.of([row(), other]) == ()
+
+
+def test_the_files_and_the_page_have_intervals_counts_and_differences(here):
+    pytest.importorskip("bokeh")
+    comparison = compare(GRID[:2])
+    with open("out/table.csv", encoding="utf-8") as file:
+        (first, _) = csv.DictReader(file)
+    assert (first["success_low"], first["success_high"], first["runs_with_laps"]) == ("", "", "0")  # two equal runs
+    with open("out/differences.csv", encoding="utf-8") as file:
+        (pair,) = csv.DictReader(file)
+    assert (pair["controller"], pair["reference"], pair["pairs"]) == (GRID[1], GRID[0], "2")
+    assert comparison.summary()["differences"][0]["pairs"] == 2
+    text = (here / "out" / "table.md").read_text("utf-8")
+    assert text == comparison.markdown()
+    assert "Wilson's at 95 %" in text and "Newcombe's interval" in text and "minus" in text
+    page = write_comparison_report("out", trust=True).read_text("utf-8")
+    for said in ("<th>95 % interval</th>", "<th>of runs</th>", "Wilson&#x27;s", "Paired differences", "Newcombe"):
+        assert said in page
+    assert "95 % interval" in comparison._repr_html_() and "Newcombe" in comparison._repr_html_()
+
+
+def test_a_page_tells_runs_of_an_edited_planner_apart(here):
+    pytest.importorskip("bokeh")
+    for speed in ("1.0", "1.5"):
+        (here / "planners.py").write_text(PLANNERS.replace("speed: float = 1.0", f"speed: float = {speed}"))
+        compare(GRID[:1], seed=[0])
+    with pytest.warns(UserWarning, match="sha256"):
+        page = write_comparison_report("out", trust=True).read_text("utf-8")
+    names = set(re.findall(r"<td class=\"left\">(planners.py:Gentle \(code [0-9a-f]{8}\))</td>", page))
+    assert len(names) == 2 and "0/2" not in page
+
+
+def test_the_markdown_table_has_a_row_a_cell_and_says_the_speed_where_there_are_several():
+    cells = make_cells([row("a[x=1|2]"), row("b", course="scene:u_turn", speed=4.0, **CRASH)])
+    header, rule, first, second = cells_table(cells).markdown().splitlines()[:4]
+    assert header.count(" | ") == rule.count(" | ") == second.count(" | ")
+    assert " ".join(first.split()).startswith(
+        "| a[x=1\\|2] | oval, 8 m/s | 1/1 | - | 1/1 | 9.00 | - | 9.50 | 1 | - | 0 | 0.0 % |"
+    )
+    assert " ".join(second.split()).startswith("| b | u_turn, 4 m/s | 0/1 | - | 0/1 | - | - | - | 0 | 1 crash | 1 |")
+    assert "| oval   |" in cells_table(cells[:1]).markdown()
+
+
+@pytest.mark.parametrize("crashed", [False, True])
+def test_the_table_picture_tells_lap_times_where_all_succeed(tmp_path, monkeypatch, crashed):
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, *to: drawn.append(figure))
+    last = CRASH if crashed else {"best_lap_s": 9.9, "mean_lap_s": 12.25}
+    table_picture(make_cells([row(), *(row("b", seed=seed, **last) for seed in (0, 1))]), tmp_path / "table.png")
+    axes, scale = drawn[0].axes
+    texts, (image,) = [text.get_text() for text in axes.texts], axes.images
+    if crashed:
+        assert texts == ["1/1\n9.00 s", "0/2\n0 to 66 %"]
+        assert image.get_array().ravel().tolist() == [1.0, 0.0]
+        assert scale.get_ylabel() == "share of successes"
+    else:
+        assert texts == ["9.00 s\nmean 9.50\nn = 1", "9.90 s\nmean 12.25\nn = 2"]
+        np.testing.assert_allclose(image.get_array().ravel(), [1.0, 1.1])
+        assert "fastest" in scale.get_ylabel()
+
+
+def test_a_row_survives_the_file():
+    given = row(best_lap_s=1 / 3)
+    assert RunRow.of(json.loads(json.dumps(given.as_dict()))) == given
+    assert replace(given.key, seed=9).sha256 != given.key.sha256
+
+
+def test_a_scene_is_driven_once_with_each_seed():
+    comparison = compare(["gap_finder"], track="scene:corridor_sparse", obstacles=0, laps=3, pictures=True)
+    assert [row.key.course for row in comparison.rows] == ["scene:corridor_sparse"] * 2
+    assert [row.key.seed for row in comparison.rows] == [0, 4]
+    assert all(row.figures.laps_requested == 1 for row in comparison.rows)
+    assert len({row.figures.trajectory_sha256 for row in comparison.rows}) == 2

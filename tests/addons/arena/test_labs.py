@@ -1,0 +1,322 @@
+"""Labs of a course: each kind of check has planners that pass and that trip it; files that fail; the bundled labs."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.clearance import outline
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.addons.arena.labs import recorded_commands
+from fg_mujoco.addons.arena.labs.checks import CHECKS, nearest_distances
+from fg_mujoco.addons.arena.labs.grading import grade
+from fg_mujoco.addons.arena.labs.lab_file import read_lab
+
+LABS = Path(__file__).parents[3] / "examples/labs"
+PLANNERS = """
+import os, signal, time
+from dataclasses import dataclass
+from fg_mujoco.messages import DriveCommand
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    speed: float = 2.0  # [m/s]
+    steering: float = 0.0  # [rad]
+    brakes_at: float = 99.0  # [s]
+    slows: float = 99.0  # [m/s^2] from then on
+
+class Steady:
+    Settings = Settings
+    def __init__(self, settings): self.settings = settings
+    def reset(self): pass
+    def __call__(self, scan, odometry):
+        own = self.settings
+        speed = max(own.speed - own.slows * max(scan.stamp - own.brakes_at, 0.0), 0.0)
+        return DriveCommand(steering_angle=own.steering, speed=speed)
+"""
+FILES = {
+    "good.py": "from fg_mujoco.messages import STOP\n\nclass Stops:\n    def reset(self): pass\n"
+               "    def __call__(self, scan, odometry): return STOP\n",
+    "syntax.py": "def (:\n",
+    "raises.py": "def plan(scan, odometry):\n    return 1 / 0\n",
+    "answers.py": "def plan(scan, odometry):\n    return 'left'\n",
+    "hangs.py": "import time\n\ndef plan(scan, odometry):\n    time.sleep(30.0)\n",
+    "kills.py": "import os, signal\n\ndef plan(scan, odometry):\n    os.kill(os.getpid(), signal.SIGKILL)\n",
+    "exits.py": "import sys\nsys.exit(7)\n",
+    "empty.py": "",
+    "two.py": "class One:\n    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n\n"
+              "class Two(One): pass\n",
+}  # fmt: skip
+WALL = "obstacles = [{kind = 'box', x = 5.0, y = 0.0, length = 0.2, width = 2.0}]"
+AMONG = "opponents = ['mine.py:Steady[speed=1]']\ntime_limit = 3\nlaps = 1\ngrid = 'behind'"
+CORRIDOR = "track = 'scene:corridor_sparse:0'\nlaps = 1"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNERS)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def graded(text, *planners):
+    Path("lab.toml").write_text(text)
+    return [each.checks[0] for each in grade("lab.toml", planners, out="out", workers=1).cells]
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "drive", "good", "bad", "measured"),
+    [
+        ("finishes", "", CORRIDOR, "gap_finder", "mine.py:Steady", "0 of 1 in"),
+        ("no_crash", "", CORRIDOR, "gap_finder", "mine.py:Steady[steering=0.2]", "crash: hit"),
+        ("no_crash", "least_progress_m = 2", "time_limit = 2", "mine.py:Steady", "mine.py:Steady[speed=0]",
+         "but only 0.0 m driven"),
+        ("no_slide", "least_progress_m = 3\nmost_share = 0.2", "time_limit = 2", "mine.py:Steady",
+         "mine.py:Steady[speed=8,steering=0.4]", "% of the time"),
+        ("lap_time", "most_s = 9.25", "laps = 1", "follow_the_gap", "pure_pursuit", "best lap 9.3"),
+        ("mean_speed", "least_m_s = 1.5\nleast_progress_m = 1", "time_limit = 2", "mine.py:Steady",
+         "mine.py:Steady[speed=1]", "0.9"),
+        ("keeps_clear", "least_m = 0.3\nleast_progress_m = 3", "time_limit = 2", "mine.py:Steady",
+         "mine.py:Steady[steering=0.05]", "at the nearest"),
+        ("follows_wall", "distance_m = 1.1\nwithin_m = 0.2\nleast_progress_m = 4\nafter_m = 0.5", "time_limit = 3",
+         "mine.py:Steady", "mine.py:Steady[steering=0.05]", "of the time, mostly"),
+        ("stops_before", "least_speed_m_s = 1.9\nmost_m = 0.8", f"{WALL}\ntime_limit = 4",
+         "mine.py:Steady[brakes_at=2.0]", "mine.py:Steady[brakes_at=1.0]", "stands 2."),
+        ("stops_before", "least_speed_m_s = 1.9", f"{WALL}\ntime_limit = 3", "mine.py:Steady[brakes_at=2.1]",
+         "mine.py:Steady", "does not stand: crash: hit obstacle"),
+        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 3", "mine.py:Steady[brakes_at=1]",
+         "mine.py:Steady[brakes_at=1,slows=2]", "0.9"),
+        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 2", "mine.py:Steady[brakes_at=1]",
+         "mine.py:Steady", "does not stop: time limit"),
+        ("wins", "", "opponents = ['mine.py:Steady[speed=0.2]']\ntime_limit = 8\n" + CORRIDOR, "gap_finder",
+         "mine.py:Steady[speed=0]", "time limit"),
+        ("no_fault", "least_progress_m = 1", AMONG, "mine.py:Steady[speed=0.8]", "mine.py:Steady[speed=4]",
+         "1 of 1 contacts: ran into the car ahead"),
+    ],
+)  # fmt: skip
+def test_each_check_has_a_planner_that_passes_and_one_that_trips_it(kind, own, drive, good, bad, measured):
+    text = f"[[checks]]\ncheck = '{kind}'\npoints = 3\n{own}\n{drive}\n"
+    passed, tripped = graded(text, good, bad)
+    assert (passed.passed, passed.points) == (True, 3.0), passed.measured
+    assert (tripped.passed, tripped.points) == (False, 0.0) and measured in tripped.measured
+
+
+def test_all_kinds_of_checks_are_tried():
+    marks = test_each_check_has_a_planner_that_passes_and_one_that_trips_it.pytestmark
+    assert {case[0] for mark in marks if mark.name == "parametrize" for case in mark.args[1]} == set(CHECKS)
+
+
+@settings(max_examples=25)
+@given(
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=5),
+    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=5),
+)
+def test_the_distance_from_a_wall_is_that_to_the_nearest_of_many_points_of_it(points, corners):
+    segments, shares = outline(np.array(corners)), np.linspace(0.0, 1.0, 401)
+    along = segments[:, None, :2] + shares[:, None] * (segments[:, None, 2:] - segments[:, None, :2])
+    expected = [min(math.dist(point, each) for each in along.reshape(-1, 2)) for point in points]
+    assert nearest_distances(np.array(points), segments) == pytest.approx(expected, abs=0.02)
+
+
+LAB = """
+title = "A lab"
+laps = 1
+time_limit = 0.2
+decision_limit = 0.3
+passing = 2
+
+[[checks]]
+check = "no_crash"
+least_progress_m = 0
+points = 2
+
+[[checks]]
+check = "finishes"
+track = "fast"
+"""
+ONE = LAB.partition("\n[[checks]]\ncheck = \"finishes\"")[0]
+
+
+def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_go_on(here, capsys):
+    (here / "lab.toml").write_text(ONE)
+    planners = [*FILES, "nothing.py", "two.py:Two", "gap_finder[wide=2]"]
+    assert main(["grade", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    table = {row["planner"]: row for row in json.loads(out)["table"]}
+    assert table["good.py"]["points"] == 2 and table["good.py"]["reason"] is None
+    for planner, said in (
+        ("syntax.py", "SyntaxError"), ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
+        ("answers.py", "'left'"), ("hangs.py", "no command within 0.3 s"),
+        ("kills.py", "the worker ended by SIGKILL"), ("exits.py", "SystemExit: 7"),
+        ("empty.py", "there is no class in the file"),
+        ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),
+        ("two.py:Two", "None"), ("gap_finder[wide=2]", "has no setting 'wide'"),
+    ):  # fmt: skip
+        assert table[planner]["points"] == 0 and said in table[planner]["reason"], planner
+        page = here / "out" / f"{planner.translate({ord(mark): '_' for mark in ':[=]'}).strip('_')}.html"
+        assert said.replace("'", "&#x27;") in page.read_text()
+
+
+CHANGES = """
+import gc
+from fg_mujoco.messages import STOP
+from fg_mujoco.addons.arena.labs import checks, grading, recorded_commands
+for kind in checks.CHECKS.values():
+    kind.judge = lambda self, drive: checks.Verdict(passed=not drive.speeds.any(), measured="mine")
+grading.record = grading.race_setup = recorded_commands.RecordedCommands = None
+def stand(scan, odometry):
+    for each in gc.get_objects():
+        if type(each).__name__ == "Engine": each.monitor.timers["laps_completed"] = 1
+    return STOP
+"""
+HOSTILE = {
+    "stuck.py": ("import time\nwhile True:\n    try: time.sleep(99)\n    except BaseException: pass\n", "nothing"),
+    "ctrl_c.py": ("def plan(scan, odometry): raise KeyboardInterrupt\n", "KeyboardInterrupt"),
+    "forks.py": (
+        "import os, time\nif os.fork():\n    os.kill(os.getpid(), 9)\ntime.sleep(60)\n", "the worker ended by SIGKILL"
+    ),
+}  # fmt: skip
+WRITES = """
+import inspect, os, time
+import numpy as np
+frame = inspect.currentframe()
+while "folder" not in frame.f_locals: frame = frame.f_back
+def plan(scan, odometry): pass
+os.chdir(frame.f_locals["folder"])
+{record}
+time.sleep(60)
+"""
+RECORDS = {
+    "text": "open('aside.npz', 'w').write('x')",
+    "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
+    "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
+    "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
+    "nan": "np.savez('aside.npz', commands=np.full((9, 3), np.nan), end=np.frombuffer(b'null', np.uint8))",
+    "short": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'null', np.uint8))",
+}
+
+
+def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here):
+    (here / "changes.py").write_text(CHANGES)
+    (here / "lab.toml").write_text(ONE.replace("least_progress_m = 0", "least_progress_m = 0.05"))
+    planners = ["mine.py:Steady", "changes.py", "mine.py:Steady[speed=1]"]
+    grades = grade("lab.toml", planners, out="out", workers=1)
+    assert [each.points for each in grades.cells] == [2, 0, 2]
+    assert "mine" not in {check.measured for check in grades.cells[1].checks}
+    raced = fg.race("oval", "mine.py:Steady", laps=1, time_limit=0.2)
+    assert grades.rows[0].figures.trajectory_sha256 == raced.trajectory_sha256
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeypatch):
+    monkeypatch.setattr(recorded_commands, "_SILENT", 4.0)
+    text, said = HOSTILE[name]
+    (here / name).write_text(text)
+    (here / "lab.toml").write_text(ONE)
+    bad, good = grade("lab.toml", [name, "good.py"], out="out", workers=1).cells
+    assert (bad.points, good.points) == (0, 2) and said in bad.reason
+
+
+def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
+    for name, text in RECORDS.items():
+        (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
+    (here / "lab.toml").write_text(ONE)
+    found = grade("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
+    assert [each.points for each in found] == [0] * len(RECORDS) and all(each.reason for each in found)
+
+
+def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
+    monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
+    (here / "lab.toml").write_text(LAB)
+    (found,) = grade("lab.toml", "good.py", out="out", workers=1).cells
+    assert found.points == 2 and found.reason == "the drive cannot be judged: KeyError: 'steering'"
+
+
+def test_points_of_drives_before_a_failure_stay(here):
+    (here / "late.py").write_text(
+        "from fg_mujoco.messages import STOP\n\ndef plan(scan, odometry):\n"
+        "    if len(scan.ranges) and scan.ranges[540] > 20.0: raise OSError('too far')\n    return STOP\n"
+    )
+    (here / "lab.toml").write_text(LAB)
+    (found,) = grade("lab.toml", "late.py", out="out", workers=1).cells
+    assert found.points == 2 and found.reason.startswith("OSError: too far (late.py, line 4)")
+
+
+def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
+    (here / "lab.toml").write_text(LAB)
+    assert grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 4
+    assert grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
+    (here / "raises.py").write_text(FILES["good.py"])
+    again = grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1)
+    assert again.runs_driven == 2 and [each.points for each in again.cells] == [2, 2]
+    (here / "lab.toml").write_text(LAB.replace("points = 2", "points = 4"))
+    assert grade("lab.toml", ["good.py"], out="out", workers=1).cells[0].points == 4
+
+
+def test_the_table_is_of_checks_for_one_planner_and_of_planners_for_several(here, capsys):
+    (here / "lab.toml").write_text(LAB)
+    assert main(["grade", "lab.toml", "good.py", "--workers", "1"]) == 0
+    one = capsys.readouterr().out
+    assert "| no_crash | no crash in 0 m or more" in one and "1 of 1 passed" in one
+    assert main(["grade", "lab.toml", "good.py", "raises.py", "--workers", "1"]) == 1
+    both = capsys.readouterr().out
+    assert "1 of 2 passed" in both and "| good.py   | 2 of 3 |        2 |        0 |" in both
+    assert sorted(path.name for path in here.iterdir()) == sorted(["lab.toml", "mine.py", *FILES])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "checks is None; accepted: one or more [[checks]]"),
+        ("lap = 2\n[[checks]]\ncheck = 'finishes'", "lab.toml, line 1: lap is no setting of a lab"),
+        ("controller = 'a.py:A'\n[[checks]]\ncheck = 'finishes'", "controller is no setting of a lab"),
+        ("[[checks]]\ncheck = 'finish'", "checks[0]: check is 'finish'; accepted: finishes, no_crash"),
+        ("[[checks]]\ncheck = 'lap_time'", "checks[0]: lap_time lacks most_s"),
+        ("[[checks]]\ncheck = 'lap_time'\nmost = 9", "checks[0]: lap_time has no 'most'; accepted: most_s"),
+        ("[[checks]]\ncheck = 'lap_time'\nmost_s = -1", "LapTime.most_s is -1; accepted: a number from 0"),
+        ("[[checks]]\ncheck = 'lap_time'\nmost_s = true", "LapTime.most_s is True"),
+        ("[[checks]]\ncheck = 'finishes'\npoints = 0", "checks[0]: points is 0; accepted: a positive number"),
+        (f"[[checks]]\ncheck = 'finishes'\npoints = {'9' * 400}", "accepted: whole numbers from -922"),
+        ("passing = 2\n[[checks]]\ncheck = 'finishes'", "passing is 2; accepted: a positive number up to 1"),
+        ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "checks has 'finishes' twice"),
+        ("[[checks]]\ncheck = 'finishes'\ntrack = 'ovl'", "did you mean 'oval'?"),
+        ("[[checks]]\ncheck = 'wins'", "checks[0]: wins lacks opponents"),
+        ("[[checks]]\ncheck = 'stops_before'\nleast_speed_m_s = 1", "stops_before lacks an obstacle"),
+        ("[[checks]]\ncheck = 'finishes'\nopponents = ['gap_findr']", "did you mean 'gap_finder'?"),
+        ("[[checks]]\ncheck = 'finishes'\nstart_offset = 5.0", "does not fit"),
+        ("[[checks]]\ncheck = 'follows_wall'\nside = 'up'\ndistance_m = 1\nwithin_m = 1", "accepted: left, right"),
+    ],
+)
+def test_a_lab_that_cannot_be_used_is_refused_in_one_line(here, capsys, text, said):
+    (here / "lab.toml").write_text(text)
+    assert said in refused(here, capsys, "grade", "lab.toml", "good.py")
+
+
+def test_two_planners_of_one_name_are_refused(here):
+    (here / "lab.toml").write_text(LAB)
+    with pytest.raises(SettingsError, match=r"planner good.py is given twice"):
+        grade("lab.toml", ["good.py", "good.py"], out="out")
+
+
+@pytest.mark.parametrize(
+    ("lab", "planner"),
+    [
+        ("lab2_emergency_braking", str(LABS / "emergency_brake.py")), ("lab3_wall_following", "wall_follow"),
+        ("lab4_follow_the_gap", "gap_finder"), ("lab6_pure_pursuit", "pure_pursuit"),
+        ("race_head_to_head", "overtaker"),
+    ],
+)  # fmt: skip
+def test_bundled_planners_pass_the_example_of_their_lab(here, lab, planner):
+    read = read_lab(LABS / f"{lab}.toml")
+    (good,) = grade(read, planner, out="out", workers=1).cells
+    assert good.points == read.points == 100, [(each.name, each.measured) for each in good.checks]

@@ -1,0 +1,299 @@
+"""A league: who beats whom, ratings, planners that fail, the proof of a heat, and a folder that is gone on with."""
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from comparison_worlds import files
+from hypothesis import given
+from hypothesis import strategies as st
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.addons.arena.league.heat import CarFigures, HeatFigures, HeatKey, HeatRow, beaten
+from fg_mujoco.addons.arena.league.league import PAGE, league, plan_heats
+from fg_mujoco.addons.arena.league.league_tables import make_standings
+from fg_mujoco.addons.arena.league.ratings import MEAN, POINTS, ratings
+from fg_mujoco.addons.arena.turn import Turn, read_turn, stuck
+
+PLANNERS = """
+import os, signal, time
+from fg_mujoco.messages import DriveCommand
+
+class Stands:
+    speed, ends = 0.0, None
+    def reset(self): self.calls = 0
+    def __call__(self, scan, odometry):
+        self.calls += 1
+        if self.calls == 4 and self.ends: self.ends()
+        return DriveCommand(steering_angle=0.0, speed=self.speed)
+
+class Goes(Stands):
+    speed = 5.0
+
+class Raises(Stands):
+    def ends(self): raise ZeroDivisionError("on purpose")
+
+class Hangs(Stands):
+    def ends(self): time.sleep(30.0)
+
+class Kills(Stands):
+    def ends(self): os.kill(os.getpid(), signal.SIGKILL)
+"""
+BOX = fg.load_track("oval").start_pose(-0.8, -0.15)
+SHORT = {"track": "oval", "laps": 1, "time_limit": 1.2, "workers": 1}
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNERS)
+    (tmp_path / "broken.py").write_text("import nothing_there\n\nclass Planner: pass\n")
+    (tmp_path / "starts.toml").write_text(
+        '[[entries]]\ncontroller = "gap_finder"\nstart_s = 1.0\n\n[[entries]]\ncontroller = "pure_pursuit"\n'
+    )
+    (tmp_path / "cars.toml").write_text(
+        'laps = 1\ntime_limit = 0.1\n\n[[entries]]\ncontroller = "mine.py:Stands"\nvehicle = "nuc2"\nname = "slow"\n\n'
+        '[[entries]]\ncontroller = "mine.py:Stands"\nname = "other"\n'
+    )
+    (tmp_path / "box.toml").write_text(
+        f"obstacles = [{{kind = 'box', x = {BOX[0]}, y = {BOX[1]}, length = 0.3, width = 0.3}}]"
+    )
+    return tmp_path
+
+
+@given(st.integers(0, 30), st.integers(1, 30))
+def test_of_two_players_the_odds_are_firths_closed_form(won, more):
+    lost = more if won == 0 else more - 1
+    found = ratings(np.array([[0, won], [lost, 0]]))
+    assert found.value[0] - found.value[1] == pytest.approx(POINTS * np.log((won + 0.5) / (lost + 0.5)), abs=1e-4)
+    assert found.value.mean() == pytest.approx(MEAN)
+
+
+def test_ratings_of_many_heats_are_those_of_hunters_iteration():
+    """Of many heats the prior says nothing. Source: Hunter, MM algorithms for generalized Bradley-Terry models."""
+    rng = np.random.default_rng(3)
+    strength = np.array([0.8, 0.3, -0.2, -0.9])
+    wins = np.zeros((4, 4))
+    for i in range(4):
+        for j in range(i):
+            wins[i, j] = rng.binomial(40_000, 1.0 / (1.0 + np.exp(strength[j] - strength[i])))
+            wins[j, i] = 40_000 - wins[i, j]
+    gamma = np.ones(4)
+    for _ in range(2000):
+        gamma = wins.sum(axis=1) / ((wins + wins.T) / (gamma[:, None] + gamma)).sum(axis=1)
+    expected = MEAN + POINTS * (np.log(gamma) - np.log(gamma).mean())
+    assert ratings(wins).value == pytest.approx(expected, abs=0.01)
+
+
+def test_nineteen_of_twenty_intervals_hold_the_true_rating():
+    rng, strength, held = np.random.default_rng(5), np.array([0.9, 0.3, 0.0, -1.2]), []
+    for _ in range(300):
+        wins = np.zeros((4, 4))
+        for i in range(4):
+            for j in range(i):
+                wins[i, j] = rng.binomial(12, 1.0 / (1.0 + np.exp(strength[j] - strength[i])))
+                wins[j, i] = 12 - wins[i, j]
+        found, true = ratings(wins), MEAN + POINTS * (strength - strength.mean())
+        held.append((found.low <= true) & (true <= found.high))
+    assert 0.93 < np.mean(held) < 0.98
+
+
+def test_who_won_all_heats_has_a_finite_rating_and_who_met_nobody_has_none():
+    found = ratings(np.array([[0, 6, 0], [0, 0, 0], [0, 0, 0]]))
+    assert np.isfinite(found.value[:2]).all() and found.low[0] < found.value[0] < found.high[0]
+    assert np.isnan([found.value[2], found.low[2], found.high[2]]).all()
+
+
+def car(planner, place, position, **given):
+    plain = CarFigures(
+        planner=planner, place=place, position=position, points=0, end_reason="finished" if position else "crash",
+        message=None, laps_completed=1, best_lap_s=None, time_s=1.0, overtakes=0, contacts=0, at_fault=0, warnings=0,
+    )  # fmt: skip
+    return replace(plain, **given)
+
+
+def test_who_does_not_finish_beats_nobody():
+    cars = [car("a", 1, None), car("b", 2, 1), car("c", 3, 2), car("d", 4, None)]
+    assert beaten(cars) == [("b", "a"), ("b", "c"), ("b", "d"), ("c", "a"), ("c", "d")]
+
+
+def test_the_standings_are_by_points_and_then_by_wins():
+    figures = HeatFigures(
+        winner=None, message=None, sim_time_s=1.0, overtakes=0, contacts=0, warnings=0, trajectory_sha256=None
+    )
+    rows = [
+        HeatRow(HeatKey("oval", "", " | ".join(names), "", None), figures, tuple(cars))
+        for names, cars in (
+            (("a", "b"), [car("a", 1, 2), car("b", 2, 1, points=1)]),
+            (("b", "a"), [car("b", 1, None), car("a", 2, 1, points=1, contacts=2, at_fault=1)]),
+            (("c", "a"), [car("c", 1, None), car("a", 2, 1, points=1)]),
+            (("c", "b"), [car("c", 1, None), car("b", 2, None, end_reason="planner_failed")]),
+        )
+    ]
+    first, second, third = make_standings(rows)
+    assert [(each.planner, each.place, each.points) for each in (first, second, third)] == [
+        ("a", 1, 2), ("b", 2, 1), ("c", 3, 0),
+    ]  # fmt: skip
+    assert (first.heats, first.wins, first.incidents, first.at_fault) == (3, 2, 2, 1)
+    assert second.failures == 1 and second.finished == 1
+    assert first.rating == pytest.approx(second.rating) and second.rating > third.rating  # each beat the other once
+
+
+def test_each_group_drives_from_each_place_and_seeds_follow_the_planner():
+    entries = [replace(fg.Entry(controller=each), name=each) for each in ("gap_finder", "pure_pursuit", "wall_follow")]
+    noisy = [replace(entry, effects=fg.LidarEffects(range_noise_std=0.01)) for entry in entries]
+    settings = settings_of()
+    plain = plan_heats(entries, ["oval", "fast"], [1, 2], 2, settings)
+    assert len(plain) == 2 * 3 * 2 and {heat.key.seed for heat in plain} == {None}
+    heats = plan_heats(noisy, ["oval"], [1, 2], 3, settings)
+    assert [heat.key.planners for heat in heats[::2]] == [
+        ("gap_finder", "pure_pursuit", "wall_follow"), ("pure_pursuit", "wall_follow", "gap_finder"),
+        ("wall_follow", "gap_finder", "pure_pursuit"),
+    ]  # fmt: skip
+    seeds = [{entry.name: entry.seed for entry in heat.setup().entries} for heat in heats]
+    assert seeds[0] == seeds[2] == seeds[4] and len({*seeds[0].values(), *seeds[1].values()}) == 6
+
+
+def settings_of():
+    from fg_mujoco.addons.arena.league.heat import LeagueSettings
+
+    return LeagueSettings(base=Setup(decision_limit=1.0), grid="staggered", rules="roboracer_2026")
+
+
+def test_a_planner_that_fails_loses_its_heat_and_is_named_and_the_rest_goes_on(here, capsys):
+    planners = [f"mine.py:{name}" for name in ("Stands", "Kills")]
+    arguments = ["--track", "oval", "--laps", "1", "--time-limit", "0.3", "--workers", "2"]
+    assert main(["league", *planners, *arguments, "--out", "out", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    table = {row["planner"].partition(":")[2]: row for row in found["table"]}
+    assert found["heats"] == 2
+    assert {name: row["failures"] for name, row in table.items()} == {"Stands": 0, "Kills": 2}
+    assert {name: row["wins"] for name, row in table.items()} == {"Stands": 2, "Kills": 0}
+    raised = league(["mine.py:Stands", "mine.py:Raises"], out="raised", **SHORT | {"time_limit": 0.3})
+    assert {each.planner: each.failures for each in raised.cells} == {"mine.py:Stands": 0, "mine.py:Raises": 2}
+    for folder, said in (("raised", "ZeroDivisionError: on purpose (mine.py"), ("out", "the worker ended by SIGKILL")):
+        assert said in (here / folder / "results.csv").read_text() and said in (here / folder / PAGE).read_text()
+
+
+def test_a_heat_is_proved_by_its_file_by_its_run_folder_and_by_its_hash(here):
+    found = league(["mine.py:Stands", "mine.py:Goes"], out="out", keep_runs=True, **SHORT)
+    for row in found.rows:
+        report = fg.replay(here / "out/runs" / row.key.name)
+        assert report.holds and report.trajectory_sha256 == row.figures.trajectory_sha256
+        again = fg.race(Setup.read(here / "out/heats" / f"{row.key.name}.toml"))
+        assert again.trajectory_sha256 == row.figures.trajectory_sha256
+    (incident,) = found.rows[0].incidents or found.rows[1].incidents
+    assert (incident.at_fault, incident.reason) == ("mine.py:Goes", "ran into a car that stands")
+    moving = incident.poses[1 if found.rows[0].incidents else 0]
+    touch = round((incident.time_s - incident.first_s) / incident.step_s)
+    nose = moving[3 * touch] / 1000.0 + 0.41
+    assert incident.x_m == pytest.approx(nose, abs=0.3)  # on the straight of the oval, along x
+
+
+def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(here):
+    """One of its planners takes too long for a decision."""
+    planners = ["mine.py:Stands", "mine.py:Goes", "mine.py:Hangs"]
+    settings = SHORT | {"time_limit": 0.4, "decision_limit": 0.2}
+    one = league(planners, out="one", **settings)
+    ends = {car.message for row in one.rows for car in row.cars if car.planner == "mine.py:Hangs"}
+    assert ends == {"no command within 0.2 s at t = 0.075 s"}
+    assert one.runs_driven == 6 and league(planners[:2], out="two", **settings).runs_driven == 2
+    two = league(planners, out="two", **settings | {"workers": 2})
+    assert two.runs_driven == 4
+    assert {name: text for name, text in files(here / "one").items() if name != PAGE} == {
+        name: text for name, text in files(here / "two").items() if name != PAGE
+    }
+    pages = [(here / name / PAGE).read_text() for name in ("one", "two")]
+    assert pages[0].replace("one", "two") == pages[1].replace("one", "two")
+    lines = (here / "one/heats.jsonl").read_text().splitlines(keepends=True)
+    (here / "one/heats.jsonl").write_text("".join(lines[:-1]) + lines[-1][:40])
+    assert league(planners, out="one", **settings).runs_driven == 1
+    with pytest.raises(RunFolderError, match="holds another league: rules is"):
+        league(planners, out="one", rules="none", **settings)
+    shutil.rmtree(here / "one")
+
+
+def test_entries_of_a_file_have_their_own_cars(here):
+    assert main(["league", "--config", "cars.toml", "--track", "oval", "--workers", "1", "--out", "out"]) == 0
+    setups = [Setup.read(path) for path in sorted((here / "out/heats").iterdir())]
+    assert {(entry.name, entry.car.name) for entry in setups[0].entries} == {("slow", "nuc2"), ("other", "f1tenth")}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["gap_finder"], "planners of a league: 1; accepted: two or more"),
+        (["gap_finder", "gap_finder"], "planner gap_finder is given twice; accepted: one or more, each once"),
+        (["gap_finder", "broken.py:Planner"], "No module named 'nothing_there'"),
+        (["gap_finder", "gap_findr"], "did you mean 'gap_finder'?"),
+        (["gap_finder", "pure_pursuit", "--cars", "3"], "--cars is 3 for 2 planners; accepted: 2 to 2"),
+        (["gap_finder", "pure_pursuit", "--rules", "f1"], "--rules is 'f1'; accepted: none, roboracer_2026"),
+        (["gap_finder", "pure_pursuit", "--grid", "row"], "--grid is 'row'; accepted: staggered"),
+        (["gap_finder", "pure_pursuit", "--tracks", "oval"], "did you mean '--track'"),
+        (["gap_finder", "pure_pursuit", "--seed", "-1"], "seed is -1"),
+        (["--config", "starts.toml"], "accepted: none, it is the grid's"),
+        (
+            ["gap_finder", "pure_pursuit", "--config", "box.toml", "--track", "oval"],
+            "'pure_pursuit' does not fit on 'oval'",
+        ),
+    ],
+)
+def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here, capsys, arguments, said):
+    line = refused(here, capsys, "league", *arguments, "--out", "out")
+    assert said in line and not (here / "out").exists()
+
+
+def test_files_of_one_name_are_told_apart_by_their_paths(here):
+    for name in ("alice", "bob"):
+        (here / name).mkdir()
+        (here / name / "planner.py").write_text(PLANNERS)
+    planners = ["alice/planner.py:Stands", "bob/planner.py:Stands", "mine.py:Stands"]
+    found = league(planners, out="out", **SHORT | {"time_limit": 0.1})
+    assert {each.planner for each in found.cells} == set(planners)
+
+
+def test_planners_that_are_objects_are_refused():
+    with pytest.raises(SettingsError, match="a planner of the league is"):
+        league([lambda scan, odometry: None, "gap_finder"], out="out")
+    with pytest.raises(ControllerError, match="is an object"):
+        league([fg.Entry(controller=lambda scan, odometry: None), "gap_finder"], out="out")
+
+
+def test_a_process_that_ended_tells_whose_turn_it_was(tmp_path):
+    path = str(tmp_path / "turn")
+    turn = Turn(path, 1.0)
+    assert read_turn(path) is None  # nobody's yet
+    turn = Turn(path, 1.0)
+    turn(1)
+    assert read_turn(path) == 1 and not (tmp_path / "turn").exists()
+    with Turn(path, 1.0):
+        pass
+    assert read_turn(path) is None
+    assert stuck("the worker ended by SIGVTALRM", 0.5) == "no command within 0.5 s, and nothing interrupted it"
+    assert stuck("the worker ended by SIGKILL", 0.5) is None
+
+
+LOOP = """
+import itertools, multiprocessing, sys
+from fg_mujoco.addons.arena import turn
+
+multiprocessing.parent_process = lambda: "as in a worker"
+turn._LAST_RESORT = 0.1
+turn.Turn(sys.argv[1], 0.1)(1)
+sum(itertools.repeat(0))
+"""
+
+
+def test_a_planner_that_no_signal_interrupts_ends_with_its_process_and_is_named(tmp_path):
+    path = str(tmp_path / "turn")
+    ended = subprocess.run([sys.executable, "-c", LOOP, path], check=False)
+    assert ended.returncode == -signal.SIGVTALRM and read_turn(path) == 1

@@ -1,0 +1,246 @@
+"""The lap map and the known line, in a ring that is driven with odometry that drifts; against geometry."""
+
+import math
+
+import numpy as np
+import pytest
+from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
+from scan_worlds import CAR
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.control.driving import REFERENCE
+from fg_mujoco.controllers.control.planner import PlannerBatch
+from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.addons.drivers.lap_map import see_lap
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
+from fg_mujoco.addons.drivers.known_line import (
+    DEMAND,
+    RADIUS,
+    REMEMBERED,
+    curvature_at,
+    follow_line,
+    free_on,
+    place_on,
+    shape_line,
+    speed_on,
+)
+from fg_mujoco.addons.drivers.least_time import quicken
+from fg_mujoco.addons.drivers.scout import Scout
+from fg_mujoco.messages import ODOMETRY
+
+RADIUS_DRIVEN = 3.0  # [m] of the circle that is driven in the ring
+RING = lines(box(-4.4, -4.4, 4.4, 4.4), box(-1.5, -1.5, 1.5, 1.5))
+SPEED = 3.0  # [m/s]
+LIMITER = FrictionLimiter(CAR, 0.66)
+CAR_ROW = LIMITER.record[0]["car"]
+
+
+def pose(way):
+    """Where the car is on its circle after a way [m], counterclockwise from the bottom: x, y and heading."""
+    angle = way / RADIUS_DRIVEN
+    return RADIUS_DRIVEN * math.sin(angle), -RADIUS_DRIVEN * math.cos(angle), angle
+
+
+def scan_at(walls, way):
+    x, y, heading = pose(way)
+    offset = CAR.lidar_offset
+    return seen_from(walls, x + offset * math.cos(heading), y + offset * math.sin(heading), heading + BEARINGS)
+
+
+def odometry(speed_error=1.0, yaw_error=1.0):
+    row = np.zeros(1, ODOMETRY)
+    row["speed"] = SPEED * speed_error
+    row["angular_velocity"][0, 2] = SPEED / RADIUS_DRIVEN * yaw_error
+    return row[0]
+
+
+def drive(remembered, from_way, laps, motion, walls=RING):
+    """Drive so many laps on, and return the way and the worst distance from the true place while the lap is closed."""
+    way, worst = from_way, 0.0
+    while way < from_way + laps * 2.0 * math.pi * RADIUS_DRIVEN:
+        way += SPEED * PERIOD
+        see_lap(remembered["lap"], GEOMETRY, scan_at(walls, way), motion, CAR.lidar_offset)
+        if remembered["lap"]["closed"]:
+            x, y, _ = pose(way)
+            lap = remembered["lap"]
+            worst = max(worst, math.hypot(lap["x"] - x, lap["y"] - RADIUS_DRIVEN - y))
+    return way, worst
+
+
+def line_of_ring():
+    """The lap and the finished line of the ring, driven with exact odometry."""
+    remembered = np.zeros(1, REMEMBERED)[0]
+    drive(remembered, 0.0, 1.1, odometry())
+    for _ in range(2000):
+        if not remembered["line"]["ready"]:
+            shape_line(remembered["line"], remembered["lap"], GEOMETRY, len(BEARINGS), LIMITER.record[0], 8.0)
+    assert remembered["line"]["ready"]
+    return remembered
+
+
+def test_drifting_odometry_is_corrected_once_the_lap_is_closed():
+    """The odometry is off by 1 %: without correction by .1 m after a lap, and more after each."""
+    remembered, motion = np.zeros(1, REMEMBERED)[0], odometry(0.99, 1.002)
+    way, _ = drive(remembered, 0.0, 1.1, motion)
+    assert remembered["lap"]["closed"]
+    _, worst = drive(remembered, way, 1.0, motion)
+    assert worst < 0.1
+    assert remembered["lap"]["fits"] > 0.95
+
+
+def test_the_error_of_the_dead_reckoning_is_taken_off_the_places_when_the_lap_closes():
+    """The speed of the second half is off by 2 %: the last places lie .12 m off the circle before that."""
+    remembered = np.zeros(1, REMEMBERED)[0]
+    way, _ = drive(remembered, 0.0, 0.5, odometry())
+    drive(remembered, way, 0.6, odometry(0.98, 1.0))
+    lap = remembered["lap"]
+    assert lap["closed"]
+    last = lap["places"][lap["count"] - 10 : lap["count"]]
+    assert np.hypot(last[:, 0], last[:, 1] - RADIUS_DRIVEN) == pytest.approx(RADIUS_DRIVEN, abs=0.06)
+
+
+def test_a_lap_is_not_closed_where_the_walls_are_others():
+    remembered = np.zeros(1, REMEMBERED)[0]
+    way, _ = drive(remembered, 0.0, 0.8, odometry())
+    drive(remembered, way, 0.4, odometry(), lines(box(-6.0, -5.0, 5.2, 6.0)))
+    assert not remembered["lap"]["closed"]
+
+
+def test_the_lap_is_forgotten_where_the_scan_fits_no_longer():
+    remembered = np.zeros(1, REMEMBERED)[0]
+    way, _ = drive(remembered, 0.0, 1.1, odometry())
+    assert remembered["lap"]["closed"]
+    drive(remembered, way, 0.3, odometry(), lines(box(-6.0, -5.0, 5.2, 6.0)))
+    assert not remembered["lap"]["closed"]
+
+
+def test_the_line_keeps_clear_of_the_walls_and_has_less_second_differences_than_the_path():
+    line = line_of_ring()["line"]
+    points = line["points"][: line["count"]]
+    x, y = points[:, 0], points[:, 1] - RADIUS_DRIVEN  # the lap begins at the bottom of the circle
+    outer, inner = 4.4 - np.maximum(abs(x), abs(y)), np.hypot(*np.maximum(abs(np.array([x, y])) - 1.5, 0.0))
+    assert np.minimum(outer, inner).min() > 0.5 * CAR.width + 0.1
+    second = np.roll(points[:, :2], 1, 0) - 2.0 * points[:, :2] + np.roll(points[:, :2], -1, 0)
+    of_path = len(points) * ((2.0 * math.pi / len(points)) ** 2 * RADIUS_DRIVEN) ** 2
+    assert np.sum(second**2) < 0.9 * of_path
+    assert np.sum(points[:, CURVATURE]) * line["spacing"] == pytest.approx(2.0 * math.pi, rel=0.02)
+
+
+def test_the_car_brakes_for_a_corner_as_late_as_the_limiter_can():
+    points = np.zeros((64, 6))
+    points[:, RADIUS], points[40:, RADIUS] = 1e3, 0.8
+    corner = LIMITER.lateral * 0.8
+    assert speed_on(points[40:], 0.0, 0.25, LIMITER.record[0], 0.0) == pytest.approx(math.sqrt(corner))
+    before = speed_on(points[20:], 0.0, 0.25, LIMITER.record[0], 0.0) ** 2
+    assert before == pytest.approx(corner + 2.0 * 0.85 * LIMITER.braking * 20 * 0.25)
+    between = speed_on(points[20:], 0.5, 0.25, LIMITER.record[0], 0.0) ** 2
+    assert before - between == pytest.approx(2.0 * 0.85 * LIMITER.braking * 0.5 * 0.25)
+    points[:40, DEMAND] = 0.3  # in a bend there is less for braking
+    assert speed_on(points[20:], 0.0, 0.25, LIMITER.record[0], 0.0) ** 2 < before - 1.0
+
+
+def circle(radius, count):
+    """Points of a circle round (0, radius), counterclockwise from the bottom, as a known line has them."""
+    angles = 2.0 * math.pi * np.arange(count) / count
+    points = np.zeros((count, 6))
+    points[:, X], points[:, Y] = radius * np.sin(angles), radius - radius * np.cos(angles)
+    points[:, HEADING], points[:, CURVATURE] = angles, 1.0 / radius
+    return points, 2.0 * math.pi * radius / count
+
+
+@pytest.mark.parametrize("share", np.linspace(0.05, 0.95, 7).tolist())
+def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
+    """The points are .084 rad apart: to the chord the car would be .0026 m more to the right in the middle of it."""
+    points, spacing = circle(3.0, 75)
+    angle = (3 + share) * spacing / 3.0
+    x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
+    along, aside, turned = place_on(points, 4, spacing, x, y, angle + 0.05)
+    assert along == pytest.approx(3 + share, abs=0.04)
+    assert turned == pytest.approx(0.05, abs=0.005)
+    assert aside == pytest.approx(0.1, abs=5e-4)
+
+
+def test_the_curvature_is_read_between_the_points():
+    points = np.zeros((4, 6))
+    points[:, CURVATURE] = 0.0, 0.2, 0.4, 0.4
+    assert [curvature_at(points, place) for place in (0.5, 1.25, 9.0)] == pytest.approx([0.1, 0.25, 0.4])
+
+
+def moved_in_ring(moves, weight=1.0):
+    """How far the points of a circle of 3 m are moved within .5 m to either side, by moves for less lap time."""
+    points, _ = circle(3.0, 75)
+    normals = np.column_stack((-np.sin(points[:, HEADING]), np.cos(points[:, HEADING])))
+    aside = np.tile([0.0, -0.5, 0.5], (len(points), 1))
+    for _ in range(moves):
+        weight = quicken(points[:, :2].copy(), normals, aside, weight, LIMITER.record[0], 0.9, 0.95, 8.0)
+    return aside[:, 0]
+
+
+def test_the_quickest_lap_of_a_ring_is_along_its_inner_wall():
+    """At the cornering acceleration a the lap takes 2 pi sqrt(r / a): less for a smaller radius r."""
+    assert moved_in_ring(40) == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_move_that_makes_no_lap_shorter_is_not_made():
+    points, _ = circle(3.0, 75)
+    normals = np.column_stack((-np.sin(points[:, HEADING]), np.cos(points[:, HEADING])))
+    aside = np.tile([0.5, -0.5, 0.5], (len(points), 1))  # along the inner wall already
+    weight = quicken(points[:, :2].copy(), normals, aside, 1.0, LIMITER.record[0], 0.9, 0.95, 8.0)
+    assert aside[:, 0] == pytest.approx(0.5, abs=2e-3) and weight > 0.0
+
+
+def test_braking_on_the_line_takes_nothing_of_the_cornering():
+    """A car that is too fast for its steering angle keeps that angle elsewhere to .9 of what the tires hold."""
+    remembered = line_of_ring()
+    line, lap, motion = remembered["line"], remembered["lap"], odometry()
+    lap["x"], lap["y"], lap["heading"] = line["points"][0, :3]
+    reference = np.zeros(1, REFERENCE)[0]
+    follow_line(line, lap, GEOMETRY, scan_at(RING, 0.0), LIMITER.record[0], motion, reference)
+    for limiter, share in ((LIMITER.record[0], 0.9), (line["limiter"], 1.0)):
+        steering, _ = held_on_circle(limiter, 0.4, 5.0, 5.0, 1.0)
+        assert math.tan(steering) / CAR.wheelbase * 25.0 == pytest.approx(share * LIMITER.lateral)
+
+
+@pytest.mark.parametrize("away", [3.0, None])
+def test_something_new_on_the_line_is_seen(away):
+    remembered = np.zeros(1, REMEMBERED)[0]
+    points = np.zeros((64, 6))
+    points[:, 0] = 0.25 * np.arange(64)
+    walls = lines([(-20.0, -1.0), (20.0, -1.0)], [(-20.0, 1.0), (20.0, 1.0)])
+    if away is not None:
+        walls = np.concatenate((walls, lines(box(away, -0.1, away + 0.2, 0.1))))
+    ranges = seen_from(walls, CAR.lidar_offset, 0.0, BEARINGS)
+    free = free_on(points, 0.25, remembered["lap"], GEOMETRY, ranges, CAR_ROW)
+    assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
+
+
+def test_planners_that_do_not_remember_have_no_memory_of_laps():
+    assert len(PlannerBatch(GapFinder, [GapFinder(CAR, 0.66)]).remembered) == 0
+    remembers = GapFinder(CAR, 0.66, 8.0, GapFinderSettings(remember=True))
+    assert len(PlannerBatch(GapFinder, [remembers, GapFinder(CAR, 0.66)]).remembered) == 2
+
+
+def test_laps_after_the_first_are_faster_and_no_tire_slides():
+    """Without `remember` laps 2 and 3 take 21.1 s."""
+    car = fg.race("tight", "gap_finder[remember=true]", laps=3, mu=0.66).car
+    assert car.finished and car.collisions_wall == 0
+    assert car.lap_times_s[2] < 0.93 * 21.1
+    assert car.max_slide_m_s < 0.01
+
+
+def test_odometry_that_is_off_by_two_percent_does_not_take_the_car_off_its_line():
+    """Left alone, the error takes 1 m/s^2 from braking, and the car leaves the line in lap 2."""
+    car = fg.race("chicanes", "scout", laps=2, mu=0.66, odometry_drift=0.02).car
+    assert car.finished and car.collisions_wall == 0
+
+
+def test_the_scout_is_the_gap_finder_that_remembers_and_its_line_is_closed():
+    told = [fg.race("oval", name, laps=2).car.lap_times_s for name in ("scout", "gap_finder[remember=true]")]
+    assert told[0] == told[1]
+    planner = Scout(CAR, 1.0489)
+    assert planner.known_line().shape == (0, 2)
+    assert fg.race("oval", planner, laps=2).car.finished
+    points = planner.known_line()
+    steps = np.hypot(*(np.roll(points, -1, 0) - points).T)
+    assert np.ptp(steps) < 0.02 and 35.0 < steps.sum() < 60.0

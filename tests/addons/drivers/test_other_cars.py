@@ -1,0 +1,256 @@
+"""Other cars in the scan: a box that moves is told from one that stands, and where it goes is measured.
+
+The world is flat: a corridor, and a box of 12 x 12 cm, worked out beam by beam.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+
+from fg_mujoco.addons.drivers.overtaker import Overtaker
+from fg_mujoco.addons.drivers.other_cars import (
+    OTHER_CARS,
+    TOLD,
+    find_boxes,
+    follow_told,
+    is_told,
+    read_told,
+    watch_cars,
+)
+from fg_mujoco.controllers.perception.scan_filters import noise_of
+from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
+from fg_mujoco.messages import ODOMETRY, Reading, columns_of_others
+
+HALF = 0.06  # [m] of a box
+PERIOD = 0.025
+WALLS = corridor(1.4, 1.4, 12.0)
+
+
+def with_box(x, y, heading):
+    """Ranges of a scan of the corridor with a box at a place [m] and a heading [rad], as the LiDAR sees it."""
+    bearings = WALLS.bearings
+    cos, sin = math.cos(heading), math.sin(heading)
+    origin = np.array([-cos * x - sin * y, sin * x - cos * y])  # of the LiDAR, in the frame of the box
+    towards = np.stack((np.cos(bearings - heading), np.sin(bearings - heading)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides = (np.array([[-HALF], [HALF]])[:, :, np.newaxis] - origin[np.newaxis, :, np.newaxis]) / towards
+    enter, leave = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
+    hit = np.where((enter <= leave) & (enter > 0.0), enter, math.inf)
+    return np.minimum(WALLS.ranges, hit)
+
+
+def record(kind, values):
+    row = np.zeros(1, kind)
+    for name, value in zip(kind.names, values, strict=True):
+        row[0][name] = value
+    return row[0]
+
+
+CAR_ROW = Overtaker(CAR, MU).driver[0]["car"]
+SCAN_ROW = record(SCAN, scan_values(WALLS))
+
+
+def odometry_row(speed):
+    return record(ODOMETRY, [getattr(odometry_of(speed), name) for name in ODOMETRY.names])
+
+
+def watched(place, speed, ticks, own_speed, noise=0.0):
+    """The memory after some ticks: the planner's car drives straight on, the box as `place` says by the time."""
+    memory, rng = np.zeros(1, OTHER_CARS)[0], np.random.default_rng(5)
+    seen = False
+    for tick in range(ticks):
+        time = tick * PERIOD
+        x, y = place(time)
+        ranges = with_box(x - own_speed * time, y, 0.0)
+        scan = scan_of(ranges + rng.normal(0.0, noise, len(ranges)))
+        seen = watch_cars(memory, SCAN_ROW, scan.ranges, odometry_row(own_speed), CAR.lidar_offset)
+    return memory, seen
+
+
+def test_a_box_is_found_where_it_is():
+    rng = np.random.default_rng(3)
+    found = np.zeros((16, 2))
+    for _ in range(200):
+        x, y, heading = rng.uniform(0.6, 7.0), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi)
+        count = find_boxes(SCAN_ROW, with_box(x, y, heading), 0.005, found)
+        assert count == 1, (x, y)
+        assert math.hypot(found[0, 0] - x, found[0, 1] - y) < 0.05
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.01, 0.02, 0.03])
+def test_walls_are_no_boxes(noise):
+    rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
+    for _ in range(40):
+        walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
+        measured.append(noise_of(walls, WALLS.range_max))
+        assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
+    assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
+    assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "off"), [(0.0, 0.2), (0.03, 0.4)])
+@pytest.mark.parametrize("own_speed", [0.0, 4.0])
+def test_velocity_of_a_car_is_measured(own_speed, noise, off):
+    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
+    assert seen
+    (car,) = [car for car in memory["cars"] if car["moves"]]
+    assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
+    assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
+    memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
+    assert not seen
+    assert not memory["cars"]["moves"].any()
+
+
+def test_a_car_that_stops_stays_a_car():
+    memory, seen = watched(lambda time: (3.0 + 2.0 * min(time, 0.5), 0.3), 2.0, 60, 0.0)
+    assert seen
+    (car,) = [car for car in memory["cars"] if car["age"] > 0]
+    assert math.hypot(car["vx"], car["vy"]) < 0.3
+
+
+@pytest.mark.slow
+def test_a_car_that_is_gone_from_plain_view_is_forgotten_soon():
+    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
+    assert seen
+    for _ in range(8):
+        seen = watch_cars(memory, SCAN_ROW, np.array(WALLS.ranges), odometry_row(0.0), CAR.lidar_offset)
+    assert not seen
+
+
+def test_a_car_that_was_passed_is_kept_for_a_while():
+    memory, seen = watched(lambda time: (0.6, 0.6), 0.0, 1, 0.0)
+    memory, seen = watched(lambda time: (1.0 + 1.0 * time, 0.6), 1.0, 56, 3.0)  # 1.8 m nearer: behind the view
+    assert memory["cars"]["moves"].any()
+    (car,) = [car for car in memory["cars"] if car["moves"]]
+    assert car["unseen"] > 0.0 and seen
+
+
+def test_odometry_that_is_none_forgets_all():
+    memory, _ = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
+    assert not watch_cars(memory, SCAN_ROW, np.array(WALLS.ranges), odometry_row(math.nan), CAR.lidar_offset)
+    assert (memory["cars"]["age"] == 0).all()
+    assert math.isfinite(memory["x"])
+
+
+# -- cars whose odometry is told
+
+
+def told_of(*cars, stamp=1.0):
+    """What a planner has been told: rows of x, y, heading, speed and yaw rate."""
+    memory = np.zeros(1, TOLD)[0]
+    values = np.array(cars, np.float64).ravel()
+    stamps = np.empty(0)
+    columns = columns_of_others(len(cars))
+    reading = Reading(
+        stamp=stamp, values=values, columns=columns, stamps=stamps, samples=np.empty((0, len(values)))
+    )  # fmt: skip
+    read_told(memory, reading)
+    return memory
+
+
+def own_row(pose, stamp=1.0, speed=0.0):
+    row = odometry_row(speed)
+    row["stamp"], row["pose"] = stamp, pose
+    return row
+
+
+def followed(seen, told, pose, ranges=WALLS.ranges, stamp=1.0):
+    """Whether there are cars, and where their middles are from the LiDAR, ahead and to the left [m]."""
+    there = follow_told(seen, told, SCAN_ROW, np.array(ranges), own_row(pose, stamp), CAR_ROW)
+    cos, sin = math.cos(seen["heading"]), math.sin(seen["heading"])
+    places = {}
+    for k, car in enumerate(seen["cars"]):
+        if car["age"] > 0:
+            dx, dy = car["x"] - seen["x"], car["y"] - seen["y"]
+            places[k] = cos * dx + sin * dy, cos * dy - sin * dx
+    return there, places
+
+
+def on_circle(time, radius=5.0, speed=2.0):
+    """Where a car is that drives a circle: pose, speed and yaw rate."""
+    angle = speed * time / radius
+    return radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle, speed, speed / radius
+
+
+@pytest.mark.parametrize("late", [0.0, 0.1, 0.3])
+def test_a_car_that_is_told_is_where_it_has_come_since(late):
+    seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
+    there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
+    x, y, heading, speed, yaw_rate = on_circle(1.0)
+    middle = 0.5 * CAR.length - CAR.rear_overhang
+    dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
+    ahead, left = math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset, math.cos(0.1) * dy - math.sin(0.1) * dx
+    assert there
+    assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
+    car = seen["cars"][0]
+    assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
+    assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
+    assert car["moves"]
+
+
+def test_a_car_that_stands_is_known_at_once_and_one_behind_a_wall_is_not():
+    seen = np.zeros(1, OTHER_CARS)[0]
+    standing, next_door = (3.0, 0.3, 0.0, 0.0, 0.0), (3.0, 3.0, 0.0, 2.0, 0.0)
+    there, places = followed(seen, told_of(next_door, standing), (0.0, 0.0, 0.0))
+    assert there and len(places) == 1
+    (ahead, left) = places[0]
+    assert left == pytest.approx(0.3) and 2.5 < ahead < 3.5
+    there, places = followed(seen, told_of(next_door), (0.0, 0.0, 0.0))
+    assert not there and not places
+
+
+def test_a_car_that_goes_out_of_sight_is_kept_for_a_while_and_beside_as_long_as_it_is_near():
+    pose, ahead, beside = (0.0, 0.0, 0.0), (4.0, 0.0, 0.0, 2.0, 0.0), (-0.6, 0.6, 0.0, 2.0, 0.0)
+    hidden = np.minimum(WALLS.ranges, 2.0)
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(ahead, (0.5, 0.6, 0.0, 2.0, 0.0))
+    assert len(followed(seen, told, pose)[1]) == 2
+    told["cars"][1] = beside  # no beam goes there
+    kept = [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(80)]
+    assert kept[0] == [0, 1] and kept[-1] == [1]
+    assert [0, 1] in kept[30:33] and kept[34] == [1]  # 0.8 s
+    told["cars"][1, 0] = -3.0
+    assert [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(2)][-1] == []
+
+
+def test_of_many_cars_those_that_are_followed_stay_the_same():
+    pose, rows = (0.0, 0.0, 0.0), [(1.0 + 0.5 * k, 0.0, 0.0, 1.0, 0.0) for k in range(9)]
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(*rows)
+    first = followed(seen, told, pose)[1]
+    assert len(first) == len(seen["cars"])
+    told["cars"][2, :2] = math.nan  # it has left
+    second = followed(seen, told, pose)[1]
+    assert [second[k] == first[k] for k in range(6)].count(True) == 5 and len(second) == 6
+
+
+def test_what_is_told_too_late_or_without_a_pose_is_not_used():
+    told = told_of((3.0, 0.0, 0.0, 1.0, 0.0))
+    assert is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.4))
+    assert not is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.6))
+    assert not is_told(told, own_row((math.nan, 0.0, 0.0)))
+    assert not is_told(np.zeros(1, TOLD)[0], own_row((0.0, 0.0, 0.0), stamp=0.1))
+
+
+def test_a_reading_of_something_else_is_left_out():
+    told = np.zeros(1, TOLD)[0]
+    for values, columns in ((np.ones(5), ("a", "b", "c", "d", "e")), (np.ones(3), ("x_m", "y_m", "heading_rad"))):
+        stamps, samples = np.empty(0), np.empty((0, len(values)))
+        read_told(told, Reading(stamp=1.0, values=values, columns=columns, stamps=stamps, samples=samples))
+    assert told["stamp"] == 0.0
+
+
+def test_a_car_that_comes_back_does_not_take_the_place_of_another_one():
+    pose, first, second, gone = (0.0, 0.0, 0.0), (2.0, 0.5, 0.0, 1.0, 0.0), (3.0, -0.5, 0.0, 1.0, 0.0), (math.nan,) * 5
+    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(first, gone)
+    assert sorted(followed(seen, told, pose)[1]) == [0]
+    told["cars"][:2] = gone, second
+    assert sorted(followed(seen, told, pose)[1]) == [0]
+    told["cars"][:2] = first, second
+    places = followed(seen, told, pose)[1]
+    assert sorted(left for _, left in places.values()) == pytest.approx([-0.5, 0.5])

@@ -1,0 +1,79 @@
+"""The overtaker: alone it is the gap finder; it passes where there is room, and keeps behind where there is none."""
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, MU, corridor, odometry_of
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.addons.drivers.overtaker import Overtaker, OvertakerSettings
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
+
+
+def duel(track, opponent, seed, ratio=0.5, laps=1):
+    """The figures of a duel of the overtaker."""
+    settings = DuelSettings(laps=laps, slowest=ratio, fastest=ratio)
+    key = DuelKey("overtaker", None, str(track), opponent, seed)
+    row = Duel(key, ControllerChoice.of("overtaker"), settings).drive()
+    assert row.figures.outcome != "failed", row.figures.message
+    return row.figures
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("track", "settings"),
+    [
+        ("chicanes", {}),
+        ("chicanes", {"obstacles": 6}),
+        ("chicanes", {"lidar_noise": 0.01}),
+        ("chicanes", {"obstacles": 6, "lidar_noise": 0.03}),
+        ("chicanes", {"lidar_effects": "ipz20"}),
+        ("l_corridor", {"obstacles": 6, "obstacle_seed": 20, "lidar_noise": 0.03, "seed": 0}),
+    ],
+)
+def test_alone_it_is_the_gap_finder_that_predicts_nothing_to_the_last_bit(track, settings):
+    names = ("overtaker", "gap_finder", "gap_finder[prediction=false]")
+    results = [fg.race(track, name, **{"laps": 1, "seed": 2} | settings) for name in names]
+    assert results[0].car.finished and results[0].car.collisions_wall == 0
+    assert len({result.trajectory_sha256 for result in results}) == 1
+
+
+def test_it_passes_where_there_is_room():
+    figures = duel("oval", "centreline", 1)
+    assert figures.outcome == "overtaken"
+    assert figures.time_lost_s < 2.0
+
+
+@pytest.mark.slow
+def test_it_keeps_behind_where_there_is_none(tmp_path):
+    """A ring as wide as two and a half cars, and the other in its middle."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
+    rows = [f"{6.0 * np.cos(a):.6f}, {6.0 * np.sin(a):.6f}, 0.4, 0.4" for a in turns]
+    path = tmp_path / "ring.csv"
+    path.write_text("# x_m, y_m, w_tr_right_m, w_tr_left_m\n" + "\n".join(rows) + "\n")
+    figures = duel(path, "centreline", 0)
+    assert figures.outcome == "behind", figures
+    assert figures.message is None
+
+
+def test_a_batch_decides_as_each_does():
+    scans = [corridor(1.0, 1.4, 6.0), corridor(0.6, 0.9)]
+    planners = [Overtaker(CAR, MU), Overtaker(CAR, MU)]
+    batch, commands = Overtaker.batch(planners), np.zeros((2, 2))
+    odometry = np.zeros(2, fg.messages.ODOMETRY)
+    odometry["speed"] = 2.0, 3.0
+    for _ in range(3):
+        ranges = np.stack([scan.ranges for scan in scans])
+        batch(scans[0], ranges, odometry, np.ones(2, np.bool_), commands)
+        alone = [
+            planner(scan, odometry_of(speed)) for planner, scan, speed in zip(planners, scans, (2.0, 3.0), strict=True)
+        ]
+    assert commands.tolist() == [[command.steering_angle, command.speed] for command in alone]
+
+
+def test_it_has_the_settings_of_the_gap_finder():
+    with pytest.raises(SettingsError, match="braking"):
+        OvertakerSettings(braking=0.0)
+    assert set(vars(GapFinder.Settings())) < set(vars(OvertakerSettings()))

@@ -1,0 +1,224 @@
+"""The fastest line of a circuit: closed forms, finite differences, and the racelines that others made."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.addons.drivers import line_optimizer
+from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
+from fg_mujoco.controllers.control.racelines import read_line
+from fg_mujoco.course.clearance import clearances, outline
+from fg_mujoco.errors import ControllerError, SettingsError, TrackError
+from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
+from fg_mujoco.addons.drivers.racelines import raceline
+from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
+from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+CAR = Vehicle.load().parameters
+MU = 1.0489
+SHARED = Path(__file__).parents[4] / "shared" / "data" / "circuits"
+TURNS = 2.0 * math.pi * np.arange(400) / 400
+
+
+def ring(radius):
+    return radius * np.column_stack((np.cos(TURNS), np.sin(TURNS)))
+
+
+def even_grip(lateral=8.0, ahead=4.0, back=5.0, power=30.0, max_speed=9.0):
+    """A g-g diagram of ellipses."""
+    left = np.sqrt(1.0 - np.linspace(0.0, 1.0, 65) ** 2)
+    return Grip(lateral=lateral, accelerating=ahead * left, braking=back * left, power=power, max_speed=max_speed)
+
+
+def lap(bends, steps, grip):
+    arrays = [np.empty(len(bends)) for _ in range(3)]
+    numbers = *line_optimizer._numbers(grip), 1.3, line_optimizer._LOCK_PRICE
+    time = line_optimizer.fastest_lap(bends, steps, *numbers, *arrays)
+    return time, *arrays
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_derivative_of_the_lap_time_is_that_of_finite_differences(seed):
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * math.pi * np.arange(150) / 150
+    bends = sum(rng.normal(0.0, 0.6 / order) * np.sin(order * phase + rng.uniform(0.0, 6.3)) for order in range(1, 9))
+    steps = rng.uniform(0.15, 0.25, 150)
+    time, _, by_bend, by_step = lap(bends, steps, even_grip())
+    for values, found in ((bends, by_bend), (steps, by_step)):
+        for place in rng.integers(0, 150, 25):
+            around = []
+            for change in (-1e-7, 1e-7):
+                changed = values.copy()
+                changed[place] += change
+                around.append(
+                    lap(changed if values is bends else bends, changed if values is steps else steps, even_grip())[0]
+                )
+            assert found[place] == pytest.approx((around[1] - around[0]) / 2e-7, abs=2e-4 * time)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
+    """A lap of radius R takes 2 pi sqrt(R / a), so the least radius is best: half a car and the margin off the wall."""
+    sides = [ring(4.0)[::direction]], [ring(6.0)[::direction]]
+    walls = Walls.of(*sides[::direction])
+    found = optimize_line(ring(5.0)[::direction], walls, CAR, even_grip(max_speed=20.0, power=1e3), margin=0.1)
+    radius = 4.0 + 0.5 * CAR.width + 0.1
+    assert np.hypot(*found.points.T) == pytest.approx(radius, abs=0.005)
+    assert found.lap_time == pytest.approx(2.0 * math.pi * math.sqrt(radius / 8.0), rel=2e-3)
+
+
+def test_points_are_spread_evenly_along_the_curve_through_them():
+    points = ring(3.0) * (1.0 + 0.1 * np.sin(2.0 * TURNS))[:, None]
+    even = spread(points, 0.2)
+    steps = np.hypot(*(np.roll(even, -1, axis=0) - even).T)
+    assert steps == pytest.approx(steps.mean(), rel=2e-3)
+    angle = np.arctan2(even[:, 1], even[:, 0])
+    assert np.hypot(*even.T) == pytest.approx(3.0 * (1.0 + 0.1 * np.sin(2.0 * angle)), abs=1e-4)
+
+
+def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
+    """The lighter axle lets go at g (l / b) / (h / b + 1 / (2 mu)); all tires of one friction hold mu g aside."""
+    grip = double_track_grip(Entry(mu=MU))
+    b, h = CAR.wheelbase, CAR.center_of_gravity_height
+    for found, lever in ((grip.accelerating, CAR.rear_axle_distance), (grip.braking, CAR.front_axle_distance)):
+        assert found[0] == pytest.approx(CAR.gravity * lever / b / (h / b + 0.5 / MU), rel=1e-6)
+        assert (np.diff(found) <= 1e-9).all() and found[-1] == pytest.approx(0.0, abs=0.05)
+    assert grip.lateral == pytest.approx(MU * CAR.gravity, rel=1e-6)
+
+
+def test_two_tracks_hold_no_more_than_one():
+    grip, single = double_track_grip(Entry(mu=MU)), HoldingCar(mu=MU, car=CAR, max_speed=8.0)
+    for place, lateral in enumerate(np.linspace(0.0, grip.lateral, len(grip.braking)).tolist()):
+        assert grip.braking[place] <= single.braking(lateral, 1.0) + 1e-6
+        assert grip.accelerating[place] <= single.acceleration(lateral, 1.0) + 1e-6
+
+
+def test_tires_whose_peak_falls_with_the_load_hold_less():
+    loaded = double_track_grip(Entry(tires="forzaeth_nuc5", mu=1.0)).lateral
+    assert 0.5 * CAR.gravity < loaded < 1.0 * CAR.gravity
+
+
+@pytest.mark.parametrize(
+    "name", ["Spielberg", *(pytest.param(name, marks=pytest.mark.slow) for name in ("Monza", "Zandvoort"))]
+)
+def test_bound_is_at_least_as_good_as_that_of_the_shared_raceline(name):
+    if not SHARED.exists():
+        pytest.skip(f"{SHARED} is absent")
+    ours = make_raceline(Setup(track=str(SHARED / f"{name}_map.yaml")))
+    theirs = smooth_line(read_line(SHARED / f"{name}_raceline.csv")[0][:-1], 0.002, spacing=0.1)
+    own = smooth_line(spread(ours.points[::5], 0.1), 0.002, spacing=0.1)
+    for limits in (PointMass(mu=MU, car=CAR, max_speed=8.0), HoldingCar(mu=MU, car=CAR, max_speed=8.0)):
+        assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
+    assert ours.clearance > 0.08
+
+
+def test_line_passes_obstacles_and_islands():
+    line = make_raceline(Setup(track="oval", obstacles=6, obstacle_seed=2))
+    assert line.clearance > 0.06
+    free = make_raceline(Setup(track="oval"))
+    assert line.lap_time > free.lap_time
+
+
+def test_least_time_is_faster_and_least_curvature_bends_less():
+    time, curvature = (make_raceline(Setup(track="tight"), objective=each) for each in ("time", "curvature"))
+    assert time.lap_time < curvature.lap_time
+    assert np.sum(curvature.curvature**2 * curvature.steps) < np.sum(time.curvature**2 * time.steps)
+
+
+def test_file_is_read_back_and_its_columns_agree(tmp_path):
+    line = make_raceline(Setup(track="oval"))
+    points, speeds = read_line(line.write(tmp_path / "line.csv"))
+    rows = np.loadtxt(tmp_path / "line.csv", delimiter=";")
+    s, x, y, heading, bend, speed, ahead = rows.T
+    assert points == pytest.approx(np.column_stack((x, y))) and speeds == pytest.approx(speed)
+    assert rows[0, 1:] == pytest.approx(rows[-1, 1:], abs=1e-6) and s[-1] == pytest.approx(line.length)
+    assert np.diff(np.unwrap(heading)) / np.diff(s) == pytest.approx(0.5 * (bend[1:] + bend[:-1]), abs=0.02)
+    along = np.arctan2(np.diff(y), np.diff(x))
+    assert np.cos(along - heading[:-1]) == pytest.approx(1.0, abs=1e-3)
+    gained = np.diff(speed**2) / (2.0 * np.diff(s))
+    assert np.median(np.abs(gained - ahead[:-1])) < 0.05
+    assert (line.use < 1.1).all() and line.use.max() > 0.95
+
+
+def test_command_writes_line_and_picture(tmp_path, capsys):
+    csv, png = tmp_path / "line.csv", tmp_path / "line.png"
+    assert main(["raceline", "oval", "--mu", "0.66", "--out", str(csv), "--picture", str(png)]) == 0
+    assert "lap-time bound" in capsys.readouterr().out
+    assert read_line(csv)[1].max() <= 8.0 and png.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["oval", "--margin", "1.2"], "accepted: 2.71 m, the car and a margin of 1.2 m"),
+        (["oval", "--margin", "-1"], "margin is -1.0; accepted: a number from 0"),
+        (["oval", "--objective", "beauty"], "accepted: time, curvature"),
+        (["scene:dead_end:0"], "accepted: a circuit"),
+        (["oval", "--out", "line.txt"], "accepted: one that ends in .csv"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(arguments, said, capsys):
+    try:
+        code = main(["raceline", *arguments])
+    except SystemExit as stopped:
+        code = stopped.code
+    error = capsys.readouterr().err
+    assert code == 2 and said in error and error.count("\n") == 1
+
+
+def test_file_without_widths_is_refused(tmp_path):
+    rows = [f"{x}, {y}" for x, y in ring(5.0).tolist()]
+    (tmp_path / "line.csv").write_text("\n".join(rows))
+    with pytest.raises(TrackError, match="width"):
+        make_raceline(Setup(track=str(tmp_path / "line.csv")))
+
+
+@pytest.mark.parametrize("objective", ["time", "curvature"])
+def test_solver_that_does_not_converge_is_said(objective, monkeypatch):
+    monkeypatch.setattr(line_optimizer, "least_on_ring", lambda *_: None)
+    with pytest.raises(SettingsError, match="does not converge; accepted"):
+        make_raceline(Setup(track="oval"), objective=objective)
+
+
+def test_pure_pursuit_makes_its_own_line_and_is_faster_on_it():
+    centreline, own = (fg.race("oval", f"pure_pursuit[line={line}]", laps=1).car for line in ("centreline", "raceline"))
+    assert own.finished and own.max_slide_m_s < 0.01 and own.lap_times_s[0] < centreline.lap_times_s[0]
+
+
+def test_walls_are_told_apart_by_the_side_of_the_line_on_which_they_lie():
+    box = np.array([[5.2, 0.1], [4.7, 0.1], [4.7, -0.1], [5.2, -0.1]])  # most of it to the left of the line
+    walls = line_optimizer.walls_beside(ring(5.0), (ring(6.0), ring(4.0), box))
+    radius = np.hypot(*walls.points.T)
+    assert (walls.sides[radius > 5.5, 0] == -1.0).all() and (walls.sides[radius < 4.5, 0] == 1.0).all()
+    assert (walls.sides[(radius > 4.5) & (radius < 5.5), 0] == 1.0).all()
+
+
+def test_own_line_without_walls_is_refused():
+    with pytest.raises(ControllerError, match="on a circuit whose walls are known"):
+        fg.race("scene:dead_end:0", "pure_pursuit[line=raceline]")
+
+
+def test_the_clearance_of_a_line_is_that_to_everything_that_stands():
+    course = fg.load_track("hairpins")
+    poses = np.column_stack((course.centreline, course.headings))
+    poses[:, :2] += np.random.default_rng(0).normal(0.0, 0.1, (len(poses), 2))
+    standing = np.concatenate([outline(each) for each in course.edges])
+    every = clearances(poses, standing, CAR)
+    reach = CAR.length + float((course.corridor_left + course.corridor_right).max())
+    np.testing.assert_array_equal(raceline._clearances(poses, standing, CAR, reach), every)
+
+
+def test_a_circuit_whose_line_would_take_minutes_is_refused_at_once():
+    count = 4500
+    turns = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
+    line = 1400.0 * np.column_stack((np.cos(turns), np.sin(turns)))
+    long = fg.Track(name="long", centreline=line, width_right=np.full(count, 1.5), width_left=np.full(count, 1.5))
+    with pytest.raises(TrackError, match=r"'long' is 8796 m long; accepted: up to 8000 m"):
+        make_raceline(Setup(track=long))

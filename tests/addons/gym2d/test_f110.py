@@ -1,0 +1,459 @@
+"""The interface of f1tenth_gym v0.2: a script written to it laps a map here."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from map_oracles import draw_map, real_map, ring
+
+from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.course.maps.map_track import read_map
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.addons.gym2d import gym_world
+from fg_mujoco.lidar.lidar import RaycastLidar
+from fg_mujoco.simulation.cars import first_overlap
+from fg_mujoco.simulation.world import LIDAR_PREFIX
+
+KEYS = {
+    "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
+    "collisions", "lap_times", "lap_counts",
+}  # fmt: skip
+
+
+class WaypointFollower:
+    """Pure pursuit, written to the interface and to nothing else."""
+
+    def __init__(self, waypoints, *, speed=3.0, lookahead=0.9, wheelbase=0.33):
+        self.waypoints, self.speed, self.lookahead, self.wheelbase = waypoints, speed, lookahead, wheelbase
+
+    def plan(self, obs):
+        x, y, theta = obs["poses_x"][0], obs["poses_y"][0], obs["poses_theta"][0]
+        distance = np.hypot(*(self.waypoints - (x, y)).T)
+        ahead = np.roll(np.arange(len(distance)), -int(np.argmin(distance)))
+        goal = self.waypoints[ahead[np.argmax(distance[ahead] >= self.lookahead)]]
+        aside = math.cos(theta) * (goal[1] - y) - math.sin(theta) * (goal[0] - x)
+        return np.array([[math.atan(2.0 * self.wheelbase * aside / self.lookahead**2), self.speed]])
+
+
+def first_pose(waypoints):
+    (x, y), (next_x, next_y) = waypoints[:2]
+    return np.array([[x, y, math.atan2(next_y - y, next_x - x)]])
+
+
+def drive(env, waypoints, **settings):
+    """Run the loop of a script; return the observations."""
+    planner = WaypointFollower(waypoints, **settings)
+    obs, reward, done, info = env.reset(first_pose(waypoints))
+    observed, time = [obs], reward
+    while not done and time < 200.0:
+        obs, reward, done, info = env.step(planner.plan(obs))
+        observed.append(obs)
+        time += reward
+    return observed, time, done, info
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    draw_map(tmp_path, ring())
+    return tmp_path / "drawn"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn, backwards):
+    waypoints = read_map(f"{drawn}.yaml").centreline
+    waypoints = waypoints[::-1] if backwards else waypoints
+    env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
+    observed, time, done, info = drive(env, waypoints, speed=4.0)
+    last = observed[-1]
+    assert done and info["checkpoint_done"].tolist() == [True]
+    assert last["lap_counts"].tolist() == [2.0]
+    assert last["collisions"].tolist() == [0.0]
+    assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
+    counts = [obs["lap_counts"][0] for obs in observed]
+    assert sorted(counts) == counts
+
+
+@pytest.mark.slow
+def test_a_waypoint_follower_laps_a_real_map():
+    path = real_map("maps/aut")
+    waypoints = np.loadtxt(path.with_name("aut_centerline.csv"), delimiter=",")[:, :2]
+    env = f110.F110Env(map=str(path.with_suffix("")), map_ext=".png", num_agents=1, timestep=0.02)
+    observed, _, done, _ = drive(env, waypoints, speed=3.5)
+    assert done and observed[-1]["lap_counts"].tolist() == [2.0]
+    x, y, heading, across = (
+        np.array([obs[name][0] for obs in observed]) for name in ("poses_x", "poses_y", "poses_theta", "linear_vels_y")
+    )
+    middle, means = np.unwrap(heading)[:-1] + 0.5 * np.diff(np.unwrap(heading)), 0.5 * (across[:-1] + across[1:])
+    moved = (np.diff(y) * np.cos(middle) - np.diff(x) * np.sin(middle)) / 0.02
+    assert np.abs(moved).max() > 0.05  # which the 2D gym has at zero
+    assert np.corrcoef(means, moved)[0, 1] > 0.95 and np.abs(means - moved).max() < 0.02
+
+
+def test_observations_are_of_the_published_shape(drawn):
+    env = f110.make(map=str(drawn))
+    obs, reward, done, info = env.reset(np.array([[7.5, 2.25, -0.1]]))
+    assert set(obs) == KEYS
+    assert obs["ego_idx"] == 0 and reward == 0.01 and done is False and list(info) == ["checkpoint_done"]
+    assert len(obs["scans"]) == 1 and obs["scans"][0].shape == (1080,)
+    for name in KEYS - {"ego_idx", "scans"}:
+        assert len(obs[name]) == 1 and np.isfinite(obs[name][0])
+    assert (obs["poses_x"][0], obs["poses_y"][0]) == pytest.approx((7.5, 2.25), abs=1e-3)
+    assert obs["poses_theta"][0] == pytest.approx(math.tau - 0.1, abs=1e-3)
+
+
+def test_a_scan_has_the_walls_where_they_are(drawn):
+    env = f110.make(map=str(drawn))
+    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+    bearings = np.linspace(-2.35, 2.35, 1080)
+    for bearing, wall in ((-0.5 * math.pi, 1.5), (0.5 * math.pi, 3.0)):  # the lower wall, and the infield's
+        index = int(np.argmin(np.abs(bearings - bearing)))
+        assert obs["scans"][0][index - 5 : index + 5].mean() == pytest.approx(abs(2.25 - wall), abs=0.03)
+
+
+@pytest.mark.parametrize(("name", "steps"), [("drawn", 60), ("scene:crossing_box:2", 60)])
+def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, name, steps):
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
+    env = f110.make(map=str(drawn) if name == "drawn" else name)
+    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
+    bearings = np.linspace(-2.35, 2.35, 1080)
+    directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
+    lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
+    for step in range(steps):
+        obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
+        data = env.data
+        position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
+        ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
+        np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
+
+
+def test_data_are_those_of_the_present_state(drawn):
+    env = f110.make(map=str(drawn))
+    env.reset(np.array([[7.5, 2.25, 0.1]]))
+    data = env.data
+    for _ in range(10):
+        obs, *_ = env.step(np.array([[0.1, 2.0]]))
+    assert env.data is data
+    assert data.time == pytest.approx(0.11)
+    assert data.body("car/base_link").xpos[:2].tolist() == [obs["poses_x"][0], obs["poses_y"][0]]
+
+
+def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
+    pose = np.array([[7.5, 2.25, 0.0]])
+    scans = [f110.make(map=str(drawn), seed=seed).reset(pose)[0]["scans"][0] for seed in (1, 1, 2)]
+    np.testing.assert_array_equal(scans[0], scans[1])
+    assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * gym_world.SCAN_NOISE, rel=0.1)
+
+
+def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
+    pose, rng = np.array([[7.5, 2.25, 0.0]]), np.random.default_rng(5)
+    noisy = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
+    plain = f110.make(map=str(drawn), seed=5).reset(pose)[0]["scans"][0]
+    np.testing.assert_array_equal(noisy, np.clip(plain + rng.normal(0.0, 0.01, 1080), 0.0, 10.0))
+
+
+def test_velocities_are_in_the_frame_of_the_car(drawn):
+    env = f110.make(map=str(drawn))
+    obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0]]))
+    before = obs
+    for _ in range(60):
+        before, (obs, *_) = obs, env.step(np.array([[0.15, 1.5]]))
+    moved = np.array([obs[name][0] - before[name][0] for name in ("poses_x", "poses_y")]) / 0.01
+    heading = 0.5 * (obs["poses_theta"][0] + before["poses_theta"][0])
+    ahead = moved @ (math.cos(heading), math.sin(heading))
+    aside = moved @ (-math.sin(heading), math.cos(heading))
+    assert obs["linear_vels_x"][0] == pytest.approx(ahead, abs=0.03)
+    assert obs["linear_vels_y"][0] == pytest.approx(aside, abs=0.03)
+    assert obs["ang_vels_z"][0] == pytest.approx((obs["poses_theta"][0] - before["poses_theta"][0]) / 0.01, abs=0.05)
+    assert obs["ang_vels_z"][0] > 0.3
+
+
+def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
+    env = f110.make(map=str(drawn))
+    _, _, done, _ = env.reset(np.array([[7.5, 2.25, -0.5 * math.pi]]))
+    assert not done
+    while not done:
+        obs, _, done, _ = env.step(np.array([[0.0, 2.0]]))
+    assert obs["collisions"].tolist() == [1.0] and obs["lap_counts"].tolist() == [0.0]
+    obs, _, done, _ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+    assert not done and obs["collisions"].tolist() == [0.0]
+
+
+def test_the_same_actions_give_the_same_bits(drawn):
+    env = f110.make(map=str(drawn))
+    runs = []
+    for _ in range(2):
+        obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
+        for _ in range(20):
+            obs, *_ = env.step(np.array([[0.05, 2.0]]))
+        runs.append(obs)
+    np.testing.assert_array_equal(runs[0]["scans"][0], runs[1]["scans"][0])
+    assert runs[0]["poses_x"] == runs[1]["poses_x"]
+
+
+def test_bundled_tracks_corridors_and_other_maps_can_be_driven(tmp_path, drawn):
+    env = f110.make(map="oval")
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    env.update_map(f"{drawn}.yaml", ".png")
+    assert env.reset(np.array([[7.5, 2.25, 0.0]]))[0]["scans"][0].max() < 15.0
+    free = np.zeros((100, 300), dtype=bool)
+    free[40:60, 10:290] = True
+    draw_map(tmp_path, free, name="corridor")
+    env.update_map(str(tmp_path / "corridor"), ".png")
+    obs, _, done, _ = env.reset(np.array([[5.0, 2.5, 0.0]]))
+    assert not done and obs["lap_counts"].tolist() == [0.0]
+
+
+def test_parameters_of_the_car_are_taken_and_others_are_refused():
+    gym_defaults = {
+        "mu": 1.0489, "C_Sf": 4.718, "C_Sr": 5.4562, "lf": 0.15875, "lr": 0.17145, "h": 0.074, "m": 3.74,
+        "I": 0.04712, "s_min": -0.4189, "s_max": 0.4189, "sv_min": -3.2, "sv_max": 3.2, "v_switch": 7.319,
+        "a_max": 9.51, "v_min": -5.0, "v_max": 20.0, "width": 0.31, "length": 0.58,
+    }  # fmt: skip
+    env = f110.make(map="oval", params=gym_defaults)
+    env.update_params({**gym_defaults, "mu": 0.5})
+    assert env.world.car.mu == pytest.approx(0.5)
+    with pytest.raises(SettingsError, match=r"params\['m'\] is 'heavy'; accepted: a finite number"):
+        env.update_params({**gym_defaults, "m": "heavy"})
+    with pytest.raises(SettingsError, match=r"params\['mu'\] is 0.0; accepted: above 0, up to 3"):
+        f110.make(map="oval", params={"mu": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
+        ({"num_agents": 9}, SettingsError, "num_agents is 9; accepted: a whole number from 1 to 8"),
+        ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
+        ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
+        ({"timestep": 1e-300}, SettingsError, "timestep is 1e-300 s; accepted"),
+        ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
+        ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
+        ({"map": "a" * 300}, TrackError, "unknown track 'aaa"),
+        ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
+        ({"map": "oval", "map_ext": [".png"]}, SettingsError, "map_ext is .*; accepted: an ending such as '.png'"),
+        ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
+    ],
+)
+def test_settings_that_are_wrong_are_refused(settings, error, message):
+    with pytest.raises(error, match=message):
+        f110.make(**settings)
+
+
+def test_a_car_that_is_not_to_reverse_brakes_to_a_stop():
+    """The gym's gain divides by v_min, which is 0 then."""
+    env = f110.make(map="oval", params={"v_min": 0.0})
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    speeds = []
+    for tick in range(100):
+        observation, *_ = env.step(np.array([[0.0, 2.0 if tick < 50 else 0.0]]))
+        speeds.append(observation["linear_vels_x"][0])
+    assert max(speeds) > 1.0 and abs(speeds[-1]) < 0.1
+
+
+def test_another_environment_is_refused():
+    with pytest.raises(SettingsError, match="environment 'CartPole-v1'; accepted: f110_gym:f110-v0"):
+        f110.make("CartPole-v1")
+
+
+@pytest.mark.parametrize("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
+def test_an_action_that_is_none_is_refused(action):
+    env = f110.make(map="oval")
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
+        env.step(np.array(action))
+
+
+def test_a_pose_that_is_none_is_refused():
+    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 3\), x, y, heading"):
+        f110.make(map="oval").reset(np.array([[0.0, 0.0]]))
+
+
+def test_other_ways_to_render_are_refused():
+    env = f110.make(map="oval")
+    with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, unlimited, rgb_array"):
+        env.render("ansi")
+    env.close()
+
+
+GRID = np.array([[8.0, 2.1, 0.0], [7.0, 2.4, 0.0], [6.0, 2.1, 0.0]])
+
+
+def run(env, poses, actions):
+    """The observations of a reset and of some steps, until one is done."""
+    obs, _, done, _ = env.reset(poses)
+    observed = [obs]
+    for action in actions:
+        if done:
+            break
+        obs, _, done, _ = env.step(np.array(action))
+        observed.append(obs)
+    return observed, done
+
+
+def test_each_of_many_cars_has_a_row_of_every_observation(drawn):
+    env = f110.make(map=str(drawn), num_agents=3, ego_idx=1)
+    obs, _, done, info = env.reset(GRID)
+    assert set(obs) == KEYS and obs["ego_idx"] == 1 and done is False
+    assert info["checkpoint_done"].tolist() == [False] * 3
+    for name in KEYS - {"ego_idx"}:
+        assert len(obs[name]) == 3
+    assert np.array(obs["scans"]).shape == (3, 1080)
+    for row, (x, y, _) in enumerate(GRID):
+        assert (obs["poses_x"][row], obs["poses_y"][row]) == pytest.approx((x, y), abs=1e-3)
+    for _ in range(30):
+        obs, *_ = env.step(np.array([[0.0, 3.0], [0.0, 2.0], [0.0, 0.0]]))
+    assert obs["linear_vels_x"][0] > obs["linear_vels_x"][1] + 0.2 > 1.0
+    assert obs["linear_vels_x"][2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
+    """The car behind sees the box of the car ahead: 0.12 m wide, its rear face 0.19 m behind that car's LiDAR."""
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
+    env = f110.make(map=str(drawn), num_agents=2)
+    obs, *_ = env.reset(np.array([[7.0, 2.25, 0.0], [8.5, 2.25, 0.0]]))
+    alone = f110.make(map=str(drawn)).reset(np.array([[7.0, 2.25, 0.0]]))[0]["scans"][0]
+    differ = np.flatnonzero(np.abs(obs["scans"][0] - alone) > 1e-6)
+    bearings = np.linspace(-2.35, 2.35, 1080)[differ]
+    lidar = 7.0 + 0.275
+    rear = 8.5 + 0.275 - 0.19
+    assert obs["scans"][0][540] == pytest.approx(rear - lidar, abs=0.005)
+    assert np.abs(bearings).max() == pytest.approx(math.atan2(0.06, rear - lidar), abs=0.005)
+
+
+@pytest.mark.slow
+def test_cars_that_touch_have_collided_and_the_episode_ends_with_the_ego(drawn):
+    """The last of three drives into the middle one; the first is out of it."""
+    poses, actions = (
+        np.array([[8.0, 2.1, 0.0], [7.0, 2.1, 0.0], [6.0, 2.1, 0.0]]),
+        [[[0.0, 0.0]] * 2 + [[0.0, 3.0]]] * 200,
+    )
+    for ego, ends in ((0, False), (1, True), (2, True)):
+        observed, done = run(f110.make(map=str(drawn), num_agents=3, ego_idx=ego), poses, actions[:60])
+        assert done is ends
+        touched = np.array([obs["collisions"] for obs in observed])
+        assert touched.any(axis=0).tolist() == [False, True, True]
+        assert not touched[0].any()
+
+
+def test_a_wall_that_another_car_hits_does_not_end_the_episode(drawn):
+    poses = np.array([[8.0, 2.25, 0.0], [6.5, 2.25, -0.5 * math.pi]])
+    observed, done = run(f110.make(map=str(drawn), num_agents=2), poses, [[[0.0, 0.0], [0.0, 2.0]]] * 100)
+    assert done is False
+    assert observed[-1]["collisions"].tolist() == [0.0, 1.0]
+
+
+@pytest.mark.slow
+def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
+    waypoints = read_map(f"{drawn}.yaml").centreline
+    planners = [WaypointFollower(waypoints, speed=speed) for speed in (4.0, 3.0)]
+    env = f110.make(map=str(drawn), num_agents=2)
+    first = first_pose(waypoints)[0]
+    behind = first_pose(np.roll(waypoints, len(waypoints) // 10, axis=0))[0]
+    obs, _, done, info = env.reset(np.array([first, behind]))
+    finished = [info["checkpoint_done"].tolist()]
+    while not done:
+        views = [{name: values[row : row + 1] for name, values in obs.items() if name != "ego_idx"} for row in (0, 1)]
+        obs, _, done, info = env.step(
+            np.concatenate([planner.plan(view) for planner, view in zip(planners, views, strict=True)])
+        )
+        finished.append(info["checkpoint_done"].tolist())
+    assert [True, False] in finished and finished[-1] == [True, True]  # the quicker one first
+    assert obs["lap_times"][0] < obs["lap_times"][1]
+    assert obs["collisions"].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.slow
+def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_own(drawn, monkeypatch):
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
+    pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]
+    pair, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
+    again, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
+    swapped, _ = run(
+        f110.make(map=str(drawn), num_agents=2), np.array([[9.5, 2.25, 0.0], pose]), [[action, action]] * 40
+    )
+    for name in KEYS - {"ego_idx"}:
+        np.testing.assert_array_equal(pair[-1][name], again[-1][name])
+        np.testing.assert_allclose(pair[-1][name], swapped[-1][name][::-1], rtol=0.0, atol=1e-6)
+    monkeypatch.undo()
+    scans = [f110.make(map=str(drawn), num_agents=2).reset(np.array([pose, [x, 2.25, 0.0]]))[0] for x in (9.5, 10.0)]
+    quiet = pair[0]["scans"][0]
+    one, two = scans[0]["scans"]
+    assert np.std(one - quiet) == pytest.approx(gym_world.SCAN_NOISE, rel=0.2)
+    alone = f110.make(map=str(drawn)).reset(np.array([pose]))[0]["scans"][0]
+    behind = np.arange(1080) < 400  # where the other car is not seen
+    np.testing.assert_array_equal(one[behind], alone[behind])
+    assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > gym_world.SCAN_NOISE
+
+
+def test_parameters_can_be_those_of_one_car():
+    env = f110.make(map="oval", num_agents=2)
+    env.update_params({"mu": 0.5}, index=1)
+    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 0.5])
+    env.update_params({"mu": 0.7})
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.7, 0.7])
+    with pytest.raises(SettingsError, match="index is 2; accepted: a whole number from -1 to 1"):
+        env.update_params({"mu": 0.7}, index=2)
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        ([[0.0, 0.0, 0.0]], r"accepted: finite numbers of shape \(2, 3\), x, y, heading"),
+        ([[0.0, 0.0, float("nan")]] * 2, "accepted: finite numbers"),
+    ],
+)
+def test_poses_that_are_wrong_for_two_cars_are_refused(poses, message):
+    with pytest.raises(SettingsError, match=message):
+        f110.make(map="oval", num_agents=2).reset(np.array(poses))
+
+
+@pytest.mark.parametrize("second", [(0.0, 0.0, 0.0), (0.2, 0.25, 1.5)])
+def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart(second):
+    env = f110.make(map="oval", num_agents=3)
+    poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
+    with pytest.warns(UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"):
+        observation, _, done, _ = env.reset(poses)
+    assert done
+    assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
+    for _ in range(100):
+        env.step(np.zeros((3, 2)))
+    ends = np.column_stack((env.poses_x, env.poses_y))
+    assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
+    assert np.abs(ends - poses[:, :2]).max() < 3.0
+    assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
+
+
+def test_what_a_script_writes_into_the_parameters_holds_from_the_next_reset_on():
+    env = f110.make(map="oval", num_agents=2)
+    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    env.params["mu"] = 0.3
+    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 1.0489])
+    env.reset(poses)
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.3])
+    env.update_params(dict(env.params), index=1)
+    env.sim.agents[1].params.update(mu=0.6)
+    env.reset(poses)
+    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.6])
+    world = env.world
+    env.reset(poses)
+    assert env.world is world
+
+
+def test_footprints_touch_where_mujoco_finds_contacts():
+    """Random poses of two cars: whether they are refused is whether their chassis are in contact."""
+    env, rng = f110.make(map="oval", num_agents=2), np.random.default_rng(0)
+    found = []
+    for _ in range(200):
+        near = rng.uniform((-0.8, -0.8, -math.pi), (0.8, 0.8, math.pi))
+        poses = np.array([[5.0, 0.0, 0.3], near + np.array([5.0, 0.0, 0.0])])
+        overlap = first_overlap(poses, [car.parameters for car in env.world.cars]) is not None
+        data = env.data
+        for car, pose in zip(env.world.cars, poses, strict=True):
+            car.set_pose(data, *pose)
+        assert overlap == bool(data.sensor("car_0_touches_car_1").data[0] > 0.0), near
+        found.append(overlap)
+    assert 20 < sum(found) < 180

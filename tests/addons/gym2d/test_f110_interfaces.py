@@ -1,0 +1,504 @@
+"""Both interfaces of f1tenth_gym: what scripts read, write and ask for, beside driving."""
+
+from __future__ import annotations
+
+import math
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from map_oracles import draw_map, ring
+
+import fg_mujoco as fg
+from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
+from fg_mujoco.addons.gym2d import gym_functions
+from fg_mujoco.addons.gym2d.gym_track import Track
+from fg_mujoco.addons.gym2d.gym_world import LapCount
+from fg_mujoco.addons.gym2d.old_api import GymEnv
+from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
+
+POSE = np.array([[7.5, 2.25, 0.0]])
+
+
+@pytest.fixture
+def drawn(tmp_path):
+    draw_map(tmp_path, ring())
+    return tmp_path / "drawn"
+
+
+def new_env(drawn, **config):
+    """An environment of v1.0 with one car on the drawn map."""
+    return f110.make("f1tenth_gym:f1tenth-v0", config={"map": str(drawn), "num_agents": 1} | config)
+
+
+def test_a_blank_map_is_the_ground_of_the_map_without_its_walls(drawn):
+    turns = np.linspace(0.0, math.tau, 50, endpoint=False)
+    rows = [f"0; {4.0 * math.cos(turn)}; {4.0 * math.sin(turn)}; 0; 0; 3; 0" for turn in turns]
+    drawn.with_name("drawn_raceline.csv").write_text("\n".join(rows) + "\n")
+    with pytest.warns(UserWarning, match=r"drawn_blank' is not there; open ground with the lines of .*drawn.yaml"):
+        env = new_env(f"{drawn}_blank", observation_config={"type": "rl"}, scale=10.0)
+    scan, _ = env.reset(seed=1)
+    assert scan.min() > 25.0
+    assert np.hypot(env.track.raceline.xs, env.track.raceline.ys) == pytest.approx(40.0, rel=1e-5)
+    walled, _ = new_env(drawn, observation_config={"type": "rl"}).reset(seed=1)
+    assert walled.min() < 5.0
+
+
+# Parameters
+
+
+@pytest.mark.parametrize(
+    "params",
+    [F1TENTH, F1FIFTH, {"m": 4.5, "h": 0.09}, {"lf": 0.19, "lr": 0.17, "I": 0.06}, {"width": 0.25, "length": 0.5},
+     {"s_min": -0.3, "s_max": 0.3, "sv_min": -2.0, "sv_max": 2.0}, {"a_max": 5.0, "v_switch": 4.0, "v_max": 6.0}],
+)  # fmt: skip
+def test_parameters_are_those_of_the_car_that_is_built(params):
+    """Read back off the compiled world, which knows nothing of the gym's names."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = f110.make(map="oval", params=params)
+    car = own_params(env.world.vehicle)
+    for name, value in params.items():
+        if name in car:
+            assert car[name] == pytest.approx(value, rel=0.01), name
+    assert env.world.car.mu == pytest.approx(params.get("mu", 1.0489))
+
+
+def test_parameters_that_are_not_there_are_named_once():
+    with pytest.warns(
+        UserWarning, match=r"not in this car, f1tenth: K_sf, C_Sf \(tires='f1tenth_gym' has it\)"
+    ) as seen:
+        f110.make(map="oval", num_agents=2, params={**F1TENTH, "C_Sf": 4.0, "K_sf": 1.0})
+    assert len({str(warning.message) for warning in seen}) == 1
+    with pytest.warns(UserWarning, match="accepted: 3.74 kg by 5 at most"):
+        env = f110.make(map="oval", params=FULL_SCALE)
+    assert own_params(env.world.vehicle)["m"] == pytest.approx(3.74, rel=0.01)
+    assert own_params(env.world.vehicle)["a_max"] == pytest.approx(11.5, rel=0.01)
+
+
+def test_cornering_stiffnesses_are_those_of_linear_tires():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = f110.make(map="oval", tires="f1tenth_gym", params={**F1TENTH, "C_Sf": 4.0, "C_Sr": 6.0})
+    tires = env.world.tires
+    assert (tires.front.lateral.stiffness, tires.rear.lateral.stiffness) == (4.0, 6.0)
+
+
+@pytest.mark.parametrize("acceleration", [2.0, 5.0])
+def test_the_car_accelerates_as_its_parameters_say(drawn, acceleration):
+    env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
+    env.reset(POSE)
+    for _ in range(10):
+        obs, *_ = env.step(np.array([[0.0, 20.0]]))
+    assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.004, 0.0125, 1.0 / 60.0, 0.01, 0.05])
+def test_any_timestep_is_a_step(drawn, timestep):
+    env = f110.make(map=str(drawn), timestep=timestep)
+    env.reset(POSE)
+    for _ in range(4):
+        env.step(np.array([[0.0, 1.0]]))
+    physics = env.world.model.opt.timestep
+    assert env.data.time == pytest.approx(5 * timestep)
+    assert physics <= 0.005 and timestep / physics == pytest.approx(round(timestep / physics))
+
+
+def test_the_lidar_stands_where_it_is_asked_to(drawn, monkeypatch):
+    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
+    ahead = [f110.make(map=str(drawn), lidar_dist=dist).reset(POSE)[0]["scans"][0][540] for dist in (None, 0.0, 0.275)]
+    assert ahead[1] - ahead[2] == pytest.approx(0.275, abs=0.003)
+    assert ahead[0] == pytest.approx(ahead[2], abs=1e-9)
+
+
+def test_beams_and_their_field_are_as_asked_for(drawn):
+    env = new_env(drawn, num_beams=108, fov=3.0)
+    obs, _ = env.reset(options={"poses": POSE})
+    assert obs["scans"].shape == (1, 108)
+    assert env.unwrapped.sim.agents[0].scan_angles[[0, -1]].tolist() == [-1.5, 1.5]
+
+
+# What scripts read and write
+
+
+def test_attributes_that_planners_read(drawn):
+    env = f110.make(map=str(drawn), map_ext=".png", num_agents=2)
+    env.reset(np.array([[8.0, 2.1, 0.0], [7.0, 2.4, 0.0]]))
+    for _ in range(30):
+        obs, *_ = env.step(np.array([[0.1, 2.0], [0.0, 1.0]]))
+    state = env.sim.agents[0].state
+    assert env.params["lf"] + env.params["lr"] == pytest.approx(0.3302)
+    assert env.current_time == pytest.approx(0.31)
+    assert state.shape == (7,)
+    assert state[[0, 1, 3, 4, 5]].tolist() == pytest.approx(
+        [obs[name][0] for name in ("poses_x", "poses_y", "linear_vels_x", "poses_theta", "ang_vels_z")]
+    )
+    assert state[2] == pytest.approx(0.1, abs=0.01)
+    assert math.tan(state[6]) == pytest.approx(obs["linear_vels_y"][0] / obs["linear_vels_x"][0])
+    assert env.sim.agent_poses[:, 0].tolist() == env.poses_x == obs["poses_x"]
+    assert env.start_xs.tolist() == [8.0, 7.0] and env.lap_counts.tolist() == [0.0, 0.0]
+    assert env.render_obs["lap_times"][0] == env.lap_times[0] == pytest.approx(0.31)
+    assert env.sim.agents[1].in_collision is False and env.sim.agents[1].opp_poses.shape == (1, 3)
+    assert env.map_path == f"{drawn}.yaml" and env.renderer is None and env.unwrapped is env
+
+
+def test_a_state_that_a_script_writes_is_where_the_car_goes_on(drawn):
+    env = f110.make(map=str(drawn))
+    env.reset(POSE)
+    env.sim.agents[0].state[3] = 3.0
+    obs, *_ = env.step(np.array([[0.0, 3.0]]))
+    assert obs["linear_vels_x"][0] == pytest.approx(3.0, abs=0.05)
+    assert obs["poses_x"][0] == pytest.approx(7.53, abs=0.005)
+    env.sim.agents[0].state = np.array([8.0, 2.0, 0.0, 0.0, 0.5, 0.0, 0.0])
+    obs, *_ = env.step(np.array([[0.0, 0.0]]))
+    assert [obs[name][0] for name in ("poses_x", "poses_y", "poses_theta")] == pytest.approx([8.0, 2.0, 0.5], abs=1e-3)
+
+
+def test_a_scan_can_be_taken_from_any_pose(drawn):
+    env = f110.make(map=str(drawn))
+    env.reset(POSE)
+    scan = env.sim.agents[0].scan_simulator.scan(np.array([7.0, 2.0, 0.0]), None)
+    right, left = np.argmin(np.abs(env.sim.agents[0].scan_angles[:, None] - [-0.5 * math.pi, 0.5 * math.pi]), axis=0)
+    assert (scan[right], scan[left]) == pytest.approx((0.5, 1.0), abs=0.03)  # walls at y = 1.5 and 3
+    assert env.sim.agents[0].state[:2].tolist() == pytest.approx([7.5, 2.25], abs=1e-3)
+
+
+def test_a_reset_without_poses_is_at_the_start_of_the_course(drawn):
+    env = f110.make(map=str(drawn), num_agents=3)
+    obs, _, done, _ = env.reset()
+    x, y, heading = env.world.track.start_pose()
+    assert not done and not obs["collisions"].any()
+    assert (obs["poses_x"][0], obs["poses_y"][0]) == pytest.approx((x, y), abs=1e-3)
+    behind = math.cos(heading) * (obs["poses_x"][1] - x) + math.sin(heading) * (obs["poses_y"][1] - y)
+    assert behind == pytest.approx(-1.5, abs=0.1)
+
+
+def test_callbacks_draw_with_pyglets_names_and_nothing_is_shown(drawn, monkeypatch):
+    for display in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(display, raising=False)
+    env, seen = f110.make(map=str(drawn)), []
+
+    def draw(e):
+        x, y = e.cars[0].vertices[::2], e.cars[0].vertices[1::2]
+        seen.append((sum(x) / 4, sum(y) / 4))
+        e.score_label.x, e.score_label.y = min(x), max(y) - 700
+        e.left, e.right = min(x) - 800, max(x) + 800
+        points = e.batch.add(1, 0, None, ("v3f/stream", [0.0, 0.0, 0.0]), ("c3B/stream", [183, 193, 222]))
+        points.vertices = [1.0, 2.0, 0.0]
+        e.get_closed_lines_renderer(np.zeros((4, 2)), color=(0, 0, 0)).update(np.zeros((4, 2)))
+
+    env.add_render_callback(draw)
+    env.reset(POSE)
+    with pytest.warns(UserWarning, match="render shows nothing and goes on: there is no display") as told:
+        for mode in ("human", "human_fast", "human"):
+            env.render(mode=mode)
+    assert len(told) == 1
+    assert seen == [pytest.approx((50 * 7.5, 50 * 2.25), abs=0.1)] * 3  # 50 px a metre
+    assert env.renderer.score_label.text.startswith("Lap Time: 0.01")
+    env.close()
+
+
+def test_an_environment_can_be_made_a_class_of_ones_own(drawn):
+    class Once(f110.F110Env):
+        def _check_done(self):
+            return self.lap_counts[0] >= 1, self.lap_counts >= 1
+
+    env = Once(map=str(drawn), num_agents=1)
+    env.reset(np.array([[7.5, 2.25, -0.5 * math.pi]]))
+    for _ in range(120):
+        obs, _, done, _ = env.step(np.array([[0.0, 2.0]]))
+    assert obs["collisions"].tolist() == [1.0] and not done
+
+
+# Maps
+
+
+def test_named_maps_are_those_of_a_folder(drawn, monkeypatch, tmp_path):
+    with pytest.raises(TrackError, match=r"to have the gym's own maps, name the folder that has vegas\.yaml"):
+        f110.make(map="vegas")
+    folder = tmp_path / "tracks" / "Vegas"
+    folder.mkdir(parents=True)
+    text = (drawn.parent / "drawn.yaml").read_text().replace("drawn.png", "Vegas_map.png")
+    (folder / "Vegas_map.yaml").write_text(text)
+    (folder / "Vegas_map.png").write_bytes((drawn.parent / "drawn.png").read_bytes())
+    monkeypatch.setenv("FG_MUJOCO_MAPS", str(folder.parent))
+    assert f110.make(map="vegas", map_ext=".png").world.track.name == "Vegas_map"
+    assert GymEnv().num_agents == 2  # on vegas, as the gym's own
+    with pytest.raises(TrackError, match=r"neither berlin\.yaml nor berlin/berlin_map\.yaml in"):
+        f110.make(map="berlin")
+    with pytest.warns(UserWarning, match="map '/opt/gym/maps/vegas' is not there; .*Vegas_map.yaml is"):
+        assert f110.make(map="/opt/gym/maps/vegas", map_ext=".png").world.track.name == "Vegas_map"
+    track = f110.make("f1tenth_gym:f1tenth-v0", config={"map": "Vegas", "num_agents": 1}).track
+    assert track.spec.name == "Vegas" and track.centerline.length == pytest.approx(29.2, rel=0.1)
+
+
+def test_a_map_is_as_much_larger_as_asked_for(drawn):
+    lengths = [new_env(drawn, scale=scale).track.centerline.length for scale in (1.0, 2.0)]
+    assert lengths[1] == pytest.approx(2.0 * lengths[0], rel=0.02)
+
+
+def test_a_map_with_a_hole_is_driven_and_its_laps_count_at_the_start(tmp_path):
+    free = ring()
+    free[95:105, :40] = True  # an opening to the left, out of the course
+    draw_map(tmp_path, free)
+    with pytest.warns(UserWarning, match="driven as ground among walls, laps count at the start"):
+        env = f110.make(map=str(tmp_path / "drawn"))
+    obs, *_ = env.reset(POSE)
+    laps = env.driving.laps[0]
+    assert obs["scans"][0][np.argmin(np.abs(np.linspace(-2.35, 2.35, 1080) + 0.5 * math.pi))] < 2.0
+    for x, y, completed in ((9.0, 2.25, 0), (9.0, 8.0, 0), (7.4, 2.2, 1), (9.0, 2.25, 1), (7.5, 2.25, 2)):
+        laps.count(1.0, x, y)
+        assert laps.completed == completed
+
+
+# v1.0
+
+
+def test_the_interface_is_gymnasiums(drawn):
+    env = new_env(drawn)
+    assert isinstance(env, gymnasium.Env)
+    obs, info = env.reset(seed=1, options={"poses": POSE})
+    obs, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    assert (reward, terminated, truncated) == (0.01, False, False) and info["checkpoint_done"].tolist() == [False]
+    assert obs["poses_x"].dtype == np.float32 and obs["scans"].shape == (1, 1080)
+    assert env.observation_space.contains(obs)
+    assert env.action_space.low.tolist() == [[pytest.approx(-0.4189), -5.0]]
+    assert env.render() is None and env.metadata["render_fps"] == 100
+
+
+@pytest.mark.parametrize(
+    ("kind", "features"),
+    [
+        ("kinematic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta"]),
+        ("dynamic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta", "ang_vel_z", "beta"]),
+        ("direct", ["scan", "std_state", "state", "collision", "lap_time", "lap_count", "sim_time", "frenet_pose"]),
+    ],
+)
+def test_observations_of_each_car_by_name(drawn, kind, features):
+    env = new_env(drawn, num_agents=2, observation_config={"type": kind})
+    obs, _ = env.reset(options={"poses": np.array([[8.0, 2.1, 0.1], [7.0, 2.4, 0.0]])})
+    assert list(obs) == env.agent_ids == ["agent_0", "agent_1"]
+    assert list(obs["agent_1"]) == features
+    assert all(each.dtype == np.float32 for each in obs["agent_0"].values())
+    if "pose_x" in features:
+        assert obs["agent_0"]["pose_x"] == pytest.approx(8.0, abs=1e-3)
+        assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
+
+
+def test_features_are_chosen_and_others_are_refused(drawn):
+    env = new_env(drawn, observation_config={"type": "features", "features": ["scan", "linear_vel_x"]})
+    obs, _ = env.reset(options={"poses": POSE})
+    assert list(obs["agent_0"]) == ["scan", "linear_vel_x"]
+    with pytest.raises(SettingsError, match="observation has feature 'speed'; accepted: scan, pose_x"):
+        new_env(drawn, observation_config={"type": "features", "features": ["speed"]})
+    with pytest.raises(SettingsError, match="observation type 'kinematic'; accepted: original"):
+        new_env(drawn, observation_config={"type": "kinematic"})
+
+
+def test_accelerations_and_steering_rates_are_driven(drawn):
+    env = new_env(drawn, control_input=["accl", "steering_speed"])
+    env.reset(options={"poses": POSE})
+    for _ in range(50):
+        env.step(np.array([[0.2, 3.0]]))
+    state = env.unwrapped.sim.agents[0].state
+    assert state[3] == pytest.approx(1.5, rel=0.05)  # 3 m/s^2 for .5 s
+    assert state[2] == pytest.approx(0.1, abs=0.01)  # .2 rad/s for .5 s
+    assert env.action_space.high.tolist() == [[pytest.approx(3.2), pytest.approx(9.51)]]
+    with pytest.raises(SettingsError, match="control_input is 'throttle'; accepted: speed"):
+        new_env(drawn, control_input=["throttle", "steering_angle"])
+
+
+@pytest.mark.parametrize("kind", [None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"])
+def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn, kind):
+    env = new_env(drawn, num_agents=3, reset_config={"type": kind})
+    first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
+    assert not np.array_equal(first["poses_x"], other["poses_x"])
+    assert not first["collisions"].any()
+
+
+def test_the_track_has_its_lines(drawn):
+    env = new_env(drawn)
+    track = env.unwrapped.track
+    line = track.raceline
+    assert line.n == len(line.xs) == len(line.yaws) == len(line.vxs)
+    assert line.spline.calc_position(line.ss[7]) == pytest.approx((line.xs[7], line.ys[7]), abs=1e-3)
+    pose = track.frenet_to_cartesian(4.0, 0.2, 0.1)
+    assert track.cartesian_to_frenet(*pose) == pytest.approx((4.0, 0.2, 0.1), abs=1e-3)
+    obs, _ = env.reset(options={"poses": np.array([[line.xs[0], line.ys[0], line.yaws[0]]])})
+    assert not obs["collisions"].any()
+
+
+def test_a_track_of_a_line_alone_has_no_walls():
+    angles = np.linspace(0.0, math.tau, 60, endpoint=False)
+    track = Track.from_refline(x=5 * np.cos(angles), y=5 * np.sin(angles), velx=np.full(60, 2.0))
+    env = f110.make("f1tenth_gym:f1tenth-v0", config={"map": track, "num_agents": 1})
+    obs, _ = env.reset(options={"poses": np.array([[5.0, 0.0, 0.5 * math.pi]])})
+    assert obs["scans"].min() > 5.0
+    assert track.raceline.ks[10] == pytest.approx(0.2, rel=0.01) and track.raceline.vxs[3] == 2.0
+
+
+def test_more_laps_than_two_can_be_asked_for(drawn):
+    env = new_env(drawn, max_laps=None)
+    env.reset(options={"poses": POSE})
+    env.driving.laps[0].completed = 3
+    assert env.step(np.zeros((1, 2)))[2] is False
+
+
+def test_laps_that_are_no_number_are_refused(drawn):
+    with pytest.raises(SettingsError, match="max_laps is 'many'; accepted: a finite number"):
+        new_env(drawn, max_laps="many")
+    for laps, done in (("3", False), ("0", True)):  # a number as text, of a settings file
+        env = new_env(drawn, max_laps=laps)
+        env.reset(options={"poses": POSE})
+        assert env.step(np.zeros((1, 2)))[2] is done
+
+
+def test_configuration_objects_are_the_settings(drawn):
+    from fg_mujoco.addons.gym2d import gym_config
+
+    settings = gym_config.EnvConfig(
+        map_name=str(drawn), num_agents=2, params=gym_config.F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.7),
+        simulation_config=gym_config.SimulationConfig(timestep=0.02, max_laps=3),
+        control_config=gym_config.ControlConfig(longitudinal_mode=gym_config.LongitudinalActionType.ACCL),
+        observation_config=gym_config.ObservationConfig(type=gym_config.ObservationType.KINEMATIC_STATE),
+        lidar_config=gym_config.LiDARConfig(num_beams=270, angle_min=-1.0, angle_max=1.0),
+    )  # fmt: skip
+    env = f110.make("f1tenth-v0", config=settings)
+    assert (env.num_agents, env.timestep, env.sim.num_beams, env.sim.fov) == (2, 0.02, 270, 2.0)
+    assert env.action_type.type == ("steering_angle", "accl") and env.world.car.mu == pytest.approx(0.7)
+    assert env.config["max_laps"] == 3 and env.observation_type.type == "kinematic_state"
+    moved = gym_config.LiDARConfig(base_link_to_lidar_tf=(0.1, 0.0, 0.0))
+    assert f110.make("f1tenth-v0", config=settings.with_updates(lidar=moved)).sim.lidar_dist == 0.1
+    assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "said"),
+    [
+        ("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
+        ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
+        ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
+        ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
+        ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
+        ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
+        ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
+    ],
+)
+def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
+    from fg_mujoco.addons.gym2d import gym_config
+
+    with pytest.raises(SettingsError, match=said):
+        getattr(gym_config, kind)(**named)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
+    """Driven by hand: a lap in 10 s, then one in 5 s."""
+    from fg_mujoco.addons.gym2d import gym_config
+
+    env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
+    _, info = env.reset()
+    assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
+    course = env.world.track
+    x, y, heading = course.start_pose(0.0)
+    laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
+    found = {}
+    for tick in range(1, 1650):
+        time = 0.01 * tick
+        lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
+        laps.count(time, *course.start_pose(way * course.length * lap)[:2])
+        found.setdefault(laps.completed, laps.last)
+    assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
+
+
+def test_a_course_of_ours_is_scaled_with_its_lines_and_one_without_laps_is_refused():
+    env = new_env("oval", scale=1.5)
+    oval = fg.load_track("oval")
+    assert env.world.track.length == pytest.approx(1.5 * oval.length)
+    line = np.column_stack((env.track.centerline.xs, env.track.centerline.ys))
+    assert np.ptp(line, axis=0) == pytest.approx(1.5 * np.ptp(oval.centreline, axis=0), rel=1e-3)
+    with pytest.raises(SettingsError, match=r"scale is 1.5 of .*accepted: 1"):
+        new_env("scene:dead_end:1", scale=1.5)
+
+
+# Functions
+
+
+def test_the_single_track_model_turns_as_a_steady_circle_does():
+    """The published steady state: yaw rate of v delta / (L + K v^2), K of the linear tires and the mass."""
+    order = ("mu", "C_Sf", "C_Sr", "lf", "lr", "h", "m", "I", "s_min", "s_max", "sv_min", "sv_max", "v_switch", "a_max",
+             "v_min", "v_max")  # fmt: skip
+    numbers = [F1TENTH[name] for name in order]
+    x = np.array([0.0, 0.0, 0.1, 4.0, 0.0, 0.0, 0.0])
+    for _ in range(2000):
+        x = x + 0.002 * gym_functions.vehicle_dynamics_st(x, np.zeros(2), *numbers)
+    mu, front, rear, wheelbase = F1TENTH["mu"], F1TENTH["C_Sf"], F1TENTH["C_Sr"], 0.3302
+    understeer = (1.0 / front - 1.0 / rear) / (mu * 9.81)
+    assert x[5] == pytest.approx(4.0 * 0.1 / (wheelbase + understeer * 16.0), rel=0.01)
+
+
+def test_footprints_and_servos_are_the_gyms():
+    corners = gym_functions.get_vertices(np.array([1.0, 2.0, 0.5 * math.pi]), 0.6, 0.2)
+    assert corners.tolist() == [pytest.approx(c) for c in ([0.9, 1.7], [1.1, 1.7], [1.1, 2.3], [0.9, 2.3])]
+    assert gym_functions.collision(corners, corners + np.array([0.15, 0.0]))
+    assert not gym_functions.collision(corners, corners + np.array([0.25, 0.0]))
+    assert gym_functions.pid(2.0, 0.1, 1.0, 0.0, 3.2, 9.51, 20.0, -5.0) == pytest.approx((10 * 9.51 / 20, 3.2))
+    assert gym_functions.pid(0.0, 0.0, 1.0, 0.0, 3.2, 9.51, 20.0, -5.0) == pytest.approx((-10 * 9.51 / 5, 0.0))
+
+
+def test_rays_pixels_and_times_to_collision_are_the_gyms():
+    square = np.array([[1.0, -0.5], [2.0, -0.5], [2.0, 0.5], [1.0, 0.5]])
+    scan = gym_functions.ray_cast(np.zeros(3), np.full(3, 9.0), np.array([-1.5, 0.0, 0.25]), square)
+    assert scan.tolist() == pytest.approx([9.0, 1.0, 1.0 / math.cos(0.25)])
+    assert gym_functions.xy_2_rc(1.06, 2.49, 1.0, 2.0, 1.0, 0.0, 20, 10, 0.05) == (9, 1)
+    assert gym_functions.xy_2_rc(0.99, 2.0, 1.0, 2.0, 1.0, 0.0, 20, 10, 0.05) == (-1, -1)
+    near, angles, sides = np.full(3, 0.5), np.array([-0.1, 0.0, 0.1]), np.full(3, 0.2)
+    for speed, touches in ((0.0, False), (10.0, True), (2.0, False), (-10.0, False)):
+        assert gym_functions.check_ttc_jit(near, speed, angles, np.cos(angles), sides, 0.05) is touches
+
+
+ODD = (None, True, 10**400, 1e308, float("nan"), "a", b"a", [1], {1: None}, object(), np.zeros((2, 3)), 1j, iter(()))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["params", "num_agents", "timestep", "ego_idx", "seed", "model", "lidar_dist", "num_beams", "fov", "maps", "map"],
+)
+def test_settings_of_another_kind_are_refused_in_a_line(drawn, name):
+    refused = 0
+    for value in ODD:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                f110.make("f110_gym:f110-v0", **({"map": str(drawn), "num_beams": 60} | {name: value}))
+        except FgMujocoError as error:
+            assert "\n" not in str(error)
+            refused += 1
+    assert refused >= 8
+
+
+@pytest.mark.parametrize("name", ["control_input", "observation_config", "reset_config", "scale", "params"])
+def test_settings_of_a_config_of_another_kind_are_refused_in_a_line(drawn, name):
+    for value in (-3, object(), ["a", 1], {1: None}):
+        with pytest.raises(FgMujocoError):
+            f110.make("f1tenth-v0", config={"map": str(drawn), "num_agents": 1, name: value}).reset()
+
+
+@pytest.mark.parametrize("value", ODD)
+def test_poses_and_actions_of_another_kind_are_refused_in_a_line(drawn, value):
+    env = f110.make("f110_gym:f110-v0", map=str(drawn), num_beams=60)
+    env.reset(POSE)
+    with pytest.raises(SettingsError, match="accepted: finite numbers of shape"):
+        env.step(value)
+
+
+def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):
+    file = drawn.with_suffix(".yaml")
+    (file.parent / "maps").mkdir()
+    text = file.read_text("utf-8").replace("image: ", "image: ../")
+    (file.parent / "maps/mine.yaml").write_text(text, "utf-8")
+    with pytest.raises(TrackError, match="outside of its folder"):
+        f110.make("f1tenth-v0", config={"map": str(file.parent / "maps/mine"), "scale": 2.0, "num_agents": 1})

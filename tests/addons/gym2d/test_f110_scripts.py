@@ -1,0 +1,464 @@
+"""Scripts for f1tenth_gym run unedited, in a process of their own, with and without the libraries that they import."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from map_oracles import draw_map, ring
+
+from fg_mujoco.course.maps.map_track import read_map
+
+HIDDEN = """
+import importlib.machinery
+real = importlib.machinery.PathFinder.find_spec
+def find_spec(name, path=None, target=None):
+    return None if name.partition(".")[0] in {names!r} else real(name, path, target)
+importlib.machinery.PathFinder.find_spec = staticmethod(find_spec)
+"""
+"""A sitecustomize.py that hides libraries which are installed."""
+
+FOLLOWER = """
+    def follow(points, x, y, theta):
+        away = np.hypot(*(points - (x, y)).T)
+        ahead = np.roll(np.arange(len(points)), -int(np.argmin(away)))
+        goal = points[ahead[np.argmax(away[ahead] >= 0.9)]]
+        aside = np.cos(theta) * (goal[1] - y) - np.sin(theta) * (goal[0] - x)
+        return np.arctan(2 * 0.3302 * aside / 0.81)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder as a student has it: a map, its waypoints, a configuration."""
+    draw_map(tmp_path, ring())
+    course = read_map(tmp_path / "drawn.yaml")
+    rows = "\n".join(f"0.0; {x:.4f}; {y:.4f}; 0.0; 0.0; 4.0; 0.0" for x, y in course.centreline.tolist())
+    (tmp_path / "waypoints.csv").write_text(
+        f"# a\n# b\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n{rows}\n"
+    )
+    x, y, heading = course.start_pose()
+    (tmp_path / "config.yaml").write_text(f"map_path: ./drawn\nmap_ext: .png\nsx: {x}\nsy: {y}\nstheta: {heading}\n")
+    return tmp_path
+
+
+def run(folder, text, *arguments, name="script.py", hidden=(), options=(), where=None):
+    """Run a script in a process of its own; return what it printed, what it said of errors, and its status."""
+    (folder / name).write_text(textwrap.dedent(text))
+    (folder / "sitecustomize.py").write_text(HIDDEN.format(names=set(hidden)) if hidden else "")
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "FG_MUJOCO_MAPS")}
+    environment["PYTHONPATH"] = str(folder)
+    done = subprocess.run(
+        [sys.executable, "-m", "fg_mujoco.addons.gym2d", *options, str(name if where is None else folder / name), *arguments],
+        cwd=where or folder, env=environment, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    return done.stdout, done.stderr, done.returncode
+
+
+ALL = ("gym", "gymnasium", "pyglet", "f110_gym", "f1tenth_gym")
+
+OLD = f"""
+    import time
+    from f110_gym.envs.base_classes import Integrator
+    import yaml
+    import gym
+    import numpy as np
+    from argparse import Namespace
+    from pyglet.gl import GL_POINTS
+    {FOLLOWER}
+    with open('config.yaml') as file:
+        conf = Namespace(**yaml.load(file, Loader=yaml.FullLoader))
+    waypoints = np.loadtxt('waypoints.csv', delimiter=';', skiprows=3)
+    drawn = []
+
+    def render_callback(env_renderer):
+        e = env_renderer
+        x = e.cars[0].vertices[::2]
+        y = e.cars[0].vertices[1::2]
+        e.score_label.x, e.score_label.y = min(x), max(y) - 700
+        e.left, e.right, e.top, e.bottom = min(x) - 800, max(x) + 800, max(y) + 800, min(y) - 800
+        for i, (px, py) in enumerate(50.0 * waypoints[:, 1:3]):
+            if len(drawn) < len(waypoints):
+                drawn.append(e.batch.add(1, GL_POINTS, None, ('v3f/stream', [px, py, 0.]),
+                                         ('c3B/stream', [183, 193, 222])))
+            else:
+                drawn[i].vertices = [px, py, 0.]
+
+    env = gym.make('f110_gym:f110-v0', map=conf.map_path, map_ext=conf.map_ext, num_agents=1, timestep=0.01,
+                   integrator=Integrator.RK4)
+    env.add_render_callback(render_callback)
+    obs, step_reward, done, info = env.reset(np.array([[conf.sx, conf.sy, conf.stheta]]))
+    env.render()
+    laptime = 0.0
+    while not done:
+        steer = follow(waypoints[:, 1:3], obs['poses_x'][0], obs['poses_y'][0], obs['poses_theta'][0])
+        obs, step_reward, done, info = env.step(np.array([[steer, 4.0]]))
+        laptime += step_reward
+        if round(laptime, 2) % 1 == 0:
+            env.render(mode='human_fast')
+    print(obs['lap_counts'][0], obs['collisions'][0], len(drawn) == len(waypoints), 13 < laptime < 17)
+"""
+
+NEW = f"""
+    import gymnasium as gym
+    import numpy as np
+    {FOLLOWER}
+    env = gym.make("MODULE", config={{"map": "drawn", "num_agents": 1, "timestep": 0.01, "integrator": "rk4",
+                   "control_input": ["speed", "steering_angle"], "model": "st", "params": {{"mu": 1.0}},
+                   "observation_config": {{"type": "kinematic_state"}}}}, render_mode="human")
+    track = env.unwrapped.track
+    waypoints = np.stack([track.raceline.xs, track.raceline.ys], axis=1)
+    env.unwrapped.add_render_callback(track.raceline.render_waypoints)
+    env.unwrapped.add_render_callback(lambda e: e.get_points_renderer(waypoints[:1], color=(1, 2, 3), size=4))
+    poses = np.array([[track.raceline.xs[0], track.raceline.ys[0], track.raceline.yaws[0]]])
+    obs, info = env.reset(options={{"poses": poses}})
+    done = False
+    env.render()
+    while not done:
+        car = obs[env.agent_ids[0]]
+        steer = follow(waypoints, car["pose_x"], car["pose_y"], car["pose_theta"])
+        obs, step_reward, done, truncated, info = env.step(np.array([[steer, 4.0]]))
+    print(env.unwrapped.lap_counts[0], info["checkpoint_done"].tolist(), 13 < env.unwrapped.current_time < 17)
+"""
+
+
+def test_a_waypoint_follower_of_v0_2_laps_unedited(folder):
+    out, error, status = run(folder, OLD, hidden=ALL)
+    assert (out, status) == ("2.0 0.0 True True\n", 0), error
+    assert error.count("render shows nothing and goes on: there is no display") == 1
+    assert "script.py" in error  # the warning names the script's line
+
+
+def test_a_waypoint_follower_of_v1_0_laps_unedited(folder):
+    out, error, status = run(folder, NEW.replace("MODULE", "f1tenth_gym:f1tenth-v0"))
+    assert (out, status) == ("2.0 [True] True\n", 0), error
+
+
+def test_a_script_is_in_its_own_place(folder):
+    """Working directory, arguments, `__file__`, `__main__` and the first folder of imports, as `python script.py`."""
+    inside = folder / "inside"
+    inside.mkdir()
+    (inside / "helper.py").write_text("import gym\nname = gym.__name__\n")
+    text = """
+        import os, sys, pickle
+        import __main__
+        import helper
+        class Thing: pass
+        print(os.getcwd(), sys.argv, __file__, __name__, __main__.__file__, sys.path[0])
+        print(helper.name, type(pickle.loads(pickle.dumps(Thing()))) is Thing, __spec__, __package__)
+    """
+    (folder / "inside" / "script.py").write_text(textwrap.dedent(text))
+    command = [sys.executable, "-m", "fg_mujoco.addons.gym2d", "inside/script.py", "a", "--maps", "b"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=100, check=True)
+    place = "inside/script.py"
+    assert done.stdout == (
+        f"{folder} ['{place}', 'a', '--maps', 'b'] {place} __main__ {place} {inside}\ngym True None None\n"
+    )
+
+
+def test_a_wrapper_and_a_loop_of_learning(folder):
+    """Wrappers, spaces and registration, as scripts of reinforcement learning have them, without gym."""
+    text = """
+        import gym
+        from gym import spaces
+        import numpy as np
+        class Wrapped(gym.Wrapper):
+            def __init__(self, env):
+                super().__init__(env)
+                self.action_space = spaces.Box(low=-1.0, high=1.0, shape=(2,), dtype=np.float32)
+                self.observation_space = spaces.Box(low=0.0, high=30.0, shape=(self.env.sim.agents[0].num_beams,))
+            def reset(self, **kwargs):
+                obs, _, _, _ = self.env.reset(np.array([[7.5, 2.25, 0.0]]))
+                return obs["scans"][0]
+            def step(self, action):
+                obs, reward, done, info = self.env.step(np.array([[0.4 * action[0], 2 + action[1]]]))
+                return obs["scans"][0], reward + float(obs["linear_vels_x"][0]), done, info
+        gym.register(id="mine-v0", entry_point=lambda **k: Wrapped(gym.make("f110_gym:f110-v0", **k)),
+                     max_episode_steps=20)
+        env = gym.make("mine-v0", map="drawn", num_agents=1)
+        env.action_space.seed(1)
+        seen = env.reset()
+        done, steps = False, 0
+        while not done:
+            seen, reward, done, info = env.step(env.action_space.sample())
+            steps += 1
+        print(steps, seen.shape, env.observation_space.shape, env.params["lf"], type(env.unwrapped).__name__)
+        print(np.float is float, np.zeros(2, dtype=np.float).dtype)
+    """
+    out, error, status = run(folder, text, hidden=ALL)
+    assert (out, status) == ("20 (1080,) (1080,) 0.15875 GymEnv\nTrue float64\n", 0), error
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "import math\nfrom f110_gym.envs.base_classes import Foo",
+            "script.py:2: f110_gym.envs.base_classes has no 'Foo'",
+        ),
+        ("import f110_gym.envs.foo", "script.py:1: f110_gym.envs has no 'foo' here; accepted: F110Env"),
+        ("import gym\n\nprint(gym.vector)", "script.py:3: gym has no 'vector' here; accepted: Env"),
+        ("import gym\ngym.make('f110_gym:f110-v0')", "script.py:2: map 'vegas': unknown track 'vegas'"),
+        ("import gym\ngym.make('f110_gym:f110-v0', map='drawn').reset([[0, 0]])", "script.py:2: poses is"),
+    ],
+)
+def test_what_is_not_there_is_told_by_name_file_and_line(folder, text, said):
+    out, error, status = run(folder, text, hidden=ALL)
+    assert said in error and "Traceback" not in error.replace('Traceback (most recent call last):\n  File "script', "")
+    assert status == (1 if "print(gym.vector)" in text else 2) and out == ""
+
+
+def test_an_error_of_the_script_is_its_own(folder):
+    out, error, status = run(folder, "import gym\n\n1 / 0\n")
+    assert status == 1 and out == ""
+    assert (
+        error.startswith('Traceback (most recent call last):\n  File "script.py", line 3') and "fg_mujoco" not in error
+    )
+    assert run(folder, "import sys\nsys.exit(7)\n")[2] == 7
+    out, error, status = run(folder, "import numpy as np\nprint(np.product([2, 3]))\nnp.cast\n")
+    assert (out, status) == ("6\n", 1)
+    assert error.splitlines()[-1].endswith("install an older one: pip install 'numpy<2'")
+    if np.lib.NumpyVersion(np.__version__) >= "2.4.0":
+        error = run(folder, "import numpy as np\nfloat(np.ones(1))\n")[1]
+        assert error.splitlines()[-1].endswith("install an older one: pip install 'numpy<2.4'")
+    assert "error: nowhere.py: No such file" in run(folder, "", name="x.py", options=("nowhere.py",))[1]
+
+
+def test_maps_vehicle_and_tires_are_those_of_the_command(folder):
+    tracks = folder / "tracks"
+    tracks.mkdir()
+    for suffix in (".yaml", ".png"):
+        (tracks / f"drawn{suffix}").write_bytes((folder / f"drawn{suffix}").read_bytes())
+    (tracks / "drawn.yaml").rename(tracks / "vegas.yaml")
+    text = """
+        import gym
+        env = gym.make("f110_gym:f110-v0")
+        print(env.num_agents, env.map_path.endswith("tracks/vegas.yaml"), env.world.tires.name, env.world.vehicle.name)
+    """
+    options = ("--maps", "tracks", "--tires", "f1tenth_gym", "--vehicle", "nuc2")
+    assert run(folder, text, options=options)[0] == "2 True f1tenth_gym nuc2\n"
+    refused = run(folder, text, options=("--tires", "rubber"))
+    assert refused[2] == 2 and refused[1].startswith("error: tires 'rubber' are not known")
+
+
+def test_gymnasium_stays_itself_and_has_the_environments(folder):
+    text = """
+        import gymnasium, f110_gym
+        from gymnasium.wrappers import TimeLimit
+        env = TimeLimit(gymnasium.make("f110-v0", map="drawn", num_agents=1), 3)
+        obs, info = env.reset()
+        print(gymnasium.__file__.endswith("gymnasium/__init__.py"), "f110-v0" in gymnasium.registry, len(info))
+        print([env.step([[0.0, 1.0]])[3] for _ in range(3)], isinstance(env.unwrapped, f110_gym.envs.F110Env))
+        vector = gymnasium.make_vec("f1tenth_gym:f1tenth-v0", 2, vectorization_mode="sync",
+                                    config={"map": "drawn", "num_agents": 1})
+        print(vector.reset(seed=1)[0]["scans"].shape)
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("True True 4\n[False, False, True] True\n(2, 1, 1080)\n", 0), error
+
+
+def test_a_render_callback_that_fails_is_told_once_and_the_run_goes_on(folder):
+    text = """
+        import gym
+        import numpy as np
+        def draw(e):
+            e.label.text = np.zeros(3)[e.ego_idx + 7]
+        for name, settings in (("f110_gym:f110-v0", {"map": "drawn", "num_agents": 1}),
+                               ("f1tenth_gym:f1tenth-v0", {"config": {"map": "drawn", "num_agents": 1}})):
+            env = gym.make(name, **settings)
+            env.add_render_callback(draw)
+            env.reset()
+            env.render("rgb_array"), env.render("rgb_array")
+            print(len(env.step(np.zeros((1, 2)))))
+    """
+    out, error, status = run(folder, text, hidden=ALL)
+    assert (out, status) == ("4\n5\n", 0), error
+    assert error.count("the render callback 'draw' fails at script.py:5: IndexError") == 2
+
+
+def test_wrappers_of_gym_that_are_listed_are_there_and_do_what_they_say(folder):
+    text = """
+        import gym
+        import numpy as np
+        from gym.wrappers.record_episode_statistics import RecordEpisodeStatistics
+        new = lambda: gym.make("f1tenth_gym:f1tenth-v0", config={"map": "drawn", "num_agents": 1, "num_beams": 20})
+        old = gym.make("f110_gym:f110-v0", map="drawn", num_agents=1)
+        given = {"TimeLimit": (3,), "RescaleAction": (-1.0, 1.0), "TransformObservation": (lambda seen: seen["scans"],),
+                 "TransformReward": (lambda reward: 100.0 * reward,)}
+        for name in gym.wrappers.__all__:
+            wrapper = getattr(gym.wrappers, name)
+            if not isinstance(wrapper, type):
+                continue
+            env = RecordEpisodeStatistics(gym.wrappers.TimeLimit(wrapper(new(), *given.get(name, ())), 2))
+            seen, _ = env.reset()
+            for _ in range(2):
+                found = env.step(np.full((1, 2), 50.0))
+            print(name, getattr(seen, "shape", None), found[1], found[-1]["episode"]["r"], found[-1]["episode"]["l"])
+        unbounded = "gym.wrappers.RescaleAction(old, -1.0, 1.0)"
+        for code in (unbounded, "import gym.wrappers.Monitor", "import gym.spaces.box_"):
+            try:
+                exec(code)
+            except (ValueError, ImportError) as error:
+                print(error)
+    """
+    out, error, status = run(folder, text, hidden=ALL)
+    lines = out.splitlines()
+    assert status == 0 and len(lines) == 14, error
+    told = {name: rest for name, _, rest in (line.partition(" ") for line in lines[:11])}
+    assert told.pop("FlattenObservation") == "(30,) 0.01 0.02 2"
+    assert told.pop("TransformObservation") == "(1, 20) 0.01 0.02 2"
+    assert told.pop("TransformReward") == "None 1.0 2.0 2"
+    assert set(told.values()) == {"None 0.01 0.02 2"}
+    assert "RescaleAction of an environment whose action_space is None" in lines[11]
+    assert "gym.wrappers.Monitor is no module; accepted: from gym.wrappers import Monitor" in lines[12]
+    assert "gym.spaces has no 'box_' here; accepted: Space, " in lines[13]
+
+
+def test_names_of_pyglet_take_whatever_is_done_with_them(folder):
+    text = """
+        import pyglet
+        from pyglet import gl
+        from pyglet.gl import *
+        from pyglet.window import key
+        pyglet.options["debug_gl"] = False
+        class Window(pyglet.window.Window):
+            def __init__(self):
+                super().__init__(200, 100, "mine", resizable=True)
+            def on_draw(self):
+                self.clear()
+        window = Window()
+        @window.event
+        def on_key_press(symbol, modifiers):
+            return symbol == key.ESCAPE
+        glMatrixMode(GL_PROJECTION)
+        gluOrtho2D(0, window.width, 0, window.height)
+        gl.glPointSize(4)
+        batch = pyglet.graphics.Batch()
+        line = pyglet.shapes.Line(0, 0, 1, 1, width=2, color=(255, 0, 0), batch=batch)
+        line.x2 = 5
+        label = pyglet.text.Label("a", font_size=12, x=0, y=0, batch=batch)
+        label.text = "b"
+        points = batch.add(2, gl.GL_LINES, None, ("v2f/stream", [0, 0, 1, 1]), ("c3B", (0,) * 6))
+        points.vertices[0] = 3.0
+        for each in window.get_children():
+            each.draw()
+        batch.draw(), window.on_draw(), window.flip(), pyglet.clock.tick(), pyglet.app.run()
+        print(line.x2, label.text, points.vertices, GL_QUADS, GL_POINTS, len(window.list))
+    """
+    out, error, status = run(folder, text, hidden=ALL)
+    assert (out, status) == ("5 b [3.0, 0.0, 0.0, 0.0] 7 0 0\n", 0), error
+
+
+def test_configuration_objects_of_later_releases(folder):
+    text = """
+        import gymnasium as gym
+        from f1tenth_gym.envs.action import LongitudinalActionType
+        from f1tenth_gym.envs.contact import ContactConfig
+        from f1tenth_gym.envs.dynamic_models import DynamicModel, F1TENTH_VEHICLE_PARAMETERS
+        from f1tenth_gym.envs.env_config import ControlConfig, EnvConfig, ObservationConfig, RewardConfig, RewardMode
+        from f1tenth_gym.envs.integrators import IntegratorType
+        from f1tenth_gym.envs.observation import ObservationType
+        from f1tenth_gym.envs.reset import ResetStrategy
+        cfg = EnvConfig(map_name="drawn", num_agents=1, params=F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.9),
+                        control_config=ControlConfig(longitudinal_mode=LongitudinalActionType.SPEED),
+                        observation=ObservationConfig(type=ObservationType.KINEMATIC_STATE))
+        env = gym.make("f1tenth_gym:f1tenth-v0", config=cfg, render_mode="unlimited")
+        obs, info = env.reset(seed=cfg.seed)
+        env.render()
+        print(sorted(obs["agent_0"]), env.unwrapped.config["max_laps"], env.unwrapped.params["mu"])
+        cfg.with_updates(reward_config=RewardConfig(mode=RewardMode.SURVIVAL), contact_config=ContactConfig())
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("['delta', 'linear_vel_x', 'pose_theta', 'pose_x', 'pose_y'] 1 0.9\n", 2), error
+    assert "EnvConfig has no argument 'reward_config'" in error
+
+
+PROCESSES = """
+    import multiprocessing
+    import gym
+    import numpy as np
+
+    OF_THE_TIME = np.float(2.0)
+
+    def work(seed, answers):
+        env = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1, seed=seed)
+        scan = env.reset(np.array([[0.0, 0.0, 0.0]]))[0]["scans"][0]
+        answers.put((seed, len(scan), float(scan.sum()), OF_THE_TIME))
+
+    if __name__ == "__main__":
+        found = []
+        for method, seeds in (("fork", 2), ("spawn", 1), ("forkserver", 1)):
+            context = multiprocessing.get_context(method)
+            answers = context.Queue()
+            processes = [context.Process(target=work, args=(seed, answers)) for seed in range(seeds)]
+            for process in processes:
+                process.start()
+            found.append(sorted(answers.get(timeout=200) for _ in processes))
+            for process in processes:
+                process.join()
+        print(found[0][:1] == found[1] == found[2], found[0][0][1], found[0][0][2] != found[0][1][2])
+"""
+
+
+def test_processes_that_a_script_starts_have_the_modules_too(folder):
+    printed, errors, status = run(folder, PROCESSES)
+    assert (printed.split(), status) == (["True", "1080", "True"], 0), errors
+
+
+CLASSES = """
+    import gym
+    import numpy as np
+    from f110_gym.envs.base_classes import RaceCar, Simulator
+    from f110_gym.envs.f110_env import F110Env
+    from f110_gym.envs.laser_models import ScanSimulator2D
+
+    env = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1)
+    assert RaceCar.scan_angles.shape == RaceCar.cosines.shape == RaceCar.side_distances.shape == (1080,)
+    assert np.allclose(RaceCar.scan_angles[[0, -1]], [-2.35, 2.35])
+    assert np.isclose(RaceCar.side_distances.min(), 0.155)
+
+    car = RaceCar(env.params, 12345, is_ego=True, time_step=0.02)
+    car.set_map("./drawn.yaml", ".png")
+    car.reset(np.array([0.5, 0.0, 0.1]))
+    assert np.allclose(car.state, [0.5, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0])
+    for _ in range(100):
+        scan = car.update_pose(0.0, 1.0)
+    assert scan.shape == (1080,) and 1.5 < np.hypot(car.state[0] - 0.5, car.state[1]) < 2.0
+
+    ground = Simulator(F110Env.f1tenth_vehicle_params(), 1, seed=42)
+    ground.reset(np.array([[1.0, 2.0, 0.5]]))
+    assert np.allclose(ground.agent_poses, [[1.0, 2.0, 0.5]])
+
+    RaceCar.scan_simulator = ScanSimulator2D(1440, 4.0)
+    RaceCar.scan_simulator.set_map(env.map_path, env.map_ext)
+    obs, *_ = env.reset(np.array([[0.0, 0.0, 0.0]]))
+    agent = env.sim.agents[0]
+    assert len(obs["scans"][0]) == agent.num_beams == env.num_beams == 1440
+    assert np.isclose(agent.scan_angles[-1], 2.0)
+    other = gym.make("f110_gym:f110-v0", map="./drawn", map_ext=".png", num_agents=1)
+    assert len(other.reset(np.array([[0.0, 0.0, 0.0]]))[0]["scans"][0]) == 1440
+    env.render()
+    assert F110Env.renderer is env.renderer
+    print("done")
+"""
+
+
+def test_classes_of_the_gym_that_scripts_use_by_themselves(folder):
+    printed, errors, status = run(folder, CLASSES)
+    assert (printed.split(), status) == (["done"], 0), errors
+
+
+def test_importing_both_packages_registers_the_environments_once(folder):
+    text = """
+        import gymnasium, f110_gym, f1tenth_gym
+        for name in ("f110_gym:f110-v0", "f1tenth_gym:f1tenth-v0"):
+            gymnasium.make(name, config={"map": "drawn", "num_agents": 1}, render_mode="unlimited")
+        print("done")
+    """
+    out, error, status = run(folder, text)
+    assert (out, status) == ("done\n", 0), error
+    assert "WARN" not in error

@@ -1,0 +1,113 @@
+"""What benchmarks/f1tenth_gym.py makes of a checkout: here a stand-in whose step takes a known time."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from map_oracles import draw_map, ring
+
+SCRIPT = Path(__file__).parents[3] / "benchmarks" / "f1tenth_gym.py"
+LAPS = SCRIPT.with_name("f1tenth_gym_laps.py")
+if not SCRIPT.exists():
+    pytest.skip("not a checkout of the repository", allow_module_level=True)
+
+STAND_IN = """
+import math
+import time
+
+import numpy as np
+
+
+class Simulator:
+    def __init__(self, params, num_agents, seed, time_step):
+        self.agents, self.time_step = num_agents, time_step
+        self.wheelbase = params["lf"] + params["lr"]
+
+    def set_map(self, map_path, map_ext):
+        assert map_path.endswith(".yaml") and map_ext == ".png"
+
+    def reset(self, poses):
+        assert poses.shape == (self.agents, 3)
+        self.poses = poses.copy()
+
+    def step(self, control_inputs):
+        began = time.perf_counter()
+        for pose, (steering, speed) in zip(self.poses, control_inputs, strict=True):
+            pose += self.time_step * speed * np.array(
+                (math.cos(pose[2]), math.sin(pose[2]), math.tan(steering) / self.wheelbase)
+            )
+        time.sleep(max(1e-3 - (time.perf_counter() - began), 0.0))
+        names = ("poses_x", "poses_y", "poses_theta")
+        seen = dict(zip(names, self.poses.T.tolist(), strict=True))
+        outside = (np.abs(self.poses[:, :2]) > 20.0).any(axis=1)
+        return seen | {"collisions": outside, "scans": [np.full(1080, 2.0)] * self.agents}
+"""
+
+
+def run(*options, script=SCRIPT):
+    return subprocess.run([sys.executable, str(script), *map(str, options)], capture_output=True, text=True)
+
+
+def checkout(tmp_path):
+    """Write a map and a stand-in for a checkout, and return the options that name them."""
+    draw_map(tmp_path, ring())
+    package = tmp_path / "checkout" / "gym" / "f110_gym" / "envs"
+    package.mkdir(parents=True)
+    for folder in (package, package.parent):  # neither is run, for they import gym and pyglet
+        (folder / "__init__.py").write_text("raise ImportError", encoding="utf-8")
+    (package / "base_classes.py").write_text(STAND_IN, encoding="utf-8")
+    return "--gym", tmp_path / "checkout", "--map", tmp_path / "drawn.yaml"
+
+
+def test_both_simulators_drive_a_lap_in_turns(tmp_path):
+    figures = tmp_path / "figures.json"
+    done = run(*checkout(tmp_path), "--rounds", 1, "--json", figures)
+    assert done.returncode == 0, done.stderr
+    assert "times real time" in done.stdout
+    measured = json.loads(figures.read_text(encoding="utf-8"))
+    assert measured["turns"] == 10  # 29 m at 3 m/s, 1 s a turn
+    theirs, *ours = measured["ways"].values()
+    assert theirs["us_per_step_least"] >= 1000.0
+    assert theirs["ratio"] == 1.0
+    for way, period in zip((theirs, *ours), (0.01, 0.01, 0.025), strict=True):
+        assert way["realtime_factor"] == pytest.approx(1e6 * period / way["us_per_step"])
+    for way in (*ours, measured["race"]):
+        assert way["ratio"] == pytest.approx(way["realtime_factor"] / theirs["realtime_factor"], rel=0.5)
+
+
+def test_several_cars_and_other_timesteps_are_compared_without_the_race(tmp_path):
+    figures = tmp_path / "figures.json"
+    done = run(*checkout(tmp_path), "--rounds", 1, "--agents", 2, "--timestep", 0.02, "--json", figures)
+    assert done.returncode == 0, done.stderr
+    assert "2 cars" in done.stdout
+    measured = json.loads(figures.read_text(encoding="utf-8"))
+    assert list(measured["ways"]) == ["f1tenth_gym", "fg_mujoco.addons.gym2d"] and "race" not in measured
+    for way in measured["ways"].values():
+        assert way["realtime_factor"] == pytest.approx(1e6 * 0.02 / way["us_per_step"])
+
+
+def test_lap_times_stand_beside_those_of_the_other_simulator(tmp_path):
+    """The stand-in has the speed that it is told and no slip; its walls are far off, so that the follower leaves."""
+    figures = tmp_path / "figures.json"
+    options = "--speeds", 3, "--laterals", 4, "--json", figures
+    done = run(*checkout(tmp_path), *options, script=LAPS)
+    assert done.returncode == 0, done.stderr
+    steady, profile, walls = json.loads(figures.read_text(encoding="utf-8"))["laps"]
+    for row in (steady, profile):
+        for way in ("default", "linear"):
+            assert row[way] == pytest.approx(row["f1tenth_gym"], rel=0.06)
+    assert steady["f1tenth_gym"] == pytest.approx(29.0 / 3.0, rel=0.03) != profile["f1tenth_gym"]
+    assert walls["f1tenth_gym"].startswith("crash at")
+    assert walls["linear"] == pytest.approx(29.0 / 2.0, rel=0.08)
+
+
+def test_a_folder_without_the_simulator_is_refused(tmp_path):
+    draw_map(tmp_path, ring())
+    done = run("--gym", tmp_path, "--map", tmp_path / "drawn.yaml")
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "base_classes.py; accepted: a checkout of f1tenth_gym 0.2.1" in done.stderr

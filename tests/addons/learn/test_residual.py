@@ -1,0 +1,226 @@
+"""Residual policies: they correct a planner's commands. Without a correction the planner drives, bit for bit."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from refusals import refused
+from small_policies import network_for
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.addons.learn import policy_files
+from fg_mujoco.envs.actions import ActionBounds, ActionReader
+from fg_mujoco.addons.learn.policy_files import description_of, read_policy, save_policy
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.addons.learn.residual import Residual
+from fg_mujoco.errors import FgMujocoError
+
+pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+
+BASE = "gap_finder[learn=true]"
+SETTINGS = {
+    "residual": {"planner": BASE, "steering": 0.1, "speed": 1.0}, "normalised_actions": True, "speed_range": (-5, 8),
+    "observation": "beams:20,planner_command:history=2,speed,previous_action,normalised,flat",
+}  # fmt: skip
+CAR = fg.World("oval").parameters
+NOTHING = np.zeros(2, np.float32)
+
+
+def states_of(car):
+    """What a race has recorded of a car, as bytes."""
+    return car.telemetry.tobytes()
+
+
+@pytest.mark.parametrize("repeat", [1, 3])
+def test_without_a_correction_the_planner_drives(repeat, tmp_path):
+    env = F1TenthEnv(**SETTINGS, action_repeat=repeat)
+    network = network_for(env.policy_interface)
+    for array in (network.layers[-1].weights, network.layers[-1].bias):
+        array[:] = 0.0
+    controller = str(save_policy(network, tmp_path / "nothing", env.policy_interface))
+    races = [fg.race("random:3:tight", name, mu=0.7, time_limit=4.0) for name in (controller, BASE)]
+    assert states_of(races[0].car) == states_of(races[1].car)
+
+
+@pytest.mark.parametrize("repeat", [1, 2])
+def test_its_file_commands_in_a_race_what_it_commands_in_the_environment(repeat, tmp_path):
+    env = F1TenthEnv(track="hairpins", start="line", mu=0.7, action_repeat=repeat, **SETTINGS)
+    controller = str(save_policy(network_for(env.policy_interface), tmp_path / "policy", env.policy_interface))
+    worlds, commands, policy = env._episodes.worlds, [], read_policy(controller)
+    drive = worlds.drive
+    worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    observation, _ = env.reset(seed=0)
+    while len(commands) < 40:
+        observation, _, terminated, _, _ = env.step(policy.act(observation))
+        assert not terminated
+    result = fg.race("hairpins", controller, mu=0.7, time_limit=0.99)
+    column = fg.TELEMETRY.index("command_steering_rad")
+    assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+    planned = fg.race("hairpins", BASE, mu=0.7, time_limit=0.99)
+    assert states_of(planned.car) != states_of(result.car)
+
+
+def episodes_of(envs, steps, act):
+    """Observations, rewards and ends of some steps of an environment, by their bytes."""
+    seen, _ = envs.reset(seed=3)
+    found = [np.asarray(seen).copy()]
+    for step in range(steps):
+        seen, reward, terminated, truncated, _ = envs.step(act(step))
+        found += [np.asarray(each).copy() for each in (seen, reward, terminated | truncated)]
+    return found
+
+
+@pytest.mark.parametrize("alone", [False, True], ids=["together", "with messages"])
+def test_worlds_are_single_environments(alone, monkeypatch):
+    settings = SETTINGS | {
+        "track": ["oval", "random:1:tight"], "randomize": {"mu": (0.5, 1.1), "command_delay": (0.0, 0.02)},
+        "action_repeat": 2, "time_limit": 0.8, "builds": 2, "effects": {"range_noise_std": 0.01},
+    }  # fmt: skip
+    actions = np.random.default_rng(0).uniform(-1, 1, (25, 3, 2)).astype(np.float32)
+    if alone:
+        monkeypatch.setattr(GapFinder, "batch", None)
+    vector = F1TenthVectorEnv(3, threads=2, autoreset_mode="SameStep", **settings)
+    found = episodes_of(vector, 25, lambda step: actions[step])
+    for world in range(3):
+        monkeypatch.undo()
+        env = F1TenthEnv(**settings)
+        seen, _ = env.reset(seed=3 + world)
+        assert seen.tobytes() == found[0][world].tobytes()
+        for step in range(25):
+            seen, reward, terminated, truncated, _ = env.step(actions[step, world])
+            if terminated or truncated:
+                seen, _ = env.reset()
+            assert (seen.tobytes(), reward) == (found[3 * step + 1][world].tobytes(), found[3 * step + 2][world])
+        env.close()
+    assert any(over.any() for over in found[3::3])
+
+
+COMMANDS = st.tuples(st.floats(-0.4, 0.4), st.floats(-5.0, 8.0))
+
+
+@given(planned=COMMANDS, action=st.tuples(st.floats(-2, 2), st.floats(-2, 2)), slow=st.sampled_from([0.0, 2.0]))
+def test_a_command_is_the_planned_one_and_the_correction_within_the_limits(planned, action, slow):
+    residual = Residual(planner=BASE, steering=0.1, speed=1.5, slow=slow)
+    reader = ActionReader(ActionBounds(CAR, (-1.0, 7.0), normalised=True, residual=residual), 1)
+    reader.planned, commands = np.array([planned]), np.zeros((1, 2))
+    reader.read(np.array([action]), np.ones(1, np.bool_), commands, np.zeros(1, np.int64))
+    share = 1.0 if slow == 0.0 else min(max(planned[1], 0.0) / slow, 1.0)
+    expected = np.array(planned) + share * np.clip(action, -1, 1) * (0.1, 1.5)
+    expected = np.clip(expected, (-CAR.max_steering_angle, -1.0), (CAR.max_steering_angle, 7.0))
+    np.testing.assert_allclose(commands[0], expected, atol=1e-12)
+
+
+def test_the_planner_is_told_nothing_that_is_drawn():
+    drawn = {"mu": (0.5, 1.1), "command_delay": (0.0, 0.02), "mass": (3.2, 4.3)}
+    interface = F1TenthVectorEnv(1, randomize=drawn, effects={"latency": 0.03}, **SETTINGS).policy_interface
+    context = interface.planner_context
+    assert (context.mu, context.latency, context.max_speed, context.map_line) == (0.5, 0.05, 8.0, None)
+    assert context.car == CAR
+    assert replace(interface, residual=replace(interface.residual, latency=0.01)).planner_context.latency == 0.01
+    described = json.loads(json.dumps(interface.described(), allow_nan=False))
+    assert PolicyInterface.read(described) == interface
+    assert "residual" not in F1TenthVectorEnv(1).policy_interface.described()
+
+
+def test_the_planner_command_is_seen():
+    env = F1TenthEnv(**SETTINGS | {"observation": "planner_command", "normalised_actions": False}, start="line")
+    first, _ = env.reset(seed=0)
+    seen, *_ = env.step(NOTHING)
+    np.testing.assert_allclose(env._episodes.commands[0], first["planner_command"], rtol=1e-6)
+    assert first["planner_command"][1] > 0.0 and not np.array_equal(first["planner_command"], seen["planner_command"])
+
+
+def test_an_opponent_may_correct_a_planner():
+    """One that corrects nothing drives as the planner; one of a file drives beside."""
+    shared = {"track": "oval", "start": "line", "time_limit": 20.0}
+    corrects, plans = (
+        F1TenthEnv(opponents=[opponent], **shared, **SETTINGS) for opponent in (lambda seen: NOTHING, BASE)
+    )
+    for env in (corrects, plans):
+        env.reset(seed=1)
+        for _ in range(60):
+            env.step(np.array([0.0, -1.0], np.float32))
+    states = [env._episodes.worlds.state(0) for env in (corrects, plans)]
+    np.testing.assert_array_equal(*states)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
+        ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
+        ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
+        (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
+        ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"),
+        ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
+        ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
+        ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"),
+        (3, "residual is 3; accepted: Residual"),
+    ],
+)
+def test_a_planner_that_cannot_be_corrected_is_refused(settings, said):
+    with pytest.raises(fg.SettingsError) as caught:
+        F1TenthEnv(residual=settings)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "planner",
+    ["mine.py", "./mine.py", "mine.py:mine", "mine.py[speed=1]", "ros:mine.py", "ros:mine.launch.py", "p"],
+)
+@pytest.mark.parametrize("ending", [".json", ".onnx", ".zip"])
+def test_a_policys_file_runs_no_planners_file(planner, ending, tmp_path, monkeypatch):
+    """Whoever made the policy chose the text of its base planner."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.py", "mine.launch.py"):
+        (tmp_path / name).write_text("open('executed', 'w')\ndef mine(scan, odometry): pass\n")
+    interface = F1TenthEnv(**SETTINGS).policy_interface
+    path, described = save_policy(network_for(interface), "p", interface), description_of(interface)
+    described["interface"]["residual"]["planner"] = planner
+    if ending == ".json":
+        path.write_text(json.dumps(json.loads(path.read_text()) | described))
+    else:  # as the reader of the form returns it
+        path = path.with_suffix(ending)
+        path.write_bytes(b"")
+        monkeypatch.setitem(policy_files._FORMS, ending, lambda content: (described, pytest.fail))
+    for use in (lambda: read_policy(path), lambda: F1TenthEnv(residual=planner)):
+        with pytest.raises(FgMujocoError, match=r"residual has the planner .*, which is no registered one; accepted:"):
+            use()
+    assert not (tmp_path / "executed").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"action": "steering_rate,speed"}, "action is 'steering_rate,speed', with a residual; accepted:"),
+        ({"smoothing": 0.1}, "smoothing is 0.1, with a residual; accepted: 0"),
+        ({"residual": None}, "observation 'planner_command' without a residual; accepted: with one"),
+    ],
+)
+def test_settings_that_do_not_go_with_a_residual_are_refused(settings, said):
+    with pytest.raises(fg.SettingsError, match=said):
+        F1TenthEnv(**SETTINGS | settings)
+
+
+def test_a_teacher_and_a_residual_are_refused(tmp_path, capsys):
+    options = ["--env", f"residual={BASE}", "--teacher", "steps=5"]
+    said = refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
+    assert "teacher with a residual, which drives from the beginning; accepted: one of the two" in said
+
+
+def test_a_training_begins_as_the_planner(tmp_path):
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    from fg_mujoco.addons.learn.training import train
+
+    ppo = {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,), "learning_rate": 1e-9}
+    train(tmp_path / "first", environment={"track": "oval", "residual": BASE}, worlds=2, steps=64, ppo=ppo)
+    policy = read_policy(tmp_path / "first")
+    seen = np.full(policy.interface.observer().bounds.low.shape, 0.3, np.float32)
+    np.testing.assert_allclose(policy.act(seen), 0.0, atol=1e-6)
+    assert policy.interface.residual.planner == BASE

@@ -1,0 +1,217 @@
+"""Self-play: who is drawn from the pool of opponents, how snapshots drive, and which are kept."""
+
+from collections import Counter
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from refusals import refused
+from small_policies import FLAT, network_for
+
+import fg_mujoco as fg
+from fg_mujoco.envs import environment_opponents
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.addons.learn.policy_batch import PolicyBatch
+from fg_mujoco.addons.learn.policy_files import save_policy
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.addons.learn.policy_planner import find_policy
+from fg_mujoco.addons.learn.self_play import SelfPlay, Snapshots
+from fg_mujoco.addons.learn.training_settings import TrainingSettings
+from fg_mujoco.errors import FgMujocoError
+from fg_mujoco.simulation.planner_adapter import MessagePlanners
+
+
+def snapshot(path, settings, seed, **network):
+    """A policy file of random weights for the car of the oval."""
+    world = fg.World("oval")
+    beams = world.vehicle.lidar.beams
+    interface = PolicyInterface.of(EnvironmentSettings.of(settings), world.parameters, beams, beams.period)
+    return save_policy(network_for(interface, seed=seed, **network), path, interface)
+
+
+def test_the_pool_draws_snapshots_for_their_share_and_each_member_as_often(tmp_path):
+    own = SelfPlay(share=0.75, planners=("gap_finder", "pure_pursuit"))
+    snapshots = [tmp_path / f"{i}.json" for i in range(3)]
+    drawn = Counter(own.pool(snapshots).at((i + 0.5) / 2400) for i in range(2400))
+    assert drawn == {"gap_finder": 300, "pure_pursuit": 300} | {str(path): 600 for path in snapshots}
+    before = Counter(own.pool().at((i + 0.5) / 100) for i in range(100))
+    assert before == {"gap_finder": 50, "pure_pursuit": 50}
+    for share, expected in ((0.0, {"gap_finder", "pure_pursuit"}), (1.0, set(map(str, snapshots)))):
+        pool = SelfPlay(share=share, planners=own.planners).pool(snapshots)
+        assert {pool.at(i / 50) for i in range(50)} == expected
+
+
+def test_the_last_snapshots_are_kept_and_later_ones_than_the_checkpoint_forgotten(tmp_path):
+    settings = SelfPlay(every=100, kept=2)
+    snapshots = Snapshots(tmp_path, settings)
+    for steps in (64, 128, 192, 256, 320):
+        if snapshots.due(steps):
+            snapshots.add(steps, b"{}")
+    assert [path.name for path in snapshots.files] == ["0000000256.json", "0000000320.json"]
+    again = Snapshots(tmp_path, settings, 300)
+    assert [int(path.stem) for path in again.files] == [256] and not again.due(299) and again.due(300)
+    assert [path.name for path in (tmp_path / "opponents").iterdir()] == ["0000000256.json"]
+
+
+@pytest.mark.parametrize(
+    ("own", "environment", "said"),
+    [
+        ({"share": 1.5}, {}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
+        ({"planners": []}, {}, "self_play.planners is []; accepted: one or more planners"),
+        ({"planners": "gap_findr"}, {}, "did you mean 'gap_finder'?"),
+        ({"kept": 0}, {}, "kept is 0"),
+        ({"sare": 0.5}, {}, "did you mean 'share'?"),
+        ({}, {"opponents": []}, "self_play, in an environment without opponents; accepted:"),
+        ({}, {"randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
+        ({}, {"opponents": [lambda seen: (0.0, 1.0)]}, "in an environment of self_play; accepted: a planner's name"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(own, environment, said):
+    with pytest.raises(FgMujocoError) as error:
+        TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
+    assert said in str(error.value) and "\n" not in str(error.value)
+
+
+def test_the_command_line_refuses_self_play_without_opponents(tmp_path, capsys):
+    out = str(tmp_path / "race")
+    line = refused(tmp_path, capsys, "train", "--track", "oval", "--self-play", "share=.5", "--out", out)
+    assert "self_play, in an environment without opponents" in line
+
+
+def test_a_race_has_one_friction_and_a_drawn_grid_unless_it_is_said():
+    own = TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"]}, self_play={}).environment
+    assert own["grid_order"] == "random" and own["rewards"] == "race" and own["randomize"] == {}
+
+
+def test_networks_of_rows_have_the_bits_of_each_row(tmp_path):
+    pytest.importorskip("fg_mujoco.envs.gym_environment")
+    for activation in ("tanh", "elu", "none"):
+        world = fg.World("oval")
+        beams = world.vehicle.lidar.beams
+        interface = PolicyInterface.of(EnvironmentSettings.of(FLAT), world.parameters, beams, beams.period)
+        network = network_for(interface, hidden=13, activation=activation, normalised=True)
+        values = np.random.default_rng(2).normal(size=(5, network.inputs)).astype(np.float32)
+        assert network.of_each(values).tobytes() == np.stack([network(row) for row in values]).tobytes()
+
+
+TICKS, COUNT = 30, 3
+
+
+def drive(settings, pool, count=COUNT, seed=3):
+    """The bits of what each of some worlds is told, and who was drawn; a world is reset every ten ticks."""
+    vector = pytest.importorskip("fg_mujoco.envs.gym_vector")
+    envs = vector.F1TenthVectorEnv(count, threads=1, autoreset_mode="Disabled", **settings)
+    envs.set_randomization({"opponent": pool})
+    observation, info = envs.reset(seed=seed)
+    told = [observation.tobytes() if count == 1 else [row.tobytes() for row in observation]]
+    drawn = [list(info["drawn_opponent"])]
+    for tick in range(TICKS):
+        if tick % 10 == 9:
+            mask = np.arange(count) % 2 == tick // 10 % 2 if count > 1 else np.ones(1, bool)
+            observation, info = envs.reset(options={"reset_mask": mask})
+            drawn.append(list(info["drawn_opponent"]))
+        else:
+            observation, rewards, *_, info = envs.step(np.tile(np.float32([0.1, 0.5]), (count, 1)))
+            told.append([*(row.tobytes() for row in observation), rewards.tobytes(), info["lead_m"].tobytes()])
+    envs.close()
+    return told, drawn
+
+
+@pytest.mark.parametrize("other", [{}, {"action": "steering,speed", "smoothing": 0.0, "action_repeat": 1}])
+def test_snapshots_asked_together_drive_as_planners_do(other, tmp_path, monkeypatch):
+    seen = {**FLAT, "observation": "beams:54:max=10:delay=0.05,speed,command,history:2,normalised,flat", **other}
+    files = [snapshot(tmp_path / f"{i}.json", seen, i, normalised=True) for i in range(2)]
+    randomize = {"opponents": (1, 2), "opponent": ["gap_finder"], "opponent_speed": (1.0, 7.0)}
+    settings = {**seen, "track": "oval", "grid_order": "random", "randomize": randomize}
+    pool = SelfPlay(share=0.8).pool(files)
+    together = drive(settings, pool)
+    assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
+    monkeypatch.setattr(environment_opponents, "batch_key", lambda planner: None)
+    assert drive(settings, pool) == together
+
+
+def test_policies_asked_together_learn_the_friction_between_their_steps_as_planners_do(tmp_path):
+    """Of the odometry of each tick of a drive that reaches 3.5 m/s, where an action is held for two of them."""
+    vector = pytest.importorskip("fg_mujoco.envs.gym_vector")
+    seen = {**FLAT, "observation": "beams:54:max=10,friction,speed,normalised,flat"}
+    file = str(snapshot(tmp_path / "learns.json", seen, 0))
+    envs = vector.F1TenthVectorEnv(1, track="oval", start="line", mu=0.7)
+    engine = envs.episodes.worlds.engine
+    planners = [find_policy(file)(8.0, 0.025) for _ in range(2)]
+    together, alone = PolicyBatch(planners[0].policy, 1), MessagePlanners(planners[1:], raises=True, timed=None)
+    together.begin({0: planners[0]})
+    envs.reset(seed=0)
+    for tick in range(60):
+        envs.step(np.float32([[0.02 * (-1) ** tick, 1.0 + 0.05 * tick]]))
+        cars = [SimpleNamespace(
+            beams=engine.beams, odometry=engine.odometry.copy(), ranges=engine.ranges.copy(), scans=engine.scans,
+            running=np.ones(1, np.bool_), commands=np.zeros((1, 2)), readings=engine.readings,
+        ) for _ in planners]  # fmt: skip
+        together(cars[0])
+        alone(cars[1])
+        assert cars[0].commands.tobytes() == cars[1].commands.tobytes(), tick
+    assert cars[0].odometry["speed"][0] > 3.0
+
+
+def test_world_i_draws_and_races_as_the_single_environment_of_seed_plus_i(tmp_path):
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+
+    files = [snapshot(tmp_path / f"{i}.json", FLAT, i) for i in range(2)]
+    pool = SelfPlay(share=0.8).pool(files)
+    settings = {**FLAT, "track": "oval", "grid_order": "random", "opponents": ["gap_finder"],
+                "randomize": {"opponent": pool}}  # fmt: skip
+    action = np.float32([0.1, 0.5])
+    envs = F1TenthVectorEnv(COUNT, threads=2, **settings)
+    seen, info = envs.reset(seed=7)
+    told = [[seen]], [list(info["drawn_opponent"])]
+    for _ in range(TICKS):
+        told[0].append([envs.step(np.tile(action, (COUNT, 1)))[0]])
+    envs.close()
+    for i in range(COUNT):
+        env = gym_environment.F1TenthEnv(**settings)
+        seen, info = env.reset(seed=7 + i)
+        assert info["drawn_opponent"] == told[1][0][i]
+        for tick in range(TICKS + 1):
+            assert seen.tobytes() == told[0][tick][0][i].tobytes(), tick
+            seen, _, terminated, *_ = env.step(action)
+            if terminated:
+                break
+        assert tick > 5
+        env.close()
+
+
+SMALL = {
+    "environment": {
+        "observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 0.5,
+        "opponents": ["gap_finder"],
+    },
+    "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)},
+    "self_play": {"every": 64, "kept": 2},
+}  # fmt: skip
+
+
+def test_a_training_meets_its_snapshots_and_goes_on_with_them(tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    from fg_mujoco.addons.learn import training
+    from fg_mujoco.addons.learn.stable_baselines3_env import F1TenthVecEnv
+
+    folder, pools = tmp_path / "race", []
+
+    class Watched(F1TenthVecEnv):
+        def __init__(self, *args, **settings):
+            pools.append([len(settings["randomize"]["opponent"].values)])
+            super().__init__(*args, **settings)
+
+        def step_wait(self):
+            pools[-1].append(len(self.envs._worlds.randomization.ranges["opponent"].values))
+            return super().step_wait()
+
+    monkeypatch.setattr("fg_mujoco.addons.learn.stable_baselines3_env.F1TenthVecEnv", Watched)
+    training.train(folder, steps=192, **SMALL)
+    assert [int(path.stem) for path in sorted((folder / "opponents").iterdir())] == [64, 128]
+    training.train(folder, steps=320, **SMALL)
+    assert [sorted(set(counts)) for counts in pools] == [[1, 2, 3], [3]]
+    assert pools[1][0] == 3  # from the first reset on
+    assert [int(path.stem) for path in sorted((folder / "opponents").iterdir())] == [192, 256]
+    assert len(fg.race("oval", entries=[fg.Entry(controller=str(folder)), fg.Entry()], time_limit=0.2).cars) == 2

@@ -1,0 +1,136 @@
+"""Stable-Baselines3: the VecEnv is the vector environment, and its models race with the commands of the environment."""
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.errors import ControllerError
+
+sb3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+
+from stable_baselines3.common.env_checker import check_env  # noqa: E402
+from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402
+from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
+
+from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+from fg_mujoco.addons.learn.policy_files import read_policy, save_policy  # noqa: E402
+from fg_mujoco.addons.learn.stable_baselines3_env import EpisodeLog, F1TenthVecEnv  # noqa: E402
+
+FLAT = {
+    "track": "hairpins", "observation": "beams:54:max=10,speed,steering,previous_action,normalised,flat",
+    "action": "steering_rate,acceleration", "normalised_actions": True, "speed_range": (0.5, 6.0), "start": "line",
+}  # fmt: skip
+PARTS = {"track": "hairpins", "observation": "speed,beams:54", "speed_range": (0.5, 6.0), "start": "line"}
+
+
+@pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
+def test_its_checker_finds_nothing_in_the_environment(settings, recwarn):
+    check_env(F1TenthEnv(**settings), skip_render_check=True)
+    assert all("normalized" in str(each.message) for each in recwarn)  # an action that is no share of a range
+
+
+def test_the_vec_env_is_the_vector_environment(tmp_path):
+    env, plain = F1TenthVecEnv(3, threads=1, time_limit=1.0, **FLAT), F1TenthVectorEnv(
+        3, threads=1, time_limit=1.0, autoreset_mode="SameStep", **FLAT
+    )
+    env.seed(7)
+    rng, returns = np.random.default_rng(0), np.zeros(3)
+    seen, (expected, _) = env.reset(), plain.reset(seed=7)
+    assert seen.tobytes() == expected.tobytes()
+    ended = 0
+    for _ in range(59):
+        actions = rng.uniform(-1.0, 1.0, (3, 2)).astype(np.float32)
+        actions[0] = (0.0, -1.0)  # stands until the time is over
+        seen, rewards, over, infos = env.step(actions)
+        expected, true_rewards, terminated, truncated, facts = plain.step(actions)
+        assert seen.tobytes() == expected.tobytes()
+        np.testing.assert_array_equal(rewards, true_rewards.astype(np.float32))
+        np.testing.assert_array_equal(over, terminated | truncated)
+        returns += true_rewards
+        for i in map(int, np.flatnonzero(over)):
+            info, ended = infos[i], ended + 1
+            assert info["terminal_observation"].tobytes() == facts["final_obs"][i].tobytes()
+            assert info["TimeLimit.truncated"] == truncated[i]
+            assert info["end_reason"] == facts["final_info"]["end_reason"][i]
+            assert info["episode"]["r"] == pytest.approx(returns[i], abs=1e-5)
+            assert 0.0 <= info["sliding_share"] <= 1.0
+            returns[i] = 0.0
+        assert all(not infos[i] for i in np.flatnonzero(~over))
+    assert ended >= 3 and infos[0] == {}
+    assert env.get_attr("num_envs", indices=[0, 2]) == [3, 3] and env.env_is_wrapped(object) == [False] * 3
+    env.close()
+    plain.close()
+
+
+@pytest.fixture(scope="module", params=["PPO flat", "PPO parts", "SAC flat", "TD3 flat"])
+def model(request):
+    """A model after its first update, whose VecNormalize has seen something."""
+    name, kind = request.param.split()
+    env = VecNormalize(F1TenthVecEnv(2, threads=1, **(FLAT if kind == "flat" else PARTS)))
+    policy = "MlpPolicy" if kind == "flat" else "MultiInputPolicy"
+    usual = {"seed": 0, "device": "cpu", "policy_kwargs": {"net_arch": [16]}}
+    if name == "PPO":
+        made = sb3.PPO(policy, env, n_steps=16, batch_size=16, n_epochs=1, **usual)
+    else:
+        made = getattr(sb3, name)(policy, env, learning_starts=8, buffer_size=64, batch_size=8, **usual)
+    return made.learn(32, callback=EpisodeLog())
+
+
+@pytest.mark.parametrize("form", ["policy.zip", "policy.onnx", "policy.json"])
+def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(model, form, tmp_path):
+    path = save_policy(model, tmp_path / form)
+    settings = FLAT if model.observation_space.shape else PARTS
+    env, policy, ticks = F1TenthEnv(**settings), read_policy(path), 15
+    normaliser = model.get_vec_normalize_env()
+    commands, drive = [], env._episodes.worlds.drive
+    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    seen, _ = env.reset(seed=0)
+    while len(commands) < ticks:
+        action = policy.act(seen)
+        known = normaliser.normalize_obs(seen)
+        expected = model.predict(known, deterministic=True)[0]
+        low, high = env.action_space.low, env.action_space.high
+        np.testing.assert_allclose(np.clip(action, low, high), expected, atol=2e-5)
+        seen, _, terminated, _, _ = env.step(action)
+        assert not terminated
+    result = fg.race("hairpins", str(path), time_limit=0.025 * ticks - 0.01)
+    column = fg.TELEMETRY.index("command_steering_rad")
+    assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+
+
+def test_a_convolutional_policy_becomes_onnx_and_not_json(tmp_path):
+    pytest.importorskip("onnxscript", reason="onnxscript is not installed")
+    import torch
+
+    class Convolution(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.inner, self.last = torch.nn.Conv1d(1, 2, 5, stride=2), torch.nn.Linear(51, 2)
+
+        def forward(self, speed, scan):
+            features = torch.relu(self.inner(scan[:, None, :])).flatten(1)
+            return torch.tanh(self.last(torch.cat((features, speed), dim=1)))
+
+    env, module = F1TenthEnv(**PARTS), Convolution()
+    path = save_policy(module, tmp_path / "policy.onnx", env.policy_interface)
+    seen, _ = env.reset(seed=0)
+    with torch.no_grad():
+        expected = module(*(torch.as_tensor(seen[name])[None] for name in ("speed", "scan")))[0].numpy()
+    np.testing.assert_allclose(read_policy(path).act(seen), expected, atol=1e-6)
+    with pytest.raises(fg.SettingsError, match="Convolution has no form"):
+        save_policy(module, tmp_path / "policy.json", env.policy_interface)
+
+
+def test_a_file_that_the_model_saved_itself_is_refused(model, tmp_path):
+    model.save(tmp_path / "policy.zip")
+    with pytest.raises(ControllerError, match=r"no fg_mujoco.json.*accepted: save_policy\(model, path\)"):
+        fg.race("oval", str(tmp_path / "policy.zip"))
+
+
+def test_it_is_evaluated_without_a_warning(recwarn):
+    env = F1TenthVecEnv(1, threads=1, time_limit=0.5, **FLAT)
+    made = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
+    rewards, lengths = evaluate_policy(made, env, n_eval_episodes=2, return_episode_rewards=True)
+    assert lengths == [20, 20] and len(rewards) == 2
+    assert not [each for each in recwarn if "Monitor" in str(each.message)]

@@ -1,0 +1,229 @@
+"""Training: a folder that is a planner, from which training goes on; and the table in which policies are compared."""
+
+import json
+
+import numpy as np
+import pytest
+from refusals import refused
+from small_policies import FLAT, network_for
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.addons.learn.training_settings import TrainingSettings
+from fg_mujoco.addons.arena.evaluation import evaluate
+
+SMALL = {
+    "environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 1.0},
+    "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--env", "trak=oval"], "an environment has no setting 'trak'; accepted:"),
+        (["--env", "observation=beems"], "observation 'beems' is not known"),
+        (["--track", "ovl"], "unknown track 'ovl'"),
+        (["--ppo", "gama=.9"], "did you mean 'gamma'?"),
+        (["--ppo", "gamma=2"], "PPO.gamma is 2; accepted: a number from 0 to 1"),
+        (["--ppo", "gamma"], "--ppo 'gamma'; accepted: NAME=VALUE"),
+        (["--worlds", str(10**12)], "worlds is 1000000000000; accepted: a whole number from 1 to 65536"),
+        (["--worlds", "65536", "--ppo", "n_steps=2000"], "steps at most in an iteration"),
+        (["--ppo", f"net={'9' * 400}"], "accepted: whole numbers from -922"),
+        (["--ppo", "net=[64,0]"], "net is 0"),
+        (["--ppo", "minibatches=7"], "minibatches is 7, of 32 worlds times 128 steps"),
+        (["--steps", "0"], "--steps is 0"),
+        (["--estimate", "slpi"], "estimate has 'slpi'; accepted: mu, slip"),
+        (["--estimate", "mu", "--env", "observation=speed"], "estimate with the observation 'speed'; accepted:"),
+        (["nothing.toml"], "nothing.toml: there is no such file"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused_before_it_begins(options, said, tmp_path, capsys):
+    assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
+
+
+@pytest.fixture
+def train():
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    from fg_mujoco.addons.learn.training import train
+
+    return train
+
+
+def test_a_training_goes_on_and_its_folder_is_a_planner(train, tmp_path):
+    folder = tmp_path / "first"
+    assert train(folder, steps=128, checkpoints=2, **SMALL).steps == 128
+    before = read_policy(folder)
+    assert before.trained["steps"] == 128 and str(before.interface.observation).endswith("flat")
+    assert before.interface.privileged == ()  # the actor does not see it
+    assert train(folder, steps=256, checkpoints=2, **SMALL).steps == 256
+    lines = [json.loads(line) for line in (folder / "progress.jsonl").read_text().splitlines()]
+    assert [line["steps"] for line in lines] == [64, 128, 192, 256]
+    assert sum(line["episode/count"] for line in lines) >= 2 and lines[1]["train/learning_rate"] > 0.0
+    assert {"end/time_limit", "end/crash"} & set().union(*lines)
+    names = [path.name for path in sorted((folder / "checkpoints").iterdir())]
+    assert names[0] == "0000000064.zip" and names[-1] == "0000000256.zip"
+    assert list((folder / "log").iterdir())
+    races = [fg.race("oval", str(path), time_limit=0.3) for path in (folder, folder / "checkpoints" / names[-1])]
+    np.testing.assert_allclose(races[0].ctrl, races[1].ctrl, atol=1e-5)
+    seen = np.ones(21, np.float32)
+    assert not np.array_equal(before.act(seen), read_policy(folder).act(seen))
+    with pytest.raises(fg.RunFolderError, match=r"has a training with ppo.gamma 0.99, not 0.9; accepted"):
+        train(folder, steps=512, **{**SMALL, "ppo": {**SMALL["ppo"], "gamma": 0.9}})
+
+
+def test_a_policy_acts_on_an_estimate_of_the_friction(train, tmp_path):
+    """The estimator takes the past and the actor does not; both are fitted, and the forms of the policy agree."""
+    seen = "speed:history=3:every=2,beams:20,yaw_rate,flat"
+    environment = {**SMALL["environment"], "observation": seen, "randomize": {"mu": (0.5, 1.1)}}
+    settings = {**SMALL, "environment": environment, "estimate": "mu"}
+    policies = []
+    for steps in (64, 256):
+        folder = tmp_path / str(steps)
+        train(folder, steps=steps, checkpoints=1, **settings)
+        policies.append(read_policy(folder))
+    networks = [policy.network for policy in policies]
+    rng = np.random.default_rng(0)
+    observation = rng.uniform(0.0, 2.0, 24).astype(np.float32)
+    assert networks[1].inputs == 24 and networks[1].estimator.outputs == 2
+    assert not networks[1].layers[0].weights[:, :2].any() and networks[1].layers[0].weights[:, 2:].all()
+    assert (networks[0].estimator(observation) != networks[1].estimator(observation)).all()
+    zipped = read_policy(next((tmp_path / "256" / "checkpoints").glob("*256.zip")))
+    np.testing.assert_allclose(zipped.act(observation), policies[1].act(observation), atol=1e-5)
+    lines = [json.loads(line) for line in (tmp_path / "256" / "progress.jsonl").read_text().splitlines()]
+    assert 0.0 < lines[-1]["estimate/error_0"] < 0.6
+    other = tmp_path / "other"
+    frozen = {**SMALL["ppo"], "learning_rate": 1e-12}
+    train(other, steps=64, start_from=tmp_path / "256", **{**settings, "ppo": frozen})
+    np.testing.assert_allclose(read_policy(other).act(observation), policies[1].act(observation), atol=1e-5)
+
+
+def test_the_estimator_finds_the_mean_and_the_spread_of_what_it_is_fitted_to():
+    """Oracle: of x + noise of 0.2, given x, the mean is x and the standard deviation 0.2."""
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    from fg_mujoco.addons.learn import estimating_policy as module
+
+    torch.manual_seed(0)
+    plain = type("Plain", (), {"seen": torch.tensor([0]), "value_net": None, "latent_dim_vf": 4})
+    extractor = module._EstimatingExtractor(plain, [1], [0], [4], torch.nn.Tanh)
+    x = torch.rand(4096, 1) * 2.0 + 3.0
+    features = torch.cat((x, x + 0.2 * torch.randn(4096, 1)), dim=1)
+    extractor.standardise(features)
+    optimiser = torch.optim.Adam(extractor.estimator.parameters(), 3e-3)
+    for _ in range(600):
+        loss, error = extractor.loss(features)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    mean, spread = extractor.estimator(torch.tensor([[3.2], [4.8]])).detach().chunk(2, dim=1)
+    unit, middle = float(extractor._std), float(extractor._mean)
+    np.testing.assert_allclose(mean[:, 0] * unit + middle, [3.2, 4.8], atol=0.05)
+    np.testing.assert_allclose(np.exp(spread[:, 0].numpy()) * unit, 0.2, atol=0.04)
+    assert abs(float(error) - 0.2) < 0.02
+
+
+def test_a_training_starts_from_the_weights_of_another(train, tmp_path):
+    """One whose learning rate is as good as nothing stays what it starts from, with other rewards."""
+    first = tmp_path / "first"
+    train(first, steps=64, **SMALL)
+    slow = {**SMALL["ppo"], "learning_rate": 1e-12}
+    rewards = {**SMALL["environment"], "rewards": {"sliding": 20.0, "bounded": False}}
+    train(tmp_path / "second", steps=64, start_from=first, **{**SMALL, "environment": rewards, "ppo": slow})
+    train(tmp_path / "fresh", steps=64, **{**SMALL, "environment": rewards, "ppo": slow})
+    seen = np.ones(21, np.float32)
+    own, second, fresh = (read_policy(tmp_path / name).act(seen) for name in ("first", "second", "fresh"))
+    np.testing.assert_allclose(second, own, atol=1e-6)
+    assert np.abs(fresh - own).max() > 1e-4
+    calm = train(tmp_path / "calm", steps=128, start_from=first, **{**SMALL, "ppo": {**slow, "log_std": -3.0}})
+    assert calm.figures["train/std"] == pytest.approx(np.exp(-3.0), rel=1e-3)
+    np.testing.assert_allclose(read_policy(tmp_path / "calm").act(seen), own, atol=1e-6)
+    for change, said in (
+        ({"observation": "beams:21,speed,flat"}, r"observation beams:20,speed,flat, not beams:21,speed,flat; accepted"),
+        ({"privileged": "mu,slip"}, r"size mismatch"),
+    ):
+        with pytest.raises(fg.ControllerError, match=said):
+            environment = {**SMALL["environment"], **change}
+            train(tmp_path / "other", steps=64, start_from=str(first), **{**SMALL, "environment": environment})
+    with pytest.raises(fg.SettingsError, match="where no checkpoint is; accepted: the folder of a training"):
+        train(tmp_path / "other", steps=64, start_from=tmp_path, **SMALL)
+
+
+@pytest.mark.parametrize("door", ["out", "folder", "file"])
+def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
+    """Loading it runs the code in it: it is refused before anything reads it."""
+    folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
+    checkpoint.parent.mkdir(parents=True)
+    checkpoint.write_bytes(b"theirs")
+    settings = TrainingSettings().described()
+    (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
+    out = folder if door == "out" else tmp_path / "mine"
+    start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
+    said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
+    assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
+
+
+def test_the_same_training_has_the_same_bits(train, tmp_path):
+    folders = [tmp_path / "one", tmp_path / "other"]
+    for folder in folders:
+        train(folder, steps=64, **SMALL)
+    assert (folders[0] / "policy.json").read_bytes() == (folders[1] / "policy.json").read_bytes()
+
+
+def test_an_interrupted_training_leaves_a_policy(train, tmp_path, monkeypatch, capsys):
+    from fg_mujoco.addons.learn.training_callbacks import Recording
+
+    def interrupt(self):
+        if self.num_timesteps >= 100:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Recording, "_on_step", lambda self: interrupt(self) or True)
+    file, folder = tmp_path / "settings.toml", tmp_path / "first"
+    file.write_text('worlds = 2\n[environment]\nobservation = "beams:20,speed,flat"\n[ppo]\nn-steps = 32\nnet = [8]\n')
+    assert main(["train", str(file), "--out", str(folder), "--steps", "1000"]) == 130
+    assert "interrupted; its policy races" in capsys.readouterr().err
+    assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["0000000064.zip", "0000000100.zip"]
+    assert len(fg.race("oval", str(folder), time_limit=0.2).ctrl) == 8
+
+
+def test_policies_are_compared_with_planners_for_each_friction(tmp_path, capsys):
+    settings = EnvironmentSettings.of(FLAT)
+    world = fg.World("oval")
+    interface = PolicyInterface.of(settings, world.parameters, world.vehicle.lidar.beams, 0.025)
+    save_policy(network_for(interface), tmp_path / "first", interface)
+    ran = evaluate(
+        [str(tmp_path / "first"), "gap_finder[lookahead=6]", "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1,
+        out=tmp_path / "table", workers=1, time_limit=20.0,
+    )  # fmt: skip
+    rows = {(row.controller, row.mu): row for row in ran.rows}
+    assert len(rows) == 9 and rows["first", None].runs == 2 and rows["first", None].successes == 0
+    for mu in (0.6, 1.0):
+        lap = fg.race("oval", "gap_finder", laps=1, mu=mu).car.lap_times_s[0]
+        other = fg.race("oval", "gap_finder", laps=1, mu=mu, planner_settings={"lookahead": 6}).car.lap_times_s[0]
+        assert rows["gap_finder", mu].lap_s == lap and rows["gap_finder", mu].lap_ratio == 1.0
+        assert rows["gap_finder[lookahead=6]", mu].lap_ratio == pytest.approx(other / lap)
+    text = (tmp_path / "table" / "evaluation.md").read_text()
+    assert text == ran.markdown() + "\n" and "those of gap_finder" in text
+    assert (tmp_path / "table" / "evaluation.csv").read_text().count("\n") == 10
+    given = ["--controller", f"{tmp_path / 'first'},gap_finder[lookahead=6],gap_finder", "--track", "oval"]
+    given += ["--mu", ".6,1", "--laps", "1", "--time-limit", "20", "--workers", "1", "--out", str(tmp_path / "table")]
+    assert main(["evaluate", *given]) == 0  # all runs are there
+    assert capsys.readouterr().out.startswith(ran.markdown())
+    assert "mu is []" in refused_by(lambda: evaluate("gap_finder", mu=[], out=tmp_path / "other"))
+
+
+def test_the_planner_that_others_are_compared_with_can_be_evaluated_alone(tmp_path, capsys):
+    given = ["--controller", "gap_finder", "--mu", "1", "--time-limit", "0.2", "--workers", "1"]
+    assert main(["evaluate", *given, "--out", str(tmp_path / "table")]) == 0
+    assert "| gap_finder | 1 " in capsys.readouterr().out
+
+
+def refused_by(call):
+    with pytest.raises(fg.SettingsError) as error:
+        call()
+    return str(error.value)

@@ -1,0 +1,458 @@
+"""The reasons that planners tell are right, and `fg-mujoco debug` shows recorded decisions to the bit, and safely."""
+
+import base64
+import hashlib
+import itertools
+import json
+import math
+import re
+import shutil
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from browsers import WRITTEN, outside_or_over_another, page_of  # noqa: F401 - a fixture
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.controllers.control.steering import pursue
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
+from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.controllers.safety.safety_filter import EVASIVE
+from fg_mujoco.errors import RunFolderError, SettingsError
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.addons.look.debug.decisions import Witness
+
+MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
+LAW = {"speed_law": "minimum", "guidance": False}
+
+
+def decision(scan, speed=0.0, angle=0.0, mu=MU, top=8.0, **settings):
+    """What a planner that has just been made decides, as `debug` looks at it."""
+    planner = GapFinder(CAR, mu, top, GapFinderSettings(**settings))
+    witness, odometry = Witness(planner, CAR), odometry_of(speed, angle)
+    answer = witness.decide(scan, odometry, None)
+    return witness.look(0, scan, odometry, answer, answer)
+
+
+def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop():
+    scan = corridor(1.0, 1.0, ahead=5.0)
+    seen = decision(scan, speed=3.0, **LAW)
+    trajectories = BrakingTrajectories(CAR, FrictionLimiter(CAR, MU, EVASIVE), 8.0)
+    widened = widen_all(valid_ranges(scan.ranges, scan.range_max), scan.angle_increment, trajectories.radius)
+    by_hand = trajectories.safe_speed(widened, scan.angle_min, scan.angle_increment, 3.0, 0.0)
+    assert 3.0 < by_hand < 8.0
+    assert (seen.speed_step.name, seen.speed_step.speed) == ("sight", by_hand)
+    assert f"{by_hand:.2f} m/s, held by sight" in seen.why_speed
+
+
+@pytest.mark.parametrize("mu", [0.15, 0.3])
+def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
+    ranges = np.full(1081, 2.5)
+    ranges[720:880] = 9.0  # the opening is to the left
+    seen = decision(scan_of(ranges), speed=0.5, mu=mu, speed_law="friction")
+    steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
+    bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
+    assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
+    law = math.sqrt(CAR.gravity * mu * 0.95 * CAR.wheelbase / math.tan(abs(steering)))
+    assert seen.speed_step.name == "friction limiter"
+    assert seen.speed_step.speed == pytest.approx(law, rel=1e-12)
+    assert law < 3.0
+
+
+def test_a_low_maximum_speed_is_what_holds():
+    seen = decision(corridor(1.0, 1.0, ahead=9.0), top=0.8, **LAW)
+    assert (seen.speed_step.name, seen.speed_step.speed) == ("maximum speed", 0.8)
+
+
+@pytest.mark.parametrize(("ahead", "speed"), [(0.5, 0.0), (1.5, 2.0), (2.5, 4.0)])
+def test_the_distance_ahead_holds_by_its_own_law(ahead, speed):
+    seen = decision(
+        corridor(1.0, 1.0, ahead=ahead), speed_law="forward_distance", safe_distance=0.5, full_speed_distance=4.5
+    )
+    assert seen.speed_step.name == "distance ahead"
+    assert seen.speed_step.speed == pytest.approx(speed, abs=1e-6)
+
+
+def test_the_mean_range_holds_by_its_own_law():
+    seen = decision(scan_of(np.full(1081, 1.0)), speed_law="range_ratio", nearest_bubble=1e-6)
+    assert seen.speed_step.name == "mean range"
+    assert seen.speed_step.speed == pytest.approx(8.0 * 3.0 * 1.0 / 10.0, rel=1e-6)
+
+
+def test_the_safety_filter_brakes_where_no_stop_is_free_and_is_told():
+    scan = corridor(1.0, 1.0, ahead=1.2)
+    seen = decision(scan, speed=7.0, **LAW)
+    assert (seen.speed_step.name, seen.speed_step.speed) == ("safety filter", 0.0)
+    without = decision(scan, speed=7.0, safety_filter=False, **LAW)
+    assert without.speed_step.name == "sight"
+    assert "safety filter" not in {step.name for step in without.steps}
+
+
+def test_without_a_goal_the_car_brakes_and_says_so():
+    seen = decision(scan_of(np.zeros(1081)), speed=2.0, angle=0.1, **LAW)
+    assert (seen.speed_step.name, seen.speed_step.speed) == ("no reference", 0.0)
+    assert (seen.steering_step.name, seen.steering_step.steering_angle) == ("no reference", 0.1)
+    assert seen.goal is None
+
+
+def test_a_command_beyond_the_car_s_limits_is_held_by_the_car():
+    class Wild:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return DriveCommand(steering_angle=-1.0, speed=99.0)
+
+    scan, odometry = corridor(1.0, 1.0), odometry_of(1.0, 0.0)
+    witness = Witness(Wild(), CAR)
+    answer = witness.decide(scan, odometry, None)
+    seen = witness.look(0, scan, odometry, answer, answer)
+    assert [step.name for step in seen.steps] == ["planner", "clamped by the car"]
+    assert (seen.steering_step.steering_angle, seen.speed_step.speed) == (-CAR.max_steering_angle, CAR.max_speed)
+
+
+def test_a_planner_says_nothing_before_its_first_command():
+    planner = GapFinder(CAR, MU)
+    assert planner.reasons() == [] and planner.motion().shape == (0, 2)
+    planner(corridor(1.0, 1.0), odometry_of(1.0, 0.0))
+    assert planner.reasons()[0].name == "maximum speed"
+    planner.reset()
+    assert planner.reasons() == []
+
+
+@pytest.mark.parametrize(
+    ("course", "planner", "seconds"),
+    [
+        ("scene:u_turn_trap:3", "gap_finder", 8.0), ("spiral", "follow_the_gap", 6.0),
+        ("serpentine", "follow_the_gap[guidance=false]", 9.0), ("hairpins", "pure_pursuit", 4.0),
+        ("oval", "wall_follow[speed_law=stopping]", 3.0),
+    ],
+)  # fmt: skip
+def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, seconds):
+    race = fg.race(course, planner, laps=1, time_limit=seconds)
+    seen = fg.debug(race, window=seconds)
+    assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
+    commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
+    shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
+    answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
+    told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
+    assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
+    times = race.car.telemetry[:, 0]
+    assert [d.time for d in seen.decisions] == times.tolist()
+    assert [d.tick for d in seen.decisions] == list(range(len(times)))
+
+
+def test_the_motion_of_guidance_is_where_the_car_goes_then():
+    seen = fg.debug(fg.race("scene:u_turn_trap:3", "gap_finder", time_limit=8.0), window=8.0)
+    led = [len(each.motion) > 0 for each in seen.decisions]
+    followed = [place for place in range(len(led) - 8) if all(led[place : place + 9])]
+    assert len(followed) > 10
+    assert {seen.decisions[place].steering_step.name for place in followed} >= {"guidance"}
+    for place in followed:
+        x, y, heading = seen.decisions[place].pose
+        dx, dy = seen.decisions[place + 8].pose[:2] - (x, y)
+        cos, sin = math.cos(heading), math.sin(heading)
+        there = (cos * dx + sin * dy, cos * dy - sin * dx)
+        line = np.concatenate((np.zeros((1, 2)), seen.decisions[place].motion))
+        fine = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(line)])
+        assert np.hypot(*(fine - there).T).min() < 0.15  # [m]
+
+
+RAISES = """
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.vehicle.car import WHEELS
+class Bad:
+    def reset(self): self.n = 0
+    def intermediate_scans(self, scan): return {{{name!r}: scan.ranges.clip(0.0, 3.0)}}
+    def reasons(self): return [({name!r}, 0.6, 2.0, {name!r}), ("slow start", 0.6, 0.1 * self.n)]
+    def motion(self): return [(0.0, 0.0), (1.0, 0.1)]
+    def __call__(self, scan, odometry):
+        self.n += 1
+        open({marker!r}, "w").close()
+        if self.n > 8: raise ValueError({name!r})
+        return DriveCommand(steering_angle=0.6, speed=0.1 * self.n)
+"""
+
+
+@pytest.fixture
+def failed(tmp_path, monkeypatch, without_pictures):
+    """A run folder of a planner that raised, and whose every text is markup; tmp_path / "marker" says that it ran."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.py").write_text(RAISES.format(name=MARKUP, marker=str(tmp_path / "marker")))
+    assert main(["race", "--controller", "bad.py:Bad", "--out", "run"]) == 1
+    (tmp_path / "marker").unlink()
+    return tmp_path / "run"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    race = fg.race("oval", "gap_finder", laps=1, time_limit=2.0)
+    return fg.write_run(race, tmp_path_factory.mktemp("runs") / "oval", picture=False)
+
+
+def test_no_planner_of_a_run_of_others_is_imported_without_trust(failed, capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))  # as another user, who has not raced it
+    capsys.readouterr()
+    assert main(["debug", str(failed)]) == 0
+    assert "--trust" in capsys.readouterr().err
+    assert not (failed.parent / "marker").exists()
+    seen = fg.debug(failed)
+    assert [set(d.scans) for d in seen.decisions] == [{"raw"}] * 9
+    assert seen.decisions[-2].command.speed == 0.8 and seen.decisions[-2].answer is None
+
+
+def test_a_failed_planner_is_shown_with_its_exception_at_the_end(failed, capsys):
+    seen = fg.debug(failed, trust=True)
+    assert (failed.parent / "marker").exists() and seen.notes == ()
+    assert seen.chosen is seen.decisions[-1] and seen.chosen.command is None
+    assert "ValueError" in seen.chosen.failure and "bad.py" in seen.chosen.failure
+    assert seen.chosen.time == json.loads((failed / "summary.json").read_text())["planner_failure"]["time_s"]
+    before = seen.decisions[-2]
+    assert before.answer == before.command
+    assert (before.speed_step.name, before.speed_step.speed) == ("slow start", 0.8)
+    assert before.steering_step.name == "clamped by the car"
+    assert before.scans["raw"].max() > 3.0 and len(before.motion) == 2
+
+
+def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(folder, tmp_path):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    summary = json.loads((copy / "summary.json").read_text())
+    (copy / "summary.json").write_text(json.dumps(summary | {"planner_settings": {"clearance": 0.4}}))
+    (note,) = fg.debug(copy).notes
+    assert "answers now another command" in note
+    (copy / "summary.json").write_text(json.dumps(summary | {"controller": "no_such_planner"}))
+    (note,) = fg.debug(copy, trust=True).notes
+    assert "no_such_planner" in note
+
+
+def test_the_window_is_round_the_time_or_at_the_end(folder):
+    times = [d.time for d in fg.debug(folder, window=0.5).decisions]
+    assert times == pytest.approx(np.arange(60, 80) * 0.025)
+    seen = fg.debug(folder, at=1.0, window=0.5)
+    assert seen.chosen.time == pytest.approx(1.0) and len(seen.decisions) == 20
+    assert fg.debug(folder, at=0.0, window=0.5).at == 0
+    assert fg.debug(folder, at=2.0, window=0.5).at == 19
+    assert len(fg.debug(folder, window=30.0).decisions) == 80
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
+        (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
+        (["--window", "31"], "at most 30"), (["--out", "page.txt"], ".html"), (["--picture", "a.jpg"], ".png"),
+        (["--out", "no/folder/page.html"], "cannot be written"),
+        (["--picture", "no/folder/a.png"], "cannot be written"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_shown_is_refused_in_a_line(folder, arguments, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["debug", str(folder), *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert said in err and err.count("\n") == 1 and out == ""
+    assert list(tmp_path.iterdir()) == [] and not (folder / "debug.html").exists()
+
+
+def test_in_python_the_same_is_raised(folder, tmp_path):
+    with pytest.raises(SettingsError, match="window"):
+        fg.debug(folder, window=math.nan)
+    with pytest.raises(RunFolderError, match=r"summary\.json"):
+        fg.debug(tmp_path)
+
+
+class Parsed(HTMLParser):
+    """A page's own scripts, the hashes that its policy allows, what it loads, and what else could run in it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.scripts, self.hashes, self.policy, self.others, self._inside = [], [], "", [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self._inside = tag == "script" and values.get("type") != "application/json"
+        self.scripts += [""] if self._inside else []
+        self.others += [name for name in values if name.startswith("on") or name in ("src", "href")]
+        self.others += [tag] if tag in ("img", "iframe", "object", "embed", "base", "form", "link") else []
+        if values.get("http-equiv") == "Content-Security-Policy":
+            self.policy = values["content"]
+            self.hashes = re.findall(r"'sha256-([^']+)'", self.policy)
+
+    def handle_endtag(self, tag):
+        self._inside = False
+
+    def handle_data(self, data):
+        if self._inside:
+            self.scripts[-1] += data
+
+    @property
+    def own(self):
+        return [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in self.scripts]
+
+
+def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
+    summary = json.loads((failed / "summary.json").read_text())
+    summary["track"] = summary["vehicle"] = summary["end_reason"] = MARKUP
+    (failed / "summary.json").write_text(json.dumps(summary))
+    seen = fg.debug(failed, trust=True)
+    page = seen.write_page(failed / "page.html").read_text("utf-8")
+    parsed = Parsed(page)
+    assert "<script>alert" not in page and "<img" not in page
+    assert len(parsed.scripts) == 2 and parsed.own == parsed.hashes and parsed.others == []
+    assert "default-src 'none'" in parsed.policy and "unsafe-eval" not in parsed.policy
+    assert page.count("&lt;script&gt;alert(1)") >= 2
+
+
+def test_a_page_that_cannot_be_written_leaves_the_old_one(folder, tmp_path):
+    (tmp_path / "debug.html").mkdir()
+    with pytest.raises(RunFolderError, match="cannot be written"):
+        fg.debug(folder).write_page(tmp_path / "debug.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["debug.html"]
+
+
+def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):  # noqa: F811
+    seen = fg.debug(folder, at=1.0, window=1.0)
+    path, asked, errors = seen.write_page(tmp_path / "debug.html"), [], []
+    with page_of(viewport={"width": 1280, "height": 1100}) as page:
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+
+        def shown():
+            return int(page.get_attribute("#moment", "data-tick"))
+
+        def check(place):
+            each = seen.decisions[place]
+            assert shown() == each.tick
+            command = json.loads(page.get_attribute("#moment", "data-command"))
+            assert command == [each.command.steering_angle, each.command.speed]  # to the last bit
+            assert page.inner_text("#speed") == f"{each.command.speed:.2f} m/s"
+            assert page.inner_text("#speed_by") == each.speed_step.name
+            assert page.inner_text("#speed_why") == each.why_speed
+
+        check(20)
+        page.keyboard.press("ArrowRight")
+        check(21)
+        page.keyboard.press("ArrowLeft")
+        page.keyboard.press("ArrowLeft")
+        check(19)
+        page.keyboard.press("Shift+ArrowRight")
+        check(29)
+        page.keyboard.press("End")
+        page.keyboard.press("ArrowRight")
+        check(39)
+        page.keyboard.press("Home")
+        check(0)
+        page.click("#forward")
+        check(1)
+        page.click("#back")
+        check(0)
+        page.fill("#slider", "7")
+        check(7)
+        before = page.locator("#top").screenshot()
+        page.click("[data-switch='zoom'][value='3']")
+        assert page.locator("#top").screenshot() != before
+    assert asked == [path.as_uri()] and errors == []
+
+
+class Skids:
+    """Spins its wheels up on wet ground, and then steers."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=0.4 if odometry.stamp > 1.0 else 0.0, speed=8.0)
+
+
+def in_page(path):
+    """Return the data of a page."""
+    return json.loads(re.search(r'id="report-data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("planner", [Skids, "gap_finder"])
+def test_for_every_planner_the_page_has_how_the_car_moves(planner, tmp_path, page_of):  # noqa: F811
+    race = fg.race("oval", planner() if isinstance(planner, type) else planner, laps=1, time_limit=1.6, mu=0.4)
+    path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
+    data, column = in_page(path), race.car.column
+    for place, told in enumerate(data["decisions"]):
+        tick, (ground, sideslip, tires) = told["tick"], told["motion_of_car"]
+        assert ground == pytest.approx(math.hypot(column("vx_m_s")[tick], column("vy_m_s")[tick]), abs=1e-4)
+        assert sideslip == pytest.approx(column("sideslip_rad")[tick], abs=1e-5)
+        for (slide, use), wheel in zip(tires, WHEELS, strict=True):
+            assert slide == pytest.approx(column(f"slide_{wheel}_m_s")[tick], abs=1e-4)
+            assert use == pytest.approx(column(f"friction_use_{wheel}")[tick], abs=1e-3)
+        now = data["before"] + place
+        driven = np.array(data["driven"][now - data["ahead"] : now + data["ahead"] + 1])
+        there = slice(tick - 20, tick + 21)
+        assert driven == pytest.approx(np.column_stack((column("x_m")[there], column("y_m")[there])), abs=1e-3)
+    tick = data["decisions"][data["at"]]["tick"]
+    with page_of(viewport={"width": 1280, "height": 1500}) as page:
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        rows = dict(page.eval_on_selector_all("table.motion tbody tr", "r => r.map(e => e.innerText.split('\\t'))"))
+        assert rows["speed of the odometry"] == f"{data['decisions'][data['at']]['speed']:.2f} m/s"
+        assert rows["sideslip"] == f"{math.degrees(column('sideslip_rad')[tick]):.1f}°"
+        slides = page.locator("table.tires td.slides").count()
+    assert slides == sum(column(f"slide_{wheel}_m_s")[tick] > 0.01 for wheel in WHEELS)
+    assert (slides > 0) == (planner is Skids)
+
+
+def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):  # noqa: F811
+    path = fg.debug(failed, trust=True).write_page(failed / "debug.html")
+    dialogs = []
+    with page_of() as page:
+        page.on("dialog", lambda dialog: (dialogs.append(dialog.message), dialog.dismiss()))
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        assert MARKUP in page.inner_text("#failure") and page.inner_text("#speed") == "none"
+        page.keyboard.press("ArrowLeft")
+        assert not page.is_visible("#failure")
+        assert page.inner_text("#speed_by") == "slow start" and MARKUP in page.inner_text("#steps")
+        assert MARKUP[:50] in page.inner_text("#layers")
+        assert page.locator("img").count() == 0
+    assert dialogs == []
+
+
+def test_one_moment_is_drawn_as_a_picture(failed, folder, tmp_path, capsys):
+    image = pytest.importorskip("matplotlib.image")
+    assert main(["debug", str(folder), "--at", "1", "--picture", str(tmp_path / "a.png")]) == 0
+    assert "the decision at 1.000 s" in capsys.readouterr().out
+    assert not (folder / "debug.html").exists()
+    fg.debug(folder, at=1.5).write_picture(tmp_path / "b.png")
+    fg.debug(failed, trust=True).write_picture(tmp_path / "c.png")  # there is no command
+    pictures = [image.imread(tmp_path / f"{name}.png") for name in "abc"]
+    assert {picture.shape for picture in pictures} == {(990, 1440, 4)}
+    assert not np.array_equal(pictures[0], pictures[1])
+
+
+def test_the_command_says_what_held(folder, tmp_path, capsys):
+    assert main(["debug", str(folder), "--at", "1", "--out", str(tmp_path / "page.html")]) == 0
+    chosen = fg.debug(folder, at=1.0).chosen
+    out = capsys.readouterr().out
+    assert chosen.why_speed in out and chosen.why_steering in out and "80 decisions from 0.000 to 1.975 s" in out
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_page_fits_the_screen_and_no_label_is_cut_or_lies_on_another(folder, tmp_path, width, page_of):  # noqa: F811
+    path = fg.debug(folder, at=1.0, window=1.0).write_page(tmp_path / "debug.html")
+    with page_of(viewport={"width": width, "height": 900}) as page:
+        page.add_init_script(WRITTEN)
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.evaluate(
+            "document.querySelector('h1').textContent = 'oval, /a/path/' + 'to/'.repeat(30) + 'planner.py:Mine'"
+        )
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        written = page.evaluate("window.written")
+    assert {"135°", "-135°", "0°"} <= {each["text"] for each in written["ranges"]}
+    for name in ("ranges", "strip"):
+        assert len(written[name]) > 4
+        assert outside_or_over_another(written[name]) == []

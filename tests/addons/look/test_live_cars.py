@@ -1,0 +1,167 @@
+"""The live view of several cars: one by planner or keys, the others by their planners."""
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.simulation import Simulation
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.addons.look.live.browser_shapes import world_shapes
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+RIVALS = (fg.Entry(controller="disparity_extender", max_speed=2.0), fg.Entry(max_speed=3.0, vehicle="nuc2"))
+
+
+class Fails:
+    """Drives for a while, and then does not know any more."""
+
+    def __init__(self):
+        self.left = 20
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        self.left -= 1
+        if self.left < 0:
+            raise ValueError("lost")
+        return fg.DriveCommand(steering_angle=0.0, speed=1.0)
+
+
+def drive(session, ticks):
+    for _ in range(ticks):
+        session.tick()
+
+
+def places(session):
+    return session.world.cars[0].pose(session.simulation.data), session.world.cars[1].pose(session.simulation.data)
+
+
+def test_session_drives_as_a_race_of_the_same_cars_does():
+    session = LiveSession(Setup.of(max_speed=4.0, opponents=RIVALS))
+    race = fg.race("oval", entries=[fg.Entry(max_speed=4.0), *RIVALS], laps=1, time_limit=2.0)
+    drive(session, 79)
+    np.testing.assert_array_equal(session.simulation.state[: session.world.model.nq + 1],
+                                  race.states[79, : session.world.model.nq + 1])  # fmt: skip
+    row = race.car.telemetry[78]
+    first = TELEMETRY.index("friction_use_front_left")
+    assert session.friction_utilisation == np.nanmax(row[first : first + 4])
+
+
+def test_keys_drive_the_own_car_and_planners_the_others():
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
+    before = places(session)
+    session.by_hand = True
+    drive(session, 40)
+    own, rival = places(session)
+    assert own[:2] == pytest.approx(before[0][:2], abs=0.05)  # no key was pressed
+    assert rival[0] > before[1][0] + 0.5
+    for _ in range(4):
+        session.key("faster")
+    drive(session, 40)
+    assert session.simulation.speed > 1.0
+
+
+def test_reset_puts_all_cars_back():
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
+    before = session.simulation.state
+    drive(session, 30)
+    session.reset()
+    session.paused = True
+    session.tick()
+    np.testing.assert_array_equal(session.simulation.state, before)
+
+
+def test_other_tires_of_the_own_car_leave_all_where_they_are():
+    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
+    drive(session, 30)
+    before = places(session)
+    session.change("mu", 0.4)
+    session.paused = True
+    session.tick()
+    assert session.world.cars[0].mu == 0.4 and session.world.cars[1].mu == pytest.approx(1.0489)
+    for was, now in zip(before, places(session), strict=True):
+        assert now == pytest.approx(was)
+    session.paused = False
+    drive(session, 20)
+    assert places(session)[1][0] > before[1][0] + 0.3
+
+
+def test_opponent_whose_planner_fails_stands_and_the_rest_goes_on():
+    session = LiveSession(Setup.of(max_speed=2.0, opponents=(fg.Entry(controller=Fails()),)))
+    drive(session, 24)
+    assert session.message.startswith("car_1: ") and "lost" in session.message and not session.paused
+    drive(session, 60)
+    rival, own = places(session)[1], places(session)[0]
+    drive(session, 20)
+    assert places(session)[1] == pytest.approx(rival, abs=1e-3) and places(session)[0] != pytest.approx(own, abs=0.1)
+
+
+def test_opponent_that_crashes_stands_and_is_told_of():
+    rival = fg.Entry(controller=OnAnArc(), start=fg.Start(s=3.0))
+    session = LiveSession(Setup.of(opponents=(rival,)))
+    session.by_hand = True
+    for _ in range(400):
+        session.tick()
+        if session.message:
+            break
+    assert session.message == "car_1 crashed"
+    session.simulation.engine.commands[1] = 0.0, 5.0
+    drive(session, 60)
+    stands = places(session)[1]
+    drive(session, 20)
+    assert places(session)[1] == pytest.approx(stands, abs=1e-3)
+
+
+class OnAnArc:
+    """Drives on an arc, into whatever is there."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.1, speed=4.0)
+
+
+def test_browser_has_the_shapes_of_all_cars():
+    session = LiveSession(Setup.of(opponents=RIVALS))
+    model, shapes = world_shapes(session.world)
+    bodies = {model.body(shape.body).name for shape in shapes}
+    assert {"car/base_link", "car_1/base_link", "car_2/base_link"} <= bodies
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--opponents", "gap_findr"], "did you mean"),
+        (["--opponents", "gap_finder", "--grid", "heap"], "grid is 'heap'; accepted: staggered, side_by_side"),
+        (["--opponent-max-speed", "3"], "--opponent-max-speed is given 1 times for 0 opponents"),
+        (["--opponents", "gap_finder"] * 16, "17 entries; accepted: 1 to 16"),
+    ],
+)
+def test_opponents_that_cannot_be_are_refused_in_one_line(capsys, monkeypatch, options, message):
+    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.require_display", lambda: None)
+    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.run_desktop", lambda session: None)
+    assert main(["view", *options]) == 2
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+
+
+def test_command_takes_opponents(capsys, monkeypatch):
+    shown = []
+    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.require_display", lambda: None)
+    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.run_desktop", shown.append)
+    assert main(["view", "--max-speed", "5", "--opponents", "gap_finder", "--opponent-max-speed", "2"]) == 0
+    (session,) = shown
+    assert len(session.world.cars) == 2 and session.setup.entries[1].max_speed == 2.0
+
+
+def test_simulation_wants_settings_of_each_car():
+    world = fg.World("oval", others=[fg.Entry().world_car()])
+    with pytest.raises(SettingsError, match="settings of 0 other cars for a world of 2 cars"):
+        Simulation(world)
+    with pytest.raises(ControllerError):
+        LiveSession(Setup.of(opponents=(fg.Entry(controller="nobody"),)))

@@ -1,0 +1,486 @@
+"""A race to be watched as it goes: its knobs, without a browser and in one, and what is refused."""
+
+import contextlib
+import math
+import platform
+import socket
+import threading
+import time
+import types
+
+import numpy as np
+import pytest
+from browsers import page_of  # noqa: F401 - a fixture
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import EngineError, SettingsError, install_command
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.addons.look.live.browser_scene import LEGEND
+from fg_mujoco.addons.look.live.browser_shapes import world_shapes
+from fg_mujoco.addons.look.live.hand_driver import HandDriver
+from fg_mujoco.addons.look.live.handshake import is_own
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+TICK = 0.025  # [s]
+
+
+def drive(session, seconds):
+    for _ in range(round(seconds / TICK)):
+        session.tick()
+
+
+@pytest.fixture
+def session():
+    return LiveSession(Setup.of(track="oval"))
+
+
+def test_session_drives_as_a_race_does(session, lap):
+    drive(session, 4.0)
+    row = round(4.0 / TICK)
+    assert session.simulation.time == pytest.approx(4.0)
+    assert session.simulation.pose == tuple(lap.car.telemetry[row, 4:7])
+    assert (session.simulation.state == lap.states[row]).all()
+
+
+def test_pause_stops_time_and_nothing_else_changes(session):
+    drive(session, 1.0)
+    session.paused = True
+    before = session.simulation.state
+    drive(session, 1.0)
+    assert (session.simulation.state == before).all()
+    session.paused = False
+    drive(session, 0.5)
+    assert session.simulation.time == pytest.approx(1.5)
+
+
+def test_reset_is_the_start_again(session):
+    before = session.simulation.state
+    drive(session, 1.0)
+    session.reset()
+    session.paused = True
+    session.tick()
+    assert (session.simulation.state == before).all()
+    assert len(session.trace) == 0
+    assert session.laps.laps_completed == 0
+
+
+def test_speed_limit_changes_the_speed(session):
+    drive(session, 1.5)
+    assert session.simulation.speed > 5.0
+    session.change("max_speed", 2.0)
+    drive(session, 3.0)
+    assert session.simulation.speed == pytest.approx(2.0, abs=0.2)
+
+
+def test_other_tires_take_the_car_where_it_is(session):
+    drive(session, 2.0)
+    pose, speed = session.simulation.pose, session.simulation.speed
+    session.change("mu", 0.4)
+    session.paused = True
+    session.tick()
+    assert session.world.car.mu == 0.4
+    assert session.simulation.pose == pytest.approx(pose)
+    assert session.simulation.speed == pytest.approx(speed)
+    assert session.simulation.time == pytest.approx(2.0)
+
+
+def test_planner_that_does_not_know_of_wet_ground_slides_and_one_that_does_holds(session):
+    session.change("mu", 0.5)
+    session.change("planner_mu", 0.5)
+    greatest = 0.0
+    for _ in range(240):
+        session.tick()
+        greatest = max(greatest, session.sliding_speed)
+    assert greatest < 0.06
+    session.change("planner_mu", 1.0489)
+    session.reset()
+    drive(session, 1.0)
+    assert session.sliding_speed > SLIDING_SPEED
+
+
+def test_settings_of_the_planner_can_be_changed_and_bad_ones_are_refused(session):
+    session.change("planner.lookahead", 4.0)
+    session.tick()
+    assert session.planner_settings == {"lookahead": 4.0}
+    for name, value in (("planner.lookahead", -1.0), ("planner.nothing", 1.0), ("max_speed", 0.0), ("colour", 1.0)):
+        session.change(name, value)
+        session.tick()
+        assert "accepted" in session.message
+    assert session.planner_settings == {"lookahead": 4.0}
+    assert session.settings.max_speed == 8.0
+
+
+def test_keys_drive(session):
+    for _ in range(4):
+        session.key("faster")
+    drive(session, 1.5)
+    assert session.by_hand
+    assert session.simulation.speed == pytest.approx(2.0, abs=0.1)
+    heading = session.simulation.pose[2]
+    session.key("left")
+    drive(session, 0.5)
+    assert session.simulation.pose[2] > heading + 0.1
+    session.key("stop")
+    drive(session, 1.5)
+    assert session.simulation.speed == pytest.approx(0.0, abs=0.05)
+
+
+def test_steering_goes_back_to_straight_on_once_the_key_is_let_go():
+    car = fg.World("oval").parameters
+    hand = HandDriver(car)
+    for _ in range(20):  # held: it comes again and again, and no further than the car turns
+        hand.press("right", 1.0)
+    assert hand.command(1.1, TICK, 8.0).steering_angle == pytest.approx(-car.max_steering_angle)
+    for tick in range(80):
+        command = hand.command(1.7 + tick * TICK, TICK, 8.0)
+    assert command.steering_angle == pytest.approx(0.0, abs=1e-3)
+    hand.press("left", 9.0)
+    assert hand.steering > 0.0
+    with pytest.raises(SettingsError, match="faster, slower, left, right, stop"):
+        hand.press("up", 0.0)
+
+
+def test_a_crash_ends_it_until_the_reset(session):
+    for _ in range(8):
+        session.key("faster")
+    for _ in range(60):
+        session.key("left")
+        drive(session, 0.1)
+    assert session.simulation.crashed
+    at = session.simulation.time
+    drive(session, 0.5)
+    assert session.simulation.time == at
+    assert "reset" in session.message
+    session.by_hand = False
+    session.reset()
+    drive(session, 0.5)
+    assert session.simulation.time == pytest.approx(0.5)
+
+
+def test_points_are_where_the_walls_are(session):
+    drive(session, 1.0)
+    track, points = session.world.track, session.scan_points(9)
+    assert len(points) > 50
+    _, offsets = track.project(points[:, :2])
+    assert np.abs(offsets) == pytest.approx(track.corridor_left[0], abs=0.02)  # as wide everywhere, to either side
+    x, y, _ = session.simulation.pose
+    assert np.hypot(*(session.goal()[:2] - (x, y))) < 12.0
+
+
+def test_shapes_are_those_of_the_world_in_sight():
+    world = fg.World("oval", obstacles=(fg.Box(x=3.0, y=0.2, length=0.4, width=0.3),))
+    model, shapes = world_shapes(world)
+    moving = {model.body(shape.body).name for shape in shapes if shape.body}
+    assert {"car/base_link", *(f"car/{wheel}_wheel" for wheel in WHEELS)} <= moving
+    course = np.concatenate([shape.vertices for shape in shapes if shape.body == 0])
+    walls = np.concatenate((world.track.left_wall, world.track.right_wall))
+    assert np.hypot(*(walls[:, None] - course[:, :2]).transpose(2, 0, 1)).min(axis=1).max() < 0.02
+    assert np.hypot(*(course[:, :2] - (3.2, 0.35)).T).min() < 1e-6  # a corner of the box
+    wheel = next(s for s in shapes if model.body(s.body).name == "car/front_left_wheel" and s.colour == min(
+        other.colour for other in shapes if model.body(other.body).name == "car/front_left_wheel"))  # fmt: skip
+    assert np.abs(wheel.vertices[:, 2]).max() == pytest.approx(world.parameters.wheel_radius, rel=0.1)
+    for shape in shapes:
+        assert shape.faces.max() < len(shape.vertices)
+
+
+@pytest.fixture
+def taken():
+    """A port that somebody listens on."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        yield server.getsockname()[1]
+
+
+@pytest.fixture
+def free():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    return port
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--web", "--port", "{taken}"], "in use"),
+        (["--web", "--port", "0"], "1 to 65535"),
+        (["--web", "--host", "203.0.113.7"], "cannot be listened on"),
+        (["--port", "8081"], "--web"),
+        ([], "no display here; accepted: --web"),
+        (["--web", "--port", "{free}", "--track", "nowhere"], "nowhere"),
+        (["--web", "--port", "{free}", "--controller", "nobody"], "nobody"),
+        (["--web", "--port", "{free}", "--max-speed", "-1"], "--max-speed is -1"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, monkeypatch, capsys):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    assert main(["view", *(text.format(taken=taken, free=free) for text in arguments)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+
+
+def test_display_that_is_not_there_is_refused(monkeypatch, capsys):
+    monkeypatch.setenv("DISPLAY", ":5599")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    if platform.system() != "Linux":
+        pytest.skip("displays have names where there is X11")
+    assert main(["view"]) == 2
+    assert "no display here; accepted: --web" in capsys.readouterr().err
+
+
+def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["view", "--web"]) == 2
+    assert (
+        capsys.readouterr().err == f"fg-mujoco: the live view in a browser needs viser: {install_command('live')}\n"
+    )
+
+
+@contextlib.contextmanager
+def served(session, port, wait=False):
+    """A view that drives on."""
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with LiveView(session, port=port) as view:
+        thread = threading.Thread(target=lambda: view.run(wait=wait))
+        thread.start()
+        try:
+            yield view
+        finally:
+            view.close()
+            thread.join(10.0)
+
+
+def wait_until(holds, seconds=30.0):
+    until = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_view_listens_on_this_machine_alone_and_ends(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    with served(session, free) as view:
+        assert view.url == f"http://localhost:{free}"
+        wait_until(lambda: session.simulation.time > 0.2)
+        socket.create_connection(("127.0.0.1", free), 5.0).close()
+        own = socket.gethostbyname(socket.gethostname())
+        if not own.startswith("127."):
+            with pytest.raises(OSError):
+                socket.create_connection((own, free), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("hosts", "origins", "own"),
+    [
+        (["localhost:8080"], [], True),
+        (["LOCALHOST:8080"], ["http://localhost:8080"], True),
+        (["127.0.0.1:8080"], ["http://127.0.0.1:8080"], True),
+        (["[::1]:8080"], ["http://[::1]:8080"], True),
+        (["box:9000"], ["http://box:9000"], True),
+        (["localhost:8080"], ["http://evil.example"], False),
+        (["localhost:8080"], ["https://localhost:8080"], False),
+        (["localhost:8080"], ["http://localhost:9090"], False),
+        (["localhost:8080"], ["http://localhost:8080.evil.example"], False),
+        (["localhost:8080"], ["null"], False),
+        (["localhost:8080"], [""], False),
+        (["evil.example:8080"], [], False),
+        (["evil.example:8080"], ["http://evil.example:8080"], False),
+        (["localhost.evil.example:8080"], [], False),
+        (["evil@localhost:8080"], ["http://evil@localhost:8080/"], False),
+        (["[::1:8080"], [], False),
+        ([""], [], False),
+        ([], [], False),
+        (["localhost:8080", "evil.example"], [], False),
+        (["localhost:8080"], ["http://localhost:8080", "http://evil.example"], False),
+    ],
+)
+def test_a_request_is_of_the_views_own_page_or_of_none(hosts, origins, own):
+    assert is_own(hosts, origins, frozenset({"box"})) is own
+
+
+def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    upgrade = (
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: viser-v0\r\n"
+    )
+
+    def status(host, origin=None, more=""):
+        said = "" if origin is None else f"Origin: {origin}\r\n"
+        with socket.create_connection(("127.0.0.1", free), 10.0) as connection:
+            connection.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\n{said}{more}\r\n".encode())
+            return int(connection.recv(64).split()[1])
+
+    own = f"localhost:{free}"
+    with served(session, free):
+        assert (status(own), status(own, more=upgrade), status(own, f"http://{own}", upgrade)) == (200, 101, 101)
+        for host, origin in ((own, "http://evil.example"), (f"evil.example:{free}", f"http://evil.example:{free}")):
+            assert (status(host, origin), status(host, origin, upgrade)) == (403, 403)
+        assert status(f"evil.example:{free}") == 403
+
+
+def answer(port, request):
+    """The status, the headers and the body that the server sends to a request until it ends the connection."""
+    with socket.create_connection(("127.0.0.1", port), 10.0) as connection:
+        for part in request:
+            connection.sendall(part.encode())
+            time.sleep(0.05)
+        text = b"".join(iter(lambda: connection.recv(65536), b""))
+    head, _, body = text.partition(b"\r\n\r\n")
+    first, *lines = head.decode().split("\r\n")
+    return int(first.split()[1]), {name.lower(): value for name, value in (line.split(": ", 1) for line in lines)}, body
+
+
+def test_head_is_answered_as_get_without_the_body_and_other_methods_are_refused(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    host = f"Host: localhost:{free}\r\n"
+    with served(session, free):
+        status, whole, page = answer(free, [f"GET / HTTP/1.1\r\n{host}\r\n"])
+        assert (status, whole["content-length"]) == (200, str(len(page)))
+        for request in ([f"HEAD / HTTP/1.1\r\n{host}\r\n"], ["HE", f"AD / HTTP/1.1\r\n{host}\r\n"]):
+            status, headers, body = answer(free, request)
+            assert (status, headers["content-length"], body) == (200, str(len(page)), b"")
+            assert headers["content-type"].startswith("text/html")
+        assert answer(free, [f"HEAD /no/such HTTP/1.1\r\n{host}\r\n"])[0] == 404
+        assert answer(free, ["HEAD / HTTP/1.1\r\nHost: evil.example\r\n\r\n"])[::2] == (403, b"")
+        upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+        assert answer(free, [f"HEAD / HTTP/1.1\r\n{host}{upgrade}Sec-WebSocket-Version: 13\r\n\r\n"])[0] == 405
+        for method in ("POST", "OPTIONS", "DELETE"):
+            status, headers, _ = answer(free, [f"{method} / HTTP/1.1\r\n{host}\r\n"])
+            assert (status, headers["allow"]) == (405, "GET, HEAD")
+
+
+def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        thread = threading.Thread(target=lambda: view.run(wait=True))
+        thread.start()
+        time.sleep(0.5)
+        assert answer(free, [f"GET / HTTP/1.1\r\nHost: localhost:{free}\r\n\r\n"])[0] == 200  # no browser yet
+        assert session.simulation.time == 0.0
+        view.close()
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+@pytest.mark.parametrize(("options", "waits"), [([], True), (["--no-wait"], False)])
+def test_the_command_waits_for_a_browser_unless_told_otherwise(options, waits, free, monkeypatch, capsys):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    told = []
+    monkeypatch.setattr("fg_mujoco.addons.look.live.browser.LiveView.run", lambda view, *, wait: told.append(wait))
+    assert main(["view", "--web", "--port", str(free), *options]) == 0
+    assert told == [waits]
+    assert ("the race starts when a browser opens it" in capsys.readouterr().out) == waits
+
+
+def test_the_plots_have_the_speed_over_time_and_the_lap_times(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        commands = []
+        for _ in range(60):
+            session.tick()
+            commands.append((session.simulation.time, session.simulation.speed))
+        view._show_plots()
+        seconds, speeds, commanded = view._speed_plot.data
+        assert list(zip(seconds.tolist(), speeds.tolist(), strict=True)) == commands[1::2]
+        assert commanded.max() > 5.0
+        assert not view._lap_plot.visible
+        laps, session.laps = session.laps, types.SimpleNamespace(lap_times=(10.5, 9.25))
+        view._show_plots()
+        assert view._lap_plot.visible
+        assert [column.tolist() for column in view._lap_plot.data] == [[1.0, 2.0], [10.5, 9.25]]
+        session.laps = laps
+        session.reset()
+        session.tick()
+        view._show_plots()
+        assert len(view._speed_plot.data[0]) == 1 and not view._lap_plot.visible
+
+
+def test_the_numbers_that_a_planner_shows_stand_in_the_panel(session, free):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with LiveView(session, port=free) as view:
+        view._show_texts()
+        assert not view._values.visible
+        with session.values.of(session.scan):
+            fg.show("gap_width | m", 0.51234)
+            fg.show("goal", (1.0, 2.0))
+        view._show_texts()
+        assert view._values.visible
+        assert view._values.content.splitlines()[2:] == ["| gap&#95;width &#124; m | 0.5123 |"]
+
+
+def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):
+    viser = pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    stopped = []
+
+    class Other:
+        def __init__(self, **settings):
+            pass
+
+        def stop(self):
+            stopped.append(self)
+
+    monkeypatch.setattr(viser, "ViserServer", Other)
+    with pytest.raises(EngineError, match="version of viser"):
+        LiveView(session, port=free)
+    assert len(stopped) == 1
+
+
+def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    asked = []
+    with served(session, free, wait=True) as view, page_of(viewport={"width": 700, "height": 400}) as page:
+        page.on("request", lambda request: asked.append(request.url))
+        assert session.simulation.time == 0.0  # it waits for its first browser
+        page.goto(view.url)
+        page.wait_for_selector("text=friction utilisation", timeout=60000)
+        page.wait_for_selector("canvas")
+        before, at = page.screenshot(), session.simulation.time
+        wait_until(lambda: session.simulation.time > at + 1.0)
+        page.wait_for_timeout(500)
+        assert page.screenshot() != before
+
+        page.get_by_role("button", name="pause").click()
+        wait_until(lambda: session.paused)
+        stands = session.simulation.time
+        page.get_by_role("button", name="go on").wait_for()
+        session.message = "my_own_planner{ <b>x</b> *_ $a$ | \\ [y](z)"  # as an error's text may be
+        page.get_by_text(session.message, exact=True).wait_for()
+        assert session.simulation.time == stands
+        page.get_by_role("button", name="go on").click()
+        wait_until(lambda: session.simulation.time > stands)
+
+        (box,) = [field for field in page.locator("input[type=text]").all() if field.input_value() == "8"]
+        box.fill("1.5")
+        box.press("Enter")
+        wait_until(lambda: session.settings.max_speed == 1.5)
+        wait_until(lambda: math.isclose(session.simulation.speed, 1.5, abs_tol=0.15))
+
+        page.mouse.click(200, 250)
+        for key, reached in (("i", 0.5), ("ArrowUp", 1.0), ("w", 1.5), ("ArrowDown", 1.0), ("s", 0.5), (" ", 0.0)):
+            page.keyboard.press(key)
+            wait_until(lambda reached=reached: session.by_hand and session.hand.speed == reached)
+        for key, turns_left in (("ArrowLeft", True), ("d", False), ("a", True), ("ArrowRight", False)):
+            page.keyboard.press(key)
+            wait_until(lambda left=turns_left: (session.hand.steering > 0.0) == left)
+        for text in (*LEGEND, "pause, go on", "quarter of the steering"):
+            assert page.get_by_text(text).first.is_visible(), text
+        page.keyboard.press("ArrowUp")
+        wait_until(lambda: session.hand.speed == 0.5)
+        page.get_by_role("button", name="reset").click()
+        wait_until(lambda: session.hand.speed == 0.0)
+    own = (f"http://localhost:{free}", f"ws://localhost:{free}", "data:", "blob:")
+    assert [url for url in asked if not url.startswith(own)] == []

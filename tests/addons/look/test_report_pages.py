@@ -1,0 +1,464 @@
+"""The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
+
+import base64
+import contextlib
+import hashlib
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+
+import pytest
+from browsers import page_of  # noqa: F401 - a fixture
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
+from fg_mujoco.racing.run_folder import summary_json
+
+pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+
+from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
+from fg_mujoco.addons.arena.comparison.run import RunRow
+from fg_mujoco.addons.look.report import write_report
+from fg_mujoco.addons.look.report.recorded import read_recorded
+
+_SCALES = """(() => {
+    const find = (view) => view.model.name === "map" ? view : Array.from(view.child_views || []).map(find).find(v => v);
+    const frame = Bokeh.index.roots.map(find).find(v => v).frame;
+    const scale = (s) => Math.abs(s.compute(1) - s.compute(0));
+    return [scale(frame.x_scale), scale(frame.y_scale)];
+})()"""
+
+
+class Loads(HTMLParser):
+    """What a page loads, or links to; scripts' and styles' own text is not looked at."""
+
+    def __init__(self):
+        super().__init__()
+        self.found, self.policy = [], ""
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self.found += [values[name] for name in ("src", "href", "srcset", "data", "poster") if values.get(name)]
+        if values.get("http-equiv") == "Content-Security-Policy":
+            self.policy = values["content"]
+
+
+@pytest.fixture(scope="module")
+def folder(lap, tmp_path_factory):
+    """A run folder of one lap."""
+    return fg.write_run(lap, tmp_path_factory.mktemp("runs") / "oval", picture=False)
+
+
+@pytest.fixture(scope="module")
+def report(folder):
+    """Its report, without a clip."""
+    return write_report(folder, folder / "report.html", clip_seconds=None)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def complaint(capsys):
+    """What the command line said, which must be one line."""
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_page_loads_nothing_from_anywhere(report):
+    text = report.read_text()
+    loads = Loads()
+    loads.feed(text)
+    assert loads.found == []
+    assert loads.policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert not re.search(r"@import|url\(\s*['\"]?https?:", text[: text.index("<script>")])
+
+
+def test_page_says_how_the_race_went(report, lap):
+    text = report.read_text()
+    assert "oval, gap_finder" in text
+    assert f"1 of 1 laps, best {lap.car.lap_times_s[0]:.3f} s; no tire slid." in text
+    assert lap.trajectory_sha256 in text
+    for name, value in (
+        ("mu", lap.car.mu),
+        ("seed", 0),
+        ("mujoco_version", json.loads(summary_json(lap))["mujoco_version"]),
+    ):
+        assert f"<td>{name}</td><td><code>{value}</code></td>" in text
+
+
+def test_page_has_decision_times_clamped_commands_and_sliding_sideways(report, lap):
+    text, times = report.read_text(), lap.car.decision_times
+    shown = " / ".join(f"{1e3 * t:.2f}" for t in (times.median_s, times.percentile_99_s, times.worst_s))
+    for value, name in (
+        (f"{shown} ms", "decisions: median / 99 % / worst"),
+        (f"{times.over_period} of {len(lap.car.telemetry)}", "decisions over 25 ms"),
+        (str(lap.car.clamped_commands), "commands clamped"),
+        (f"{lap.car.max_lateral_slide_m_s:.3f} m/s", "greatest sideways"),
+    ):
+        assert f"<div><b>{value}</b><span>{name}</span></div>" in text
+
+
+def test_page_of_a_run_without_these_figures_leaves_them_out(folder, tmp_path):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    summary = json.loads((copy / "summary.json").read_text())
+    for name in ("decision_times", "clamped_commands", "max_lateral_slide_m_s"):
+        del summary[name]
+    (copy / "summary.json").write_text(json.dumps(summary))
+    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text()
+    assert "decisions over" not in text and "commands clamped" not in text and "sideways" not in text
+
+
+@pytest.mark.parametrize(("begins", "at"), ((0.0, "0.000"), (0.09, "0.100")))
+def test_page_says_that_the_planner_did_not_answer(here, begins, at):
+    (here / "planner.py").write_text(
+        "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+        f"    def __call__(self, scan, odometry):\n        while scan.stamp >= {begins}: pass\n        return STOP\n"
+    )
+    assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run"]) == 1
+    assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
+
+
+def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_path):
+    other = write_report(lap, tmp_path / "other.html", clip_seconds=None).read_text()
+    body = re.compile(r"<h1>.*?<div class=\"switch\"", re.DOTALL)
+    assert body.search(other).group() == body.search(report.read_text()).group()
+
+
+def test_race_of_no_lap_and_one_tick_have_reports(tmp_path):
+    for limit in (0.02, 0.3):
+        race = fg.race("oval", laps=1, time_limit=limit)
+        assert "0 of 1 laps" in write_report(race, tmp_path / "page.html", clip_seconds=None).read_text()
+
+
+@pytest.mark.parametrize("name", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
+def test_folder_without_one_of_its_files_is_refused(folder, name, tmp_path, capsys):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / name).unlink()
+    assert main(["report", str(copy)]) == 2
+    assert name in complaint(capsys)
+    assert not [path for path in copy.iterdir() if "report" in path.name and path.name != "report.html"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"schema": 99}, "schema"), ({"mu": None}, "has no mu"), ({"lap_times_s": None}, "lap_times_s")],
+)
+def test_folder_of_another_version_is_refused(folder, change, said, tmp_path, capsys):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / "summary.json").write_text(json.dumps(json.loads((copy / "summary.json").read_text()) | change))
+    assert main(["report", str(copy)]) == 2
+    assert said in complaint(capsys)
+
+
+def test_damaged_scene_is_refused(folder, tmp_path):
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy)
+    (copy / "scene.xml").write_text("<mujoco/>")
+    with pytest.raises(RunFolderError, match=r"scene\.xml"):
+        write_report(copy, tmp_path / "page.html")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "summary.json"),
+        (["{run}", "--clip", "0"], "--clip"),
+        (["{run}", "--out", "page.txt"], ".html"),
+        (["{run}", "--out", "no/such/folder/page.html", "--no-clip"], "cannot be written"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(folder, arguments, said, here, capsys):
+    assert main(["report", *(text.format(run=folder) for text in arguments)]) == 2
+    assert said in complaint(capsys)
+    assert list(here.iterdir()) == []
+
+
+def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
+    assert (
+        f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
+    )
+    assert not (here / "run" / "report.html").exists()
+    assert main(["report", "run"]) == 2
+    assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
+
+
+def test_race_leaves_a_report_in_its_folder(here, capsys):
+    assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
+    text = (here / "run" / "report.html").read_text()
+    assert "0 of 1 laps" in text
+    assert "<video" not in text
+
+
+def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeypatch):
+    def refuse(*args, **settings):
+        raise MissingExtraError("apt-get install something")
+
+    monkeypatch.setattr("fg_mujoco.pictures.rendering.Film", refuse)
+    text = write_report(folder, tmp_path / "page.html", clip_seconds=1.0).read_text()
+    assert "<video" not in text
+    assert "<code>apt-get install something</code>" in text
+
+
+def test_failure_leaves_no_page(folder, tmp_path, monkeypatch):
+    (tmp_path / "page.html").mkdir()
+    with pytest.raises(RunFolderError, match="cannot be written"):
+        write_report(folder, tmp_path / "page.html", clip_seconds=None)
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory):
+    """Of two planners, one of them in a file, on a scene."""
+    place = tmp_path_factory.mktemp("comparison")
+    planner = place / "slow.py"
+    planner.write_text(
+        "from fg_mujoco.messages import DriveCommand\n"
+        "class Slow:\n"
+        "    def reset(self): pass\n"
+        "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=1.0)\n"
+    )
+    fg.compare(
+        ["gap_finder", f"{planner}:Slow"], track=["scene:narrow_gap_150"], seed=[0, 1], out=place / "out", workers=1,
+        time_limit=3.0, pictures=False,
+    )  # fmt: skip
+    return place
+
+
+def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch):
+    monkeypatch.chdir(comparison)
+    index = write_comparison_report("out", trust=True)
+    loads = Loads()
+    loads.feed(index.read_text())
+    pages = sorted(path.name for path in index.parent.glob("*.html") if path != index)
+    assert sorted(loads.found) == pages
+    assert len(pages) == 4
+    for name in pages:
+        text = (index.parent / name).read_text()
+        page = Loads()
+        page.feed(text)
+        assert sorted(page.found) == ["bokeh.min.js", "index.html"]
+        assert "the same run, bit for bit" in text
+    before = {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")}
+    write_comparison_report("out", trust=True)  # goes on where it was: nothing is left to do
+    assert {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")} == before
+
+
+def test_planner_that_is_not_here_any_more_leaves_a_remark(comparison, here):
+    shutil.copytree(comparison / "out", here / "out", ignore=shutil.ignore_patterns("report"))
+    with pytest.warns(UserWarning, match="slow.py:Slow"):
+        text = write_comparison_report(here / "out", trust=True).read_text()
+    assert text.count("there is no file slow.py; accepted with --trust") == 2
+    assert len(list((here / "out" / "report").glob("*-*.html"))) == 2
+
+
+@pytest.mark.parametrize(
+    "manifest",
+    ["{", "[]", '{"schema": 99, "settings": {"laps": 1}, "versions": {}}', '{"settings": {}, "versions": {}}'],
+)
+def test_comparison_of_another_version_is_refused(manifest, here, capsys):
+    (here / "out").mkdir()
+    (here / "out" / "manifest.json").write_text(manifest)
+    assert main(["report", "out"]) == 2
+    assert "manifest.json" in complaint(capsys)
+
+
+def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):  # noqa: F811
+    asked = []
+    with page_of(viewport={"width": 1280, "height": 1000}) as page:
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(report.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.wait_for_timeout(500)
+        across, up = page.evaluate(_SCALES)
+        assert across == pytest.approx(up, rel=0.01)  # a metre is a metre, either way
+        page.locator(".plots").nth(1).hover(position={"x": 600, "y": 110})
+        page.wait_for_selector("#readout[data-tick]")
+        tick = int(page.get_attribute("#readout", "data-tick"))
+        said = page.inner_text("#readout").replace("\n", " ")
+        row = dict(zip(fg.TELEMETRY, lap.car.telemetry[tick], strict=True))
+        assert f"t {row['time_s']:.3f} s" in said
+        assert f"speed {row['speed_m_s']:.2f} m/s" in said
+        marked = page.evaluate(
+            "Array.from(Bokeh.documents[0]._all_models.values()).find(m => m.name === 'cursor_source').data"
+        )
+        assert marked["x_m"][0] == pytest.approx(row["x_m"], abs=1e-4)
+        assert marked["y_m"][0] == pytest.approx(row["y_m"], abs=1e-4)
+
+        page.click("[data-switch=across][value=time_s]")
+        page.click("[data-switch=colour][value=friction_use]")
+        assert page.get_attribute("#map", "data-colour") == "friction_use"
+        page.locator(".plots").nth(1).hover(position={"x": 500, "y": 110})
+        page.wait_for_timeout(300)
+        assert int(page.get_attribute("#readout", "data-tick")) != tick
+        page.locator("#map").hover(position={"x": 400, "y": 120})
+        page.wait_for_timeout(300)
+        assert (
+            page.evaluate(
+                "Array.from(Bokeh.documents[0]._all_models.values()).find(m => m.name === 'axis_across').axis_label"
+            )
+            == "time [s]"
+        )
+    assert asked == [report.as_uri()]
+
+
+_LEGENDS = """(() => {
+    const found = [];
+    const look = (view) => {
+        if (view.model.name === "legend") found.push([view.bbox.left, view.bbox.right, view.parent.bbox.width, view.model.items.map((i) => i.label.value)]);
+        for (const child of view.child_views || []) look(child);
+        for (const child of (view.renderer_views ? view.renderer_views.values() : [])) look(child);
+    };
+    for (const root of Bokeh.index.roots) look(root);
+    return found;
+})()"""  # noqa: E501
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_page_fits_the_screen_and_no_legend_is_cut(report, width, page_of):  # noqa: F811
+    with page_of(viewport={"width": width, "height": 900}) as page:
+        page.goto(report.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        legends = page.evaluate(_LEGENDS)
+    assert len(legends) == 4
+    for left, right, room, names in legends:
+        assert 0.0 <= left < right <= room, names
+
+
+MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
+
+
+def leaves(value, path=()):
+    """Yield the path of every string and number in a summary."""
+    if isinstance(value, dict):
+        for key, part in value.items():
+            yield from leaves(part, (*path, key))
+    elif isinstance(value, list):
+        for place, part in enumerate(value):
+            yield from leaves(part, (*path, place))
+    else:
+        yield path
+
+
+def with_markup(value, path):
+    """Return a summary with markup in the place of one value."""
+    if not path:
+        return MARKUP
+    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy[path[0]] = with_markup(copy[path[0]], path[1:])
+    return copy
+
+
+class Scripts(HTMLParser):
+    """The scripts of a page, and whatever else could run in it."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.scripts, self.others, self.hashes, self._inside = [], [], [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self._inside = tag == "script" and values.get("type") != "application/json" and "src" not in values
+        if self._inside:
+            self.scripts.append("")
+        self.others += [f"{tag} {name}" for name in values if name.startswith("on")]
+        self.others += [tag] if tag in ("img", "iframe", "object", "embed", "base", "form", "link") else []
+        if values.get("http-equiv") == "Content-Security-Policy":
+            self.hashes = re.findall(r"'sha256-([^']+)'", values["content"])
+            self.others += re.findall(r"script-src[^;]*'unsafe-[a-z]+'", values["content"])
+
+    def handle_endtag(self, tag):
+        self._inside = False
+
+    def handle_data(self, data):
+        if self._inside:
+            self.scripts[-1] += data
+
+    @property
+    def own(self):
+        return [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in self.scripts]
+
+
+def test_a_page_runs_its_own_scripts_by_hash_and_no_other(report):
+    page = Scripts(report.read_text("utf-8"))
+    assert len(page.scripts) == 4
+    assert page.own == page.hashes
+    assert page.others == []
+
+
+def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
+    """Each is in the page as text, or is refused by its name."""
+    summary = json.loads((folder / "summary.json").read_text())
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
+    taken, refused = summary, 0
+    for path in leaves(summary):
+        if path == ("schema",):
+            continue
+        (copy / "summary.json").write_text(json.dumps(with_markup(summary, path)))
+        try:
+            read_recorded(copy)
+            taken = with_markup(taken, path)
+        except RunFolderError:
+            assert main(["report", str(copy), "--no-clip"]) == 2
+            assert f"summary.json: {path[0]} is " in complaint(capsys)
+            assert not (copy / "report.html").exists()
+            refused += 1
+    refusals = 41 + len(summary["files"])
+    assert (taken["controller"], taken["track"], taken["vehicle"], refused) == (MARKUP, MARKUP, MARKUP, refusals)
+    (copy / "summary.json").write_text(json.dumps(taken))
+    assert main(["report", str(copy), "--no-clip"]) == 0
+    text = (copy / "report.html").read_text("utf-8")
+    page = Scripts(text)
+    assert "<script>alert" not in text and "<img" not in text and page.others == [] and page.own == page.hashes
+    assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - refused
+
+
+def test_no_name_in_a_summary_becomes_markup(folder, tmp_path):
+    summary = json.loads((folder / "summary.json").read_text())
+    copy = tmp_path / "run"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
+    (copy / "summary.json").write_text(json.dumps(summary | {MARKUP: 1, "more": {MARKUP: [MARKUP]}}))
+    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text("utf-8")
+    assert "<script>alert" not in text and Scripts(text).others == []
+
+
+def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
+    out = tmp_path / "out"
+    shutil.copytree(comparison / "out", out, ignore=shutil.ignore_patterns("report"))
+    lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
+    row = json.loads(lines[0])
+    del row["sha256"], row["poses_sha256"]  # as of an older version
+    texts = (
+        "controller", "controller_sha256", "controller_files_sha256", "course", "course_sha256", "end_reason",
+        "message", "trajectory_sha256",
+    )  # fmt: skip
+
+    def report_with(*names):  # with one other run, for a page is made of each
+        changed = row | dict.fromkeys(names, MARKUP)
+        with contextlib.suppress(TypeError):
+            (out / "poses").mkdir(exist_ok=True)
+            (out / "poses" / f"{RunRow.of(changed).key.sha256[:24]}.npy").touch()
+        (out / "runs.jsonl").write_text("\n".join([json.dumps(changed), lines[1]]) + "\n")
+        shutil.rmtree(out / "report", ignore_errors=True)
+        return main(["report", str(out)])
+
+    for name in row.keys() - set(texts):
+        assert report_with(name) == 2
+        assert name in complaint(capsys)
+    assert report_with(*texts) != 2  # all at once: the pages are made once
+    text = (out / "report" / "index.html").read_text("utf-8")
+    page = Scripts(text)
+    assert "<script" not in text and page.others == [] and page.hashes == []

@@ -1,0 +1,141 @@
+"""Maps from driving: pose graphs in closed form, and the map of a drive against the course it was driven on."""
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.addons.realcar.mapping.driven_map import driven_files, map_course, mapped_walls, write_driven
+from fg_mujoco.addons.realcar.mapping.pose_graph import laid_out
+from fg_mujoco.addons.realcar.mapping.ray_model import FREE, OCCUPIED, UNKNOWN
+from fg_mujoco.addons.realcar.mapping.scan_matching import step_between, stepped
+from fg_mujoco.racing.planner_files import planner_files
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import DriveSettings
+
+pytest.importorskip("scipy")
+COURSE = "elbow"
+DRIFT = 0.05
+
+
+@pytest.fixture(scope="module")
+def driven():
+    effects = fg.LidarEffects(range_noise_std=0.02)
+    setup = Setup.of(COURSE, laps=2, effects=effects, odometry_drift=DRIFT, max_speed=4.0, seed=5)
+    return map_course(setup)  # the car turns in one move everywhere: odometry that drifts errs otherwise in several
+
+
+def test_a_loop_spreads_its_error_over_equal_steps():
+    # four steps of 1 m, and one from the first pose to the last of 3.6 m: 4 (d - 1)^2 + (4 d - 3.6)^2 is least at .92
+    poses = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))
+    ends = np.array([(0, 1), (1, 2), (2, 3), (3, 4), (0, 4)], float)
+    steps = np.array([(1.0, 0.0, 0.0)] * 4 + [(3.6, 0.0, 0.0)])
+    found = laid_out(poses, ends, steps, np.ones((5, 3)))
+    assert found[:, 0] == pytest.approx(0.92 * np.arange(5.0)) and np.abs(found[:, 1:]).max() < 1e-12
+
+
+def test_true_steps_lead_back_to_the_true_poses():
+    rng = np.random.default_rng(1)
+    true = np.column_stack((rng.uniform(-5.0, 5.0, (30, 2)), rng.uniform(-9.0, 9.0, 30)))
+    ends = np.concatenate((np.column_stack((np.arange(29), np.arange(1, 30))), rng.integers(0, 30, (40, 2))))
+    ends = ends[ends[:, 0] != ends[:, 1]].astype(float)
+    steps = np.array([step_between(true[int(a)], true[int(b)]) for a, b in ends])
+    guess = true + rng.normal(0.0, 0.1, true.shape)
+    guess[0] = true[0]
+    off = laid_out(guess, ends, steps, np.full((len(ends), 3), 0.1)) - true
+    off[:, 2] = np.remainder(off[:, 2] + math.pi, math.tau) - math.pi
+    assert np.abs(off).max() < 1e-6
+
+
+def test_a_wrong_loop_moves_poses_less_than_least_squares_would():
+    poses = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))
+    ends = np.array([(0, 1), (1, 2), (2, 3), (3, 4), (0, 4)], float)
+    steps = np.array([(1.0, 0.0, 0.0)] * 4 + [(9.0, 0.0, 0.0)])
+    found = laid_out(poses, ends, steps, np.full((5, 3), 0.01))
+    least_squares = (4.0 + 4.0 * 9.0) / 20.0  # [m] of each step
+    assert 4.0 < found[4, 0] < 4.0 * (1.0 + 0.5 * (least_squares - 1.0))
+
+
+def test_a_step_from_one_pose_to_another_leads_there():
+    rng = np.random.default_rng(2)
+    for start, end in rng.uniform(-3.0, 3.0, (50, 2, 3)):
+        assert stepped(start, step_between(start, end)) == pytest.approx(end, abs=1e-12) or abs(end[2] - start[2]) > 3.0
+
+
+def test_walls_of_a_map_are_the_occupied_cells_next_to_free_ones():
+    cells = np.full((5, 6), UNKNOWN, np.int8)
+    cells[1:4, 2], cells[2, 1], cells[2, 3] = FREE, OCCUPIED, OCCUPIED
+    cells[2, 4] = OCCUPIED  # behind another one
+    made = SimpleNamespace(cells=cells, origin=(10.0, 20.0), resolution=0.1)
+    assert mapped_walls(made) == pytest.approx(np.array([[10.15, 20.25], [10.35, 20.25]]))
+    with pytest.raises(TrackError, match="saw no walls"):
+        mapped_walls(SimpleNamespace(cells=np.full((3, 3), FREE), origin=(0.0, 0.0), resolution=0.1))
+
+
+def test_the_map_of_a_drive_is_that_of_the_course(driven):
+    assert driven.race.car.finished and driven.graph.loops > 10
+    assert np.median(driven.wall_errors) < 0.05 and np.quantile(driven.wall_errors, 0.95) < 0.12
+    assert driven.seen > 0.97
+    assert np.median(driven.pose_errors) < 0.06 and np.quantile(driven.pose_errors, 0.95) < 0.15
+    assert np.quantile(driven.pose_errors, 0.95) < 0.2 * np.quantile(driven.odometry_errors, 0.95)
+
+
+def test_the_map_can_be_raced_on(driven, tmp_path):
+    files = write_driven(driven, tmp_path / "my_map")
+    assert [file.name for file in files] == ["my_map.yaml", "my_map.png", "my_map.g2o"]
+    track, true = fg.load_track(str(files[0])), fg.load_track(COURSE)
+    assert track.closed and track.length == pytest.approx(true.length, rel=0.05)
+    middle = true.position(np.linspace(0.0, true.length, 50), 0.0)  # the map is in the course's frame
+    assert np.abs(track.project(middle)[1]).max() < 0.5
+    result = fg.race(track, "pure_pursuit[pose=scan_matching]", laps=1, max_speed=3.0, time_limit=1.0)
+    assert result.car.end_reason == "time_limit"
+
+
+def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_driven(driven, "my_map")
+    context = DriveSettings().context(fg.Vehicle.load().parameters, fg.load_track(COURSE).map_line)
+    told = {"pose": "particle_filter", "pose_map": "my_map.yaml"}
+    planner = fg.make_controller("pure_pursuit", context, settings=told)
+    own, mapped = fg.make_controller("pure_pursuit", context), fg.load_track("my_map.yaml")
+    assert planner.speed_profile()[0, :2] == pytest.approx(mapped.map_line.points[0])
+    assert own.speed_profile()[0, :2] == pytest.approx(context.map_line.points[0])
+    assert [Path(file).name for file in planner_files(planner, told)] == ["my_map.yaml"]
+    with pytest.raises(TrackError, match=r"nowhere\.yaml"):
+        fg.make_controller("pure_pursuit", context, settings={"pose_map": "nowhere.yaml"})
+
+
+def test_a_graph_is_written_as_g2o_has_it(driven, tmp_path):
+    file = write_driven(driven, tmp_path / "my_map")[2]
+    rows = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
+    poses = np.array([row[2:] for row in rows if row[0] == "VERTEX_SE2"], float)
+    edges = np.array([row[1:] for row in rows if row[0] == "EDGE_SE2"], float)
+    assert poses == pytest.approx(driven.graph.poses, abs=1e-6)
+    assert edges[:, :2].tolist() == driven.graph.ends.tolist()
+    assert edges[:, 5] == pytest.approx(driven.graph.errors[:, 0] ** -2.0, rel=1e-5)
+    consecutive = np.diff(edges[:, :2], axis=1).ravel() == 1.0
+    for first, second, *step in edges[consecutive][:, :5]:
+        laid = step_between(poses[int(first)], poses[int(second)])
+        assert laid[:2] == pytest.approx(step[:2], abs=0.1)
+
+
+def test_files_of_another_kind_are_refused():
+    with pytest.raises(SettingsError, match=r"my_map.pgm: is no name for a map"):
+        driven_files("my_map.pgm")
+
+
+def test_files_that_exist_and_several_cars_are_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here.yaml").write_text("", encoding="utf-8")
+    for arguments, said in (
+        (("map", "oval", "--out", "here"), "here.yaml: exists"),
+        (("map", "ovall"), "did you mean 'oval'"),
+        (("map", "oval", "--resolution", "5"), "accepted: from 0.01 to 1"),
+    ):
+        assert main(list(arguments)) == 2
+        assert said in capsys.readouterr().err

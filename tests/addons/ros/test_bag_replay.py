@@ -1,0 +1,209 @@
+"""A planner over a bag's scans: on its own run's bag it commands what it commanded in the race."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from rosbags.highlevel import AnyReader
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.planner_sources import controller_names
+from fg_mujoco.addons.ros.bag_reader import ScanBag
+from fg_mujoco.addons.ros.bag_replay import COLUMNS
+from fg_mujoco.addons.ros.bag_writer import export_bag
+from fg_mujoco.simulation.settings import Start
+
+STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m
+HAIRPIN = 26.0  # [m] along the line
+EPOCH = 1_700_000_000 * SECOND + 123_456_789
+
+
+def read_commands(path):
+    with path.open() as file:
+        header, *rows = csv.reader(file)
+    assert tuple(header) == COLUMNS
+    return np.array(rows, np.float64).reshape(-1, 4)
+
+
+def race_and_bag(folder, **settings):
+    """Race 1.25 s into the first hairpin, and return the race and its bag."""
+    result = fg.race("hairpins", laps=1, time_limit=1.24, start=Start(s=HAIRPIN, speed=3.0), **settings)
+    fg.write_run(result, folder / "run", picture=False)
+    export_bag(folder / "run", folder / "run.mcap")
+    return result, folder / "run.mcap"
+
+
+def assert_same_commands(rows, result):
+    assert len(rows) == len(result.car.telemetry)
+    np.testing.assert_allclose(rows[:, 0], result.car.column("time_s"), atol=1e-9)
+    np.testing.assert_allclose(rows[:, 2], result.car.column("command_steering_rad"), atol=STEERING_TOLERANCE)
+    np.testing.assert_allclose(rows[:, 3], result.car.column("command_speed_m_s"), atol=SPEED_TOLERANCE)
+    assert np.ptp(rows[:, 2]) > 0.1  # there was something to decide
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", controller_names())
+def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(name, tmp_path):
+    result, bag = race_and_bag(tmp_path, controller=name)
+    out = tmp_path / "commands.csv"
+    assert main(["replay-scans", str(bag), "--controller", name, "--track", "hairpins", "--out", str(out)]) == 0
+    assert_same_commands(read_commands(out), result)
+
+
+@pytest.mark.slow
+def test_late_noisy_and_distorted_scans_are_replayed_as_they_were(tmp_path):
+    effects = LidarEffects(range_noise_std=0.01, dropout_probability=0.02, latency=0.06, motion_distortion=True)
+    settings = {"planner_mu": math.inf, "max_speed": 5.0}
+    result, bag = race_and_bag(tmp_path, controller="gap_finder", effects=effects, seed=2, **settings)
+    out = tmp_path / "commands.csv"
+    assert main(["replay-scans", str(bag), "--planner-mu", "off", "--max-speed", "5", "--out", str(out)]) == 0
+    rows = read_commands(out)
+    assert_same_commands(rows, result)
+    late = rows[:, 0] - rows[:, 1]  # three sweeps, and the sweep that a stamp is the start of
+    assert late[10:] == pytest.approx(0.075 + 0.75 * 0.025, abs=1e-6)
+
+
+def robot_bag(folder, ranges, **geometry):
+    entries = []
+    for i in range(5):
+        time = EPOCH + i * SECOND // 40
+        entries.append(("/odom", time, robot_odometry(time, speed=1.0)))
+        entries.append(("/scan", time, robot_scan(ranges, time=time, **geometry)))
+    return write_bag(folder, entries)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(controller_names()) - {"pure_pursuit"}))
+@pytest.mark.parametrize(
+    ("first", "turn", "beams"),
+    [(-0.75 * math.pi, 1.5 * math.pi, 1081), (0.0, math.tau, 360), (math.pi, -math.tau, 720)],
+)
+def test_planners_drive_on_whatever_a_robots_lidar_sends(name, first, turn, beams, tmp_path):
+    step = turn / (beams - 1) if abs(turn) < 6.0 else turn / beams
+    bearings = first + step * np.arange(beams)
+    ranges = np.minimum(1.0 / np.maximum(np.abs(np.sin(bearings)), 1e-3), 14.0)  # a corridor 2 m wide
+    ranges[::7], ranges[1::50], ranges[2::50] = 0.0, math.nan, math.inf
+    bag = robot_bag(tmp_path / "bag", ranges, first=first, step=step)
+    out = tmp_path / "commands.csv"
+    assert main(["replay-scans", str(bag), "--controller", name, "--out", str(out)]) == 0
+    rows = read_commands(out)
+    assert len(rows) == 5
+    assert np.isfinite(rows).all()
+    assert np.abs(rows[:, 2]).max() < 0.2  # nothing to steer for
+    assert (rows[:, 3] > 0.5).all()  # and nothing in the way
+
+
+def test_times_keep_all_their_digits(tmp_path):
+    bag = robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    out = tmp_path / "commands.csv"
+    assert main(["replay-scans", str(bag), "--out", str(out)]) == 0
+    stamps = [line.split(",")[1] for line in out.read_text().splitlines()[1:]]
+    assert stamps[:2] == ["1700000000.123456789", "1700000000.148456789"]
+
+
+def test_commands_are_written_as_a_bag_too(tmp_path):
+    bag, out = robot_bag(tmp_path / "bag", np.full(41, 3.0)), tmp_path / "commands"
+    assert main(["replay-scans", str(bag), "--out", str(out.with_suffix(".mcap"))]) == 0
+    assert main(["replay-scans", str(bag), "--out", str(out.with_suffix(".csv"))]) == 0
+    with AnyReader([out.with_suffix(".mcap")]) as reader:
+        read = [(time, reader.deserialize(data, c.msgtype)) for c, time, data in reader.messages()]
+    rows = read_commands(out.with_suffix(".csv"))
+    assert [message.drive.speed for _, message in read] == rows[:, 3].astype(np.float32).tolist()
+    assert [message.drive.steering_angle for _, message in read] == rows[:, 2].astype(np.float32).tolist()
+    assert [time for time, _ in read] == [EPOCH + i * SECOND // 40 for i in range(5)]
+    assert [m.header.stamp.sec * SECOND + m.header.stamp.nanosec for _, m in read] == [time for time, _ in read]
+
+
+def test_a_planner_of_ones_own_is_run_and_what_it_was_told_without_odometry_is_said(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.py").write_text(
+        "from fg_mujoco.messages import DriveCommand\n"
+        "class Mine:\n"
+        "    def reset(self):\n        print('hello')\n"
+        "    def __call__(self, scan, odometry):\n"
+        "        return DriveCommand(steering_angle=0.0, speed=float(scan.ranges[0]) + odometry.speed)\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    write_bag(tmp_path / "drive", [("/front", EPOCH, robot_scan([2.5, 1.0], time=EPOCH))])
+    assert main(["replay-scans", "drive", "--controller", "mine.py:Mine"]) == 0
+    captured = capsys.readouterr()
+    assert captured.out == "drive_commands.csv: 1 commands to the scans on /front\n"
+    assert "no odometry; the speed is taken to be 0" in captured.err
+    assert read_commands(tmp_path / "drive_commands.csv")[0, 2:].tolist() == [0.0, 2.5]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--out", "commands.txt"), "ends in .csv or .mcap"),
+        (("--out", "nowhere/commands.csv"), "cannot be written"),
+        (("--out", "nowhere/commands.mcap"), "cannot be written"),
+        (("--controller", "gapfinder"), "accepted: "),
+        (("--controller", "pure_pursuit"), "drives by a map"),
+        (("--max-speed", "-1"), ""),
+    ],
+)
+def test_what_cannot_be_replayed_is_refused_in_one_line(tmp_path, monkeypatch, capsys, arguments, named):
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    assert main(["replay-scans", "bag", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_commands_up_to_a_planners_failure_are_on_disk(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.py").write_text(
+        "from fg_mujoco.messages import STOP\n"
+        "class Mine:\n"
+        "    def reset(self):\n        self.count = 0\n"
+        "    def __call__(self, scan, odometry):\n"
+        "        self.count += 1\n"
+        "        return STOP if self.count < 4 else None\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    assert main(["replay-scans", "bag", "--controller", "mine.py:Mine", "--out", "out.csv"]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "answered None" in said and said.endswith("out.csv has the commands up to there")
+    assert len(read_commands(tmp_path / "out.csv")) == 3
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    before = sorted(tmp_path.rglob("*"))
+    deliver = ScanBag.__iter__
+
+    def damaged(self):
+        for count, delivery in enumerate(deliver(self)):
+            if count == 2:
+                raise fg.BagError("bag: is damaged")
+            yield delivery
+
+    monkeypatch.setattr(ScanBag, "__iter__", damaged)
+    assert main(["replay-scans", "bag", "--out", name]) == 2
+    assert "bag: is damaged" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
+def test_a_disk_that_is_full_leaves_what_was_there(tmp_path, monkeypatch, capsys, name):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.chdir(tmp_path)
+    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+    (tmp_path / name).write_text("before")
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.setattr("os.fsync", full)
+    assert main(["replay-scans", "bag", "--out", name, "--force"]) == 2
+    assert f"{name}: cannot be written: No space left on device; accepted" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == before
+    assert (tmp_path / name).read_text() == "before"

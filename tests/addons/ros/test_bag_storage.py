@@ -1,0 +1,377 @@
+"""The files of bags, whole, split, compressed, unfinished and damaged, of ROS 1 and ROS 2."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import struct
+import warnings
+from pathlib import Path
+
+import pytest
+from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import BagError
+from fg_mujoco.addons.ros.bag_messages import type_store
+from fg_mujoco.addons.ros.bag_reader import ScanBag
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+CAR = Vehicle.load().parameters
+EPOCH = 1_700_000_000 * SECOND
+STEP = SECOND // 40
+SCAN = "sensor_msgs/msg/LaserScan"
+
+pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
+
+
+def entries(count=40, first=0):
+    found = []
+    for number in range(first, first + count):
+        time = EPOCH + number * STEP
+        found.append(("/odom", time, robot_odometry(time, speed=1.0)))
+        found.append(("/scan", time, robot_scan([1.0 + 0.125 * number, 2.0], time=time)))
+    return found
+
+
+def nearest(path, **options):
+    """The first range of each scan, of which no two are the same."""
+    with ScanBag(path, CAR, **options) as bag:
+        return [delivery.scan.ranges[0] for delivery in bag]
+
+
+EXPECTED = [1.0 + 0.125 * number for number in range(40)]
+
+
+def of_ros1(path, found, *, compression=None, chunk=None, old_transforms=False):
+    """Write entries as a .bag, by the library's own writer and types."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    ros1 = get_typestore(Stores.ROS1_NOETIC)
+    for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
+        ros1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", name))
+    writer = Writer(path)
+    if compression:
+        writer.set_compression(getattr(Writer.CompressionFormat, compression))
+    if chunk:
+        writer.chunk_threshold = chunk
+    with writer:
+        connections = {}
+        for topic, time, message in found:
+            kind = message.__msgtype__
+            if old_transforms and kind.endswith("TFMessage"):
+                kind = "tf/msg/tfMessage"
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=ros1)
+            writer.write(connections[topic], time, ros1.serialize_ros1(as_ros1(message, ros1), kind))
+    return path
+
+
+def as_ros1(message, store):
+    """The same message with the sequence number that headers had in ROS 1."""
+    kind = message.__msgtype__
+    values = {}
+    for name, _ in store.fielddefs[kind][1]:
+        value = getattr(message, name, 0)
+        if isinstance(value, list):
+            value = [as_ros1(each, store) if hasattr(each, "__msgtype__") else each for each in value]
+        values[name] = as_ros1(value, store) if hasattr(value, "__msgtype__") else value
+    return store.types[kind](**values)
+
+
+def of_mcap(path, found, *, finish=True, compression="NONE", chunk=4096, profile="ros2"):
+    """Write entries as MCAP by the format's own library; without finishing as a recorder whose power is cut."""
+    from mcap.writer import CompressionType, Writer
+
+    store = type_store()
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=chunk, compression=getattr(CompressionType, compression))
+        writer.start(profile=profile)
+        channels = {}
+        for topic, time, message in found:
+            kind = message.__msgtype__
+            if topic not in channels:
+                text = store.generate_msgdef(kind, ros_version=2)[0].encode()
+                channels[topic] = writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", text))
+            writer.add_message(channels[topic], time, store.serialize_cdr(message, kind), time)
+        if finish:
+            writer.finish()
+    return path
+
+
+def split(folder, *, storage="MCAP", compression=None, mode="FILE", metadata=True):
+    """Write a bag of three files that follow each other, as `ros2 bag record --max-bag-duration` does."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+    folder.mkdir()
+    names = []
+    for part, count in ((0, 12), (1, 1), (2, 27)):
+        first = (0, 12, 13)[part]
+        piece = folder.parent / f"piece_{part}"
+        writer = Writer(piece, version=9, storage_plugin=StoragePlugin[storage])
+        if compression:
+            writer.set_compression(getattr(CompressionMode, mode), CompressionFormat.ZSTD)
+        store, connections = type_store(), {}
+        with writer:
+            for topic, time, message in entries(count, first):
+                kind = message.__msgtype__
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
+                writer.write(connections[topic], time, store.serialize_cdr(message, kind))
+        (file,) = [path for path in piece.iterdir() if path.suffix != ".yaml"]
+        suffixes = file.name[file.name.index(".") :]
+        names.append(f"drive_{part}{suffixes}")
+        shutil.move(file, folder / names[-1])
+    # 10 after 9: their order is that of numbers
+    (folder / names[2]).rename(folder / names[2].replace("drive_2", "drive_10"))
+    names[2] = names[2].replace("drive_2", "drive_10")
+    if metadata:
+        files = "".join(f"    - {name}\n" for name in names)
+        (folder / "metadata.yaml").write_text(
+            f"rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: x\n  relative_file_paths:\n{files}"
+        )
+    return folder
+
+
+@pytest.mark.parametrize("metadata", [True, False])
+@pytest.mark.parametrize(
+    ("storage", "compression", "mode"),
+    [("MCAP", None, ""), ("SQLITE3", None, ""), ("SQLITE3", "zstd", "FILE"), ("SQLITE3", "zstd", "MESSAGE")],
+)
+def test_files_that_follow_each_other_are_one_bag(tmp_path, storage, compression, mode, metadata):
+    folder = split(tmp_path / "drive", storage=storage, compression=compression, mode=mode, metadata=metadata)
+    assert nearest(folder) == EXPECTED
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_chunks_of_mcap_are_read_however_compressed(tmp_path, compression):
+    assert nearest(of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)) == EXPECTED
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+def test_a_bag_of_ros_1_is_read_as_it_is(tmp_path, compression):
+    assert nearest(of_ros1(tmp_path / "drive.bag", entries(), compression=compression)) == EXPECTED
+
+
+@pytest.mark.parametrize("old_transforms", [False, True])
+def test_transforms_of_ros_1_turn_the_lidar_as_they_say(tmp_path, old_transforms):
+    links = transforms(EPOCH, ("/base_link", "/laser", vector(), rotation(0.5)))
+    path = of_ros1(tmp_path / "drive.bag", [("/tf", EPOCH, links), *entries()], old_transforms=old_transforms)
+    with ScanBag(path, CAR) as bag:
+        scan = next(iter(bag)).scan
+    assert scan.angle_min == pytest.approx(-2.0 + 0.5, abs=1e-6)
+
+
+def test_a_single_file_that_is_compressed_as_a_whole_is_read(tmp_path):
+    folder = split(tmp_path / "drive", storage="SQLITE3", compression="zstd")
+    assert nearest(folder / "drive_0.db3.zstd") == EXPECTED[:12]
+
+
+def test_a_file_is_told_by_its_bytes_and_not_by_its_name(tmp_path):
+    of_mcap(tmp_path / "drive.bag", entries())
+    assert nearest(tmp_path / "drive.bag") == EXPECTED
+
+
+def refused(path, folder, capsys):
+    """What a command says in its one line of a bag that it refuses."""
+    assert main(["replay-scans", str(path), "--out", str(folder / "out.csv")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "Traceback" not in said
+    return said
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_an_mcap_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, compression, capsys):
+    path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)
+    whole = path.read_bytes()
+    unfinished = of_mcap(tmp_path / "other.mcap", entries(), compression=compression, finish=False, chunk=600)
+    for data in (whole[: len(whole) // 3], whole[: 4 * len(whole) // 5], whole[:-1], unfinished.read_bytes()):
+        path.write_bytes(data)
+        said = refused(path, tmp_path, capsys)
+        assert f"{path}: is unfinished or damaged" in said
+        assert "`mcap recover drive.mcap -o drive_whole.mcap`" in said
+
+
+@pytest.mark.parametrize("compression", ["NONE", "ZSTD"])
+def test_a_bit_that_is_wrong_is_said_and_never_read_as_a_range(tmp_path, compression):
+    path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression, chunk=2000)
+    whole = bytearray(path.read_bytes())
+    for place in range(400, len(whole), 97 * (1 + len(whole) // 4000)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x40
+        path.write_bytes(damaged)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                read = nearest(path)
+            except BagError as error:
+                assert str(path) in str(error)
+                continue
+        assert set(read) <= set(EXPECTED)
+        assert read == EXPECTED or said
+
+
+def test_a_bag_of_ros_1_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
+    path = of_ros1(tmp_path / "drive.bag", entries(), chunk=2000)
+    whole = path.read_bytes()
+    at = whole.index(b"index_pos=") + len(b"index_pos=")
+    (index,) = struct.unpack_from("<Q", whole, at)
+    unfinished = whole[:at] + bytes(8) + whole[at + 8 : index]  # as `rosbag record` leaves it where it is killed
+    for data in (unfinished, whole[: len(whole) // 2]):
+        path.write_bytes(data)
+        said = refused(path, tmp_path, capsys)
+        assert f"{path}: is unfinished or damaged" in said
+        assert "`rosbag reindex drive.bag`" in said
+
+
+def test_messages_that_are_in_the_log_of_a_database_are_read_and_the_files_stay_as_they_are(tmp_path):
+    folder = write_bag(tmp_path / "drive", entries(20), storage="SQLITE3")
+    (file,) = folder.glob("*.db3")
+    base = sqlite3.connect(file)
+    base.execute("PRAGMA journal_mode=WAL")
+    base.execute("PRAGMA wal_autocheckpoint=0")
+    store = type_store()
+    topics = dict(base.execute("SELECT name, id FROM topics"))
+    for topic, time, message in entries(20, 20):
+        data = store.serialize_cdr(message, message.__msgtype__)
+        base.execute(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (topics[topic], time, bytes(data))
+        )
+    base.commit()
+    log = file.with_name(f"{file.name}-wal")
+    assert log.stat().st_size > 0
+    before = {path.name: path.read_bytes() for path in folder.iterdir() if "shm" not in path.name}
+    assert nearest(folder) == EXPECTED
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if "shm" not in path.name} == before
+    base.close()
+
+
+def test_a_database_that_was_cut_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
+    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
+    (file,) = folder.glob("*.db3")
+    whole = file.read_bytes()
+    for kept in (0.3, 0.6, 0.9):
+        file.write_bytes(whole[: int(kept * len(whole))])
+        said = refused(folder, tmp_path, capsys)
+        assert f"{file}: is unfinished or damaged" in said
+        assert "`sqlite3 drive.db3 .recover | sqlite3 drive_whole.db3`" in said
+
+
+def test_an_old_database_has_the_types_of_its_distribution(tmp_path):
+    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
+    (file,) = folder.glob("*.db3")
+    base = sqlite3.connect(file)  # as Foxy wrote them: no definitions, no schema
+    base.executescript(
+        "DROP TABLE message_definitions; DROP TABLE schema; DROP TABLE metadata;"
+        "CREATE TABLE t(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
+        " offered_qos_profiles TEXT);"
+        "INSERT INTO t SELECT id, name, type, serialization_format, offered_qos_profiles FROM topics;"
+        "DROP TABLE topics; ALTER TABLE t RENAME TO topics;"
+    )
+    base.close()
+    (folder / "metadata.yaml").unlink()
+    assert nearest(folder) == EXPECTED
+    assert nearest(file) == EXPECTED
+
+
+def test_a_message_of_ones_own_type_beside_is_no_obstacle(tmp_path):
+    from mcap.writer import Writer
+
+    path = of_mcap(tmp_path / "drive.mcap", entries())
+    store = type_store()
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        mine = writer.register_schema("my_msgs/msg/Plan", "ros2msg", b"not_there/Thing[<=3] what\n%%% no definition")
+        for schema in (mine, 0):
+            channel = writer.register_channel(f"/mine_{schema}", "cdr", schema)
+            writer.add_message(channel, EPOCH, b"\x00\x01\x00\x00abc", EPOCH)
+        text = store.generate_msgdef(SCAN, ros_version=2)[0].encode()
+        scans = writer.register_channel("/lidar/front", "cdr", writer.register_schema(SCAN, "ros2msg", text))
+        for topic, time, message in entries():
+            if topic == "/scan":
+                writer.add_message(scans, time, store.serialize_cdr(message, SCAN), time)
+        writer.finish()
+    assert nearest(path) == EXPECTED
+
+
+def test_a_topic_without_messages_is_none(tmp_path):
+    path = tmp_path / "drive.mcap"
+    found = [*entries(), ("/top", EPOCH, robot_scan([9.0]))]
+    of_mcap(path, found[:-1])
+    from mcap.writer import Writer
+
+    store = type_store()
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2")
+        text = store.generate_msgdef(SCAN, ros_version=2)[0].encode()
+        schema = writer.register_schema(SCAN, "ros2msg", text)
+        writer.register_channel("/empty", "cdr", schema)
+        full = writer.register_channel("/full", "cdr", schema)
+        for topic, time, message in entries():
+            if topic == "/scan":
+                writer.add_message(full, time, store.serialize_cdr(message, SCAN), time)
+        writer.finish()
+    assert nearest(path) == EXPECTED
+    with pytest.raises(BagError, match="on /empty; accepted: /full"):
+        nearest(path, scan_topic="/empty")
+
+
+def test_topics_that_were_written_one_after_the_other_are_read_in_the_order_of_time(tmp_path):
+    found = sorted(entries(), key=lambda entry: entry[0])
+    assert nearest(of_mcap(tmp_path / "drive.mcap", found)) == EXPECTED
+
+
+def test_a_message_that_is_cut_is_left_out_and_said(tmp_path, recwarn):
+    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
+    (file,) = folder.glob("*.db3")
+    base = sqlite3.connect(file)
+    (last,) = base.execute(
+        "SELECT max(m.id) FROM messages m JOIN topics t ON t.id = m.topic_id WHERE t.name = '/scan'"
+    ).fetchone()
+    base.execute("UPDATE messages SET data = substr(data, 1, 40) WHERE id = ?", (last,))
+    base.commit()
+    base.close()
+    assert nearest(folder) == EXPECTED[:-1]
+    assert any("1 messages on /scan are damaged and left out" in str(w.message) for w in recwarn)
+
+
+def test_a_folder_of_several_bags_is_refused_by_their_names(tmp_path, capsys):
+    folder = tmp_path / "bags"
+    folder.mkdir()
+    of_mcap(folder / "monday.mcap", entries())
+    of_ros1(folder / "tuesday.bag", entries())
+    assert main(["replay-scans", str(folder), "--out", str(tmp_path / "out.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "holds several bags: monday.mcap, tuesday.bag; accepted: one of them" in said
+    assert said.count("\n") == 1
+
+
+def test_a_part_that_is_missing_is_said_and_the_others_are_read(tmp_path, recwarn):
+    folder = split(tmp_path / "drive")
+    (folder / "drive_1.mcap").unlink()
+    assert nearest(folder) == EXPECTED[:12] + EXPECTED[13:]
+    assert any("metadata.yaml names drive_1.mcap" in str(w.message) for w in recwarn)
+
+
+def test_messages_in_another_encoding_are_refused_by_its_name(tmp_path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "drive.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="")
+        schema = writer.register_schema(SCAN, "jsonschema", b"{}")
+        writer.add_message(writer.register_channel("/scan", "json", schema), EPOCH, b"{}", EPOCH)
+        writer.finish()
+    with pytest.raises(BagError, match=r"/scan is written in 'json'; accepted: 'cdr'.*'ros1'"):
+        nearest(Path(path))
+
+
+def test_a_bag_of_nothing_is_refused_with_what_is_accepted(tmp_path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BagError, match=r"has no file of a bag; accepted: an \.mcap or \.db3 file, a \.bag of ROS 1"):
+        nearest(tmp_path / "folder")

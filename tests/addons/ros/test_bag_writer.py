@@ -1,0 +1,301 @@
+"""A run as a bag: the scans are those that the planner got, and other libraries read what was written."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosHistory, QosReliability
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps.export import occupancy_image
+from fg_mujoco.errors import BagError, RunFolderError, SettingsError
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.resimulation import load_world, resimulate
+from fg_mujoco.addons.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
+from fg_mujoco.addons.ros.occupancy_grid import FREE, OCCUPIED, grid_of
+
+ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
+
+
+class Listener:
+    """Steers to and fro, and keeps what it was told."""
+
+    def reset(self):
+        self.heard = []
+
+    def __call__(self, scan, odometry):
+        self.heard.append((scan, odometry))
+        return fg.DriveCommand(steering_angle=0.1 * math.sin(len(self.heard)), speed=odometry.speed + 0.2)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Of a race of 40 ticks by the gap finder."""
+    result = fg.race("l_corridor", laps=1, time_limit=0.99)
+    return fg.write_run(result, tmp_path_factory.mktemp("runs") / "corridor", picture=False)
+
+
+@pytest.fixture(scope="module")
+def bag(folder):
+    path = folder.with_name("corridor.mcap")
+    assert export_bag(folder, path) == 40
+    return path
+
+
+@pytest.fixture(scope="module")
+def messages(bag):
+    """The bag as the MCAP organisation's ROS 2 support reads it: (log time, message) by topic."""
+    found = {topic: [] for topic in TOPICS}
+    with bag.open("rb") as file:
+        for _, channel, raw, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found[channel.topic].append((raw.log_time, message))
+    return found
+
+
+def test_bag_opens_with_a_summary_a_schema_a_topic_and_the_run_itself(bag, folder):
+    with bag.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        assert reader.get_header().profile == "ros2"
+    schemas = {channel.topic: summary.schemas[channel.schema_id] for channel in summary.channels.values()}
+    assert {topic: schema.name for topic, schema in schemas.items()} == TOPICS
+    assert {schema.encoding for schema in schemas.values()} == {"ros2msg"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    assert json.loads(metadata["fg_mujoco"]["summary"]) == fg.read_run(folder).summary
+
+
+def test_what_is_latched_says_so_and_comes_before_all_else(bag):
+    with AnyReader([bag]) as reader:
+        assert {connection.topic: connection.msgtype for connection in reader.connections} == TOPICS
+        for connection in reader.connections:
+            (qos,) = connection.ext.offered_qos_profiles
+            latched = connection.topic in LATCHED
+            assert qos.durability == (QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE)
+            assert (qos.reliability, qos.history) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST)
+            assert connection.msgcount == (1 if latched else 40)
+        assert {connection.topic for connection, _, _ in list(reader.messages())[:2]} == set(LATCHED)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("track", "effects", "lidar"),
+    [
+        ("oval", LidarEffects(), "raycast"),
+        ("oval", ALL_EFFECTS, "raycast"),
+        ("scene:crossing_box:1", LidarEffects(no_return="range_max"), "raycast"),
+        ("oval", LidarEffects(range_noise_std=0.02), "rangefinder"),
+    ],
+)
+def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
+    planner = Listener()
+    fg.write_run(
+        fg.race(track, planner, laps=1, time_limit=0.49, effects=effects, lidar=lidar, seed=3), tmp_path / "run",
+        picture=False,
+    )  # fmt: skip
+    run = fg.read_run(tmp_path / "run")
+    ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
+    assert len(ticks) == len(planner.heard) == 20
+    for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
+        assert tick.scan.stamp == scan.stamp
+        np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
+        assert tick.odometry.stamp == run.time[index]
+        for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
+            np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
+        # at the start the sensor is read with a solver that is warm already
+        np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
+
+
+def test_scans_of_states_that_no_longer_replay_are_those_of_the_states(folder, tmp_path):
+    run = fg.read_run(folder)
+    world = load_world(run)
+    states = run.states.copy()
+    qpos = 1  # time comes first, then the car's free joint
+    states[20:, qpos] += 0.05  # from tick 20 on, the car stands elsewhere than physics would have it
+    moved = [tick.sensed for tick in resimulate(type(run)(**(vars(run) | {"states": states})), world)]
+    plain = [tick.sensed for tick in resimulate(run, world)]
+    assert moved[19].odometry.pose[0] == plain[19].odometry.pose[0]
+    assert [tick.odometry.pose[0] for tick in moved[20:]] == pytest.approx(
+        [tick.odometry.pose[0] + 0.05 for tick in plain[20:]], abs=1e-12
+    )
+    assert np.nanmax(np.abs(moved[-1].scan.ranges - plain[-1].scan.ranges)[np.isfinite(plain[-1].scan.ranges)]) > 0.01
+
+
+def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
+    run = fg.read_run(folder)
+    for (log_time, scan), tick in zip(messages["/scan"], resimulate(run, load_world(run)), strict=True):
+        np.testing.assert_array_equal(np.array(scan.ranges, np.float32), tick.sensed.scan.ranges.astype(np.float32))
+        assert log_time == scan.header.stamp.sec * 10**9 + scan.header.stamp.nanosec == round(1e9 * tick.time)
+        assert scan.header.frame_id == "laser"
+        assert scan.angle_min == pytest.approx(-scan.angle_max) == pytest.approx(math.radians(-135.0))
+        assert (len(scan.ranges), len(scan.intensities), scan.time_increment) == (1081, 0, 0.0)
+
+
+def test_odometry_read_by_another_library_is_that_of_the_telemetry(messages, folder):
+    run = fg.read_run(folder)
+    for i, (_, odometry) in enumerate(messages["/odom"]):
+        assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+        assert odometry.pose.pose.position.x == run.column("x_m")[i]
+        assert odometry.pose.pose.position.y == run.column("y_m")[i]
+        assert odometry.pose.pose.position.z == pytest.approx(0.0486, abs=5e-3)  # base_link is the axle, not the ground
+        turn = odometry.pose.pose.orientation
+        heading = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+        assert heading == run.column("heading_rad")[i]
+        assert odometry.twist.twist.linear.x == pytest.approx(run.column("speed_m_s")[i], abs=0.3)  # wheels slip
+        assert odometry.twist.twist.angular.z == run.column("yaw_rate_rad_s")[i]
+        assert not any(odometry.pose.covariance) and not any(odometry.twist.covariance)  # unknown
+    xy = np.array([(o.pose.pose.position.x, o.pose.pose.position.y) for _, o in messages["/odom"]])
+    heading = run.column("heading_rad")
+    moved = np.gradient(xy, 0.025, axis=0)
+    sideways = -np.sin(heading) * moved[:, 0] + np.cos(heading) * moved[:, 1]
+    lateral = [o.twist.twist.linear.y for _, o in messages["/odom"]]
+    np.testing.assert_allclose(lateral[1:-1], sideways[1:-1], atol=0.02)
+
+
+def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
+    run = fg.read_run(folder)
+    drive = [message.drive for _, message in messages["/drive"]]
+    assert [d.steering_angle for d in drive] == run.column("command_steering_rad").astype(np.float32).tolist()
+    assert [d.speed for d in drive] == run.column("command_speed_m_s").astype(np.float32).tolist()
+    for i, (_, joints) in enumerate(messages["/joint_states"]):
+        assert joints.name[0] == "steering"
+        assert joints.position[0] == run.column("steering_angle_rad")[i]
+        wheels = np.array(joints.velocity[1:])
+        assert 0.04899 * wheels.mean() == pytest.approx(
+            messages["/odom"][i][1].twist.twist.linear.x, rel=0.01, abs=1e-9
+        )
+    _, imu = messages["/imu"][20]
+    assert imu.header.frame_id == "imu"
+    assert imu.orientation_covariance[0] == -1.0  # it measures none
+    assert (imu.angular_velocity_covariance[0], imu.linear_acceleration_covariance[0]) == (0.0, 0.0)
+    assert imu.linear_acceleration.z == pytest.approx(9.81, abs=3.0)
+    assert imu.angular_velocity.z == run.column("yaw_rate_rad_s")[20]
+
+
+def test_frames_make_one_tree_from_map_to_what_is_mounted(messages, folder):
+    model = load_world(fg.read_run(folder)).model
+    (_, fixed), moving = messages["/tf_static"][0], messages["/tf"]
+    links = {t.child_frame_id: (t.header.frame_id, t.transform) for t in fixed.transforms}
+    assert {child: parent for child, (parent, _) in links.items()} == {
+        "odom": "map", "laser": "base_link", "imu": "base_link",
+    }  # fmt: skip
+    for frame, site in (("laser", "car/lidar_mount"), ("imu", "car/imu")):
+        at = links[frame][1].translation
+        assert [at.x, at.y, at.z] == model.site_pos[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site)].tolist()
+    for (_, tf), (_, odometry) in zip(moving, messages["/odom"], strict=True):
+        (link,) = tf.transforms
+        assert (link.header.frame_id, link.child_frame_id) == ("odom", "base_link")
+        assert link.transform.translation.x == odometry.pose.pose.position.x
+        assert link.transform.rotation.z == odometry.pose.pose.orientation.z
+
+
+def test_every_beam_ends_on_an_occupied_cell_of_the_map(messages):
+    """By what is in the bag alone: scan, frames and map must fit together."""
+    _, grid = messages["/map"][0]
+    assert grid.header.frame_id == "map"
+    assert grid.info.resolution == pytest.approx(0.05)
+    cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)
+    mount = next(t.transform for t in messages["/tf_static"][0][1].transforms if t.child_frame_id == "laser")
+    hits = total = 0
+    for (_, scan), (_, odometry) in list(zip(messages["/scan"], messages["/odom"], strict=True))[::8]:
+        pose = odometry.pose.pose
+        heading = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
+        bearings = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+        ranges = np.array(scan.ranges)
+        there = np.isfinite(ranges)
+        x = mount.translation.x + ranges[there] * np.cos(bearings[there])
+        y = ranges[there] * np.sin(bearings[there])
+        world_x = pose.position.x + math.cos(heading) * x - math.sin(heading) * y
+        world_y = pose.position.y + math.sin(heading) * x + math.cos(heading) * y
+        column = np.floor((world_x - grid.info.origin.position.x) / grid.info.resolution).astype(int)
+        row = np.floor((world_y - grid.info.origin.position.y) / grid.info.resolution).astype(int)
+        near = [cells[r - 1 : r + 2, c - 1 : c + 2].max() for r, c in zip(row, column, strict=True)]
+        hits, total = hits + sum(value == OCCUPIED for value in near), total + len(near)
+    assert hits >= 0.99 * total  # a pitching car sees the ground now and then
+
+
+@pytest.mark.parametrize("name", ["l_corridor", "hairpins", "random:3"])
+def test_free_cells_are_those_between_the_walls(name):
+    track = fg.load_track(name)
+    world = fg.World(track)
+    grid = grid_of(world.model, np.array(track.start_pose(0.0, 0.0)[:2]))
+    between, origin = occupancy_image(track, 0.05)  # another way: scan lines over the walls' polylines
+    rows, columns = np.nonzero(between)
+    x, y = origin[0] + 0.05 * (columns + 0.5), origin[1] + 0.05 * (rows + 0.5)
+    cells = grid.cells[
+        np.floor((y - grid.origin[1]) / 0.05).astype(int), np.floor((x - grid.origin[0]) / 0.05).astype(int)
+    ]
+    assert (cells == FREE).sum() >= 0.93 * len(cells)  # but for those that a wall touches
+    assert set(np.unique(cells)) <= {FREE, OCCUPIED}
+    assert (grid.cells == FREE).sum() <= 1.01 * len(cells)  # and none outside
+
+
+def test_same_run_same_bytes(folder, bag, tmp_path):
+    export_bag(folder, tmp_path / "again.mcap")
+    assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
+
+
+def test_command_writes_a_bag_and_replaces_none_unasked(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(folder), "--format", "mcap"]) == 0
+    assert "corridor.mcap: 40 ticks" in capsys.readouterr().out
+    assert main(["export", str(folder), "--out", "corridor.mcap"]) == 2
+    assert "exists; accepted: a new file, or --force" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["corridor.mcap"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--format", "rosbag"), "'rosbag'; accepted: mcap"),
+        (("--out", "run.bag"), "ends in .mcap"),
+        (("--out", "nowhere/run.mcap"), "cannot be written"),
+    ],
+)
+def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypatch, capsys, arguments, named):
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", str(folder), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert named in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_without_what_the_lidar_was_set_to_is_refused(folder, tmp_path):
+    run = fg.read_run(folder)
+    for broken in ({"lidar_effects": {"fog": 1.0}}, {"seed": None}, {"lidar": "sonar"}):
+        changed = type(run)(**(vars(run) | {"summary": run.summary | broken}))
+        with pytest.raises((RunFolderError, SettingsError)):
+            next(resimulate(changed, load_world(changed)))
+
+
+def test_a_failure_leaves_no_bag_and_ctrl_c_leaves_what_was_written(folder, tmp_path):
+    def fail(index, total):
+        raise BagError("disk full")
+
+    def interrupt(index, total):
+        if index == 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(BagError):
+        export_bag(folder, tmp_path / "run.mcap", fail)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(KeyboardInterrupt):
+        export_bag(folder, tmp_path / "run.mcap", interrupt)
+    with AnyReader([tmp_path / "run.mcap"]) as reader:
+        assert reader.topics["/scan"].msgcount == 5
+    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_a_writer_that_is_given_nothing_makes_a_bag_without_messages(tmp_path):
+    with BagWriter(tmp_path / "empty.mcap"):
+        pass
+    with AnyReader([tmp_path / "empty.mcap"]) as reader:
+        assert reader.message_count == 0

@@ -1,0 +1,240 @@
+"""Nodes of ROS 1 as people write them: names of other simulators, the course's drive_param, arguments, .cfg files."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.addons.ros.node_host.graph import NodeError
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+HEAD = """
+import rospy
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+
+def drive(speed, angle=0):
+    message = AckermannDriveStamped()
+    message.drive.speed, message.drive.steering_angle = speed, angle
+    publisher.publish(message)
+
+rospy.init_node("mine")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+"""
+LISTENS = 'rospy.Subscriber("/scan", LaserScan, lambda scan: {})\nrospy.spin()\n'
+
+
+def write(folder, text, name="mine.py"):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+    return f"ros:{folder / name}"
+
+
+def commands(source, count=2, **settings):
+    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
+    planner = make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+    found = [planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i)) for i in range(count)]
+    return [(command.speed, command.steering_angle) for command in found]
+
+
+def test_the_only_scan_and_the_only_odometry_of_another_name_are_taken(tmp_path):
+    text = HEAD + "from nav_msgs.msg import Odometry\nseen = []\n"
+    text += 'rospy.Subscriber("/car_1/odom", Odometry, lambda odometry: seen.append(odometry.twist.twist.linear.x))\n'
+    text += "take = lambda scan: seen and drive(seen[-1] + len(scan.ranges) / 1081)\n"
+    text += 'rospy.Subscriber("/car_1/scan", LaserScan, take)\n'
+    with pytest.warns(
+        UserWarning,
+        match=r"/car_1/scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*line 17\)",
+    ):
+        assert commands(write(tmp_path, text + "rospy.spin()\n"))[1][0] == 2.0
+
+
+def test_another_scan_beside_the_known_one_and_the_odometry_of_others_are_not_taken(tmp_path):
+    text = HEAD + "from nav_msgs.msg import Odometry\n"
+    text += 'rospy.Subscriber("/rear/scan", LaserScan, lambda scan: drive(2.0))\n'
+    text += 'rospy.Subscriber("/opp_racecar/odom", Odometry, lambda odometry: drive(3.0))\n'
+    with pytest.warns(UserWarning, match=r"/rear/scan has no publisher here; node 'mine' listens"):
+        assert commands(write(tmp_path, text + LISTENS.format("drive(1.0)")))[-1][0] == 1.0
+
+
+def test_the_drive_param_of_the_course_drives_from_two_nodes_with_messages_of_their_own(tmp_path):
+    write(tmp_path / "msg", "float32 pid_vel\nfloat32 pid_error\n", "pid_input.msg")
+    write(tmp_path / "msg", "float32 velocity\nfloat32 angle\n", "drive_param.msg")
+    write(tmp_path, "<package><name>race</name></package>", "package.xml")
+    source = tmp_path / "src"
+    write(
+        source,
+        """
+import rospy
+from race.msg import pid_input
+from sensor_msgs.msg import LaserScan
+
+pub = rospy.Publisher("error", pid_input, queue_size=10)
+rospy.init_node("dist_finder", anonymous=True)
+rospy.Subscriber("scan", LaserScan, lambda scan: pub.publish(2.0, scan.ranges[810] - scan.ranges[270] + 0.25))
+rospy.spin()
+""",
+        "dist_finder.py",
+    )
+    write(
+        source,
+        """
+import rospy
+from race.msg import drive_param, pid_input
+
+pub = rospy.Publisher("drive_parameters", drive_param, queue_size=1)
+
+def control(data):
+    message = drive_param()
+    message.velocity, message.angle = data.pid_vel, data.pid_error
+    pub.publish(message)
+
+rospy.init_node("control", anonymous=True)
+rospy.Subscriber("error", pid_input, control)
+rospy.spin()
+""",
+        "control.py",
+    )
+    launch = write(source, "nodes:\n  - file: dist_finder.py\n  - file: control.py\n", "launch.yaml")
+    speed, angle = commands(launch)[-1]
+    assert speed == 2.0
+    assert angle == pytest.approx(0.25, abs=1e-3)
+
+
+def test_callbacks_come_while_a_loop_only_asks_whether_it_is_over(tmp_path):
+    text = (
+        HEAD
+        + 'rospy.Subscriber("/scan", LaserScan, lambda scan: drive(1.0))\nwhile not rospy.is_shutdown():\n    pass\n'
+    )
+    assert commands(write(tmp_path, text))[-1][0] == 1.0
+
+
+def test_a_callback_that_sleeps_is_not_called_again_before_it_has_come_back(tmp_path):
+    text = HEAD + "depths = []\ndef call(scan):\n    depths.append(len(depths))\n    drive(max(depths) + 1.0)\n"
+    text += '    rospy.sleep(0.06)\n    depths.pop()\nrospy.Subscriber("/scan", LaserScan, call)\n'
+    text += "def tick(event):\n    global ticks\n    ticks += 1\n    drive(3.0 if ticks > 8 else 1.0, ticks / 100)\n"
+    text += "ticks = 0\nrospy.Timer(rospy.Duration(0.02), tick)\nrospy.spin()\n"
+    found = commands(write(tmp_path, text), 10)
+    assert {speed for speed, _ in found[:-2]} == {1.0}
+    assert found[-1] == (3.0, pytest.approx(0.11))  # timers come while it sleeps
+
+
+def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(tmp_path):
+    write(tmp_path, "float32 gain 1.5\n", "Gain.msg")
+    text = HEAD + "import collections, math\nfrom race.msg import Gain\nfrom collections import deque\n"
+    assert (
+        commands(write(tmp_path, text + LISTENS.format("drive(Gain(gain=1.5).gain + math.floor(1.2))")))[-1][0] == 2.5
+    )
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        "from car import run\nrun()",
+        "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
+        "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
+        "import runpy\ntry:\n    runpy.run_path(__file__.replace('start', 'mine'))\nexcept ImportError:\n    pass",
+    ],
+)  # fmt: skip
+def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(tmp_path, start):
+    write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
+    write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
+    write(tmp_path / "lib", "from car import run\n", "car_again.py")
+    assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
+
+
+def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
+    loop = "while not rospy.core.is_shutdown_requested():\n    rospy.client.wait_for_message('scan', LaserScan)\n"
+    assert commands(write(tmp_path, HEAD + loop + "    drive(1.0)\n"))[-1][0] == 1.0
+
+
+@pytest.mark.parametrize("value", ["'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"])
+def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path, value):
+    old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
+    source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
+    if old:
+        assert commands(source)[-1][1] == 1.0
+        return
+    said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
+    with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
+        commands(source, 202)
+
+
+def test_time_has_passed_between_the_start_of_a_node_and_the_first_scan(tmp_path):
+    text = HEAD + "began = rospy.get_time()\n" + LISTENS.format("drive(0.004 / (rospy.get_time() - began))")
+    assert commands(write(tmp_path, text), 1)[0][0] == pytest.approx(4.0, rel=1e-3)
+
+
+def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path):
+    text = HEAD + "import argparse, sys\nassert sys.argv == rospy.myargv()\nname, speed = rospy.myargv()[1:]\n"
+    text += (
+        'parser = argparse.ArgumentParser()\nparser.add_argument("name")\nparser.add_argument("speed", type=float)\n'
+    )
+    text += "assert parser.parse_args().speed == float(speed)\n"
+    source = write(tmp_path, text + LISTENS.format("drive(float(speed) if name == 'car 1' else 0.0)"))
+    assert commands(source, **{"host.args": "'car 1' 1.5"})[-1][0] == 1.5
+    launch = "nodes:\n  - file: mine.py\n    args: [car 1, 2.5]\n"
+    assert commands(write(tmp_path, launch, "launch.yaml"))[-1][0] == 2.5
+    with pytest.raises(ControllerError, match=r"args are \{'a': 1\}; accepted: words, such as car_1 --fast"):
+        commands(write(tmp_path, launch.replace("[car 1, 2.5]", "{a: 1}"), "launch.yaml"))
+    with pytest.raises(ControllerError, match=r"host.args: args are \"'car\"; accepted: words"):
+        commands(source, **{"host.args": "'car"})
+
+
+def test_a_file_whose_tabs_only_python_2_reads_is_read_as_it_does(tmp_path):
+    body = "if scan.ranges:\n\t\tspeed = 1.0\n        \tspeed += 1.0\n        drive(speed)\n"
+    text = HEAD + f"def call(scan):\n\t{body}" + 'rospy.Subscriber("/scan", LaserScan, call)\nrospy.spin()\n'
+    with pytest.warns(UserWarning, match=r"mine.py mixes tabs and spaces, and is read as Python 2 does"):
+        assert commands(write(tmp_path, text))[-1][0] == 2.0
+
+
+def test_parameters_of_a_cfg_file_are_its_defaults_or_those_given(tmp_path):
+    write(tmp_path, "<package><name>wall</name></package>", "package.xml")
+    cfg = """
+from dynamic_reconfigure.parameter_generator_catkin import *
+gen = ParameterGenerator()
+gen.add("speed", double_t, 0, "of the car", 1, 0, 8)
+gen.add_group("more").add("angle", double_t, 0, "of the wheels", default=-0.25)
+gen.add("name", str_t, 0, "of the car")
+exit(gen.generate("wall", "wall", "Wall"))
+"""
+    write(tmp_path / "cfg", cfg, "Wall.cfg")
+    text = HEAD + "from dynamic_reconfigure.server import Server\nfrom wall.cfg import WallConfig\n"
+    text += 'def changed(config, level):\n    assert level == -1 and config.name == ""\n    return config\n'
+    text += "server = Server(WallConfig, changed)\n" + LISTENS.format(
+        "drive(server.config['speed'], server.config.angle)"
+    )
+    source = write(tmp_path / "scripts", text)
+    assert commands(source)[-1] == (1.0, -0.25)
+    assert commands(source, speed=2)[-1] == (2.0, -0.25)
+    write(tmp_path / "cfg", cfg.replace("-0.25", "limit / 2"), "Wall.cfg")
+    with pytest.raises(
+        ControllerError, match=r"the default of 'angle' is limit / 2 \(.*Wall.cfg, line 5\); accepted: a"
+    ):
+        commands(source)
+
+
+def test_a_transform_that_does_not_come_is_waited_for_no_longer_than_was_said(tmp_path):
+    text = HEAD + "import tf\nlistener = tf.TransformListener()\ntry:\n"
+    text += '    listener.waitForTransform("map", "nowhere", rospy.Time(0), rospy.Duration(0.02))\n'
+    text += "except tf.Exception:\n    " + LISTENS.format("drive(1.0)").replace("\n", "\n    ")
+    assert commands(write(tmp_path, text + "\n"), 3)[-1][0] == 1.0
+
+
+@pytest.mark.parametrize("line", ['print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"])
+def test_python_2_is_refused_with_its_line(tmp_path, line):
+    with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
+        commands(write(tmp_path, HEAD + line + "\n"))
+
+
+def test_names_that_numpy_has_no_longer_are_there_for_nodes(tmp_path):
+    text = HEAD + "import numpy as np\nassert np.isnan(np.NaN) and np.array([1], np.float).dtype == np.float64\n"
+    assert commands(write(tmp_path, text + LISTENS.format("drive(np.int(1.5))")))[-1][0] == 1.0
+
+
+def test_an_infinite_speed_is_limited_as_any_other(tmp_path):
+    text = HEAD + LISTENS.format("drive(float('inf'))")
+    assert commands(write(tmp_path, text))[-1][0] == 5.0

@@ -1,0 +1,388 @@
+"""Launch files of ROS 2 in Python, and workspaces of several packages: what they start and leave out."""
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planner_origin import source_code
+from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.addons.ros.node_host.program import read_program
+from fg_mujoco.addons.ros.node_host.workspace import executable, packages
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+DRIVE = """
+import sys
+import rclpy
+from rclpy.node import Node
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+from my_lib.numbers import gain
+
+class Drive(Node):
+    def __init__(self):
+        super().__init__("driver")
+        self.declare_parameter("speed", 1.0)
+        self.declare_parameter("back", False)
+        self.declare_parameter("limits.top", 9.0)
+        self.publisher = self.create_publisher(AckermannDriveStamped, "out", 1)
+        self.create_subscription(LaserScan, "scan", self.take, 1)
+
+    def take(self, message):
+        out = AckermannDriveStamped()
+        speed = min(self.get_parameter("speed").value * gain(), self.get_parameter("limits.top").value)
+        out.drive.speed = -speed if self.get_parameter("back").value else speed
+        out.drive.steering_angle = 0.01 * len(sys.argv[1:])
+        self.publisher.publish(out)
+
+def start(args=None):
+    rclpy.init(args=args)
+    rclpy.spin(Drive())
+"""
+HEAD = """
+import os
+import xacro
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import (DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction, TimerAction,
+                            SetLaunchConfiguration)
+from launch.conditions import IfCondition, LaunchConfigurationEquals, UnlessCondition
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression, TextSubstitution
+from launch_ros.actions import Node, PushRosNamespace, SetParameter
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+def drive(**more):
+    return Node(**{"package": "my_car", "executable": "drive", "remappings": [("out", "/drive")], **more})
+
+def generate_launch_description():
+"""
+BOARD = """import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+rclpy.init()
+node = rclpy.create_node('board')
+"""
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """Write a workspace of two packages, and return what writes a launch file and names it."""
+    car, lib = tmp_path / "src" / "my_car", tmp_path / "src" / "tools" / "my_lib"
+    for package in (car, lib):
+        (package / package.name).mkdir(parents=True)
+        (package / "package.xml").write_text(f"<package><name>{package.name}</name></package>")
+        (package / package.name / "__init__.py").touch()
+    (car / "launch").mkdir()
+    (car / "config").mkdir()
+    (car / "setup.py").write_text('setup(entry_points={"console_scripts": ["drive = my_car.drive_node:start"]})')
+    (car / "my_car" / "drive_node.py").write_text(DRIVE)
+    (lib / "my_lib" / "numbers.py").write_text("from .more import HALF\n\ndef gain():\n    return 2 * HALF\n")
+    (lib / "my_lib" / "more.py").write_text("HALF = 0.5\n")
+    (car / "config" / "car.yaml").write_text("driver:\n  ros__parameters: {speed: 1.5, limits: {top: 4.0}, other: 3}\n")
+    (car / "launch" / "inner.launch.py").write_text(
+        HEAD
+        + """
+    return LaunchDescription([
+        DeclareLaunchArgument("fast", default_value="1.25"),
+        drive(parameters=[{"speed": LaunchConfiguration("fast")}]),
+    ])
+"""
+    )
+
+    def write(body, name="race.launch.py"):
+        path = car / "launch" / name
+        path.write_text(HEAD + "".join(f"    {line}\n" for line in body.splitlines()))
+        return f"ros:{path}"
+
+    return write
+
+
+def speeds(source, count=2, **settings):
+    """Return the speed of the last command, and its steering angle in hundredths: the number of arguments."""
+    planner = make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+    found = [planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i)) for i in range(count)]
+    return found[-1].speed, round(100 * found[-1].steering_angle)
+
+
+@pytest.mark.parametrize(
+    ("body", "speed"),
+    [
+        ("return LaunchDescription([drive(parameters=[{'speed': 2.5}])])", 2.5),
+        ("ld = LaunchDescription()\nld.add_action(drive(parameters=[{'speed': 3}]))\nreturn ld", 3.0),
+        (
+            "share = get_package_share_directory('my_car')\n"
+            "return LaunchDescription([drive(name='driver', parameters=[os.path.join(share, 'config', 'car.yaml')])])",
+            1.5,
+        ),
+        (
+            "file = PathJoinSubstitution([FindPackageShare('my_car'), 'config', 'car.yaml'])\n"
+            "return LaunchDescription([drive(name='driver', parameters=[file, {'speed': 30.0}])])",
+            4.0,
+        ),
+        (
+            "file = get_package_share_directory('my_car') + '/config/car.yaml'\n"
+            "with open(file, 'r') as opened:\n    values = yaml.safe_load(opened)['driver']['ros__parameters']\n"
+            "return LaunchDescription([drive(parameters=[{'speed': values['speed'] * 2}])])",
+            3.0,
+        ),
+        (
+            "path = os.path.join(os.path.dirname(__file__), 'inner.launch.py')\n"
+            "return LaunchDescription([IncludeLaunchDescription(PythonLaunchDescriptionSource([path]))])",
+            1.25,
+        ),
+        (
+            "path = PathJoinSubstitution([FindPackageShare('my_car'), 'launch', 'inner.launch.py'])\n"
+            "return LaunchDescription([IncludeLaunchDescription(\n"
+            "    PythonLaunchDescriptionSource(path), launch_arguments={'fast': '2.25'}.items())])",
+            2.25,
+        ),
+        (
+            "back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('back', default_value='true'),\n"
+            "    drive(parameters=[{'back': ParameterValue(back, value_type=bool)}], condition=IfCondition(back)),\n"
+            "    drive(package='nothing', condition=UnlessCondition(back))])",
+            -1.0,
+        ),
+        (
+            "mode = LaunchConfiguration('mode')\nreturn LaunchDescription([\n"
+            "    DeclareLaunchArgument('mode', default_value='slow'),\n"
+            "    drive(parameters=[{'speed': 4.0}], condition=LaunchConfigurationEquals('mode', 'fast')),\n"
+            "    drive(parameters=[{'speed': 0.5}],\n"
+            "          condition=IfCondition(PythonExpression([\"'\", mode, \"' == 'slow'\"])))])",
+            0.5,
+        ),
+        (
+            "def later(context, factor):\n"
+            "    speed = float(LaunchConfiguration('v').perform(context)) * factor\n"
+            "    return [drive(parameters=[{'speed': speed}])]\n"
+            "return LaunchDescription([DeclareLaunchArgument('v', default_value='1.5'),\n"
+            "    OpaqueFunction(function=later, args=[2.0])])",
+            3.0,
+        ),
+        (
+            "nodes = []\nfor i, speed in enumerate([1.0, 2.0]):\n    if i > 0:\n"
+            "        nodes += [drive(parameters=[{'speed': speed + 0.25}], name=f'driver_{i}')]\n"
+            "return LaunchDescription([TimerAction(period=1.0, actions=[GroupAction([SetParameter('limits.top', 2.0),\n"
+            "    *nodes])])])",
+            2.0,
+        ),
+        (
+            "return LaunchDescription([GroupAction([PushRosNamespace('car'),\n"
+            "    drive(remappings=[('out', TextSubstitution(text='/drive')), ('/car/scan', '/scan')])])])",
+            1.0,
+        ),
+    ],
+)  # fmt: skip
+def test_a_launch_file_in_python_starts_its_nodes(workspace, body, speed):
+    assert speeds(workspace(body))[0] == speed
+
+
+def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
+    source = workspace(
+        "return LaunchDescription([DeclareLaunchArgument('v', default_value='2.0'),\n"
+        "    DeclareLaunchArgument('side', default_value='left', choices=['left', 'right']),\n"
+        "    drive(parameters=[{'speed': LaunchConfiguration('v')}],\n"
+        "          arguments=['one', '--ros-args', '--log-level', 'info', '-p', 'back:=true', '--', 'two'])])"
+    )
+    assert speeds(source) == (-2.0, 2)
+    assert speeds(source, **{"launch.v": 3})[0] == -3.0
+    assert speeds(source, speed=1.5)[0] == -1.5
+    with pytest.raises(ControllerError, match=r"has no launch argument 'w'; accepted: side, v"):
+        speeds(source, **{"launch.w": 3})
+    with pytest.raises(ControllerError, match=r"launch.side is 'up' \(.*line 21\); accepted: left, right"):
+        speeds(source, **{"launch.side": "up"})
+    with pytest.raises(ControllerError, match="no launch argument 'v'; accepted: with a launch file in Python"):
+        speeds(f"ros:{Path(__file__).parent / 'ros_nodes' / 'wall_follow.py'}", **{"launch.v": 1})
+
+
+def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
+    source = workspace(
+        "return LaunchDescription([drive(), Node(package='rviz2', executable='rviz2', arguments=[xacro.process()]),\n"
+        "    Node(package='f1tenth_gym_ros', executable='gym_bridge'), Node(package='my_car', executable='wheels'),\n"
+        "    IncludeLaunchDescription(PythonLaunchDescriptionSource(get_package_share_directory('nav2') + '/a.py'))])"
+    )
+    with pytest.warns(UserWarning) as caught:
+        assert speeds(source)[0] == 1.0
+    said = next(str(each.message) for each in caught if "left out are" in str(each.message))
+    assert re.search(r"rviz2 of rviz2, whose package is not here \(.*race.launch.py, line 20\)", said)
+    assert "gym_bridge of f1tenth_gym_ros, which this simulator replaces" in said
+    assert "wheels of my_car, of which there is no Python file" in said
+    assert "package 'nav2' is not here" in said
+
+
+@pytest.mark.parametrize(
+    ("fails", "said"),
+    [
+        ("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
+        (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
+        ("print 'python 2'", "it is Python 2"),
+        (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("first", [True, False])
+def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(workspace, fails, said, first):
+    nodes = ["Node(package='my_car', executable='board')", "drive()"]
+    source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
+    board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
+    board.parent.mkdir()
+    board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
+    with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
+        assert speeds(source, 4)[0] == 1.0
+
+
+def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
+    source = workspace("return LaunchDescription([drive(), Node(package='my_car', executable='board')])")
+    car = Path(source.removeprefix("ros:")).parents[1]
+    (car / "scripts").mkdir()
+    (car / "scripts" / "board").write_text("#!/usr/bin/env python3\nimport rclpy\nrclpy.init()\nopen('/dev/none')\n")
+    node = car / "my_car" / "drive_node.py"
+    text = node.read_text()
+    node.write_text(text.replace("out = Ack", "out = 1 / 0 and Ack"))
+    with (
+        pytest.warns(UserWarning, match="drive on"),
+        pytest.raises(Exception, match=r"division by zero \(.*drive_node"),
+    ):
+        speeds(source)
+    node.write_text(text.replace("def __init__(self):", "def __init__(self):\n        1 / 0"))
+    with pytest.warns(UserWarning, match="drive on"), pytest.raises(ControllerError, match="FileNotFoundError"):
+        speeds(source)
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"'guess' is not .*, line 20\)"),
+        ("n = xacro.process('a').toxml()\nreturn LaunchDescription([drive(executable=n)])", "'xacro' .*, line 17"),
+        ("if xacro.process('a'):\n    pass\nreturn LaunchDescription([drive()])", r"named 'xacro'.*, line 20\)"),
+        ("while True:\n    pass", r"not come back within 0.5 s .*, line (20|21)\)"),
+        ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' .*, line 17\)"),
+        ("return LaunchDescription([drive(condition=IfCondition(LaunchConfiguration('x')))])", "'x' is not declared"),
+        ("return LaunchDescription([DeclareLaunchArgument('x'), drive()])", r"'x' has no default .*\[launch.x=VALUE\]"),
+        ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python"),
+        ("return LaunchDescription([drive(package='gone')])", "no node .*left out are drive of gone, whose package"),
+        ("return LaunchDescription([drive(remappings=['out'])])", r"a remapping is 'out' .*accepted: \(from, to\)"),
+        ("x = PythonExpression('1 / 0')\nreturn [drive(name=x)]", r"ZeroDivisionError: .* \(.*, line 20\)"),
+        ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "has failed: RecursionError"),
+        ("return LaunchDescription([Node(package='my_' + 'lib', executable='tool')])", "starts .*tool, of a package"),
+    ],
+)  # fmt: skip
+def test_what_a_launch_file_fails_of_is_named_with_its_line(workspace, body, said):
+    source = workspace(body)
+    scripts = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib" / "scripts"
+    scripts.mkdir()
+    (scripts / "tool").write_text("#!/usr/bin/env python3\n")
+    node = scripts.parents[2] / "my_car" / "my_car" / "drive_node.py"
+    node.write_text(node.read_text().replace("from my_lib.numbers import gain", "gain = float"))
+    with pytest.raises(ControllerError, match=said):
+        speeds(source, **{"host.wall_limit": 0.5})
+
+
+def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(workspace, tmp_path):
+    mark = tmp_path / "executed"
+    source = workspace(f"open({str(mark)!r}, 'w').write('x')\nreturn LaunchDescription([drive()])")
+    require_trusted(source, hashlib.sha256(read_program(source).text).hexdigest(), trust=True, where="here")
+    assert not mark.exists()
+    assert speeds(source)[0] == 1.0
+    assert mark.exists()
+
+
+def test_a_launch_file_is_a_program_with_classes_loops_and_modules_of_its_own(workspace):
+    body = """
+from my_car.launch_tools import Speed, one
+import launch.substitutions, launch_ros
+while one() < 1:
+    pass
+try:
+    nodes = [xacro.node(), IncludeLaunchDescription(os.path.join(get_package_share_directory("gone"), "a.py"))]
+except KeyError:
+    nodes = []
+file = os.path.join(get_package_share_directory("gone"), "config", "car.yaml")  # is found here
+speed = yaml.safe_load(open(file))["driver"]["ros__parameters"]["speed"]
+nodes.append(launch_ros.actions.Node(package="my_car", executable="drive", remappings=[("out", "/drive")],
+    parameters=[{"speed": Speed(speed).value + int(launch.substitutions.TextSubstitution(text="1").perform(None))}]))
+return LaunchDescription(nodes)
+"""
+    source = workspace(body.strip())
+    (Path(source.removeprefix("ros:")).parents[1] / "my_car" / "launch_tools.py").write_text(
+        "def one():\n    return 1\nclass Speed:\n    def __init__(self, value):\n        self.value = value\n"
+    )
+    with pytest.warns(UserWarning) as caught:
+        assert speeds(source)[0] == 2.5
+    said = " ".join(str(each.message) for each in caught)
+    assert (
+        "car.yaml is taken" in said and "No module named 'xacro'" in said and "package 'gone' is not here/a.py" in said
+    )
+
+
+def test_a_launch_argument_starts_a_node_of_another_package(workspace):
+    source = workspace(
+        "package = LaunchConfiguration('package')\n"
+        "return LaunchDescription([DeclareLaunchArgument('package', default_value='my_car'),\n"
+        "    drive(package=package, executable='drive')])  # or my_lib"
+    )
+    lib = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib"
+    (lib / "scripts").mkdir()
+    text = "#!/usr/bin/env python3\n" + DRIVE.replace("speed = min", "speed = 2 * min") + "start()\n"
+    (lib / "scripts" / "drive").write_text(text)
+    assert [speeds(source, **{"launch.package": name})[0] for name in ("my_car", "my_lib")] == [1.0, 2.0]
+    assert b"speed = 2 * min" in read_program(source).text
+
+
+def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
+    source = workspace("return LaunchDescription([drive(condition=IfCondition('true'))])")
+    helpers = Path(source.removeprefix("ros:")).parents[2] / "others" / "helpers"  # of a package of another name
+    helpers.mkdir(parents=True)
+    (helpers.parent / "package.xml").write_text("<package><name>team_tools</name></package>")
+    (helpers / "__init__.py").write_text("LIMIT = 7\n")
+    lib = helpers.parents[1] / "tools" / "my_lib" / "my_lib" / "more.py"
+    lib.write_text(lib.read_text() + "from helpers import LIMIT\n")
+    text = source_code(type(make_controller(source, car=CAR, mu=1.0, max_speed=5.0)))
+    for part in ("def start(args=None)", "HALF = 0.5", "return 2 * HALF", "LIMIT = 7", "generate_launch_description"):
+        assert part.encode() in text
+
+
+def test_packages_of_a_workspace_and_their_executables_are_found(workspace):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    found = packages(launch)
+    assert list(found) == ["my_car", "my_lib"]
+    assert executable(found["my_car"], "drive") == (found["my_car"] / "my_car" / "drive_node.py", "start")
+    assert executable(found["my_car"], "nothing") is None
+    (found["my_lib"] / "scripts").mkdir()
+    (found["my_lib"] / "scripts" / "tool").write_text("#!/usr/bin/env python3\n")
+    (found["my_lib"] / "scripts" / "shell").write_text("#!/bin/sh\n")
+    assert executable(found["my_lib"], "tool") == (found["my_lib"] / "scripts" / "tool", "")
+    assert executable(found["my_lib"], "shell") is None
+    assert packages(launch.parents[3] / "node.py") == found  # of no package: those below
+    assert packages(launch.parents[3] / "elsewhere" / "node.py") == {}
+
+
+def test_a_node_alone_imports_what_other_packages_of_its_workspace_have(workspace):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    (launch.parents[1] / "my_car" / "alone.py").write_text(
+        DRIVE.replace('"out"', '"/drive"') + "\nmain = start\n\nstart()\n"
+    )
+    assert speeds(f"ros:{launch.parents[1] / 'my_car' / 'alone.py'}")[0] == 1.0
+
+
+@pytest.mark.parametrize("name", ["shape_msgs", "my_car"])
+def test_a_module_beside_a_node_comes_before_messages_of_its_name(workspace, name):
+    launch = Path(workspace("pass").removeprefix("ros:"))
+    car = launch.parents[1]
+    if name == "my_car":  # its own package has messages, and modules
+        (car / "msg").mkdir()
+        (car / "msg" / "Wish.msg").write_text("float64 speed 0.5\n")
+        (car / "my_car" / "tuned.py").write_text("def gain():\n    return 1.5\n")
+        wanted = "from my_car.msg import Wish\nfrom my_car.tuned import gain\nassert Wish().speed == 0.5"
+    else:
+        (car / "my_car" / "shape_msgs.py").write_text("def gain():\n    return 1.5\n")
+        wanted = "from shape_msgs import gain"
+    text = DRIVE.replace("from my_lib.numbers import gain", wanted).replace('"out"', '"/drive"')
+    (car / "my_car" / "alone.py").write_text(text + "\nstart()\n")
+    assert speeds(f"ros:{car / 'my_car' / 'alone.py'}")[0] == 1.5

@@ -1,0 +1,157 @@
+"""Markers, paths and poses that nodes publish: drawings in the live view, messages in bags."""
+
+import math
+
+import numpy as np
+import pytest
+from browsers import page_of  # noqa: F401 - a fixture
+from rosbags.highlevel import AnyReader
+from test_ros_surroundings import DRIVES, NODE, commands, make
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.addons.look.live.browser import LiveView
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+SHOWS = """
+        from visualization_msgs.msg import Marker, MarkerArray
+        from nav_msgs.msg import Path
+        from geometry_msgs.msg import Point, PoseStamped
+        from std_msgs.msg import ColorRGBA
+        self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)
+        self.markers = self.create_publisher(MarkerArray, "/waypoints", 1)
+        self.marker = self.create_publisher(Marker, "/goal", 1)
+        self.path = self.create_publisher(Path, "/plan", 1)
+        self.count = 0
+
+        def show():
+            self.count += 1
+            one = Marker(id=self.count % 2, type=Marker.SPHERE, ns="a", color=ColorRGBA(r=1.0, a=1.0))
+            one.header.frame_id, one.scale.x, one.pose.position.x = "base_link", 0.3, 1.0
+            strip = Marker(id=7, type=Marker.LINE_STRIP, ns="b", color=ColorRGBA(b=1.0, a=1.0))
+            strip.header.frame_id, strip.scale.x = "map", 0.05
+            strip.points = [Point(x=float(i)) for i in range(4)]
+            self.markers.publish(MarkerArray(markers=[one, strip]))
+            brief = Marker(id=1, type=Marker.CUBE, color=ColorRGBA(g=1.0, a=1.0))
+            brief.header.frame_id, brief.lifetime.nanosec = "map", 20_000_000
+            if self.count == 1:
+                self.marker.publish(brief)
+            path = Path()
+            path.header.frame_id = "map"
+            path.poses = [PoseStamped() for _ in range(3)]
+            self.path.publish(path)
+
+        self.show = show
+"""
+
+
+@pytest.fixture
+def source(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(
+        f"{NODE}{SHOWS}\n    def callback(self, message):\n        self.show()\n        self.drive(1.0)\n{DRIVES}"
+    )
+    return f"ros:{path}:Mine"
+
+
+def test_drawings_are_those_of_rviz_in_the_frame_of_the_map(source):
+    planner = make(source)
+    assert planner.drawings() == []  # from here on they are kept
+    commands(planner, 1)
+    red, blue, green, path = sorted(planner.drawings(), key=lambda each: each.colour, reverse=True)[0:1] + [
+        next(each for each in planner.drawings() if each.colour == colour) for colour in ((0, 0, 255), (0, 255, 0))
+    ] + [next(each for each in planner.drawings() if each.colour == (60, 200, 90))]  # fmt: skip
+    assert red.colour == (255, 0, 0)
+    assert red.size == 0.3
+    np.testing.assert_allclose(red.points, [[1.0, 0.0, 0.0]])  # a metre ahead of the car, which is at 0
+    np.testing.assert_allclose(blue.points[:, 0, 0], [0.0, 1.0, 2.0])
+    np.testing.assert_allclose(blue.points[:, 1, 0], [1.0, 2.0, 3.0])
+    assert path.points.shape == (2, 2, 3)
+    assert len(green.points) == 1
+    commands(planner, 3)
+    colours = [each.colour for each in planner.drawings()]
+    assert colours.count((255, 0, 0)) == 2  # by their ids
+    assert (0, 255, 0) not in colours  # its lifetime is over
+
+
+@pytest.mark.slow
+def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
+    session = LiveSession(Setup.of(track="oval", controller=source))
+    assert session.drawings() == []
+    for _ in range(3):
+        session.tick()
+    assert len(session.drawings()) == 4
+    with LiveView(session, port=8097) as view:
+        view._scene.show_drawings()
+        assert sorted(name for name, _ in view._scene._shown.values()) == [f"/shown_{number}" for number in range(3)]
+        session.reset()
+        session.tick()
+        view._scene.show_drawings()
+
+
+@pytest.mark.slow
+def test_a_bag_has_what_the_nodes_of_a_run_publish_if_they_are_trusted(source, tmp_path, capsys, without_pictures):
+    folder, plain, whole = tmp_path / "run", tmp_path / "plain.mcap", tmp_path / "whole.mcap"
+    assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
+    assert main(["export", str(folder), "--out", str(plain)]) == 0
+    assert main(["export", str(folder), "--out", str(whole), "--trust"]) == 0
+    with AnyReader([plain]) as reader:
+        assert "/waypoints" not in reader.topics
+        count = reader.topics["/drive"].msgcount
+    with AnyReader([whole]) as reader:
+        assert reader.topics["/waypoints"].msgtype == "visualization_msgs/msg/MarkerArray"
+        assert [reader.topics[topic].msgcount for topic in ("/waypoints", "/plan", "/drive")] == [count] * 3
+        connection = next(each for each in reader.connections if each.topic == "/waypoints")
+        messages = [reader.deserialize(raw, connection.msgtype) for _, _, raw in reader.messages([connection])]
+    marker = messages[-1].markers[1]
+    assert (marker.ns, marker.type, marker.color.b, [point.x for point in marker.points]) == ("b", 4, 1.0, [0, 1, 2, 3])
+    run = tmp_path / "bundled"
+    assert main(["race", "--time-limit", "0.2", "--out", str(run)]) == 1
+    assert main(["export", str(run), "--out", str(tmp_path / "x.mcap"), "--trust"]) == 2
+    assert "its planner publishes no topics" in capsys.readouterr().err
+
+
+def test_markers_of_ros_1_are_messages_of_ros_2_in_a_bag(tmp_path):
+    path = tmp_path / "old.py"
+    path.write_text(
+        """
+import rospy
+from ackermann_msgs.msg import AckermannDriveStamped
+from geometry_msgs.msg import Point
+from sensor_msgs.msg import LaserScan
+from visualization_msgs.msg import Marker
+
+rospy.init_node("old")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+goal = rospy.Publisher("/goal", Marker, queue_size=1)
+
+
+def callback(scan):
+    marker = Marker(type=Marker.POINTS)
+    marker.header.frame_id, marker.header.stamp, marker.lifetime = "map", rospy.Time.now(), rospy.Duration(1.5)
+    marker.points = [Point(1, 2, 3)]
+    goal.publish(marker)
+    publisher.publish(AckermannDriveStamped())
+
+
+rospy.Subscriber("/scan", LaserScan, callback)
+rospy.spin()
+"""
+    )
+    planner = make(f"ros:{path}")
+    planner.published()
+    commands(planner, 1)
+    (topic, marker), (_, drive) = planner.published()
+    assert topic == "/goal"
+    assert (marker.lifetime.sec, marker.lifetime.nanosec) == (1, 500_000_000)
+    assert [(point.x, point.y, point.z) for point in marker.points] == [(1.0, 2.0, 3.0)]
+    assert math.isfinite(drive.drive.speed)
+    assert planner.published() == []
+
+
+def test_a_race_is_the_same_whether_its_nodes_are_watched_or_not(source):
+    watched = make(source)
+    watched.drawings()
+    assert commands(watched, 5) == commands(make(source), 5)
+    assert fg.race("oval", source, laps=1, time_limit=0.3).car.max_speed_m_s > 0.3

@@ -1,0 +1,401 @@
+"""What nodes of ROS are told beyond the LiDAR: the map, the other cars; and AutoDRIVE's topics, services, actions."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+import fg_mujoco as fg
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING_TO_SERVO
+from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+NODE = """
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, DurabilityPolicy
+from sensor_msgs.msg import LaserScan
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
+from ackermann_msgs.msg import AckermannDriveStamped
+
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("mine")
+        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
+        self.create_subscription(LaserScan, "/scan", self.callback, 10)
+        self.got = {}
+"""
+DRIVES = """
+    def drive(self, speed, angle=0.0):
+        message = AckermannDriveStamped()
+        message.drive.speed, message.drive.steering_angle = float(speed), float(angle)
+        self.publisher.publish(message)
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(init, body, more="", head=NODE, name="mine.py"):
+        lines = "".join(f"        {line}\n" for line in init.splitlines())
+        inside = "".join(f"        {line}\n" for line in body.splitlines())
+        path = tmp_path / name
+        path.write_text(f"{head}{lines}\n    def callback(self, message):\n{inside}{DRIVES}{more}")
+        return f"ros:{path}:Mine"
+
+    return write
+
+
+def make(source, **settings):
+    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+
+
+def commands(planner, count):
+    found = []
+    for i in range(count):
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i))
+        found.append((command.speed, command.steering_angle))
+    return found
+
+
+MAP = """
+import numpy as np
+grid = self.got["map"]
+cells = np.array(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
+at = self.got["odom"].pose.pose.position
+column = int((at.x - grid.info.origin.position.x) / grid.info.resolution)
+row = int((at.y - grid.info.origin.position.y) / grid.info.resolution)
+assert grid.header.frame_id == "map" and cells[row, column] == 0, cells[row, column]
+assert set(np.unique(cells)) == {-1, 0, 100}
+# the first occupied cell to the left, square to the car's way, is where the LiDAR sees the wall
+beam = int((np.pi / 2 - message.angle_min) / message.angle_increment + 0.5)
+lidar = self.got["odom"].pose.pose.orientation
+heading = 2 * np.arctan2(lidar.z, lidar.w)
+x = at.x + 0.275 * np.cos(heading)
+y = at.y + 0.275 * np.sin(heading)
+seen = message.ranges[beam]
+wall = [x - seen * np.sin(heading), y + seen * np.cos(heading)]
+column, row = (int((w - o) / grid.info.resolution) for w, o in zip(
+    wall, (grid.info.origin.position.x, grid.info.origin.position.y)))
+assert (cells[row - 1:row + 2, column - 1:column + 2] == 100).any()
+self.drive(1.0)
+"""
+
+
+def test_a_node_gets_the_map_once_with_the_walls_that_the_lidar_sees(written):
+    init = """
+latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+self.create_subscription(OccupancyGrid, "/map", self.take, latched)
+self.create_subscription(MapMetaData, "/map_metadata", lambda m: self.got.update(info=m), latched)
+self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)
+self.count = 0
+"""
+    more = """
+    def take(self, message):
+        self.count += 1
+        assert self.count == 1
+        self.got["map"] = message
+"""
+    body = "if 'odom' not in self.got: return\n" + MAP + "assert self.got['info'].width == grid.info.width\n"
+    result = fg.race("oval", written(init, body, more), laps=1, time_limit=1.0)
+    assert result.car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
+
+
+CHECK = "\n    def check(self, message):\n" + "".join(f"        {line}\n" for line in MAP.splitlines())
+
+
+def test_the_map_is_asked_for_as_a_service_and_by_a_node_of_ros_1(written, tmp_path):
+    init = """
+from nav_msgs.srv import GetMap
+self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)
+client = self.create_client(GetMap, "/map_server/map")
+while not client.wait_for_service(timeout_sec=1.0):
+    pass
+future = client.call_async(GetMap.Request())
+rclpy.spin_until_future_complete(self, future)
+self.got["map"] = future.result().map
+"""
+    result = fg.race("oval", written(init, "if 'odom' in self.got: self.check(message)", CHECK), laps=1, time_limit=1.0)
+    assert result.car.max_speed_m_s > 0.9
+    path = tmp_path / "old.py"
+    path.write_text(
+        """
+import rospy
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import GetMap
+from ackermann_msgs.msg import AckermannDriveStamped
+
+rospy.init_node("old")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+rospy.wait_for_service("static_map")
+asked = rospy.ServiceProxy("static_map", GetMap)().map
+told = rospy.wait_for_message("/map", OccupancyGrid)
+assert asked.data == told.data and isinstance(told.data, tuple)
+rate = rospy.Rate(40)
+while not rospy.is_shutdown():
+    message = AckermannDriveStamped()
+    message.drive.speed = told.info.resolution
+    publisher.publish(message)
+    rate.sleep()
+"""
+    )
+    result = fg.race("oval", f"ros:{path}", laps=1, time_limit=1.0)
+    assert result.ctrl[-1].any()
+
+
+def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_own(written, tmp_path):
+    """The other car stands where its own /odom says; both are the poses of the engine."""
+    log = tmp_path / "log.txt"
+    ego = written(
+        'self.create_subscription(Odometry, "/opp_racecar/odom", self.other, 1)\n'
+        f'self.file = open({str(log)!r}, "w")\n',
+        "self.drive(1.5)",
+        """
+    def other(self, message):
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        print(message.header.stamp.sec, message.header.stamp.nanosec, p.x, p.y, q.z, message.twist.twist.linear.x,
+              file=self.file, flush=True)
+""",
+    )
+    opponent_log = tmp_path / "opponent.txt"
+    opponent = written(
+        'self.create_subscription(LaserScan, "/opp_scan", self.callback, 1)\n'
+        'self.create_subscription(Odometry, "/opp_racecar/odom", self.own, 1)\n'
+        'self.create_subscription(Odometry, "/opp_racecar/opp_odom", lambda m: self.got.update(ego=m), 1)\n'
+        f'self.file = open({str(opponent_log)!r}, "w")\n',
+        "if 'ego' in self.got: self.drive(1.0)",
+        """
+    def own(self, message):
+        p, q = message.pose.pose.position, message.pose.pose.orientation
+        print(message.header.stamp.sec, message.header.stamp.nanosec, p.x, p.y, q.z, message.twist.twist.linear.x,
+              file=self.file, flush=True)
+""",
+        head=NODE.replace('"/drive"', '"/opp_drive"').replace(
+            'self.create_subscription(LaserScan, "/scan", self.callback, 10)', "pass"
+        ),
+        name="opponent.py",
+    )
+    entries = [fg.Entry(controller=ego), fg.Entry(controller=opponent)]
+    result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
+    assert [round(car.max_speed_m_s, 1) for car in result.cars] == [1.5, 1.0]
+    seen, own = np.loadtxt(log), np.loadtxt(opponent_log)
+    assert len(seen) == len(own) > 70
+    np.testing.assert_allclose(seen[:, :5], own[:, :5], atol=1e-12)
+    np.testing.assert_allclose(seen[40:, 5], own[40:, 5], atol=0.05)  # over ground; of the wheels
+
+
+def test_without_another_car_a_warning_says_so(written):
+    source = written('self.create_subscription(Odometry, "/opp_racecar/odom", print, 1)', "self.drive(1.0)")
+    with pytest.warns(UserWarning, match=r"/opp_racecar/odom has no publisher here; node 'mine' listens \(.*mine.py"):
+        fg.race("oval", source, laps=1, time_limit=0.2)
+
+
+@pytest.mark.slow
+def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
+    source = written(
+        'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
+        "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)",
+    )
+    alone = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6)
+    other = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6, executor="processes", workers=1)
+    assert (alone["max_speed_m_s"] > 0.5).all()
+    for name in ("distance_m", "max_speed_m_s"):
+        assert alone[name].tolist() == other[name].tolist()
+
+
+AUTODRIVE = """
+import rclpy
+from rclpy.node import Node
+from geometry_msgs.msg import Point
+from sensor_msgs.msg import Imu, LaserScan
+from std_msgs.msg import Float32
+
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("racer")
+        self.got = {}
+        for name, kind in (("ips", Point), ("imu", Imu), ("speed", Float32), ("steering", Float32)):
+            self.create_subscription(kind, f"/autodrive/CAR/{name}", lambda m, name=name: self.got.update({name: m}), 1)
+        self.create_subscription(LaserScan, "/autodrive/CAR/lidar", self.callback, 1)
+        self.throttle = self.create_publisher(Float32, "/autodrive/CAR/throttle_command", 1)
+        self.steering = self.create_publisher(Float32, "/autodrive/CAR/steering_command", 1)
+
+    def callback(self, message):
+        assert len(message.ranges) > 100 and (self.got["ips"].x, self.got["ips"].y) == (3.0, 4.0)
+        assert abs(self.got["imu"].orientation.z - 0.5 ** 0.5) < 1e-9 and self.got["speed"].data == 1.0
+        self.throttle.publish(Float32(data=0.1))
+        self.steering.publish(Float32(data=0.25 + self.got["steering"].data))
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ("at.position.x", 2.0 * math.sin(1.0)),
+        ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
+        ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0),
+    ],
+)
+def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written, asked, expected):
+    """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
+    init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
+    body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
+    body += f"self.drive({asked})"
+    planner = make(written(init, body))
+    turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
+    for i in range(42):  # the scan of a tick is heard before its odometry
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(turning, stamp=0.025 * i))
+    assert command.speed == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("car", ["f1tenth_1", "roboracer_1"])
+def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path, car):
+    path = tmp_path / "racer.py"
+    path.write_text(AUTODRIVE.replace("CAR", car))
+    planner = make(f"ros:{path}:Mine")
+    odometry = replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2)))
+    found = [planner(replace(SCAN, stamp=0.025 * i), replace(odometry, stamp=0.025 * i)) for i in range(2)]
+    assert [command.speed for command in found] == pytest.approx([0.1 * THROTTLE] * 2, rel=1e-6)
+    assert [command.steering_angle for command in found] == pytest.approx([0.25 * STEERING, 0.5 * STEERING], rel=1e-6)
+
+
+def test_a_node_that_commands_motor_and_servo_drives(tmp_path):
+    path = tmp_path / "vesc.py"
+    path.write_text(
+        NODE.replace("AckermannDriveStamped", "Float64").replace("ackermann_msgs", "std_msgs").replace(
+            'self.create_publisher(Float64, "/drive", 10)',
+            '[self.create_publisher(Float64, f"/commands/{each}", 1) for each in ("motor/speed", "servo/position")]',
+        )
+        + "\n    def callback(self, message):\n"
+        f"        values = (2.0 * {SPEED_TO_ERPM}, {SERVO_OFFSET} + 0.1 * {STEERING_TO_SERVO})\n"
+        "        for publisher, value in zip(self.publisher, values):\n"
+        "            publisher.publish(Float64(data=value))\n"
+    )  # fmt: skip
+    assert commands(make(f"ros:{path}:Mine"), 2)[1] == pytest.approx((2.0, 0.1), abs=1e-6)
+
+
+def test_of_several_drive_topics_the_known_one_counts(written):
+    more = "self.other = self.create_publisher(AckermannDriveStamped, '/other', 1)"
+    source = written(more, "self.other.publish(AckermannDriveStamped())\nself.drive(2.0)")
+    for name in ("/drive", "/nav"):
+        path = Path(source.removeprefix("ros:").removesuffix(":Mine"))
+        path.write_text(path.read_text().replace('"/drive"', f'"{name}"'))
+        assert commands(make(source), 1)[0][0] == 2.0
+    path.write_text(path.read_text().replace('"/nav"', '"/mine"'))
+    with pytest.raises(
+        ControllerError, match=r"2 drive topics, /mine and /other \(.*, line 13\) \(.*, line 16\)|2 drive topics"
+    ):
+        make(source)
+
+
+def test_nodes_answer_each_others_services_and_actions(tmp_path):
+    (tmp_path / "srv").mkdir()
+    (tmp_path / "package.xml").write_text("<package><name>team</name></package>")
+    (tmp_path / "srv" / "Plan.srv").write_text("float64 wish\n---\nfloat64 speed\nstring why\n")
+    (tmp_path / "server.py").write_text(
+        """
+import rclpy
+from rclpy.action import ActionServer
+from rclpy.node import Node
+from nav2_msgs.action import NavigateToPose
+from std_srvs.srv import SetBool
+from team.srv import Plan
+
+
+class Server(Node):
+    def __init__(self):
+        super().__init__("server")
+        self.create_service(Plan, "plan", self.plan)
+        self.create_service(SetBool, "/enable", self.enable)
+        self.actions = ActionServer(self, NavigateToPose, "go", self.go)
+
+    def plan(self, request, response):
+        response.speed, response.why = 2.0 * request.wish, "because"
+        return response
+
+    async def enable(self, request, response):
+        response.success = request.data
+        return response
+
+    def go(self, handle):
+        handle.publish_feedback(NavigateToPose.Feedback(left=1.0))
+        handle.succeed()
+        return NavigateToPose.Result(reached=handle.request.far)
+
+
+def main():
+    rclpy.init()
+    rclpy.spin(Server())
+"""
+    )
+    (tmp_path / "client.py").write_text(
+        """
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+from nav2_msgs.action import NavigateToPose
+from std_srvs.srv import SetBool
+from team.srv import Plan
+
+
+class Client(Node):
+    def __init__(self):
+        super().__init__("client")
+        self.publisher = self.create_publisher(AckermannDriveStamped, "drive", 1)
+        self.plan = self.create_client(Plan, "plan")
+        self.enable = self.create_client(SetBool, "enable")
+        self.go = ActionClient(self, NavigateToPose, "go")
+        assert self.plan.wait_for_service(timeout_sec=1.0) and self.go.wait_for_server(timeout_sec=1.0)
+        assert not self.create_client(Plan, "nothing").wait_for_service(timeout_sec=0.01)
+        future = self.plan.call_async(Plan.Request(wish=0.75))
+        rclpy.spin_until_future_complete(self, future)
+        assert future.result().why == "because"
+        self.speed, self.left = future.result().speed, 0.0
+        self.create_timer(0.02, self.timer)
+
+    async def timer(self):
+        answer = await self.enable.call_async(SetBool.Request(data=True))
+        assert answer.success
+        handle = await self.go.send_goal_async(NavigateToPose.Goal(far=3.0), feedback_callback=self.feedback)
+        result = await handle.get_result_async()
+        message = AckermannDriveStamped()
+        message.drive.speed = self.speed + self.left + result.result.reached / 4.0
+        self.publisher.publish(message)
+
+    def feedback(self, message):
+        self.left = message.feedback.left
+
+
+def main():
+    rclpy.init()
+    executor = MultiThreadedExecutor()
+    executor.add_node(Client())
+    executor.spin()
+"""
+    )
+    launch = tmp_path / "launch.yaml"
+    launch.write_text("nodes:\n- {file: client.py}\n- {file: server.py}\n")
+    assert [speed for speed, _ in commands(make(f"ros:{launch}"), 4)][-1] == 1.5 + 1.0 + 0.75
+
+
+def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(written):
+    source = written("", "self.drive(1.0)").removesuffix(":Mine")
+    path = Path(source.removeprefix("ros:"))
+    path.write_text(
+        path.read_text()
+        + "\n\nfrom std_srvs.srv import Trigger\nrclpy.init()\nnode = Mine()\n"
+        + "client = node.create_client(Trigger, 'ready')\nwhile not client.wait_for_service(1.0):\n    pass\n"
+    )
+    planner = make(source)
+    with pytest.raises(
+        Exception, match=r"it waits for the service /ready, which nobody offers \(.*mine.py, line \d+\)"
+    ):
+        commands(planner, 210)

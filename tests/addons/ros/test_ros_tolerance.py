@@ -1,0 +1,450 @@
+"""What the door lets nodes do, as ROS does: failing callbacks, a single NaN, NumPy's scalars, brakes, private names."""
+
+import logging
+import math
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, corridor, odometry_of
+
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.addons.ros.node_host.graph import NodeError
+from fg_mujoco.simulation.old_numpy import advice
+from fg_mujoco.simulation.planner_failure import one_line
+
+SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+HEAD1 = """
+import rospy
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+
+def drive(speed, angle=0):
+    message = AckermannDriveStamped()
+    message.drive.speed, message.drive.steering_angle = speed, angle
+    publisher.publish(message)
+
+rospy.init_node("mine")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+count = [0]
+"""
+HEAD2 = """
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from ackermann_msgs.msg import AckermannDriveStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool, Float32, Float32MultiArray, Int32
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("mine")
+        self.count, self.order = 0, []
+        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
+        self.create_subscription(LaserScan, "/scan", self.callback, 10)
+"""
+DRIVE2 = """
+    def drive(self, speed, angle=0.0):
+        message = AckermannDriveStamped()
+        message.drive.speed, message.drive.steering_angle = speed, angle
+        self.publisher.publish(message)
+"""
+
+
+@pytest.fixture
+def node1(tmp_path):
+    """Write a node of ROS 1 whose callback of scans has a body, and return what names it."""
+
+    def write(body, more=""):
+        path = tmp_path / "mine.py"
+        lines = "".join(f"    {line}\n" for line in ("count[0] += 1", *body.splitlines()))
+        path.write_text(
+            f'{HEAD1}{more}\ndef take(scan):\n{lines}\nrospy.Subscriber("/scan", LaserScan, take)\nrospy.spin()\n'
+        )
+        return f"ros:{path}"
+
+    return write
+
+
+@pytest.fixture
+def node2(tmp_path):
+    """Write a node of ROS 2 whose callback of scans has a body, and return what names it."""
+
+    def write(body, init="", more=""):
+        path = tmp_path / "mine.py"
+        lines = "".join(f"        {line}\n" for line in ("self.count += 1", *body.splitlines()))
+        init = "".join(f"        {line}\n" for line in init.splitlines())
+        path.write_text(f"{HEAD2}{init}{more}\n    def callback(self, message):\n{lines}{DRIVE2}")
+        return f"ros:{path}:Mine"
+
+    return write
+
+
+def make(source, **settings):
+    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
+
+
+def commands(planner, count, pose=None):
+    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
+    odometry = ODOMETRY if pose is None else replace(ODOMETRY, pose=np.array(pose))
+    found = []
+    for i in range(count):
+        command = planner(replace(SCAN, stamp=0.025 * i), replace(odometry, stamp=0.025 * i))
+        found.append((command.speed, command.steering_angle))
+    return found
+
+
+def speeds(planner, count):
+    return [speed for speed, _ in commands(planner, count)]
+
+
+# Callbacks of rospy
+
+
+def test_an_exception_of_a_rospy_callback_is_logged_and_the_node_goes_on(node1, caplog):
+    body = "if 2 <= count[0] < 30: 1 / 0\ndrive(count[0])"
+    with caplog.at_level(logging.ERROR, "fg_mujoco.addons.ros"):
+        assert speeds(make(node1(body)), 31)[:4] == [1.0, 1.0, 1.0, 1.0]
+    logged = [record.getMessage() for record in caplog.records]
+    assert len(logged) == 2  # the first time, and the tenth
+    assert logged[0].startswith("bad callback: <function take") and "ZeroDivisionError: division by zero" in logged[0]
+    assert re.fullmatch(
+        r"bad callback, the 10th time: ZeroDivisionError: division by zero \(.*mine.py, line 17\)", logged[1]
+    )
+
+
+def test_a_node_whose_callbacks_only_fail_is_told_why_it_is_silent(node1):
+    planner = make(node1("drive(undefined)"))
+    with pytest.raises(
+        NodeError, match=r"has published nothing .*; its callback failed: NameError: .*mine.py, line 17"
+    ):
+        commands(planner, 210)
+
+
+def test_a_name_that_the_door_lacks_ends_a_rospy_node(node1):
+    with pytest.raises(AttributeError, match="rospy has no 'loginof' here"):
+        commands(make(node1("rospy.loginof('a')")), 1)
+
+
+def test_a_rospy_timer_ends_with_its_exception_and_a_service_tells_its_client(node1, caplog):
+    more = """
+from std_srvs.srv import Trigger
+ticks = []
+def tick(event):
+    ticks.append(1)
+    raise ValueError("over")
+rospy.Timer(rospy.Duration(0.01), tick)
+def answer(request):
+    raise KeyError("gone")
+rospy.Service("/ask", Trigger, answer)
+ask = rospy.ServiceProxy("/ask", Trigger)
+"""
+    body = (
+        "try:\n    ask()\nexcept rospy.ServiceException as error:\n    drive(len(ticks) + ('KeyError' in str(error)))"
+    )
+    with caplog.at_level(logging.ERROR, "fg_mujoco.addons.ros"):
+        assert speeds(make(node1(body, more)), 4)[-1] == 2.0
+
+
+def test_a_client_of_dynamic_reconfigure_changes_the_server_of_another_node(tmp_path):
+    (tmp_path / "cfg").mkdir()
+    (tmp_path / "package.xml").write_text("<package><name>team</name></package>")
+    (tmp_path / "cfg" / "Car.cfg").write_text('gen.add("speed", double_t, 0, "m/s", 1.0, 0.0, 8.0)\n')
+    (tmp_path / "car.py").write_text(
+        HEAD1.replace('"mine"', '"car"')
+        + """
+from dynamic_reconfigure.server import Server
+from team.cfg import CarConfig
+def changed(config, level):
+    count[0] = config.speed
+    return config
+Server(CarConfig, changed)
+rospy.Subscriber("/scan", LaserScan, lambda scan: drive(count[0]))
+rospy.spin()
+"""
+    )
+    (tmp_path / "tuner.py").write_text(
+        """
+import rospy
+from dynamic_reconfigure.client import Client
+rospy.init_node("tuner")
+client = Client("/car", timeout=5)
+assert client.get_configuration()["speed"] == 1.0
+rospy.sleep(0.06)
+assert client.update_configuration({"speed": 3.0}).speed == 3.0
+try:
+    client.update_configuration({"sped": 3.0})
+except rospy.ServiceException as error:
+    assert "did you mean 'speed'" in str(error)
+rospy.spin()
+"""
+    )
+    (tmp_path / "launch.yaml").write_text("nodes:\n- {file: car.py}\n- {file: tuner.py}\n")
+    found = speeds(make(f"ros:{tmp_path / 'launch.yaml'}"), 6)
+    assert (found[0], found[-1]) == (1.0, 3.0)
+
+
+# Commands that are no numbers
+
+
+@pytest.mark.parametrize("bad", ["float('nan')", "2.0, float('nan')", "2.0, float('inf')", "2.0, 1e300"])
+def test_one_command_that_is_no_number_holds_the_last_with_a_warning(node2, bad):
+    planner = make(node2(f"self.drive({bad}) if self.count == 3 else self.drive(1.0 + self.count / 10, 0.1)"))
+    with pytest.warns(
+        UserWarning, match=r"has published \w+ .* on /drive \(.*mine.py, line 15\).*last command is held"
+    ):
+        found = commands(planner, 4)
+    assert found[2] == found[1] == pytest.approx((1.2, 0.1), abs=1e-6)
+    assert found[3][0] == pytest.approx(1.4, abs=1e-6)
+
+
+def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
+    planner = make(node2("self.drive(float('nan') if self.count > 1 else 1.0)"))
+    with pytest.warns(UserWarning, match="the last command is held"):
+        assert speeds(planner, 10) == [1.0] * 10
+    with pytest.raises(NodeError, match=r"has published speed nan on /drive .*, 10 times in a row; accepted"):
+        commands(planner, 12)
+
+
+def test_a_nan_throttle_is_held_and_never_full_throttle(tmp_path):
+    made = '[self.create_publisher(Float32, f"/autodrive/roboracer_1/{each}_command", 1) for each in TOPICS]'
+    text = HEAD2.replace('self.create_publisher(AckermannDriveStamped, "/drive", 10)', made)
+    text += '\nTOPICS = "throttle", "steering"\n\nclass Mine(Mine):'
+    body = "\n    def callback(self, message):\n        self.count += 1\n"
+    body += "        value = float('nan') if self.count == 2 else 0.1\n"
+    body += "        self.publisher[0].publish(Float32(data=value))\n        self.publisher[1].publish(Float32())\n"
+    (tmp_path / "mine.py").write_text(text + body)
+    with pytest.warns(UserWarning, match="nan .*which is no command: the last command is held"):
+        found = speeds(make(f"ros:{tmp_path / 'mine.py'}:Mine"), 3)
+    assert found == pytest.approx([2.288] * 3, rel=1e-5)
+
+
+# Scalars of NumPy in messages
+
+
+def test_scalars_of_numpy_are_taken_with_one_warning(node2):
+    body = """
+self.drive(np.float32(1.5), np.array(0.25))
+assert Int32(data=np.int64(3)).data == 3 and Bool(data=np.bool_(True)).data is True
+assert list(Float32MultiArray(data=[np.float32(1.0), 2.0]).data) == [1.0, 2.0]
+"""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert commands(make(node2(body)), 3)[-1] == (1.5, 0.25)
+    said = [str(each.message) for each in caught if "scalar of NumPy" in str(each.message)]
+    assert len(said) == 1
+    assert re.search(
+        r"AckermannDrive.speed is .*1.5.* of type float32, .*mine.py, line \d+\); it is taken here", said[0]
+    )
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["Int32(data=np.float64(1.0))", "Int32(data=np.int64(2**40))", "Float32(data=1)", "Float32(data=np.ones(1))"],
+)
+def test_what_is_no_scalar_of_the_kind_is_refused_as_before(node2, wrong):
+    with pytest.raises(AssertionError, match="accepted by rclpy" + (r".*\.item\(\)" if "ones" in wrong else "")):
+        commands(make(node2(wrong)), 1)
+
+
+# Brakes
+
+
+@pytest.mark.parametrize("topic", ["/brake_bool", "/emergency_brake"])
+def test_a_switch_of_a_brake_overrides_the_drive_topic_from_true_to_false(node2, topic):
+    source = node2(
+        "self.drive(2.0, 0.2)\nself.brake.publish(Bool(data=3 <= self.count < 6))",
+        f"self.brake = self.create_publisher(Bool, '{topic}', 1)",
+    )
+    found = commands(make(source), 7)
+    assert [speed for speed, _ in found] == [2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0]
+    assert {round(angle, 6) for _, angle in found} == {0.2}
+
+
+def test_a_command_on_brake_overrides_the_drive_topic_for_a_fifth_of_a_second(node2):
+    source = node2(
+        "self.drive(2.0)\nif self.count == 3: self.brake.publish(AckermannDriveStamped())",
+        "self.brake = self.create_publisher(AckermannDriveStamped, '/brake', 1)",
+    )
+    assert speeds(make(source), 12) == [2.0] * 2 + [0.0] * 8 + [2.0] * 2
+
+
+def test_a_switch_that_a_node_listens_to_is_that_nodes_business(node2):
+    init = "self.brake = self.create_publisher(Bool, '/brake_bool', 1)\n"
+    init += "self.create_subscription(Bool, '/brake_bool', lambda m: None, 1)"
+    assert speeds(make(node2("self.drive(2.0)\nself.brake.publish(Bool(data=True))", init)), 2) == [2.0, 2.0]
+
+
+# The order of a tick, poses of any name, names that rclpy keeps for itself
+
+
+def test_scans_are_delivered_before_odometry_and_poses(node2):
+    init = "kinds = {'/odom': Odometry, '/gt_pose': PoseStamped, '/amcl_pose': PoseWithCovarianceStamped}\n"
+    init += "for topic, kind in kinds.items():\n"
+    init += "    self.create_subscription(kind, topic, lambda m: self.order.append(type(m).__name__), 1)"
+    body = "told = ['Odometry', 'PoseStamped', 'PoseWithCovarianceStamped'] if self.count > 1 else []\n"
+    body += "assert self.order == told, self.order\n"
+    body += "self.order.clear()\nself.drive(1.0)"
+    assert speeds(make(node2(body, init)), 3) == [1.0] * 3
+
+
+@pytest.mark.parametrize("topic", ["/my_localization", "/pf/estimate", "/pf/viz/inferred_pose", "/odom"])
+def test_poses_with_covariance_come_on_a_topic_of_any_name(node2, topic):
+    init = f"self.create_subscription(PoseWithCovarianceStamped, '{topic}', self.pose, 1)\n"
+    init += "self.create_subscription(PoseWithCovarianceStamped, '/initialpose', lambda m: 1 / 0, 1)"
+    more = "\n    def pose(self, message):\n        self.drive(message.pose.pose.position.x)\n"
+    planner = make(node2("pass", init, more))
+    with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
+        assert commands(planner, 1, (3.0, 4.0, math.pi / 2))[0][0] == 3.0
+
+
+def test_names_that_rclpy_keeps_for_itself_are_there_and_may_be_ones_own(node2):
+    body = """
+assert self._logger is self.get_logger() and self._clock is self.get_clock()
+assert "use_sim_time" in self._parameters and self._Node__publishers == self.publishers
+assert [each.topic_name for each in self._publishers] == ["/drive"]
+assert [each.topic_name for each in self._subscriptions] == ["/scan"] and self._timers == [7]
+with self.handle as handle:
+    assert handle.get_fully_qualified_name() == "/mine"
+assert not hasattr(self, "_other")
+self.drive(1.0)
+"""
+    assert speeds(make(node2(body, "self._timers = [7]")), 1) == [1.0]
+
+
+# Names that NumPy has no longer
+
+
+def test_functions_that_numpy_has_no_longer_are_there_for_nodes(node2):
+    body = "assert np.product([2, 3]) == 6 and np.in1d([1, 9], [1]).tolist() == [True, False] and np.alltrue([1])\n"
+    assert speeds(make(node2(body + "self.drive(float(np.trapz([1.0, 1.0])))")), 1) == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ("np.product([1])", r"install an older one: pip install 'numpy<2'$"),
+        ("np.in1d([1], [1])", r"pip install 'numpy<2'$"),
+        ("np.cast", r"`np.cast` was removed in the NumPy 2.0 release.*pip install 'numpy<2'$"),
+        ("float(np.ones(1))", r"is no number from NumPy 2.4 on: write value.item\(\).*'numpy<2.4'$"),
+        ("np.zeros(2).__setitem__(0, np.ones(1))", r"pip install 'numpy<2.4'$"),
+        ("np.float(1)", r"np.float went with NumPy 1.24, .*: write float in its place"),
+        ("exec('from numpy import product')", r"cannot import name 'product'.*pip install 'numpy<2'$"),
+    ],
+)
+def test_what_dies_of_numpy_2_is_told_which_version_to_install(code, said):
+    if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
+        pytest.skip("this NumPy takes an array of one element as a number")
+    with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
+        eval(code, {"np": np})
+    assert re.search(said, one_line(raised.value)), one_line(raised.value)
+
+
+def test_other_errors_get_no_advice_of_numpy():
+    assert (
+        advice(AttributeError("module 'numpy' has no attribute 'flaot'"), "module 'numpy' has no attribute 'flaot'")
+        == ""
+    )
+    assert advice(ValueError("NumPy 2.0"), "NumPy 2.0") == ""
+
+
+# Points and images
+
+
+@pytest.mark.parametrize("flavour", [1, 2])
+def test_messages_of_sensors_are_converted_as_their_packages_do(node1, node2, flavour):
+    body = """
+import numpy as np
+from PACKAGE import point_cloud2 as pc2
+from control_msgs.msg import JointControllerState, JointTrajectoryControllerState
+from cv_bridge import CvBridge
+from geometry_msgs.msg import TransformStamped
+from laser_geometry import LaserProjection
+from std_msgs.msg import Header
+from tf2_sensor_msgs.tf2_sensor_msgs import do_transform_cloud
+ranges, middle = np.array(MESSAGE.ranges), len(MESSAGE.ranges) // 2
+cloud = LaserProjection().projectLaser(MESSAGE, range_cutoff=2.0)
+points = list(pc2.read_points(cloud, field_names=("x", "y", "index")))
+assert len(points) == np.count_nonzero(ranges < 2.0) and [each.name for each in cloud.fields][:3] == ["x", "y", "z"]
+assert all(abs(np.hypot(x, y) - ranges[i]) < 1e-5 for x, y, i in points)
+assert all(abs(np.arctan2(y, x) - MESSAGE.angle_min - MESSAGE.angle_increment * i) < 1e-5 for x, y, i in points)
+made = pc2.create_cloud_xyz32(Header(), [(1.0, 2.0, 3.0), (np.nan, 5.0, 6.0)])
+assert (made.width, made.point_step, len(list(pc2.read_points(made, skip_nans=True)))) == (2, 12, 1)
+by = TransformStamped()
+by.transform.translation.x, by.transform.rotation.z, by.transform.rotation.w = 1.0, 1.0, 0.0  # half a turn
+assert pc2.read_points_list(do_transform_cloud(made, by))[0] == (0.0, -2.0, 3.0)
+image, bridge = np.arange(24, dtype=np.uint8).reshape(2, 4, 3), CvBridge()
+sent = bridge.cv2_to_imgmsg(image, "bgr8")
+assert (sent.height, sent.width, sent.step) == (2, 4, 12) and np.array_equal(bridge.imgmsg_to_cv2(sent), image)
+assert np.array_equal(bridge.imgmsg_to_cv2(sent, "rgb8"), image[..., ::-1])
+assert bridge.cv2_to_imgmsg(np.ones((2, 2), np.float32)).encoding == "32FC1"
+assert JointControllerState().set_point == 0.0 and JointTrajectoryControllerState().desired.positions is not None
+DRIVE(1.0)
+"""
+    names = ("sensor_msgs", "scan", "drive") if flavour == 1 else ("sensor_msgs_py", "message", "self.drive")
+    for name, put in zip(("PACKAGE", "MESSAGE", "DRIVE"), names, strict=True):
+        body = body.replace(name, put)
+    assert speeds(make(node1(body) if flavour == 1 else node2(body)), 2) == [1.0, 1.0]
+
+
+# Lifecycle nodes
+
+LIFECYCLE = """
+import rclpy
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from ackermann_msgs.msg import AckermannDriveStamped
+from sensor_msgs.msg import LaserScan
+
+class Mine(LifecycleNode):
+    def __init__(self):
+        super().__init__("mine")
+        self.declare_parameter("speed", 1.5)
+
+    def on_configure(self, state: LifecycleState):
+        self.publisher = self.create_lifecycle_publisher(AckermannDriveStamped, "/drive", 1)
+        self.create_subscription(LaserScan, "/scan", self.callback, 1)
+        self.publisher.publish(AckermannDriveStamped())  # is not heard
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_activate(self, state):
+        assert state.label == "inactive" and not self.publisher.is_activated
+        return super().on_activate(state)
+
+    def callback(self, message):
+        out = AckermannDriveStamped()
+        out.drive.speed = self.get_parameter("speed").value
+        self.publisher.publish(out)
+
+def main():
+    rclpy.init()
+    rclpy.spin(Mine())
+"""
+
+
+def test_a_lifecycle_node_is_configured_and_activated_when_it_is_spun(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(LIFECYCLE)
+    assert speeds(make(f"ros:{path}", speed=2.0), 2) == [2.0, 2.0]
+    path.write_text(LIFECYCLE.replace("return super().on_activate(state)", "return TransitionCallbackReturn.FAILURE"))
+    with pytest.raises(Exception, match="lifecycle node 'mine' does not activate: on_activate has not"):
+        make(f"ros:{path}")
+
+
+# The beams of f1tenth_gym_ros
+
+
+def test_a_node_for_1080_beams_is_told_of_the_setting_and_drives_with_it(node2):
+    source = node2("assert len(message.ranges) > 1\nself.drive(float((np.array(message.ranges) + np.ones(1080))[540]))")
+    told = pytest.warns(UserWarning, match=r"written for the 1080 beams of f1tenth_gym_ros.*\[host.beams=1080\]")
+    with told, pytest.raises(ValueError, match="1081"):
+        commands(make(source), 1)
+    assert speeds(make(source, **{"host.beams": 1080}), 1)[0] > 1.0
+    body = "angles = message.angle_min + message.angle_increment * np.arange(len(message.ranges))\n"
+    wall = node2(body + "self.drive(float(np.array(message.ranges)[np.argmin(abs(angles - np.pi / 2))]))")
+    assert speeds(make(wall, **{"host.beams": 720}), 1)[0] == pytest.approx(speeds(make(wall), 1)[0], abs=1e-3)
+    with pytest.raises(Exception, match=r"host\.beams is 1; accepted: a whole number from 2"):
+        make(source, **{"host.beams": 1})

@@ -1,0 +1,334 @@
+"""The bridge to DevKits of AutoDRIVE: packets by hand, races in lockstep and in real time, and peers that misbehave."""
+
+import base64
+import contextlib
+import gzip
+import hashlib
+import itertools
+import json
+import math
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import EngineError, MessageError, SettingsError
+from fg_mujoco.messages import LaserScan, Odometry
+from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
+from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
+
+pytest.importorskip("PIL")
+from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera
+
+QUARTER = math.radians(0.25)
+_NESTED = json.loads("[" * 900 + "]" * 900)
+_LAPS = LapTimes(count=2, time=3.25, last=14.1, best=13.9)
+
+
+def a_scan(ranges=None):
+    """Return a scan of the LiDAR that the bridge has, and of one beam more; beam k reads 1 m + k mm."""
+    if ranges is None:
+        ranges = 1.0 + 0.001 * np.arange(1081)
+    return LaserScan(
+        angle_min=math.radians(-135.0), angle_max=math.radians(135.0), angle_increment=QUARTER, range_min=0.02,
+        range_max=30.0, ranges=ranges, stamp=0.0,
+    )  # fmt: skip
+
+
+def an_odometry(**changed):
+    values = {
+        "stamp": 0.0, "speed": 2.0, "steering_angle": 0.2618, "angular_velocity": np.array((0.0, 0.1, 0.5)),
+        "linear_acceleration": np.array((0.4, 0.2, 9.81)), "wheel_speeds": np.full(4, 2.0),
+        "pose": np.array((1.5, -2.0, math.pi / 2.0)),
+    }  # fmt: skip
+    return Odometry(**(values | changed))
+
+
+def told(scan=None, odometry=None, **changed):
+    values = {"throttle": 0.25, "encoders": np.array((1.0, 2.0)), "laps": _LAPS, "collisions": 3, "image": "x"}
+    return packet(scan or a_scan(), odometry or an_odometry(), **(values | changed))
+
+
+def ranges_of(text):
+    """Return the ranges as DevKits read them."""
+    return np.array(gzip.decompress(base64.b64decode(text)).decode().split("\n"), dtype=float)
+
+
+def steer_by_sides(number, packet):
+    """Drive along the middle of the course at 2.3 m/s."""
+    ranges = np.minimum(ranges_of(packet["V1 LIDAR Range Array"]), 4.0)
+    steering = min(max(0.6 * (ranges[700:860].mean() - ranges[220:380].mean()), -0.4), 0.4)
+    return commands(0.1, steering / 0.5236)
+
+
+def test_a_packet_has_what_the_simulator_tells_in_its_units():
+    values = told()
+    assert values["V1 Position"] == "1.5000 -2.0000 0.0000"
+    assert values["V1 Orientation Quaternion"] == "0.0000 0.0000 0.7071 0.7071"
+    assert values["V1 Angular Velocity"] == "0.0000 0.1000 0.5000"
+    assert values["V1 Linear Acceleration"] == "0.4000 0.2000 9.8100"
+    assert values["V1 Encoder Angles"] == "1.0000 2.0000"
+    assert (values["V1 Throttle"], values["V1 Steering"], values["V1 Speed"]) == ("0.2500", "0.5000", "2.0000")
+    assert (values["V1 Lap Count"], values["V1 Lap Time"], values["V1 Collisions"]) == ("2", "3.2500", "3")
+    assert (values["V1 Last Lap Time"], values["V1 Best Lap Time"]) == ("14.1000", "13.9000")
+    assert values["V1 LIDAR Scan Rate"] == "40.0000"
+    assert all(isinstance(value, str) for value in values.values())
+    assert set(told(vehicle=2)) == {key.replace("V1", "V2") for key in values}
+
+
+def test_the_beams_of_a_packet_are_1080_from_the_right_and_inf_where_the_simulator_sees_nothing():
+    assert ranges_of(told()["V1 LIDAR Range Array"]).tolist() == pytest.approx((1.0 + 0.001 * np.arange(1080)).tolist())
+    ranges = np.full(1081, 5.0)
+    ranges[:6] = math.nan, 0.05, 0.06, 10.0, 10.01, -math.inf
+    read = ranges_of(told(a_scan(ranges))["V1 LIDAR Range Array"])
+    assert read[:7].tolist() == [math.inf, math.inf, 0.06, 10.0, math.inf, math.inf, 5.0]
+
+
+def test_a_lidar_with_fewer_beams_is_read_at_the_nearest_and_nothing_is_seen_beside_its_field():
+    coarse = LaserScan(
+        angle_min=-1.0, angle_max=1.0, angle_increment=0.5, range_min=0.1, range_max=30.0,
+        ranges=np.array((1.0, 2.0, 3.0, 4.0, 5.0)), stamp=0.0,
+    )  # fmt: skip
+    read = ranges_of(told(coarse)["V1 LIDAR Range Array"])
+    bearings = math.radians(-135.0) + QUARTER * np.arange(1080)
+    seen = np.flatnonzero(np.isfinite(read))
+    assert len(seen) == 5
+    assert bearings[seen] == pytest.approx([-1.0, -0.5, 0.0, 0.5, 1.0], abs=0.5 * QUARTER)
+    assert read[seen].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_full_throttle_and_steering_are_the_simulators_greatest():
+    command = read_answer({"V1 Throttle": "0.5", "V1 Steering": "-1.000", "Reset": "False"}).command
+    assert (command.speed, command.steering_angle) == (11.44, -0.5236)
+    clipped = read_answer({"V1 Throttle": 7, "V1 Steering": -3.0})
+    assert (clipped.throttle, clipped.steering, clipped.reset) == (1.0, -1.0, False)
+    assert read_answer({"V1 Throttle": "0", "V1 Steering": "0", "Reset": "True"}).reset
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (None, "the DevKit has answered None; accepted: a dictionary of commands"),
+        (["V1 Throttle"], "the DevKit has answered ['V1 Throttle']; accepted: a dictionary"),
+        ({"V1 Throttle": "0.1"}, "the DevKit has answered no 'V1 Steering'; accepted: a number from -1 to 1"),
+        ({"V1 Throttle": "fast", "V1 Steering": "0"}, "'V1 Throttle' 'fast'; accepted: a number"),
+        ({"V1 Throttle": "nan", "V1 Steering": "0"}, "'V1 Throttle' 'nan'; accepted: a number"),
+        ({"V1 Throttle": "0", "V1 Steering": "1e999"}, "'V1 Steering' '1e999'; accepted: a number"),
+        ({"V1 Throttle": None, "V1 Steering": "0"}, "'V1 Throttle' None; accepted: a number"),
+        ({"V1 Throttle": 10**400, "V1 Steering": "0"}, "; accepted: a number"),
+        ({"V1 Throttle": _NESTED, "V1 Steering": "0"}, "; accepted: a number"),
+    ],
+)
+def test_an_answer_without_commands_is_refused(answer, said):
+    with pytest.raises(MessageError) as refused:
+        read_answer(answer)
+    assert said in str(refused.value)
+
+
+def test_a_lap_in_lockstep_has_the_same_bits_twice():
+    """In both revisions of the protocol, which carry the same."""
+    hashes = []
+    for revision in (3, 4):
+        with devkit_server(steer_by_sides, revision) as (address, kit), DevKit(address, BlankCamera()) as devkit:
+            result = fg.race("oval", controller=devkit, laps=1, rules="autodrive_2026")
+        assert result.car.finished and result.car.collisions_wall == 0
+        assert len(kit.packets) == len(result.ctrl) > 900
+        hashes.append(result.trajectory_sha256)
+    assert hashes[0] == hashes[1]
+    times = [float(packet["V1 Lap Time"]) for packet in kit.packets]
+    assert times == pytest.approx(result.car.column("time_s").tolist())
+    rolled = np.array([float(packet["V1 Encoder Angles"].split()[0]) for packet in kit.packets[-2:]])
+    speed = float(kit.packets[-1]["V1 Speed"])
+    assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.025 * speed, rel=0.05)
+
+
+def test_two_devkits_race_each_other_and_each_is_told_of_its_own_car():
+    with (
+        devkit_server(steer_by_sides) as (one, first), devkit_server(steer_by_sides) as (other, second),
+        DevKit(one, BlankCamera()) as a, DevKit(other, BlankCamera()) as b,
+    ):  # fmt: skip
+        entries = [fg.Entry(controller=a, name="a"), fg.Entry(controller=b, name="b")]
+        fg.race("oval", entries=entries, laps=1, time_limit=1.0)
+    assert len(first.packets) == len(second.packets) == 40
+    assert first.packets[0]["V1 Position"] != second.packets[0]["V1 Position"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda number, packet: SILENT if number == 5 else commands(), "an exception has ended its handler"),
+        (lambda number, packet: GONE if number == 5 else commands(), "the DevKit has gone"),
+        (lambda number, packet: {"V1 Throttle": "full"} if number == 5 else commands(), "has answered 'V1 Throttle'"),
+    ],
+    ids=["silent", "gone", "garbage"],
+)
+def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kept(answer, said):
+    with (
+        devkit_server(answer) as (address, _), DevKit(address, BlankCamera(), patience=0.3) as devkit,
+        pytest.warns(UserWarning, match="DevKit failed"),
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1)
+    assert result.car.end_reason == "planner_failed"
+    assert said in str(result.car.planner_failure)
+    assert len(result.ctrl) == 5
+
+
+@pytest.mark.parametrize("revision", [3, 4])
+def test_a_devkit_stays_while_the_race_pauses(revision):
+    with (
+        devkit_server(lambda number, packet: commands(), revision) as (address, kit),
+        DevKit(address, BlankCamera()) as devkit,
+    ):  # fmt: skip
+        time.sleep(2.0 * PATIENCE)  # kernels are compiled, or a run folder is written
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.2)
+    assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
+
+
+@pytest.mark.parametrize("delays", [(0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)])
+def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays):
+    with (
+        devkit_server(lambda number, packet: [(delay, commands(0.001 * number)) for delay in delays]) as (address, _),
+        DevKit(address, BlankCamera()) as devkit,
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
+    commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
+    assert commanded.tolist() == list(range(20))
+
+
+def test_answers_that_come_at_any_time_are_refused_in_lockstep():
+    with (
+        devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
+        DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed"),
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
+    assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
+
+
+def classic(number, packet):
+    """Drive as steer_by_sides, from a packet as AutoDRIVE's own DevKits read it."""
+    ticks, angles = ([float(each) for each in packet[f"V1 Encoder {name}"].split()] for name in ("Ticks", "Angles"))
+    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.0)
+    ranges = packet["V1 LIDAR Range Array"].split()
+    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1080
+    text = base64.b64encode(gzip.compress("\n".join(ranges).encode())).decode()
+    return steer_by_sides(number, {"V1 LIDAR Range Array": text})
+
+
+def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
+    hashes = []
+    for drive in (steer_by_sides, classic):
+        with (
+            devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
+            contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic"),
+        ):  # fmt: skip
+            result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
+        hashes.append(result.trajectory_sha256)
+    assert hashes[0] == hashes[1]
+
+
+def test_in_real_time_the_last_command_is_held_while_an_answer_is_awaited():
+    with (
+        devkit_server(lambda number, packet: commands(0.1) if number < 3 else SILENT) as (address, kit),
+        DevKit(address, BlankCamera(), real_time=True, patience=30.0) as devkit,
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.4)
+    assert len(kit.packets) == 4  # none while one is not answered
+    commanded = result.car.column("command_speed_m_s")
+    assert commanded[0] == 0.0 and commanded[-1] == pytest.approx(2.288)
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
+    resets = [5]
+
+    def answer(number, packet):
+        return commands(0.1, 0.0, Reset=str(number in resets))
+
+    with devkit_server(answer, 4) as (address, kit):
+        out = str(tmp_path / "served")
+        options = ["--devkit", address, "--laps", "1", "--time-limit", "0.5", "--out", out]
+        assert main(["serve", "autodrive", *options]) == 1
+    printed = capsys.readouterr().out
+    assert f"written to        {out}/1" in printed and f"written to        {out}/2" in printed
+    assert [packet["V1 Lap Time"] for packet in kit.packets[4:8]] == ["0.1000", "0.1250", "0.0000", "0.0250"]
+    assert fg.read_run(f"{out}/1").summary["end_reason"] == "interrupted"
+    assert fg.read_run(f"{out}/2").summary["rules"] == "autodrive_2026"
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize(("resets", "races"), [(lambda number: True, 2), (lambda number: number % 2 == 0, 3)])
+def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(resets, races, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("fg_mujoco.addons.servers.commands_serve._MOST_RACES", 3)
+    out = tmp_path / "served"
+    with devkit_server(lambda number, packet: commands(Reset=str(resets(number)))) as (address, _):
+        code = main(["serve", "autodrive", "--devkit", address, "--time-limit", "0.2", "--out", str(out)])
+    assert len(list(out.iterdir())) == races
+    assert (code == 2) == ("has asked for a reset 3 times" in capsys.readouterr().err) == (races == 3)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe",
+        b"", b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44",
+    ],
+)  # fmt: skip
+def test_a_handshake_that_is_none_is_refused_in_one_line(said, capsys):
+    """The bytes come as a text of WebSocket, and as they are."""
+    frame = (b"\x81" + (bytes([len(said)]) if len(said) < 126 else b"\x7e" + len(said).to_bytes(2, "big"))) + said
+    for told in (frame, said):
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            threading.Thread(target=_talk_nonsense, args=(listening, told), daemon=True).start()
+            address = f"127.0.0.1:{listening.getsockname()[1]}"
+            assert main(["serve", "autodrive", "--devkit", address]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and "Traceback" not in error
+
+
+def _talk_nonsense(listening, told):
+    with contextlib.suppress(OSError):
+        while True:
+            with listening.accept()[0] as peer:
+                request = peer.recv(65536)
+                key = request.partition(b"Sec-WebSocket-Key: ")[2].partition(b"\r\n")[0]
+                accept = base64.b64encode(hashlib.sha1(key + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest())
+                head = b"HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+                peer.sendall((head + b"Sec-WebSocket-Accept: " + accept + b"\r\n\r\n") * (told[:1] == b"\x81") + told)
+
+
+def test_collisions_are_told_and_the_car_goes_on_from_a_checkpoint():
+    with devkit_server(lambda number, packet: commands(0.15)) as (address, kit):
+        assert main(["serve", "autodrive", "--devkit", address, "--laps", "1", "--time-limit", "8"]) == 1
+    told_collisions = [int(packet["V1 Collisions"]) for packet in kit.packets]
+    assert told_collisions[0] == 0 and told_collisions[-1] >= 1
+    assert all(b - a in (0, 1) for a, b in itertools.pairwise(told_collisions))
+
+
+@pytest.mark.parametrize("address", ["", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:x", "127.0.0.1:70000", ":4567"])
+def test_an_address_that_is_none_is_refused_in_one_line(address, capsys):
+    with pytest.raises(SettingsError, match=r"accepted: HOST or HOST:PORT, such as 127\.0\.0\.1:4567"):
+        split_address(address)
+    assert main(["serve", "autodrive", "--devkit", address]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_nobody_at_an_address_and_somebody_who_speaks_something_else_are_told():
+    with (
+        devkit_server(lambda number, packet: commands(), revision=9) as (address, _),
+        pytest.raises(EngineError, match=r"does not speak Socket\.IO"),
+    ):
+        DevKit(address, BlankCamera())
+    with pytest.raises(EngineError, match=r"nobody answers at .*start the DevKit first"):
+        DevKit(address, BlankCamera())
+    with pytest.raises(SettingsError, match="patience is -1; accepted: a positive number of seconds"):
+        DevKit(address, BlankCamera(), patience=-1)
+
+
+def test_the_last_address_part_is_the_port_and_without_one_it_is_the_leagues():
+    assert split_address("localhost") == ("localhost", 4567)
+    assert split_address("10.0.0.7:81") == ("10.0.0.7", 81)

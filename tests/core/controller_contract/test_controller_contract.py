@@ -1,0 +1,465 @@
+"""What every bundled planner keeps, whatever it is shown. A new one is covered by its entry in CONTROLLERS.
+
+The contract: for any scan and any odometry a finite DriveCommand, without an exception;
+- its steering angle within the car's limit, or no further than the wheels are turned already;
+- its speed such that the car, whose speed servo approaches the command over `speed_time_constant`, has after one
+  period a speed from 0 to the top speed. The command itself may lead by what an acceleration takes;
+- back only over ground that it came by, or that guidance has seen, when it has stood there without a way, slowly and
+  not for ever;
+- STOP where there is nothing to plan with. Same inputs since `reset()`: same outputs. No planner changes a scan;
+- all that for scans drawn at random, 2,000 of them and 40,000 in `make fuzz`, with a pose on a map and without;
+- where its class offers `batch`, the planners of a batch decide as each does alone, to the last bit.
+"""
+
+import ast
+import dataclasses
+import math
+import sys
+import time
+import warnings
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+from small_policies import FLAT, network_for
+
+from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.addons.learn.policy_files import save_policy
+from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
+from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planner_sources import controller_names
+
+TOP_SPEED = 6.0
+TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
+OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS))), closed=True)
+GENTLE = np.random.default_rng(5).uniform(0.5, 9.0, 1081)
+EMPTY_SECTOR = corridor(1.0, 1.0, 5.0).ranges.copy()
+EMPTY_SECTOR[300:700] = math.inf
+
+BLIND = {
+    "no beam": scan_of([]),
+    "one beam": scan_of([5.0]),
+    "one beam without return": scan_of([math.inf]),
+    "all NaN": scan_of(np.full(1081, math.nan)),
+    "all -inf": scan_of(np.full(1081, -math.inf)),
+    "all zeros": scan_of(np.zeros(1081)),
+    "all negative": scan_of(np.full(1081, -3.0)),
+    "nothing in front": scan_of(GENTLE[:100], angle_min=2.5),
+    "no angle between beams": scan_of(GENTLE, increment=0.0),
+    "range_max of 0": scan_of(GENTLE, range_max=0.0),
+}
+ODD = {
+    **BLIND,
+    "two beams": scan_of([5.0, 6.0]),
+    "two beams far apart": scan_of([5.0, 6.0], increment=1.5),
+    "three beams": scan_of([5.0, 6.0, 5.0], increment=0.7),
+    "all inf": scan_of(np.full(1081, math.inf)),
+    "all equal": scan_of(np.full(1081, 4.0)),
+    "all at range_max": scan_of(np.full(1081, 30.0)),
+    "a ramp": scan_of(np.linspace(0.1, 20.0, 1081)),
+    "noise": scan_of(GENTLE),
+    "an empty sector": scan_of(EMPTY_SECTOR),
+    "NaN in every other beam": scan_of(np.where(np.arange(1081) % 2, math.nan, GENTLE)),
+    "NaN on one side": scan_of(np.where(np.arange(1081) < 540, math.nan, GENTLE)),
+    "huge": scan_of(GENTLE * 1e300),
+    "huge, and as huge a range_max": scan_of(GENTLE * 1e300, range_max=1e308),
+    "tiny": scan_of(GENTLE * 1e-300),
+    "negative on one side": scan_of(np.where(np.arange(1081) < 540, -GENTLE, GENTLE)),
+    "increment of 1e-6": scan_of(GENTLE, increment=1e-6),
+    "increment of 1e-19": scan_of(GENTLE, increment=1e-19),
+    "least increment there is": scan_of(GENTLE, increment=5e-324),
+    "increment of more than a turn": scan_of(GENTLE, increment=10.0),
+    "negative increment": scan_of(GENTLE, increment=-INCREMENT),
+    "negative range_max": scan_of(GENTLE, range_max=-1.0),
+    "no scan time": scan_of(GENTLE, scan_time=0.0),
+    "many beams": scan_of(np.tile(GENTLE, 4), increment=INCREMENT / 4),
+}
+MOTIONS = [(0.0, 0.0), (3.0, 0.1), (6.0, -0.4189), (2.0, 0.43), (9.0, 0.0), (-1.0, 0.0), (1e9, 0.1)]
+
+
+POCKET = scan_of(np.full(1081, 0.25))  # no way on
+
+
+def made(name, mu=MU, max_speed=TOP_SPEED):
+    return make_controller(name, car=CAR, mu=mu, max_speed=max_speed, map_line=OVAL)
+
+
+@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+def planner(request):
+    return made(request.param)
+
+
+def assert_keeps_contract(command, odometry, scan):
+    assert type(command) is DriveCommand
+    steering_angle, speed = command.steering_angle, command.speed
+    assert math.isfinite(steering_angle) and math.isfinite(speed)
+    assert abs(steering_angle) <= max(CAR.max_steering_angle, abs(odometry.steering_angle)) + 1e-12
+    if 0.0 <= odometry.speed <= TOP_SPEED:
+        approach = 1.0 - math.exp(-scan.scan_time / CAR.speed_time_constant)
+        reached = odometry.speed + approach * (speed - odometry.speed)
+        assert -1e-9 <= reached <= TOP_SPEED + 1e-9
+    lead = CAR.max_acceleration * CAR.speed_time_constant
+    lowest, highest = min(0.0, odometry.speed) - lead, max(TOP_SPEED, odometry.speed) + lead
+    assert lowest <= speed <= highest
+
+
+def test_the_catalogue_is_what_the_loader_knows():
+    assert controller_names() == tuple(sorted(CONTROLLERS))
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_it_answers_a_command_that_the_car_can_follow(planner, name):
+    scan = ODD[name]
+    before = scan.ranges.copy()
+    for motion in MOTIONS:
+        odometry = odometry_of(*motion)
+        planner.reset()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for _ in range(3):
+                assert_keeps_contract(planner(scan, odometry), odometry, scan)
+    np.testing.assert_array_equal(scan.ranges, before)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("came", [0.0, 6.0])
+def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
+    """Of 2 m/s to a pocket, or put there; the wheels follow the commands.
+
+    Guidance is off: it turns on ground that it has seen, and the pocket here does not move with the car.
+    """
+    if planner.settings.guidance:
+        planner = type(planner)(CAR, MU, TOP_SPEED, dataclasses.replace(planner.settings, guidance=False))
+    planner.reset()
+    for _ in range(round(came / (2.0 * 0.025))):
+        planner(corridor(1.0, 1.0, 20.0), odometry_of(2.0, 0.0))
+    speed, way = 0.0, [0.0]
+    for _ in range(1000):
+        command = planner(POCKET, odometry_of(speed, 0.0))
+        speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
+        way.append(way[-1] + 0.025 * speed)
+        assert -1.51 < speed < 0.01
+    assert -came - 1e-9 <= way[-1] and way[-1] == pytest.approx(way[-200], abs=1e-3)
+    planner.reset()
+
+
+@pytest.mark.parametrize("name", BLIND)
+def test_it_stops_where_it_cannot_plan(planner, name):
+    """At rest that is STOP; a moving car is brought to rest, as fast as the planner thinks the tires hold."""
+    for speed, steering_angle in MOTIONS:
+        planner.reset()
+        brakes = abs(speed) < 20.0  # a car of 1e9 m/s does not come to rest
+        for _ in range(200 if brakes else 1):
+            command = planner(BLIND[name], odometry_of(speed, steering_angle))
+            assert abs(command.steering_angle) <= abs(steering_angle)
+            before, steering_angle = abs(speed), command.steering_angle
+            speed += (command.speed - speed) * (1.0 - math.exp(-0.025 / CAR.speed_time_constant))
+            assert abs(speed) <= before
+            if abs(speed) < 1e-6:
+                break
+        assert abs(speed) < 1e-2 or not brakes
+    planner.reset()
+    assert planner(BLIND[name], odometry_of(0.0, 0.0)) == STOP
+
+
+@pytest.mark.slow
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    ranges=arrays(np.float64, st.integers(0, 50), elements=st.floats(allow_nan=True, allow_infinity=True)),
+    increment=st.floats(1e-4, 1.0),
+    angle_min=st.floats(-4.0, 1.0),
+    speed=st.floats(0.0, TOP_SPEED),
+    steering_angle=st.floats(-0.4189, 0.4189),
+)
+def test_it_answers_any_scan(planner, ranges, increment, angle_min, speed, steering_angle):
+    scan, odometry = scan_of(ranges, increment, angle_min), odometry_of(speed, steering_angle)
+    planner.reset()
+    assert_keeps_contract(planner(scan, odometry), odometry, scan)
+
+
+# -- scans drawn at random, a family at a time: hypothesis draws what a family is like, and shrinks that
+
+SCANS_IN_A_FAMILY = 40
+REPEATED = 5  # of them after a reset: what a planner keeps over it shows in the first ones
+SHARE = st.just(0.0) | st.floats(0.0, 1.0)
+FAMILY = {
+    "seed": st.integers(0, 2**32 - 1),
+    "count": st.integers(0, 60) | st.integers(0, 4000) | st.sampled_from([720, 1080, 1081]),
+    "shape": st.sampled_from(["room", "noise", "steps", "wall"]),
+    "size": st.floats(0.05, 60.0) | st.sampled_from([1e-300, 1e300]),  # [m]
+    "spikes": SHARE,
+    "odd": st.dictionaries(st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0]), SHARE),
+    "increment": st.floats(1e-3, 0.02) | st.floats(1e-4, 1.0),
+    "angle_min": st.none() | st.floats(-4.0, 1.0),
+    "range_max": st.sampled_from([30.0, 10.0, 3.0]),
+    "has_pose": st.booleans(),
+}
+
+
+def family_of(*, seed, count, shape, size, spikes, odd, increment, angle_min, range_max, has_pose):
+    """Pairs of a scan and an odometry; of the readings, up to `size`, some spike and some are odd values."""
+    rng = np.random.default_rng(seed)
+    for _ in range(SCANS_IN_A_FAMILY):
+        ranges = size * shape_of(shape, count, rng)
+        ranges[rng.random(count) < 0.1 * spikes] *= 20.0
+        for value, share in odd.items():
+            ranges[rng.random(count) < 0.3 * share * rng.random()] = value
+        pose = rng.uniform((-12.0, -6.0, -7.0), (12.0, 6.0, 7.0)) if has_pose else np.full(3, math.nan)
+        odometry = odometry_of(rng.uniform(0.0, TOP_SPEED), rng.uniform(-0.4189, 0.4189))
+        yield scan_of(ranges, increment, angle_min, range_max), dataclasses.replace(odometry, pose=pose)
+
+
+def shape_of(shape, count, rng):
+    """Ranges of about 1 that are like a room, like nothing, like boxes, or like a wall. Shape (count,)."""
+    if shape == "noise":
+        return rng.random(count)
+    places = np.arange(count) / max(count, 1)
+    if shape == "room":
+        return np.interp(places, np.linspace(0.0, 1.0, 24), rng.random(24))
+    if shape == "steps":
+        return rng.random(12)[(12.0 * places).astype(int)]
+    return 0.1 / np.maximum(np.abs(np.sin(4.7 * places - rng.uniform(1.4, 3.4))), 0.01)
+
+
+@pytest.mark.slow
+def test_each_keeps_its_contract_on_thousands_of_scans():
+    """Drawing the scans takes longer than deciding on them, so that they are drawn once for all planners."""
+    planners = [made(name) for name in sorted(CONTROLLERS)]
+    judged = dict.fromkeys(planners, 0)
+
+    @settings(suppress_health_check=list(HealthCheck))
+    @given(**FAMILY)
+    def keep_their_contract(**parameters):
+        family = list(family_of(**parameters))
+        before = [scan.ranges.tobytes() for scan, _ in family]
+        for planner in planners:
+            keeps_its_contract(planner, family)
+            assert [scan.ranges.tobytes() for scan, _ in family] == before, planner
+            judged[planner] += len(family)
+
+    keep_their_contract()
+    assert min(judged.values()) >= 2_000
+
+
+def keeps_its_contract(planner, family):
+    """Fail if a planner does not keep its contract on a family of scans, or decides otherwise after a reset."""
+    planner.reset()
+    commands = [planner(scan, odometry) for scan, odometry in family]
+    for command, (scan, odometry) in zip(commands, family, strict=True):
+        assert_keeps_contract(command, odometry, scan)
+    planner.reset()
+    begin = family[:REPEATED]
+    assert [planner(scan, odometry) for scan, odometry in begin] == commands[:REPEATED]
+
+
+def test_a_trained_policy_answers_any_scan(tmp_path):
+    """It may drive on where it sees nothing: what it learned there is its own."""
+    settings = EnvironmentSettings.of(FLAT)
+    interface = PolicyInterface.of(settings, CAR, settings.car.lidar.beams, 0.025)
+    path = save_policy(network_for(interface), tmp_path / "policy", interface)
+    policy = made(str(path.parent))
+    for scan in ODD.values():
+        for motion in (*MOTIONS, (math.nan, math.inf)):
+            odometry = odometry_of(*motion)
+            keeps_its_contract(policy, [(scan, odometry)] * 3) if math.isfinite(motion[0]) else policy(scan, odometry)
+    for seed, shape in enumerate(("room", "noise", "steps", "wall")):
+        odd = {math.nan: 0.5, -math.inf: 0.5}
+        keeps_its_contract(policy, list(family_of(
+            seed=seed, count=1081, shape=shape, size=10.0, spikes=0.5, odd=odd, increment=INCREMENT, angle_min=None,
+            range_max=30.0, has_pose=True,
+        )))  # fmt: skip
+
+
+def test_the_same_inputs_since_reset_give_the_same_outputs(planner):
+    seen = [(scan, odometry_of(speed, 0.05)) for scan in ODD.values() for speed in (0.5, 2.0, 5.0)]
+    planner.reset()
+    first = [planner(*one) for one in seen]
+    planner.reset()
+    assert [planner(*one) for one in seen] == first
+
+
+def test_two_of_them_share_nothing():
+    scans = [corridor(1.0, 1.0, ahead) for ahead in (3.0, 2.0, 6.0, 1.0)]
+    for name in CONTROLLERS:
+        alone, one, other = (made(name) for _ in range(3))
+        for scan in scans:
+            other(corridor(0.5, 3.0, 1.0), odometry_of(5.0, 0.2))
+            assert one(scan, odometry_of(2.0)) == alone(scan, odometry_of(2.0))
+
+
+def test_without_a_friction_limit_it_answers_too():
+    for name in CONTROLLERS:
+        unlimited = made(name, mu=math.inf)
+        for scan in ODD.values():
+            command = unlimited(scan, odometry_of(2.0))
+            assert abs(command.steering_angle) <= CAR.max_steering_angle
+            assert 0.0 <= command.speed <= TOP_SPEED
+
+
+@pytest.mark.parametrize("size", [0.5, 1.2, 2.0])
+def test_for_a_car_of_another_size_it_answers_too(size):
+    lengths = ("wheelbase", "track_width", "length", "width", "rear_overhang", "lidar_offset", "front_axle_distance",
+               "rear_axle_distance", "center_of_gravity_height")  # fmt: skip
+    car = dataclasses.replace(CAR, **{name: size * getattr(CAR, name) for name in lengths})
+    for name in CONTROLLERS:
+        other = make_controller(name, car=car, mu=0.8, max_speed=TOP_SPEED, map_line=OVAL)
+        for scan in ODD.values():
+            for motion in ((0.0, 0.0), (3.0, 0.1)):
+                assert_keeps_contract(other(scan, odometry_of(*motion)), odometry_of(*motion), scan)
+
+
+def test_it_is_ready_long_before_the_next_scan(planner):
+    for scan in ODD.values():
+        durations = []
+        for _ in range(5):  # the best of five, of this thread alone: the machine has other things to do
+            started = time.thread_time()
+            planner(scan, odometry_of(3.0, 0.1))
+            durations.append(time.thread_time() - started)
+        assert min(durations) < 0.05
+
+
+# -- many worlds
+
+BELIEFS = [(MU, TOP_SPEED), (0.5, TOP_SPEED), (math.inf, TOP_SPEED), (MU, 2.0), (MU, TOP_SPEED)]
+
+
+def rows_of(odometries):
+    rows = np.zeros(len(odometries), ODOMETRY)
+    for row, odometry in zip(rows, odometries, strict=True):
+        for name in ODOMETRY.names:
+            row[name] = getattr(odometry, name)
+    return rows
+
+
+def geometry_of(scan):
+    names = [field.name for field in dataclasses.fields(ScanGeometry)]
+    return ScanGeometry(**{name: getattr(scan, name) for name in names})
+
+
+@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+def fleet(request):
+    """Planners of one class, of different beliefs, and what makes a batch of them."""
+    planners = [made(request.param, mu, most) for mu, most in BELIEFS]
+    batch = getattr(type(planners[0]), "batch", None)
+    if batch is None:
+        pytest.skip(f"{request.param} offers no batch")
+    return planners, batch
+
+
+def assert_decides_as_its_planners_do(fleet, ticks):
+    """Drive a batch through ticks of (scans of one geometry, odometries, who runs), each planner beside it."""
+    planners, batch = fleet
+    decide = batch(planners)
+    for planner in planners:
+        planner.reset()
+    for scans, odometries, running in ticks:
+        commands = np.full((len(planners), 2), math.nan)
+        ranges, rows = np.array([scan.ranges for scan in scans]), rows_of(odometries)
+        before = ranges.copy(), rows.copy()
+        decide(geometry_of(scans[0]), ranges, rows, np.array(running), commands)
+        np.testing.assert_array_equal(ranges, before[0])
+        assert rows.tobytes() == before[1].tobytes()
+        for planner, scan, odometry, runs, command in zip(planners, scans, odometries, running, commands, strict=True):
+            if runs:
+                alone = planner(scan, odometry)
+                assert command.tolist() == [alone.steering_angle, alone.speed]
+            else:
+                assert np.isnan(command).all()
+
+
+def rearranged(scan, world):
+    return dataclasses.replace(scan, ranges=np.roll(scan.ranges, 37 * world))
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_a_batch_decides_as_its_planners_do(fleet, name):
+    worlds = range(len(BELIEFS))
+    ticks = [
+        (
+            [rearranged(ODD[name], tick + world) for world in worlds],
+            [odometry_of(*MOTIONS[(tick + 2 * world) % len(MOTIONS)]) for world in worlds],
+            [(tick + world) % 4 != 0 for world in worlds],
+        )
+        for tick in range(8)
+    ]
+    assert_decides_as_its_planners_do(fleet, ticks)
+
+
+@pytest.mark.slow
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    ranges=st.integers(0, 40).flatmap(
+        lambda count: arrays(
+            np.float64,
+            (3, len(BELIEFS), count),
+            elements=st.floats(0.0, 30.0) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0]),
+        )
+    ),
+    increment=st.floats(1e-3, 0.5),
+    motions=arrays(np.float64, (3, len(BELIEFS), 2), elements=st.floats(-0.4, 8.0) | st.just(math.nan)),
+    running=arrays(np.bool_, (3, len(BELIEFS))),
+)
+def test_whatever_the_worlds_show_a_batch_decides_as_its_planners_do(fleet, ranges, increment, motions, running):
+    ticks = [
+        ([scan_of(row, increment) for row in scans], [odometry_of(*motion) for motion in moving], runs.tolist())
+        for scans, moving, runs in zip(ranges, motions, running, strict=True)
+    ]
+    assert_decides_as_its_planners_do(fleet, ticks)
+
+
+@pytest.mark.slow
+@given(order=st.permutations(range(len(BELIEFS))))
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_place_in_a_batch_makes_no_difference(fleet, order):
+    planners, batch = fleet
+    ranges = np.array([np.roll(EMPTY_SECTOR, 50 * world) for world in order])
+    rows = rows_of([odometry_of(1.0 + world, 0.05) for world in order])
+    everyone, commands = np.ones(len(order), bool), np.zeros((2, len(order), 2))
+    batch([planners[world] for world in order])(geometry_of(scan_of(EMPTY_SECTOR)), ranges, rows, everyone, commands[0])
+    back = np.argsort(order)
+    batch(planners)(geometry_of(scan_of(EMPTY_SECTOR)), ranges[back], rows[back], everyone, commands[1])
+    np.testing.assert_array_equal(commands[0][back], commands[1])
+
+
+def test_a_batch_begins_anew_after_reset(fleet):
+    planners, batch = fleet
+    decide, scan = batch(planners), corridor(1.0, 1.0, 5.0)
+    ranges, rows = np.tile(scan.ranges, (len(planners), 1)), rows_of([odometry_of(2.0)] * len(planners))
+    first, later, again = np.zeros((3, len(planners), 2))
+    for commands in (first, later):
+        decide(geometry_of(scan), ranges, rows, np.ones(len(planners), bool), commands)
+    decide.reset()
+    decide(geometry_of(scan), ranges, rows, np.ones(len(planners), bool), again)
+    np.testing.assert_array_equal(again, first)
+
+
+# -- what a planner may know
+
+
+FOLDER = Path(str(files("fg_mujoco.controllers")))
+
+
+@pytest.mark.parametrize("path", sorted(path.relative_to(FOLDER).as_posix() for path in FOLDER.rglob("*.py")))
+def test_a_planner_imports_numpy_messages_and_kernels_only(path):
+    # no engine, no simulation, no track: what runs here runs on the car
+    tree = ast.parse((FOLDER / path).read_text("utf-8"))
+    imported = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            imported.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            imported.add(node.module)
+        else:
+            assert not (isinstance(node, ast.ImportFrom) and node.level > 1 + path.count("/"))
+    foreign = {name for name in imported if name.split(".")[0] not in sys.stdlib_module_names}
+    names = ("arguments", "array_table", "course.line_csv", "errors", "kernels", "messages")
+    own = {f"fg_mujoco.{name}" for name in names}
+    assert foreign <= {"numpy", "numpy.typing"} | own
+    assert not imported & {"importlib", "builtins", "sys"}  # nor behind its back

@@ -1,0 +1,177 @@
+"""What every track keeps: the bundled circuits, random ones, and real ones that nobody here drew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
+
+from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
+from fg_mujoco.course.clearance import least_clearance, outline
+from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
+from fg_mujoco.course.formats import track_names
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.polyline import self_crossings
+from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
+from fg_mujoco.course.track_walls import WALL_TOLERANCE
+from fg_mujoco.simulation.course_loading import default_car, load_track
+
+DATA = Path(__file__).resolve().parent.joinpath("../../../../shared/data").resolve()
+REAL = ("maps/mco", "circuits/Monza", "circuits/Zandvoort")
+
+# The widths of real circuits jump from point to point: there the room square to the line is off by what the corner
+# between two offset segments moves.
+ROOM_TOLERANCE = 2.0 * WALL_TOLERANCE
+
+
+RANDOM = (*(f"random:{seed}" for seed in range(4)), *(f"random:{seed}:tight" for seed in range(2)))
+
+
+@pytest.fixture(scope="module", params=[*track_names(), *RANDOM, *REAL])
+def track(request):
+    name = request.param
+    if name in REAL:
+        path = DATA / f"{name}_centerline.csv"
+        if not path.exists():
+            pytest.skip(f"no {path}: the real circuits are read from the folder {DATA}")
+        name = path
+    track = load_track(name)
+    track.check_car(default_car())
+    return track
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def test_corridor_is_as_wide_as_the_widths_say(track):
+    short = room_beside(track) < -ROOM_TOLERANCE
+    left = np.column_stack((-np.sin(track.headings), np.cos(track.headings)))
+    for row, wall, width in ((0, track.left_wall, track.corridor_left), (1, track.right_wall, -track.corridor_right)):
+        # where a ray grazes the side of a box, what counts is how far its end is from the wall
+        ends = (track.centreline + width[:, None] * left)[short[row]]
+        assert len(ends) == 0 or distances_to_line(ends, wall).min(axis=1).max() <= ROOM_TOLERANCE
+
+
+def test_walls_do_not_cross_themselves(track):
+    for wall in (track.left_wall, track.right_wall):
+        assert len(self_crossings(wall)[0]) == 0
+
+
+def test_centreline_runs_between_the_walls(track):
+    about_left, about_right = (winding(track.centreline, wall) for wall in (track.left_wall, track.right_wall))
+    counterclockwise = np.all(about_right == 1) and np.all(about_left == 0)
+    clockwise = np.all(about_left == -1) and np.all(about_right == 0)
+    assert counterclockwise or clockwise
+
+
+def test_points_of_the_line_project_onto_themselves(track, rng):
+    s = rng.uniform(0.0, track.length, 200)
+    found, offset = track.project(track.position(s, 0.0))
+    np.testing.assert_allclose(np.mod(found - s + 1.0, track.length) - 1.0, 0.0, atol=1e-6)
+    np.testing.assert_allclose(offset, 0.0, atol=1e-9)
+
+
+def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track, rng):
+    s = rng.uniform(0.0, track.length, 200)
+    points = track.position(s, rng.uniform(-1.0, 1.0, 200))
+    found, offset = track.project(points)
+    np.testing.assert_allclose(np.linalg.norm(track.position(found, 0.0) - points, axis=1), np.abs(offset), atol=1e-9)
+    nearest = distances_to_line(points, track.centreline).min(axis=1)
+    width = np.where(
+        offset > 0.0,
+        np.interp(found, track.arc_length, track.corridor_left, period=track.length),
+        np.interp(found, track.arc_length, track.corridor_right, period=track.length),
+    )
+    farther = np.abs(offset) > nearest + 1e-9
+    assert np.all(np.abs(offset) >= nearest - 1e-9)
+    assert np.all(np.abs(offset)[farther] <= width[farther] + 1e-6)
+
+
+def test_followed_along_the_line_progress_never_jumps(track):
+    near = 0.0
+    for s in np.arange(0.0, track.length, 0.3):
+        for offset in (0.3, -0.3):
+            found, _ = track.project(track.position(s, offset), near)
+            gone = (found[0] - near + 0.5 * track.length) % track.length - 0.5 * track.length
+            assert abs(gone) < 1.2
+            near = found[0]
+    assert abs(near - track.length) < 1.2
+
+
+def test_start_pose_looks_along_the_line(track, rng):
+    for s in rng.uniform(0.0, track.length, 50):
+        x, y, heading = track.start_pose(s)
+        ahead = track.position(s + 0.05, 0.0) - track.position(s - 0.05, 0.0)
+        assert (x, y) == pytest.approx(tuple(track.position(s, 0.0)))
+        turn = np.arctan2(ahead[1], ahead[0]) - heading
+        assert np.cos(turn) > np.cos(np.deg2rad(50.0))  # at a square corner the heading is between the two sides
+
+
+def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track):
+    prisms = wall_prisms(track)
+    feet = prisms[:, :4, :2]
+    sides = np.roll(feet, -1, axis=1) - feet
+    following = np.roll(sides, -1, axis=1)
+    corner = sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]
+    assert corner.min() > 0.0  # counterclockwise at every corner: convex, with area
+    np.testing.assert_array_equal(prisms[:, :4, 2], 0.0)
+    np.testing.assert_array_equal(prisms[:, 4:, 2], 0.3)
+    np.testing.assert_array_equal(prisms[:, 4:, :2], feet)
+    left, right = np.split(feet, [len(track.left_wall)])
+    np.testing.assert_array_equal(left[:, 0], track.left_wall)
+    np.testing.assert_array_equal(left[:, 1], np.roll(track.left_wall, -1, axis=0))
+    np.testing.assert_array_equal(right[:, 1], track.right_wall)
+    np.testing.assert_array_equal(right[:, 0], np.roll(track.right_wall, -1, axis=0))
+
+
+def test_no_piece_reaches_into_the_corridor(track, rng):
+    between = track.position(rng.uniform(0.0, track.length, 400), 0.0)
+    angles = rng.uniform(0.0, 2.0 * np.pi, 400)
+    beams = np.column_stack((np.cos(angles), np.sin(angles)))
+    free = np.minimum(*(ray_distances(between, beams, wall) for wall in (track.left_wall, track.right_wall)))
+    points = between + (rng.uniform(0.0, 1.0, 400) * (free - 1e-6))[:, None] * beams
+    assert not inside_prisms(points, wall_prisms(track)).any()
+    assert inside_prisms(between + (free + 1e-6)[:, None] * beams, wall_prisms(track)).mean() > 0.99
+
+
+def test_rays_see_the_walls_that_are_hit(track, rng):
+    origins = track.position(rng.uniform(0.0, track.length, 60), rng.uniform(-0.4, 0.4, 60))
+    angles = rng.uniform(0.0, 2.0 * np.pi, 60)
+    beams = np.column_stack((np.cos(angles), np.sin(angles)))
+    expected = np.minimum(*(ray_distances(origins, beams, wall) for wall in (track.left_wall, track.right_wall)))
+    level = np.full((60, 1), 0.1)
+    hits, rays, _ = wall_mesh(track).ray.intersects_location(
+        np.hstack((origins, level)), np.hstack((beams, 0.0 * level)), multiple_hits=False
+    )
+    assert len(rays) == 60
+    measured = np.linalg.norm(hits[:, :2] - origins[rays], axis=1)
+    np.testing.assert_allclose(measured, expected[rays], atol=1e-4)
+
+
+def test_written_and_read_again_it_is_the_same(track, tmp_path):
+    write_centreline(track, tmp_path / "again.csv", ["a comment"])
+    again = read_centreline(tmp_path / "again.csv")
+    for name in ("centreline", "width_right", "width_left"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(track, name))
+
+
+def test_the_default_car_can_drive_a_lap_forward(track):
+    if track.length > 250.0:
+        pytest.skip(f"{track.length:.0f} m: the grids of the search would take a gigabyte")
+    poses = drivable_lap(track, Footprint.of(default_car()))
+    walls = np.concatenate([outline(edge) for edge in track.edges])
+    assert least_clearance(poses, walls, default_car()) >= MARGIN
+    assert 0.5 * track.length < len(poses) * STEP < 1.5 * track.length
+
+
+def test_a_lap_along_the_line_is_one_lap(track):
+    timer = LapTimer(track)
+    speed = 8.0
+    for tick in range(int(1.01 * track.length / speed / 0.025) + 2):
+        timer.update(0.025 * tick, track.position(speed * 0.025 * tick, 0.0))
+    assert timer.laps_completed == 1
+    assert timer.lap_times[0] == pytest.approx(track.length / speed, abs=1e-6)

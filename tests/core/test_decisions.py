@@ -1,0 +1,224 @@
+"""Decision times, the limit of a decision, and commands that the car clamps."""
+
+import json
+import signal
+import threading
+import time
+
+import numba
+import numpy as np
+import pytest
+from numba.core import event
+
+import fg_mujoco as fg
+from fg_mujoco.compiled import compiling
+from fg_mujoco.compiled.kernels import CompileTime, cache_folder, kernel
+from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
+from fg_mujoco.racing.result import clamped_commands
+from fg_mujoco.simulation.planner_failure import DecisionLimitReached
+
+TICK = 0.025
+
+
+class Calls:
+    """Calls a function of the time before each of its commands."""
+
+    def __init__(self, before=lambda time: None, steering_angle=0.0, speed=1.0):
+        self.before, self.command = before, fg.DriveCommand(steering_angle=steering_angle, speed=speed)
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        self.before(scan.stamp)
+        return self.command
+
+
+def race(before, **settings):
+    return fg.race("oval", Calls(before), **({"laps": 1, "time_limit": 0.5, "decision_limit": 0.2} | settings))
+
+
+def loop(now):
+    while now > 0.09:
+        pass
+
+
+def sleep(now):
+    if now > 0.09:
+        time.sleep(60.0)
+
+
+def wait_for_a_lock(now):
+    if now > 0.09:
+        lock = threading.Lock()
+        lock.acquire()
+        lock.acquire()
+
+
+def catch_errors(now):
+    while now > 0.09:
+        try:
+            time.sleep(60.0)
+        except Exception:  # as planners do
+            continue
+
+
+def catch_all_once(now):
+    if now > 0.09:
+        try:
+            time.sleep(60.0)
+        except BaseException:
+            time.sleep(60.0)
+
+
+@pytest.mark.parametrize("hang", (loop, sleep, wait_for_a_lock, catch_errors, catch_all_once))
+def test_a_planner_that_never_answers_ends_the_race(hang):
+    result = race(hang)
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("decision_limit", False, 0)
+    assert len(result.ctrl) == 4 and result.sim_time_s == pytest.approx(4 * TICK)
+    assert result.car.decision_times.decisions == 5 and result.car.decision_times.worst_s >= 0.2
+    assert result.setup.decision_limit == 0.2
+    whole = race(lambda now: None)
+    assert whole.car.end_reason == "time_limit" and np.array_equal(result.states, whole.states[:5])
+
+
+def test_a_race_that_ends_in_its_first_decision_has_no_tick():
+    result = race(lambda now: time.sleep(60.0))
+    assert result.car.end_reason == "decision_limit" and len(result.ctrl) == 0
+    json.dumps(result.summary(), allow_nan=False)
+
+
+def test_in_another_thread_the_limit_is_checked_when_the_planner_has_answered():
+    results = []
+    thread = threading.Thread(target=lambda: results.append(race(lambda now: time.sleep(0.3 * (now > 0.09)))))
+    thread.start()
+    thread.join()
+    assert results[0].car.end_reason == "decision_limit" and len(results[0].ctrl) == 4
+    assert results[0].car.decision_times.worst_s >= 0.3
+
+
+def test_without_a_limit_a_slow_planner_races_on():
+    result = race(lambda now: time.sleep(0.03), decision_limit=None, time_limit=0.1)
+    assert (result.car.end_reason, result.setup.decision_limit) == ("time_limit", None)
+    times = result.car.decision_times
+    assert (times.decisions, times.over_period, times.period_s) == (4, 4, TICK)
+    assert 0.03 <= times.median_s <= times.percentile_99_s <= times.worst_s
+
+
+def test_a_race_leaves_signals_and_timers_as_they_were():
+    heard = []
+    before = signal.signal(signal.SIGALRM, lambda *_: heard.append(1))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 300.0)
+        handler = signal.getsignal(signal.SIGALRM)
+        assert race(lambda now: None).car.end_reason == "time_limit"
+        assert signal.getsignal(signal.SIGALRM) is handler and 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 300.0
+        assert race(sleep).car.end_reason == "decision_limit" and signal.getsignal(signal.SIGALRM) is handler
+        assert not heard
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_the_limit_changes_no_bit():
+    races = [fg.race("oval", laps=1, time_limit=0.5, decision_limit=limit) for limit in (None, 30.0)]
+    assert len({each.trajectory_sha256 for each in races}) == 1
+
+
+@pytest.mark.parametrize("limit", (0.0, -1.0, float("nan"), float("inf"), "1"))
+def test_a_limit_that_is_no_positive_number_is_refused(limit):
+    with pytest.raises(fg.SettingsError, match=r"decision_limit is .*; accepted: a positive number"):
+        race(lambda now: None, decision_limit=limit)
+
+
+# What is counted
+
+
+@pytest.mark.parametrize("kind", ("numba:compile", "fg_mujoco:kernel"))
+def test_compiling_is_not_counted_and_not_interrupted(kind):
+    done = []
+
+    def compile_long():
+        with event.trigger_event(kind), event.trigger_event("numba:compile"):
+            time.sleep(0.5)
+        done.append(True)
+
+    clock = DecisionClock(0.2)
+    with clock:
+        clock.time(compile_long)
+        assert done and clock.seconds[0] < 0.2
+        with pytest.raises(DecisionLimitReached):
+            clock.time(lambda: time.sleep(60.0))
+        assert clock.seconds[1] >= 0.2
+
+
+@pytest.mark.parametrize("compiler", (kernel, numba.njit))
+def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
+    def double(x):
+        return 2.0 * x
+
+    compiled, compile_time = compiler(double), CompileTime()
+    with compile_time:
+        began = time.perf_counter()
+        assert compiled(2.0) == 4.0
+        took, first = time.perf_counter() - began, compile_time.seconds
+        assert compiled(3.0) == 6.0
+    assert 0.5 * took < first <= took
+    assert compile_time.seconds == first and not compile_time.running
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    """What an earlier run of the tests has compiled is not loaded."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    cache_folder.cache_clear()
+    yield
+    cache_folder.cache_clear()
+
+
+def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch, empty_cache):
+    compile_time, collected = CompileTime(), []
+    monkeypatch.setattr(compiling.gc, "collect", lambda *_: collected.append(compile_time.running))
+
+    @kernel
+    def triple(x):
+        return 3.0 * x
+
+    with compile_time:
+        assert triple(2.0) == 6.0
+    assert collected == [True]
+
+
+def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_them():
+    times = DecisionTimes.of([0.001 * k for k in range(100, 0, -1)], TICK)
+    assert (times.median_s, times.percentile_99_s, times.worst_s) == (0.05, 0.099, 0.1)
+    assert (times.decisions, times.over_period) == (100, 75)
+    assert str(times) == "median 50.00 ms, 99 % 99.00 ms, worst 100.00 ms; 75 of 100 over 25 ms"
+    few = DecisionTimes.of([0.001, 0.5, 0.001], TICK)
+    assert (few.median_s, few.percentile_99_s, few.worst_s, few.over_period) == (0.001, 0.5, 0.5, 1)
+
+
+def test_without_a_decision_there_are_no_times():
+    times = DecisionTimes.of([], TICK)
+    assert (times.decisions, times.median_s, times.worst_s, str(times)) == (0, None, None, "none")
+
+
+# Commands outside the car's limits
+
+
+@pytest.mark.parametrize(
+    ("steering_angle", "speed", "clamped"),
+    [
+        (0.0, 1.0, 0), (0.4189, 1.0, 0), (-0.4189, 1.0, 0), (0.42, 1.0, 4), (-0.42, 1.0, 4),
+        (0.0, 20.0, 0), (0.0, -5.0, 0), (0.0, 20.1, 4), (0.0, -5.1, 4),
+    ],
+)  # fmt: skip
+def test_commands_outside_the_limits_of_the_car_are_counted(steering_angle, speed, clamped):
+    result = fg.race("oval", Calls(steering_angle=steering_angle, speed=speed), laps=1, time_limit=0.1)
+    assert result.car.clamped_commands == clamped == result.summary()["clamped_commands"]
+
+
+def test_each_clamped_command_counts_once():
+    result = fg.race("oval", Calls(steering_angle=1.0, speed=99.0), laps=1, time_limit=0.1)
+    assert result.car.clamped_commands == len(result.car.telemetry) == 4
+    assert clamped_commands(result.car.telemetry[:0], result.world.car.parameters) == 0

@@ -1,0 +1,318 @@
+"""How objects show themselves: short reprs, tables and pictures in notebooks, pages by `show()`."""
+
+import importlib.util
+import re
+import sys
+import webbrowser
+from dataclasses import replace
+from types import ModuleType, SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from conftest import Straight
+
+import fg_mujoco as fg
+from fg_mujoco.course.generator import GeneratorSettings
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.tight import TightSettings
+from fg_mujoco.display import LONGEST, Drawing, brief, changed, quoted, table
+from fg_mujoco.addons.gym2d import F110Env
+from fg_mujoco.lidar.lidar import RangefinderLidar
+from fg_mujoco.lab.manoeuvres import find_manoeuvre
+from fg_mujoco.racing.race import RaceProgress
+from fg_mujoco.racing.randomization import Choice, Uniform
+from fg_mujoco.simulation.planner_failure import PlannerFailure
+from fg_mujoco.rollouts.grid_study import StudyProgress
+from fg_mujoco.rollouts.rollouts import RolloutProgress
+from fg_mujoco.vehicle.tire_slip import TireSlipMeter
+
+SVG = "{http://www.w3.org/2000/svg}"
+HOSTILE = "<script>alert(1)</script>&amp;\"'\n" + "long" * 200
+
+
+@pytest.fixture(scope="module")
+def crashed():
+    return fg.race("oval", Straight(4.0), laps=1)
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shown") / "comparison"
+    return fg.compare(["gap_finder"], track=["oval"], laps=1, out=folder, pictures=False, workers=1)
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    return fg.rollout("oval", n=12, laps=1, time_limit=0.5, randomize={"mu": (0.6, 1.2)}, workers=1)
+
+
+@pytest.fixture(scope="module")
+def objects(lap, crashed, comparison, worlds, tmp_path_factory):
+    """An object of each public class, by the class, and others whose repr could be long."""
+    folder = fg.write_run(lap, tmp_path_factory.mktemp("shown") / "run", picture=False)
+    debugged = fg.debug(folder)
+    simulation = fg.Simulation(lap.world)
+    scan, odometry = simulation.reset()
+    simulation.step(fg.STOP)
+    track, model = lap.world.track, lap.world.model
+    entries = [fg.Entry(name="x" * 60), fg.Entry(controller="pure_pursuit", max_speed=3.0)]
+    several = fg.race("oval", entries=entries, laps=1, time_limit=0.3)
+    contact = fg.Contact(
+        time_s=1.0, cars=("a", "b"), impulse_Ns=1 / 3, closing_speed_m_s=1 / 3, displacement_m=1 / 3, at_fault="a",
+        x_m=1.0, y_m=2.0,
+    )  # fmt: skip
+    ring = tuple((float(np.cos(angle)), float(np.sin(angle))) for angle in np.linspace(0.0, 6.2, 90))
+    renderer = fg.Renderer.__new__(fg.Renderer)  # without OpenGL
+    renderer.size, renderer.description = (640, 480), "EGL"
+    film = fg.Film.__new__(fg.Film)
+    film.renderer = renderer
+    map_track = fg.MapTrack(
+        name="map", centreline=track.centreline, width_right=track.width_right, width_left=track.width_left,
+        wall_right=track.right_wall, wall_left=track.left_wall,
+    )  # fmt: skip
+    of_dm_env = []
+    if importlib.util.find_spec("dm_control"):  # which there is not for each Python
+        from fg_mujoco.envs import dm_environment
+
+        of_dm_env = [dm_environment.load("oval"), dm_environment.load("oval").physics]
+    recorded = tmp_path_factory.mktemp("shown") / "recorded"
+    fg.rollout("oval", n=2, laps=1, time_limit=0.1, record="scans:100", out=recorded, workers=1)
+    dataset = fg.read_dataset(recorded)
+    failure = PlannerFailure(
+        error="ZeroDivisionError: " + "x" * 900, time_s=1.0, file="a.py", line=3, traceback="a\nb\n" * 99,
+        whole_traceback="c\n" * 999, scan=scan, odometry=odometry,
+    )  # fmt: skip
+    return [
+        several, *several.cars, *entries, entries[1].world_car(), contact,
+        fg.Overtake(time_s=1.0, by="a", of="b", s_m=1 / 3),
+        track, map_track, fg.load_track("scene:slow_leader:1"), lap, crashed, lap.world, lap.world.car, comparison,
+        worlds, dataset, next(iter(dataset)),
+        simulation, scan, odometry, simulation.slip, simulation.lidar, simulation.engine, renderer, film,
+        fg.read_run(folder), fg.replay(folder), debugged, debugged.chosen, fg.STOP, lap.world.vehicle,
+        lap.world.parameters, track.map_line,
+        simulation.engine.beams, simulation.engine.beams.geometry, LapTimer(track), TireSlipMeter(model, "car/"),
+        RangefinderLidar(fg.World(track, lidar="rangefinder").model, "car/lidar/"), lap.car.decision_times, failure,
+        fg.Box(x=1.0, y=2.0, length=0.3, width=0.2), fg.Cylinder(x=1.0, y=2.0, radius=0.2), fg.Prism(footprint=ring),
+        fg.MovingObstacle(length=1 / 3, width=1 / 3, start=(1 / 3, 2 / 3), end=(4 / 3, 5 / 3), speed=1 / 3),
+        fg.CarChanges(mu=1 / 3, mass=10 / 3), GeneratorSettings(), TightSettings(), fg.LidarEffects(),
+        fg.Tires.load("forzaeth_nuc2"), fg.Patch(x=1 / 3, y=0.0, length=1.0, width=1.0, mu=0.3),
+        fg.Start(s=1.0), Uniform(0.1, 0.2), Choice(tuple(range(900))), worlds.randomization, worlds.setup(3),
+        fg.Setup.of(track, obstacles=track.walls), worlds.base,
+        replace(lap, track=HOSTILE, cars=(replace(lap.car, controller=HOSTILE),)),
+        RaceProgress(time=1.0, laps_completed=1, laps_requested=2, speed=3.0, racing=1),
+        StudyProgress(runs=3, runs_found=1, runs_driven=1, wall_time_s=1.0),
+        RolloutProgress(worlds=3, worlds_found=1, worlds_driven=1, world_seconds=2.0, wall_time_s=1.0),
+        fg.World.from_xml(lap.world.xml), fg.OpenGround(seconds=1 / 3), fg.Executor(),
+        find_manoeuvre("circle").commands(lap.world.parameters, 1.0),
+        replace(track, name=HOSTILE), *of_dm_env, F110Env(),
+    ]  # fmt: skip
+
+
+@pytest.mark.slow
+def test_every_public_class_is_among_those_that_are_looked_at(objects):
+    kinds = {name: getattr(fg, name) for name in fg.__all__ if isinstance(getattr(fg, name), type)}
+    made = {
+        name: kind
+        for name, kind in kinds.items()
+        if not issubclass(kind, Exception) and not getattr(kind, "_is_protocol", False)
+    }
+    assert {name for name, kind in made.items() if not any(type(found) is kind for found in objects)} == set()
+
+
+def test_every_repr_is_one_short_line_that_says_what_it_is(objects):
+    for found in objects:
+        text, kind = repr(found), type(found)
+        assert len(text) <= LONGEST and "\n" not in text, (kind, len(text))
+        assert "array(" not in text and " ..., " not in text, text
+        if kind.__module__.startswith("fg_mujoco"):
+            assert text.startswith(f"{kind.__name__}("), text
+            assert not re.search(r"object at 0x", text), text
+
+
+def test_environments_of_gymnasium_say_what_they_are():
+    pytest.importorskip("gymnasium")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+
+    assert repr(F1TenthEnv(track="tight")).startswith("F1TenthEnv(World('tight', 'f1tenth', ")
+    assert repr(F1TenthVectorEnv(3, threads=1)).startswith("F1TenthVectorEnv(3 environments, World('oval', ")
+
+
+def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
+    track = lap.world.track
+    points = len(track.centreline)
+    assert repr(track).startswith(f"Track('oval', {track.length:.1f} m long, 2.20 m wide, ")
+    assert repr(track).endswith(f"m, {points} points)")
+    best = min(lap.car.lap_times_s)
+    assert repr(lap) == (
+        f"RaceResult('gap_finder' on 'oval': 1 of 1 laps in {lap.sim_time_s:.1f} s, best {best:.2f} s at mu 1.049, "
+        "no collision)"
+    )
+    assert str(crashed.car.crash) in repr(crashed) and crashed.car.crash is not None
+    assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)
+    assert repr(worlds).startswith("RolloutResult(12 worlds on 'oval': ends 12 time_limit; median first lap none; ")
+    assert repr(worlds.setup(0)).startswith("Setup('oval', gap_finder(changes=CarChanges(mu=")
+
+
+def test_the_repr_of_a_scan_counts_beams_without_a_return():
+    ranges = np.full(11, 2.0)
+    ranges[[1, 2, 3]] = np.inf, np.nan, -np.inf
+    scan = fg.LaserScan(
+        stamp=1.5, angle_min=-1.0, angle_max=1.0, angle_increment=0.2, range_min=0.1, range_max=10.0, ranges=ranges
+    )
+    assert repr(scan) == (
+        "LaserScan(stamp 1.500 s, 11 beams from -57.3 to 57.3 deg, ranges 2.00 to 2.00 m, 3 beams without a return)"
+    )
+    dots = parsed(scan._repr_html_()).find(f".//{SVG}path").attrib["d"]
+    assert dots.count("M") == 8
+    nothing = replace(scan, ranges=np.full(11, np.inf))
+    assert "no ranges" in repr(nothing) and "<svg" in nothing._repr_html_()
+
+
+def test_brief_is_bounded_and_quoted_keeps_both_ends():
+    assert brief(3, "a\n b", "c") == "int(a b, c)"
+    assert len(brief(3, "x" * 1000)) == LONGEST and brief(3, "x" * 1000).endswith("...)")
+    assert quoted("runs/a") == "'runs/a'"
+    assert re.fullmatch(r"'/home/x+\.\.\.x+/end'", quoted("/home/" + "x" * 100 + "/end"))
+
+
+def test_changed_names_what_differs():
+    assert changed(fg.Start(s=2.0), fg.Start()) == ["s=2.0"]
+    assert changed(fg.Start(), fg.Start()) == []
+
+
+def parsed(html):
+    """Return the HTML as a tree; what is not escaped does not parse, or has other elements."""
+    tree = ElementTree.fromstring(f"<div>{html}</div>")
+    known = {"div", "p", "table", "thead", "tbody", "tr", "th", "td"}
+    known |= {f"{SVG}{name}" for name in ("svg", "title", "path", "rect", "text")}
+    assert {element.tag for element in tree.iter()} <= known
+    return tree
+
+
+def texts(tree):
+    return "\n".join("".join(element.itertext()) for element in tree.iter() if element.tag in ("td", "th", "p"))
+
+
+def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparison, worlds):
+    hostile = "<script>alert(1)</script>&\"'"
+    track = replace(lap.world.track, name=hostile)
+    cells = tuple(replace(cell, controller=hostile) for cell in comparison.cells)
+    shown = [
+        track,
+        replace(lap, track=hostile, cars=(replace(lap.car, controller=hostile),)),
+        replace(comparison, cells=cells),
+        replace(worlds, tracks=(track,)),
+    ]
+    for found in shown:
+        assert hostile in texts(parsed(found._repr_html_())), type(found)
+    for found in (lap, crashed, fg.load_track("scene:slow_leader:1"), fg.load_track("random:3:tight")):
+        assert parsed(found._repr_html_()).find(f"{SVG}svg") is not None
+
+
+def test_the_tables_have_the_figures(lap, crashed, comparison, worlds):
+    assert f"{lap.car.lap_times_s[0]:.2f} s" in texts(parsed(lap._repr_html_()))
+    assert str(crashed.car.crash) in texts(parsed(crashed._repr_html_()))
+    assert f"{lap.car.lap_times_s[0]:.2f}" in texts(parsed(comparison._repr_html_()))  # the same race
+    rows = parsed(worlds._repr_html_()).findall("table")[1].findall("tbody/tr")
+    assert [row[0].text for row in rows] == [str(number) for number in range(10)]
+    assert [row[1].text for row in rows] == ["oval"] * 10
+    assert "The first 10 of 12 worlds:" in texts(parsed(worlds._repr_html_()))
+
+
+def numbers(text):
+    return np.array([float(number) for number in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", text)])
+
+
+def test_the_plan_is_to_scale_and_y_is_up():
+    drawing = Drawing((0.0, 0.0), (10.0, 5.0))
+    drawing.line([(0.0, 0.0), (10.0, 5.0), (np.nan, 1.0)], "red")
+    drawing.scale()
+    line, bar, words = ElementTree.fromstring(drawing.svg("a"))[1:]
+    x, y, end_x, end_y = numbers(line.attrib["d"])
+    assert (x, end_y) == (0.0, 0.0) and end_x == pytest.approx(2.0 * y)  # the first point is below, the last above
+    left, right = numbers(bar.attrib["d"])[0], numbers(bar.attrib["d"].partition("H")[2])[0]
+    assert right - left == pytest.approx(float(words.text.removesuffix(" m")) * end_x / 10.0, abs=0.1)
+
+
+def test_the_driven_line_is_where_the_car_was_in_the_colours_of_its_speed(crashed):
+    paths = parsed(crashed._repr_html_()).findall(f".//{SVG}path")
+    line = [path for path in paths if path.attrib.get("stroke-width") == "2.2"]
+    colours = [path.attrib["stroke"] for path in line]
+    assert colours[0] == "#440154" and colours[-1] == "#fde725"  # from standstill to the fastest
+    course = crashed.world.track
+    low, high = (course.right_wall.min(axis=0), course.right_wall.max(axis=0))
+    scale = 560.0 / (high[0] - low[0] + 1.0)  # [px/m] with a margin of 0.5 m on either side
+    first = numbers(line[0].attrib["d"])[:2]
+    x, y = crashed.car.column("x_m")[0], crashed.car.column("y_m")[0]
+    np.testing.assert_allclose(first, ((x - low[0] + 0.5) * scale, (high[1] + 0.5 - y) * scale), atol=0.06)
+    (cross,) = (path for path in paths if path.attrib.get("stroke") == "#d00000")
+    crash = crashed.car.crash
+    place = ((crash.x_m - low[0] + 0.5) * scale, (high[1] + 0.5 - crash.y_m) * scale)
+    np.testing.assert_allclose(numbers(cross.attrib["d"])[:2] + 5.0, place, atol=0.06)
+
+
+def test_pictures_stay_small_however_long_the_race_is(lap):
+    times = 300
+    many = replace(lap, cars=(replace(lap.car, telemetry=np.tile(lap.car.telemetry, (times, 1))),))
+    assert len(many._repr_html_()) < 1_000_000
+    few = replace(lap, cars=(replace(lap.car, telemetry=lap.car.telemetry[:0]),))
+    assert "<svg" in few._repr_html_()
+
+
+def test_show_writes_a_page_and_says_where(crashed, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(webbrowser, "get", lambda *_: pytest.fail("no terminal, no browser"))
+    monkeypatch.setenv("DISPLAY", ":0")
+    crashed.show(tmp_path / "crash.html")
+    assert capsys.readouterr().out == f"picture: {tmp_path / 'crash.html'}\n"
+    page = (tmp_path / "crash.html").read_text("utf-8")
+    assert page.startswith("<!doctype html>") and crashed._repr_html_() in page
+    assert "http" not in page.replace("http://www.w3.org/2000/svg", "")  # nothing is fetched
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    crashed.world.track.show()
+    (place,) = tmp_path.glob("fg_mujoco-*.html")
+    assert capsys.readouterr().out == f"picture: {place}\n"
+    replace(crashed.world.track, name="not UTF-8: \udcff").show(tmp_path / "name.html")
+    assert "not UTF-8: \\udcff" in (tmp_path / "name.html").read_text("utf-8")
+    with pytest.raises(fg.SettingsError, match=r"path is 'a\.png'; accepted: a file that ends in \.html"):
+        crashed.show("a.png")
+
+
+@pytest.mark.parametrize(
+    ("kind", "display", "opened"),
+    [(SimpleNamespace, ":0", 1), (webbrowser.GenericBrowser, ":0", 0), (SimpleNamespace, "", 0)],
+)
+def test_show_opens_a_browser_only_where_it_takes_nothing_over(kind, display, opened, lap, tmp_path, monkeypatch):
+    pages = []
+    browser = kind() if kind is SimpleNamespace else kind("w3m")
+    browser.open = pages.append
+    monkeypatch.setattr(webbrowser, "get", lambda *_: browser)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    lap.show()
+    (place,) = tmp_path.glob("*.html")
+    assert pages == [place.as_uri()] * opened
+
+
+def test_show_in_a_notebook_displays_and_writes_nothing(lap, tmp_path, monkeypatch, capsys):
+    shown = []
+    package, display = ModuleType("IPython"), ModuleType("IPython.display")
+    package.get_ipython = lambda: SimpleNamespace(kernel=object())
+    display.display = shown.append
+    monkeypatch.setitem(sys.modules, "IPython", package)
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    lap.show()
+    assert shown == [lap] and list(tmp_path.iterdir()) == [] and capsys.readouterr().out == ""
+    package.get_ipython = lambda: SimpleNamespace()  # IPython in a terminal
+    lap.show(tmp_path / "a.html")
+    assert shown == [lap] and (tmp_path / "a.html").exists()
+
+
+def test_a_table_without_a_header_has_none():
+    assert "<th" not in table((), [("a", 1)]) and "<th" in table(("x", "y"), [])

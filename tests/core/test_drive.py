@@ -1,0 +1,346 @@
+"""Drives without a planner: commands over time on open ground, against closed forms."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.lab.manoeuvres import MANOEUVRES, find_manoeuvre
+from fg_mujoco.lab.straight_line_limits import stopping_distance
+
+TICK = 0.025
+CAR = fg.Vehicle.load().parameters
+HEADER = "time_s,steering_angle_rad,speed_m_s\n"
+
+
+def written(folder, text, name="commands.csv"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def after(result, time, *names):
+    """Return columns from a time on."""
+    return [result.car.column(name)[result.car.column("time_s") >= time] for name in names]
+
+
+# Closed forms
+
+
+@pytest.mark.parametrize("radius", [2.0, -1.2])
+def test_a_slow_circle_is_that_of_geometry(radius):
+    result = fg.drive(f"circle[radius={radius},speed=0.5,turns=1]")
+    vx, vy, yaw_rate, lateral, ahead, sideslip, steering = after(
+        result, 4.0, "vx_m_s", "vy_m_s", "yaw_rate_rad_s", "ay_m_s2", "ax_m_s2", "sideslip_rad", "steering_angle_rad"
+    )
+    assert len(vx) > 100 and steering == pytest.approx(math.atan(CAR.wheelbase / radius), abs=1e-3)
+    curvature = yaw_rate / vx
+    assert curvature == pytest.approx(np.tan(steering) / CAR.wheelbase, rel=0.003)
+    assert yaw_rate == pytest.approx(vx / radius, rel=0.005) and np.abs(vy).max() < 0.003
+    assert lateral == pytest.approx(vx * yaw_rate, rel=0.005)
+    assert ahead == pytest.approx(-CAR.rear_axle_distance * yaw_rate**2, abs=0.003)
+    assert sideslip == pytest.approx(math.atan(CAR.rear_axle_distance / radius), abs=0.004)
+    x, y = after(result, 4.0, "x_m", "y_m")
+    middle = np.array([x.min() + x.max(), y.min() + y.max()]) / 2.0
+    assert np.hypot(x - middle[0], y - middle[1]) == pytest.approx(abs(radius), rel=0.005)
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.6])
+def test_a_full_stop_takes_the_way_of_the_drive_train(mu):
+    """Torque is the same at all wheels: the rear ones, unloaded, let go first, and hold the front ones back."""
+    figures = fg.handling(fg.drive("brake[speed=5]", mu=mu))
+    assert figures["braking_distance_m"] == pytest.approx(stopping_distance(5.0, mu, CAR, "full"), rel=0.05)
+    assert figures["braking_distance_m"] > 1.05 * stopping_distance(5.0, mu, CAR, "held")
+
+
+def test_gentle_braking_is_that_of_the_command_after_the_servo():
+    """A servo of first order follows a ramp of speed late by its time constant, and so goes further by v times that."""
+    figures = fg.handling(fg.drive("brake[speed=4,deceleration=2]"))
+    expected = 4.0**2 / (2.0 * 2.0) + 4.0 * (CAR.speed_time_constant + 0.5 * TICK)
+    assert figures["braking_distance_m"] == pytest.approx(expected, rel=0.02)
+
+
+def test_the_step_begins_at_its_time_and_no_sooner():
+    result = fg.drive("step_steer[angle=-0.08,begin=0.5,speed=2]")
+    time, command, yaw_rate = (result.car.column(name) for name in ("time_s", "command_steering_rad", "yaw_rate_rad_s"))
+    begun = int(np.flatnonzero(command)[0])
+    assert time[begun] == pytest.approx(0.5, abs=1e-9)
+    assert command[begun:] == pytest.approx(-0.08) and np.abs(yaw_rate[: begun + 1]).max() < 1e-6
+    assert yaw_rate[begun + 2] < -0.02
+    assert yaw_rate[-40:] == pytest.approx(2.0 * math.tan(-0.08) / CAR.wheelbase, rel=0.01)
+    assert 0.0 < fg.handling(result)["yaw_rate_response_time_s"] < 0.1
+
+
+def test_contact_tires_steer_neutrally_and_the_gradient_of_a_circle_says_so():
+    for name in ("circle", "circle[radius=-2]", "ramp_steer"):
+        assert abs(fg.handling(fg.drive(name))["understeer_gradient_rad_s2_m"]) < 1e-4
+    assert math.isnan(fg.handling(fg.drive("circle[speed=0.5,turns=0.2]"))["understeer_gradient_rad_s2_m"])
+
+
+def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_race):
+    """Telemetry of a car that steers by L / R + K ay, at one speed: the gradient is K."""
+    result = fg.drive("ramp_steer[begin=0.5,rate=0.1,angle=0.2]")
+    columns = {name: fg.TELEMETRY.index(name) for name in fg.TELEMETRY}
+    telemetry = result.car.telemetry.copy()
+    lateral = telemetry[:, columns["vx_m_s"]] * telemetry[:, columns["yaw_rate_rad_s"]]
+    curvature = telemetry[:, columns["yaw_rate_rad_s"]] / telemetry[:, columns["vx_m_s"]]
+    telemetry[:, columns["vy_m_s"]] = 0.0
+    telemetry[:, columns["ay_m_s2"]] = lateral
+    telemetry[:, columns["steering_angle_rad"]] = np.arctan(CAR.wheelbase * curvature) + 0.004 * lateral
+    told = replace(result, cars=(replace(result.car, telemetry=telemetry),))
+    assert fg.handling(told)["understeer_gradient_rad_s2_m"] == pytest.approx(0.004, rel=1e-6)
+
+
+def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
+    for name in (
+        "slalom[speed=2]",
+        "slalom[gates=7,speed=2]",
+        "lane_change[speed=2]",
+        "lane_change[offset=-0.3,speed=2]",
+    ):
+        result = fg.drive(name)
+        assert abs(result.car.column("heading_rad")[-1]) < 0.02
+    y = fg.drive("lane_change[speed=2]").car.column("y_m")
+    assert y.max() == pytest.approx(0.35, rel=0.06) and abs(y[-1]) < 0.05
+
+
+def test_a_growing_slalom_grows_from_zero_to_its_angle():
+    commands = find_manoeuvre("growing_slalom[angle=0.2,frequency=2,seconds=4,begin=1]").commands(CAR, 1.0)
+    angles, time = commands.steering_angle, commands.time - 1.0
+    tops = (angles[1:-1] > angles[:-2]) & (angles[1:-1] > angles[2:])
+    assert tops.sum() == 8  # periods
+    assert angles[1:-1][tops] == pytest.approx(0.05 * time[1:-1][tops], abs=0.001)
+    assert np.abs(angles).max() == pytest.approx(0.2, rel=0.05)
+    assert angles[-1] == 0.0
+
+
+def test_a_sine_sweep_has_its_frequencies():
+    commands = find_manoeuvre("sine_sweep[low=0.5,high=2,seconds=10,begin=1]").commands(CAR, 1.0)
+    crossings = commands.time[1:][np.diff(np.signbit(commands.steering_angle)) != 0] - 1.0
+    half_periods = np.diff(crossings)
+    growth = math.log(4.0) / 10.0
+    middles = 0.5 * (crossings[1:] + crossings[:-1])
+    inside = middles < 9.5
+    assert inside.sum() > 15
+    assert 0.5 / half_periods[inside] == pytest.approx(0.5 * np.exp(growth * middles[inside]), rel=0.1)
+    assert np.abs(commands.steering_angle).max() == pytest.approx(0.05, rel=0.01)
+
+
+# Commands
+
+
+def test_commands_are_linear_between_their_rows_and_counted_from_the_first(tmp_path):
+    text = "# of a log\nspeed_m_s, time_s, steering_angle_rad\n1.0, 5.0, 0.0\n\n3.0, 7.0, -0.4\n2.0, 7.5, 0.1\n"
+    commands = fg.Commands.read(written(tmp_path, text))
+    assert commands.seconds == 2.5
+    assert commands.at(0.0) == (0.0, 1.0) and commands.at(2.0) == (-0.4, 3.0)
+    assert commands.at(0.5) == pytest.approx((-0.1, 1.5)) and commands.at(2.25) == pytest.approx((-0.15, 2.5))
+    assert commands.at(9.0) == (0.1, 2.0)
+
+
+def test_a_drive_is_commanded_what_the_file_says_at_each_tick(tmp_path):
+    path = written(tmp_path, HEADER + "0,0,1\n0.33,0.2,1.5\n1,-0.1,2\n")
+    result = fg.drive(path)
+    time = result.car.column("time_s")
+    assert len(time) == 40 and result.car.end_reason == "finished" and result.car.finished
+    expected = np.interp(time, [0.0, 0.33, 1.0], [0.0, 0.2, -0.1])
+    np.testing.assert_array_equal(result.car.column("command_steering_rad"), expected)
+    np.testing.assert_array_equal(
+        result.car.column("command_speed_m_s"), np.interp(time, [0.0, 0.33, 1.0], [1.0, 1.5, 2.0])
+    )
+    assert result.car.column("vx_m_s")[0] == 1.0  # it rolls at the first speed
+    assert fg.drive(str(path), start=fg.Start()).car.column("vx_m_s")[0] == 0.0
+    assert result.car.controller == str(path)
+
+
+def test_the_commands_of_a_race_drive_the_same_trajectory_bit_for_bit(lap):
+    """On open ground, from the start of the race: what no wall has touched."""
+    x, y, heading = lap.world.track.start_pose()
+    columns = [lap.car.column(name) for name in ("time_s", "command_steering_rad", "command_speed_m_s")]
+    commands = fg.Commands(time=columns[0], steering_angle=columns[1], speed=columns[2])
+    driven = fg.drive(commands, start=fg.Start(s=x, offset=y, heading=heading))
+    ticks = len(driven.ctrl)
+    assert ticks == len(lap.ctrl) - 1 > 300
+    assert driven.ctrl.tobytes() == lap.ctrl[:ticks].tobytes()
+    assert driven.states.tobytes() == lap.states[: ticks + 1].tobytes()
+
+
+def test_commands_beyond_the_limits_are_clamped_and_counted(tmp_path):
+    result = fg.drive(written(tmp_path, HEADER + "0,0.1,1\n0.5,0.1,1\n0.501,0.9,1\n1,0.9,1\n"))
+    assert result.car.clamped_commands == 19
+    assert result.ctrl[:, 0].max() == pytest.approx(CAR.max_steering_angle)
+
+
+def test_a_standing_car_may_stand_for_longer_than_a_race_would_let_it(tmp_path):
+    result = fg.drive(written(tmp_path, HEADER + "0,0,0\n12,0,0\n"))
+    assert result.car.end_reason == "finished" and result.sim_time_s == pytest.approx(12.0)
+    assert np.isnan(result.car.column("sideslip_rad")).all()
+
+
+def test_reversing_is_no_wrong_way():
+    time = np.array([0.0, 6.0])
+    result = fg.drive(fg.Commands(time=time, steering_angle=np.zeros(2), speed=np.full(2, -1.5)))
+    assert result.car.end_reason == "finished" and result.car.column("x_m")[-1] < -8.0
+    assert np.abs(result.car.column("sideslip_rad")[1:]) == pytest.approx(math.pi, abs=1e-3)
+
+
+# Settings
+
+
+def test_every_manoeuvre_is_driven_and_says_what_it_measured():
+    for name, kind in MANOEUVRES.items():
+        assert str(find_manoeuvre(name)) == name == kind.name
+        commands = find_manoeuvre(name).commands(CAR, 1.0)
+        assert commands.time[0] == 0.0 and commands.steering_angle[0] == 0.0
+        assert np.abs(commands.steering_angle).max() <= CAR.max_steering_angle
+    told = str(find_manoeuvre("circle[radius=3]", speed=2.5))
+    assert find_manoeuvre(told) == find_manoeuvre("circle[radius=3,speed=2.5]")
+
+
+def test_the_settings_of_the_car_are_those_of_a_race():
+    plain = fg.drive("step_steer[seconds=1]")
+    for settings in ({"mu": 0.5}, {"vehicle": "nuc2"}, {"changes": fg.CarChanges(mass=5.0)}):
+        assert fg.drive("step_steer[seconds=1]", **settings).trajectory_sha256 != plain.trajectory_sha256
+    assert fg.drive("step_steer[seconds=1]").trajectory_sha256 == plain.trajectory_sha256
+    assert fg.drive("step_steer[seconds=1]", vehicle="nuc2").car.vehicle == "nuc2"
+
+
+def test_a_planner_of_ones_own_may_drive_on_open_ground():
+    result = fg.race(fg.OpenGround(seconds=1.0), "gap_finder")
+    assert result.car.finished and result.sim_time_s == pytest.approx(1.0) and result.laps_requested == 0
+    assert "laps" not in repr(result) and "laps" not in result._repr_html_()
+    with pytest.raises(fg.SettingsError, match="has no laps"):
+        fg.race(fg.OpenGround(seconds=1.0), "gap_finder", laps=2)
+    with pytest.raises(fg.SettingsError, match=r"OpenGround.seconds is -1; accepted: a positive number"):
+        fg.OpenGround(seconds=-1)
+
+
+# Folders
+
+
+def test_a_run_folder_is_replayed_bit_for_bit_and_gives_the_same_figures(tmp_path, capsys):
+    folder = tmp_path / "run"
+    assert main(["drive", "ramp_steer[rate=0.2]", "--out", str(folder), "--mu", "0.8"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("ramp_steer[rate=0.2], f1tenth, mu 0.8\n")
+    for row in ("duration", "lateral acceleration", "sideslip", "yaw rate", "understeer gradient", "clamped commands"):
+        assert f"\n  {row}" in said
+    assert main(["replay", str(folder)]) == 0 and "bit-identical" in capsys.readouterr().out
+    run = fg.read_run(folder)
+    assert run.summary["controller"] == "ramp_steer[rate=0.2]" and not (folder / "controller.py").exists()
+    assert fg.handling(run) == fg.handling(fg.drive("ramp_steer[rate=0.2]", mu=0.8))
+    with (folder / "telemetry.csv").open() as file:
+        assert {"vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2"} <= set(next(csv.reader(file)))
+    if (folder / "report.html").exists():
+        page = (folder / "report.html").read_text()
+        assert "Open ground has no laps" in page and "decisions over" not in page
+        assert "<span>greatest lateral acceleration</span>" in page and "<span>best lap</span>" not in page
+
+
+def test_json_has_the_figures(capsys):
+    assert main(["drive", "brake", "--json", "--speed", "2", "--start-speed", "1"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["controller"] == "brake[speed=2.0]" and told["handling"]["braking_distance_m"] > 0.1
+
+
+def test_the_list_has_every_manoeuvre_with_what_can_be_given(capsys):
+    assert main(["drive", "--list"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for line in lines[1::2]:
+        assert str(find_manoeuvre(line.strip())) in MANOEUVRES
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "time_s,speed_m_s\n0,1\n1,1\n",
+            "has no column steering_angle_rad; accepted: time_s, steering_angle_rad, speed_m_s",
+        ),
+        (
+            HEADER.replace("speed_m_s", "speed_mps") + "0,0,1\n",
+            "column 'speed_mps', which is unknown; .* mean 'speed_m_s'",
+        ),
+        ("time_s," + HEADER + "0,0,0,1\n", "has column 'time_s', twice"),
+        (HEADER + "0,0,1\n1,nan,1\n", "line 3 is '1,nan,1'; accepted: 3 finite numbers"),
+        (HEADER + "0,0,1\n\n1,0\n", "line 4 is '1,0'; accepted: 3 finite numbers"),
+        (HEADER + "0,0,1\n1,left,1\n", "line 3 is '1,left,1'"),
+        (
+            HEADER + "0,0,1\n1,0,1\n1,0,1\n",
+            "time_s in row 3 is 1, after 1 in the row before; accepted: times that rise",
+        ),
+        (HEADER + "0,0,1\n", "1 row; accepted: two rows or more"),
+        (HEADER, "accepted: two rows or more"),
+        ("", "has no column time_s, steering_angle_rad, speed_m_s"),
+        (HEADER + "0,0,1\n1e9,0,1\n", "lasts 1e\\+09 s; accepted: up to 86400 s"),
+    ],
+)
+def test_a_file_that_is_none_of_commands_is_refused_in_one_line(tmp_path, capsys, text, said):
+    path = written(tmp_path, text)
+    line = refused(tmp_path, capsys, "drive", str(path))
+    assert str(path) in line
+    with pytest.raises(fg.SettingsError, match=said):
+        fg.Commands.read(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["circl"], "unknown manoeuvre 'circl'; accepted: step_steer, slalom, .*, circle, .*; did you mean 'circle'?"),
+        (
+            ["circle[radios=2]"],
+            "manoeuvre 'circle' has no setting 'radios'; accepted: speed, .*; did you mean 'radius'?",
+        ),
+        (["circle[radius=2"], "manoeuvre 'circle[radius=2'; accepted: NAME, or NAME[SETTING=VALUE"),
+        (["circle[radius=0.5]"], "circle[radius=0.5] steers up to 0.5837 rad; accepted: up to the car's 0.4189 rad"),
+        (["circle[radius=0]"], "Circle.radius is 0; accepted: a radius in metres other than 0"),
+        (["circle[radius=wide]"], "Circle.radius is 'wide'"),
+        (["circle[turns=1e9]"], "lasts 4.189e+09 s; accepted: up to 600 s"),
+        (["slalom[gates=1000,spacing=50]"], "s; accepted: up to 600 s"),
+        (["slalom[gates=2.5]"], "Slalom.gates is 2.5; accepted: a whole number from 3 to 1000"),
+        (["growing_slalom[frequency=30]"], "GrowingSlalom.frequency is 30; accepted: up to 10 Hz"),
+        (["sine_sweep[high=30]"], "SineSweep.high is 30; accepted: a frequency above low, 0.2 Hz, up to 10 Hz"),
+        (["brake", "--speed", "-2"], "--speed is -2.0; accepted: a positive number"),
+        (["brake", "--speed", "30"], "--speed is 30.0; accepted: up to the car's 20 m/s"),
+        (["brake[speed=2]", "--speed", "3"], "--speed is 3.0, and in the brackets of 'brake[speed=2]' there is one"),
+        (["nowhere.csv"], "nowhere.csv: No such file"),
+        (["."], "unknown manoeuvre '.'"),
+        ([], "drive has no commands; accepted: step_steer"),
+        (["brake", "--mu", "9"], "--mu is 9.0"),
+        (["brake", "--start-speed", "inf"], "speed is inf; accepted: a finite number"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path, capsys, arguments, said):
+    line = refused(tmp_path, capsys, "drive", *arguments)
+    for part in said.split(".*"):
+        assert part.removesuffix("?") in line
+
+
+def test_commands_that_are_no_table_are_refused():
+    zeros = [0.0, 0.0]
+    with pytest.raises(fg.SettingsError, match="commands: time is no row of numbers"):
+        fg.Commands(time=["a", "b"], steering_angle=zeros, speed=zeros)
+    with pytest.raises(
+        fg.SettingsError, match=r"columns of shapes \(\(2,\), \(3,\), \(2,\)\); accepted: two rows or more"
+    ):
+        fg.Commands(time=[0.0, 1.0], steering_angle=[0.0, 0.0, 1.0], speed=zeros)
+
+
+def test_a_car_that_hardly_moves_has_no_braking_distance():
+    assert math.isnan(fg.handling(fg.drive("brake[speed=0.001]"))["braking_distance_m"])
+    for name in ("brake[begin=1e-7]", "step_steer[begin=0.51]"):  # before the second tick, and between two
+        assert all(map(math.isfinite, fg.handling(fg.drive(name)).values()))
+
+
+def test_a_file_has_its_own_speed(tmp_path, capsys):
+    path = written(tmp_path, HEADER + "0,0,1\n1,0,1\n")
+    assert "the commands have their own" in refused(tmp_path, capsys, "drive", str(path), "--speed", "2")

@@ -1,0 +1,291 @@
+"""Worlds driven together give the bits of the same worlds driven alone, and one that fails harms no other."""
+
+import threading
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+import fg_mujoco as fg
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.settings import Scenario, Start
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.vehicle.changes import CarChanges, change_worlds
+
+NOISY = LidarEffects(range_noise_std=0.01, dropout_probability=0.01, latency=0.025, no_return="range_max")
+SCENARIOS = (
+    Scenario(),
+    Scenario(changes=CarChanges(mu=0.8)),
+    Scenario(changes=CarChanges(mass=4.2, center_of_gravity_height=0.08)),
+    Scenario(changes=CarChanges(steering_gain=0.7, speed_gain=1.3)),
+    Scenario(changes=CarChanges(command_delay=0.0223), planner_mu=0.7),
+    Scenario(changes=CarChanges(command_delay=0.01, mu=0.9123456)),
+    Scenario(seed=3, effects=NOISY, max_speed=5.0),
+    Scenario(start=Start(s=7.0, offset=0.2, heading=0.1, speed=2.0), planner_mu=float("inf")),
+    Scenario(obstacles=(fg.Box(x=6.0, y=0.3, length=0.3, width=0.3),)),
+    Scenario(track="chicanes", seed=5, effects=LidarEffects(range_noise_std=0.02)),
+)
+DURATION = 2.0
+
+
+@pytest.fixture(scope="module")
+def together():
+    return drive_worlds(SCENARIOS, "gap_finder", time_limit=DURATION, record="states")
+
+
+def alone(scenario, **settings):
+    return fg.race(
+        scenario.track,
+        laps=100,
+        time_limit=DURATION,
+        planner_mu=scenario.planner_mu,
+        max_speed=scenario.max_speed,
+        seed=scenario.seed,
+        obstacles=scenario.obstacles,
+        effects=scenario.effects,
+        changes=scenario.changes,
+        start=scenario.start,
+        **settings,
+    )
+
+
+def same_bits(first, second):
+    return first.shape == second.shape and first.tobytes() == second.tobytes()
+
+
+@pytest.mark.parametrize("i", range(len(SCENARIOS)))
+def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
+    raced = alone(SCENARIOS[i])
+    assert same_bits(together.states[i], raced.states)
+    assert same_bits(together.ctrl[i], raced.ctrl)
+    assert same_bits(together.telemetry[i], raced.car.telemetry)
+    assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
+    row = together.rows[i]
+    told = raced.summary()
+    for name in ("end_reason", "sim_time_s", "collisions", "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s",
+                 "max_speed_m_s", "laps_completed", "seed"):  # fmt: skip
+        assert row[name] == told[name], name
+
+
+def test_the_scenarios_differ(together):
+    assert len({states[-1].tobytes() for states in together.states}) == len(SCENARIOS)
+
+
+@pytest.mark.parametrize("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
+def test_the_others_and_the_order_make_no_difference(together, order):
+    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
+    for place, i in enumerate(order):
+        assert same_bits(again.states[place], together.states[i])
+        assert again.rows[place].tobytes() == together.rows[i].tobytes()
+
+
+def test_threads_make_no_difference(together):
+    found = {}
+
+    def work(place):
+        found[place] = drive_worlds(SCENARIOS[place::2], "gap_finder", time_limit=DURATION)
+
+    threads = [threading.Thread(target=work, args=(place,)) for place in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for place, results in found.items():
+        assert results.rows.tobytes() == together.rows[place::2].tobytes()
+
+
+def test_laps_are_timed_as_in_a_race():
+    results = drive_worlds([Scenario(), Scenario(changes=CarChanges(mass=3.5))], "gap_finder", laps=2)
+    raced = fg.race("oval", laps=2)
+    assert results.rows["end_reason"].tolist() == ["finished"] * 2
+    assert tuple(results.lap_times_s[0]) == raced.car.lap_times_s
+    assert results.rows["first_lap_s"][0] == raced.car.lap_times_s[0]
+    assert results.rows["best_lap_s"][0] == min(raced.car.lap_times_s)
+    assert results.rows["distance_m"][0] >= 2 * raced.world.track.length
+    assert results.lap_times_s[1, 0] != results.lap_times_s[0, 0]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    (
+        CarChanges(mu=0.7654321),
+        CarChanges(mass=4.5),
+        CarChanges(center_of_gravity_height=0.09),
+        CarChanges(mass=3.3, center_of_gravity_height=0.0612345),
+        CarChanges(steering_gain=1.234567, speed_gain=0.5),
+        CarChanges(command_delay=0.0333333),
+    ),
+)
+def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
+    """Oracle: the model compiled from the changed MJCF, every array of it."""
+    plain = fg.World("oval", changes=CarChanges(command_delay=0.0) if changes.command_delay is not None else None)
+    compiled = fg.World("oval", changes=changes).model
+    batch = Batch(plain.model, 2, nthread=1, persistent=True)
+    change_worlds(batch, [CarChanges(), changes], plain.vehicle.compile(), CAR_PREFIX)
+    changed = batch.get_model(1)
+    for name in dir(compiled):
+        value = getattr(compiled, name)
+        if isinstance(value, np.ndarray):
+            assert value.tobytes() == getattr(changed, name).tobytes(), name
+    assert batch.get_model(0).body_mass.tobytes() == plain.model.body_mass.tobytes()
+
+
+def test_a_changed_mass_and_height_are_those_of_the_whole_car():
+    changes = CarChanges(mass=4.4, center_of_gravity_height=0.085)
+    parameters = fg.World("oval", changes=changes).parameters
+    assert parameters.mass == pytest.approx(4.4, rel=1e-5)
+    assert parameters.center_of_gravity_height == pytest.approx(0.085, rel=1e-4)
+    assert fg.World("oval", changes=CarChanges(mu=0.5)).car.mu == 0.5
+
+
+def test_a_delay_holds_a_command_back():
+    """Oracle: the same command given so much later."""
+    command = fg.DriveCommand(steering_angle=0.2, speed=1.0)
+    delayed = fg.Simulation(fg.World("oval", changes=CarChanges(command_delay=0.05)))
+    prompt = fg.Simulation(fg.World("oval", changes=CarChanges(command_delay=0.0)))
+    for _ in range(2):
+        delayed.step(command)
+        prompt.step(fg.STOP)
+    for _ in range(5):
+        delayed.step(command)
+        prompt.step(command)
+    assert delayed.pose == pytest.approx(prompt.pose, abs=1e-4)
+    assert delayed.speed == pytest.approx(prompt.speed, abs=1e-3)
+    assert delayed.speed > 0.3
+
+
+PLANNERS = '''
+import math
+from fg_mujoco.messages import DriveCommand, STOP
+
+class Straight:
+    def __init__(self, max_speed):
+        self.speed = max_speed
+    def reset(self):
+        self.ticks = 0
+    def __call__(self, scan, odometry):
+        self.ticks += 1
+        return self.answer(scan)
+    def answer(self, scan):
+        return DriveCommand(steering_angle=0.0, speed=self.speed)
+
+class Raises(Straight):
+    def answer(self, scan):
+        if self.speed > 2.0 and self.ticks > 3:
+            raise RuntimeError("no idea")
+        return DriveCommand(steering_angle=0.0, speed=1.0)
+
+class Together(Straight):
+    """Decides for many worlds at once; one command is no number."""
+    @classmethod
+    def batch(cls, planners):
+        speeds = [planner.speed for planner in planners]
+        def decide(geometry, ranges, odometry, running, commands):
+            assert len(geometry.bearings) == ranges.shape[1] == 1081
+            for i, speed in enumerate(speeds):
+                commands[i] = 0.0, math.nan if speed == 3.0 and odometry[i]["stamp"] > 0.11 else 1.0
+        return decide
+'''
+
+
+@pytest.fixture(scope="module")
+def planners(tmp_path_factory):
+    path = tmp_path_factory.mktemp("planners") / "planners.py"
+    path.write_text(PLANNERS)
+    return path
+
+
+def test_a_planner_of_plain_python_drives_as_in_a_race(planners):
+    source = f"{planners}:Straight"
+    scenarios = [Scenario(effects=NOISY, max_speed=2.0), Scenario(max_speed=7.0, track="tight")]
+    results = drive_worlds(scenarios, source, time_limit=DURATION, record="states")
+    for i, scenario in enumerate(scenarios):
+        assert same_bits(results.states[i], alone(scenario, controller=source).states)
+    assert results.rows["end_reason"].tolist() == ["time_limit", "crash"]
+    assert results.rows["collisions"].tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(("name", "ticks"), (("Raises", 3), ("Together", 5)))
+def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks):
+    scenarios = [Scenario(max_speed=speed) for speed in (1.0, 3.0, 2.0)]
+    results = drive_worlds(scenarios, f"{planners}:{name}", time_limit=0.5, record="telemetry")
+    assert results.rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
+    assert results.rows["sim_time_s"] == pytest.approx([0.5, ticks * 0.025, 0.5])
+    assert [len(telemetry) for telemetry in results.telemetry] == [20, ticks, 20]
+    assert results.telemetry[0][:, 1:].tobytes() == results.telemetry[2][:, 1:].tobytes()
+
+
+def test_a_state_that_mujoco_warns_of_ends_its_world_and_no_other(monkeypatch):
+    place = Engine.place
+
+    def place_badly(self, *args, **kwargs):
+        place(self, *args, **kwargs)
+        self.state(1)[1:4] = 1e12  # time comes first, then positions
+
+    monkeypatch.setattr(Engine, "place", place_badly)
+    results = drive_worlds([Scenario(), Scenario()], "gap_finder", time_limit=0.5)
+    assert results.rows["end_reason"].tolist() == ["time_limit", "unstable"]
+
+
+def test_stop_ends_what_still_runs():
+    ticks = []
+    results = drive_worlds(
+        [Scenario(), Scenario(seed=1)], "gap_finder", laps=1, stop=lambda: len(ticks) >= 4,
+        watch=lambda done, running: ticks.append((done, running)),
+    )  # fmt: skip
+    assert ticks == [(1, 2), (2, 2), (3, 2), (4, 2)]
+    assert results.rows["end_reason"].tolist() == ["interrupted"] * 2
+    assert results.rows["sim_time_s"] == pytest.approx([0.1, 0.1])
+    assert np.isnan(results.rows["first_lap_s"]).all() and np.isnan(results.lap_times_s).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    (
+        ({}, "neither laps nor time_limit"),
+        ({"laps": 0}, "laps is 0"),
+        ({"time_limit": -1.0}, r"time_limit is -1\.0"),
+        ({"laps": 1, "record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
+    ),
+)
+def test_what_cannot_be_driven_is_refused(settings, message):
+    with pytest.raises(fg.SettingsError, match=message):
+        drive_worlds([Scenario()], "gap_finder", **settings)
+
+
+def test_motion_distortion_is_for_races_only():
+    with pytest.raises(fg.SettingsError, match="motion distortion"):
+        drive_worlds([Scenario(effects=LidarEffects(motion_distortion=True))], "gap_finder", laps=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    (
+        ({"mu": 0.0}, "CarChanges.mu is 0.0"),
+        ({"mass": -1.0}, "CarChanges.mass"),
+        ({"command_delay": 0.5}, "command_delay is 0.5; accepted: 0 to 0.15 s"),
+    ),
+)
+def test_changes_no_car_can_have_are_refused(changes, message):
+    with pytest.raises(fg.SettingsError, match=message):
+        CarChanges(**changes)
+
+
+def test_a_car_lighter_than_its_wheels_is_refused():
+    with pytest.raises(fg.SettingsError, match=r"CarChanges.mass is 0\.3; accepted: more than 0\.62 kg"):
+        fg.World("oval", changes=CarChanges(mass=0.3))
+
+
+def test_models_are_left_alone():
+    """The world that a batch shares is never changed."""
+    world = fg.World("oval")
+    before = [getattr(world.model, name).copy() for name in ("body_mass", "pair_friction", "actuator_gainprm")]
+    batch = Batch(world.model, 1, nthread=1, persistent=True)
+    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], world.vehicle.compile(), CAR_PREFIX)
+    after = [getattr(world.model, name) for name in ("body_mass", "pair_friction", "actuator_gainprm")]
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+    assert mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION) == batch.nstate

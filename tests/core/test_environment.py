@@ -1,0 +1,247 @@
+"""The dm_env environment keeps dm_env's contract, and its episodes are races."""
+
+import math
+import os
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.envs.rendering import ChaseView
+from fg_mujoco.errors import MessageError
+from fg_mujoco.pictures.rendering import gl
+
+pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+
+from absl.testing import absltest
+from dm_control.viewer import runtime
+from dm_env import test_utils
+
+from fg_mujoco.envs.dm_environment import TASKS, load
+
+CRASHING = np.array([0.3, 4.0], np.float32)
+
+
+class _Contract(test_utils.EnvironmentTestMixin):
+    def make_action_sequence(self):
+        for _ in range(60):  # a crash, and what comes after it
+            yield CRASHING
+
+
+class TestRace(_Contract, absltest.TestCase):
+    def make_object_under_test(self):
+        return load("oval", task="race", beam_step=60)
+
+
+class TestTimeTrial(_Contract, absltest.TestCase):
+    def make_object_under_test(self):
+        return load("hairpins", task="time_trial", beam_step=60, normalised_actions=True)
+
+    def make_action_sequence(self):
+        for _ in range(60):
+            yield np.array([0.9, 0.3], np.float32)
+
+
+class TestObstacles(_Contract, absltest.TestCase):
+    def make_object_under_test(self):
+        return load("oval", task="obstacles", seed=1, beam_step=60, flat_observation=True)
+
+
+class TestScene(_Contract, absltest.TestCase):
+    def make_object_under_test(self):
+        return load("scene:crossing_box:1", task="time_trial", beam_step=60)
+
+
+def drive(env, actions):
+    """Return the time steps of a reset and of some actions."""
+    return [env.reset(), *map(env.step, actions)]
+
+
+def test_contract_tests_see_the_end_of_an_episode():
+    for task in TASKS:
+        assert any(step.last() for step in drive(load("oval", task, seed=0, beam_step=540), [CRASHING] * 60)), task
+
+
+def test_a_lap_is_the_race_of_the_same_commands(lap):
+    commands = np.column_stack((lap.car.column("command_steering_rad"), lap.car.column("command_speed_m_s")))
+    env = load("oval", task="time_trial", beam_step=540)
+    env.reset()
+    for state, command in zip(lap.states[1:], commands, strict=True):
+        step = env.step(command)
+        assert env.physics.simulation.state.tobytes() == state.tobytes()
+    assert (step.last(), step.discount) == (True, 0.0)
+    assert env.task.episodes.ending(0)["end_reason"] == "finished"
+    assert tuple(env.task.episodes.ending(0)["lap_times_s"]) == lap.car.lap_times_s
+    assert env.physics.time() == lap.sim_time_s
+
+
+def test_tells_what_the_gymnasium_environment_tells():
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+    settings = {"track": "chicanes", "beam_step": 60, "effects": {"range_noise_std": 0.02}}
+    one = load(task="obstacles", seed=5, **settings)
+    other = gym_environment.F1TenthEnv(obstacles=4, obstacle_seed=5, **settings)
+    steps = drive(one, [CRASHING] * 20)
+    other.reset(seed=0)
+    other.np_random = np.random.default_rng(5)
+    seen, _ = other.reset()
+    for step in steps[1:]:
+        told = {name: values.tobytes() for name, values in seen.items()}
+        assert {name: values.tobytes() for name, values in steps[0].observation.items()} == told
+        seen, reward, *_ = other.step(CRASHING)
+        assert step.reward == reward
+        steps[0] = step
+
+
+def test_specs_have_names_shapes_and_bounds():
+    env = load("oval", beam_step=10)
+    action, observation = env.action_spec(), env.observation_spec()
+    car = fg.World("oval").parameters
+    assert (action.name, action.shape) == ("steering_angle,speed", (2,))
+    np.testing.assert_allclose(action.maximum, [car.max_steering_angle, car.max_speed], rtol=1e-6)
+    shapes = {"scan": (109,), "speed": (1,), "yaw_rate": (1,), "steering_angle": (1,), "acceleration": (2,)}
+    assert {name: spec.shape for name, spec in observation.items()} == shapes
+    assert all(spec.name == name for name, spec in observation.items())
+    assert all(np.isfinite([spec.minimum, spec.maximum]).all() for spec in observation.values())
+    assert env.control_timestep() == pytest.approx(0.025)
+
+
+def test_crash_ends_with_discount_0_and_the_time_limit_with_1():
+    crash = next(step for step in drive(load("oval", beam_step=540), [CRASHING] * 60) if step.last())
+    *_, late = drive(load("oval", beam_step=540, time_limit=0.5), [np.zeros(2)] * 20)
+    assert crash.discount == 0.0
+    assert crash.reward < -5.0
+    assert (late.last(), late.discount) == (True, 1.0)
+
+
+def test_nan_is_refused_and_what_is_out_of_bounds_is_counted():
+    env = load("oval", beam_step=540)
+    env.reset()
+    with pytest.raises(MessageError, match="speed is nan"):
+        env.step([0.0, math.nan])
+    env.step([9.0, 1.0])
+    assert env.task.episodes.facts()["clipped_actions"] == 1
+
+
+@pytest.mark.slow
+def test_seed_makes_starts_and_boxes():
+    def places(seed):
+        env = load("oval", task="obstacles", seed=seed, beam_step=540)
+        env.reset()
+        return env.physics.simulation.pose, env.physics.simulation.world.obstacles
+
+    assert places(3) == places(3)
+    assert places(3)[0] != places(4)[0]
+    assert places(3)[1] != places(4)[1]
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        ({"task": "drift"}, "race, time_trial, obstacles"), ({"task": "time_trail"}, "did you mean 'time_trial'"),
+        ({"seed": -1}, "seed"), ({"lapz": 2}, "did you mean 'laps'"),
+    ],
+)
+def test_bad_settings_are_refused(settings, match):
+    with pytest.raises(fg.SettingsError, match=match):
+        load("oval", **settings)
+
+
+def test_physics_holds_a_command_for_whole_ticks():
+    physics = load("oval", beam_step=540).physics
+    physics.set_control([0.1, 2.0])
+    physics.step()
+    physics.step(10)
+    simulation = fg.Simulation(fg.World("oval"))
+    for _ in range(3):
+        simulation.step(fg.DriveCommand(steering_angle=0.1, speed=2.0))
+    assert physics.simulation.state.tobytes() == simulation.state.tobytes()
+    assert physics.named.data.qpos["car/base_link"][:2].tolist() == list(simulation.pose[:2])
+    with pytest.raises(fg.SettingsError, match="multiple of 5"):
+        physics.step(3)
+
+
+def test_viewer_drives_it_and_restarts_what_is_over():
+    env = load("oval", beam_step=540)
+    viewer, errors = runtime.Runtime(env, policy=lambda time_step: CRASHING), []
+    viewer.on_error += errors.append
+    for _ in range(40):
+        viewer.tick(0.05, paused=False)
+    assert (viewer.state, env.task.episodes.terminated[0]) == (runtime.State.STOPPED, True)
+    viewer.restart()
+    viewer.tick(0.05, paused=False)
+    viewer.tick(0.05, paused=True)
+    assert viewer.state is runtime.State.RUNNING
+    assert 0.0 < viewer.get_time() < 0.2
+    assert errors == []
+
+
+RENDER = """
+import numpy as np, sys
+try:
+    import mujoco
+    mujoco.GLContext(64, 64).free()
+except Exception as error:
+    print("no OpenGL:", error)
+    sys.exit()
+from gymnasium.utils.env_checker import check_env
+import gymnasium, mujoco.viewer
+from fg_mujoco.envs import rendering
+from fg_mujoco.envs.dm_environment import load
+from fg_mujoco.envs.gym_environment import ID, RENDER_MODES
+
+class StandIn:  # for a window
+    shown, cam = 0, mujoco.MjvCamera()
+    def is_running(self): return True
+    def sync(self): StandIn.shown += 1
+    def close(self): pass
+
+mujoco.viewer.launch_passive = lambda *args, **settings: StandIn()
+rendering.can_open_window = lambda: True  # on a machine without a display, too
+env = load("oval", beam_step=540)
+env.reset()
+top = env.physics.render(120, 160)
+before = env.physics.render(120, 160, depth=True)
+check_env(gymnasium.make(ID, render_mode=RENDER_MODES[0], beam_step=540).unwrapped)  # it tries the other modes, too
+env = gymnasium.make(ID, render_mode="rgb_array", start="line")
+env.reset()
+frame = env.render()
+for _ in range(20):
+    env.step(np.array([0.0, 4.0]))
+envs = gymnasium.make_vec(ID, num_envs=2, render_mode="rgb_array", start="line", beam_step=540)
+envs.reset()
+frames = envs.render()
+drawn = gymnasium.make(ID, track=["oval", "random:0"], builds=2, beam_step=540, start="line", render_mode="rgb_array")
+seen = []
+for seed in range(4):
+    drawn.reset(seed=seed)
+    seen.append(drawn.render().tobytes())
+check_env(drawn.unwrapped)
+print(len(set(seen)) == 2, len(np.unique(top)) > 50, before.shape, frame.shape, frame.std() > 10,
+      (env.render() != frame).mean() > 0.05, (frames[0] == frame).all(), (frames[1] == frame).all(), StandIn.shown > 3)
+"""
+
+
+@pytest.mark.slow
+def test_rendering():
+    """In a process of its own: which OpenGL is used is decided when mujoco is imported."""
+    pytest.importorskip("gymnasium")
+    ours = {name: value for name, value in os.environ.items() if name != "PYOPENGL_PLATFORM"}  # other tests set it
+    where = ours | {"MUJOCO_GL": "egl"}
+    run = subprocess.run([sys.executable, "-W", "ignore", "-c", RENDER], capture_output=True, text=True, env=where)
+    if run.stdout.startswith("no OpenGL"):
+        pytest.skip(run.stdout.strip())
+    assert run.stdout.strip() == "True True (120, 160) (480, 640, 3) True True True True True", run.stdout + run.stderr
+
+
+def test_without_opengl_the_message_is_the_command_that_installs_it(monkeypatch):
+    def none(*size):
+        raise OSError("no EGL")
+
+    monkeypatch.setattr(gl, "new_context", none)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    world = fg.World("oval")
+    with pytest.raises(fg.MissingExtraError, match="apt-get install"):
+        ChaseView(world).frame(mujoco.MjData(world.model))

@@ -1,0 +1,562 @@
+"""Reward terms, end conditions and observations: what each is, and that all environments have them."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.envs import rewards
+from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
+from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
+from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
+from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
+from fg_mujoco.addons.arena.comparison.ground import course_ground
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+WORLD = fg.World("oval")
+CAR, PERIOD = WORLD.parameters, 0.025
+TERMS = REWARDS.names()  # the bundled ones: other tests register theirs
+PARTS = [name for name in OBSERVATIONS.names() if name != "planner_command"]  # which needs a residual
+CONDITIONS = END_CONDITIONS.names()
+OTHERS = [name for name in TERMS if name not in ("progress", "collision", "sliding", "impact")]
+ALL = {
+    "rewards": dict.fromkeys(OTHERS, 1.0) | {"bounded": False},
+    "observation": list(PARTS),
+    "end_conditions": list(CONDITIONS),
+}
+STAND = np.zeros(2)
+
+
+def state(before=None, **now):
+    """A state of three cars, made by hand; what is not given is that of a car that stands at the start."""
+
+    def arrays(given):
+        plain = {name: np.zeros(3) for name in ("time", "progress", "place", "offset", "sliding")}
+        plain |= {name: np.zeros(3, bool) for name in ("crashed", "rolled_over", "finished")}
+        plain |= {"laps": np.zeros(3, int), "touches": np.zeros(3, int), "position": np.ones(3, int)}
+        plain |= {"pose": np.zeros((3, 3)), "velocity": np.zeros((3, 3)), "command": np.zeros((3, 2))}
+        plain |= {"lead": np.full(3, math.inf), "mu": np.ones(3), "action": np.zeros((3, 2)), "slip_speed": np.zeros(3)}
+        return plain | {name: np.array(value) for name, value in given.items()}
+
+    own = {"ground": Ground(WORLD), "car": CAR}
+    return TickState(**own, **arrays(now), before=Snapshot(**own, **arrays(before or {})), period=PERIOD)
+
+
+HEADING = WORLD.track.start_pose(0.0)[2]
+BY_HAND = {
+    "progress": (state(progress=[1.0, 2.0, 3.0], before={"progress": [0.5, 2.5, 3.0]}), [0.5, -0.5, 0.0]),
+    "collision": (state(crashed=[True, False, False], rolled_over=[True, True, False]), [-1.0, -1.0, 0.0]),
+    "impact": (
+        state(crashed=[True, False, False], rolled_over=[False, True, False],
+              before={"velocity": [[3.0, 4.0, 9.0], [-2.0, 0.0, 0.0], [1.0, 1.0, 1.0]]}),
+        [-5.0, -2.0, 0.0],
+    ),
+    "sliding": (state(sliding=[0.0, 0.4, 1.0]), [0.0, -0.01, -0.025]),
+    "slip": (state(slip_speed=[0.0, 1.0, 2.0]), [0.0, -0.025, -0.05]),
+    "action_rate": (
+        state(action=[[1.0, 0.0], [0.5, 0.5], [0.1, 0.2]], before={"action": [[-1.0, 0.0], [0.0, 0.5], [0.1, 0.2]]}),
+        [-4.0, -0.25, 0.0],
+    ),
+    "survival": (state(), [0.025] * 3),
+    "time": (state(), [-0.025] * 3),
+    "lap": (state(laps=[1, 2, 0], before={"laps": [0, 2, 0]}), [1.0, 0.0, 0.0]),
+    "speed": (state(velocity=[[2.0, 9.0, 9.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), [0.05, -0.025, 0.0]),
+    "command_rate": (
+        state(
+            command=[[CAR.max_steering_angle, 0.0], [0.0, 2.5], [0.1, 1.0]],
+            before={"command": [[-CAR.max_steering_angle, 0.0], [0.0, 0.0], [0.1, 1.0]]},
+        ),
+        [-4.0, -0.04, 0.0],  # the car's speeds are from -5 to 20 m/s
+    ),
+    "heading_error": (
+        state(pose=[[0.0, 0.0, HEADING + 0.1], [0.0, 0.0, HEADING - 0.2], [0.0, 0.0, HEADING + 2.0 * math.pi]]),
+        [-0.0025, -0.005, 0.0],
+    ),
+    "cross_track_error": (state(offset=[0.2, -0.4, 0.0]), [-0.005, -0.01, 0.0]),
+    "overtaking": (state(position=[1, 3, 2], before={"position": [3, 2, 2]}), [2.0, -1.0, 0.0]),
+    "car_contact": (state(touches=[1, 3, 2], before={"touches": [0, 1, 2]}), [-1.0, -2.0, 0.0]),
+}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_a_reward_term_is_its_closed_form(name):
+    made, expected = BY_HAND[name]
+    np.testing.assert_allclose(REWARDS.find(name)(made), expected, atol=1e-12)
+
+
+def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():
+    x, y, heading = WORLD.track.start_pose(0.0)
+    middle = state(pose=[[x, y, heading]] * 3).wall_distance[0]
+    left = np.array([-math.sin(heading), math.cos(heading)])
+    places = [(*(np.array([x, y]) + (middle - gap) * left), heading) for gap in (0.15, 0.3, -0.01)]
+    near = state(pose=places)
+    np.testing.assert_allclose(near.wall_distance, [0.15, 0.3, 0.0], atol=5e-3)
+    expected = -PERIOD * np.maximum(1.0 - near.wall_distance / rewards.NEAR_WALL, 0.0)
+    assert expected[1] == 0.0 and expected[2] == -PERIOD
+    np.testing.assert_allclose(REWARDS.find("near_wall")(near), expected)
+
+
+def test_every_bundled_term_has_a_test_by_hand():
+    assert set(TERMS) == {*BY_HAND, "near_wall"}
+
+
+@pytest.mark.parametrize("name", [name for name in PARTS if name not in (*SENSED, "slip")])
+def test_a_bundled_observation_is_a_quantity_of_the_state(name):
+    made = state(
+        pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3,
+    )  # fmt: skip
+    attribute = {"cross_track_error": "offset"}.get(name, name)
+    np.testing.assert_array_equal(OBSERVATIONS.find(name).function(made), getattr(made, attribute))
+    term = OBSERVATIONS.find(name)
+    read = term.read(made, term.bounds_of(CAR))
+    assert read.dtype == np.float32 and read.shape == (3, {"command": 2, "pose": 3, "curvature": 3}.get(name, 1))
+    if name == "cross_track_error":
+        assert read.ravel().tolist() == [np.float32(0.3), -5.0, 0.0]
+
+
+def test_slip_is_the_speed_of_each_axle_across_its_wheels():
+    """Of a car that turns about a point on the left, 2 m from the rear axle; its front wheels point 0.1 rad too far."""
+    right = math.atan(CAR.wheelbase / 2.0)
+    made = state(velocity=[[1.0, 0.0, 0.5], [1.0, 0.2, 0.5], [1.0, 0.0, 0.5]])
+    angles = np.array([right, right, right + 0.1])
+    fields = {name: getattr(made, name) for name in made.__dataclass_fields__}
+    odometry = np.zeros(3, fg.messages.ODOMETRY)
+    odometry["steering_angle"] = angles
+    found = OBSERVATIONS.find("slip").function(SensedState(**fields, ranges=np.zeros((3, 1)), odometry=odometry))
+    front = math.hypot(1.0, 0.5 * CAR.wheelbase)
+    expected = [[0.0, 0.0], [0.2 * math.cos(right), 0.2], [-front * math.sin(0.1), 0.0]]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_curvature_is_that_of_the_course_ahead():
+    """The oval's straights turn by nothing, its bends by 1 / radius; by half where 1 of 2 m ahead are in one."""
+    ahead = state(place=[0.0, 0.0, 0.0]).ground.curvatures(np.linspace(0.0, WORLD.track.length, 2001)[:-1], (1.0,))
+    assert np.mean(ahead) == pytest.approx(2.0 * math.pi / WORLD.track.length, rel=1e-3)  # a lap is one turn
+    first, second = (WORLD.track.start_pose(s)[2] for s in (3.0, 4.0))
+    found = state(place=[3.0] * 3).curvature[0, 0]
+    assert found == pytest.approx(math.remainder(second - first, 2.0 * math.pi), abs=0.05)
+
+
+def test_conditions_hold_where_they_say():
+    turned = state(pose=[[0.0, 0.0, HEADING + angle] for angle in (1.5, 1.6, -3.0)])
+    assert END_CONDITIONS.find("turned_round").holds(turned).tolist() == [False, True, True]
+    assert END_CONDITIONS.find("touched_car").holds(state(touches=[0, 1, 2])).tolist() == [False, True, True]
+
+
+def test_a_state_cannot_be_written_to_and_names_the_attribute_that_was_meant():
+    kept = []
+    env = F1TenthEnv(beam_step=540, rewards={"mine": (lambda state: kept.append(state) or state.speed, 1.0)})
+    env.reset(seed=0)
+    env.step(STAND)
+    with pytest.raises(ValueError, match="read-only"):
+        kept[0].progress[0] = 1.0
+    with pytest.raises(AttributeError, match="did you mean 'progress'"):
+        _ = kept[0].progres
+    with pytest.raises(AttributeError, match="ranges"):  # which are those from before the tick, in a reward
+        _ = kept[0].ranges
+
+
+def actions(ticks, seed=0):
+    """Actions of a car that winds along, some of them out of bounds."""
+    rng = np.random.default_rng(seed)
+    return [np.array([0.25 * math.sin(0.3 * tick), 2.0 + rng.uniform(-1.0, 1.0)]) for tick in range(ticks)]
+
+
+@pytest.mark.parametrize("track", ["oval", "scene:crossing_box:1"])
+def test_a_driven_state_is_that_of_the_simulation(track):
+    """By other ways: the pose of a Simulation, projected on the course; clearances as a comparison has them."""
+    names = ["heading_error", "cross_track_error", "wall_distance", "lateral_speed", "command"]
+    env = F1TenthEnv(track=track, start="line", observation=names, rewards=ALL["rewards"])
+    env.reset(seed=0)
+    simulation = fg.Simulation(fg.World(track))
+    simulation.reset()
+    course, ground = simulation.world.track, course_ground(track.removesuffix(":1"), 1)
+    path = turned = 0.0
+    for action in actions(30):
+        before = simulation.pose
+        simulation.step(fg.DriveCommand(steering_angle=float(action[0]), speed=float(action[1])))
+        seen, _, _, _, info = env.step(action)
+        x, y, heading = simulation.pose
+        (s,), (offset,) = course.project([[x, y]])
+        error = (heading - course.start_pose(s - (course.origin or 0.0))[2] + math.pi) % (2.0 * math.pi) - math.pi
+        times, poses = np.array([info["time_s"]]), np.array([simulation.pose])
+        distance = ground.least_clearance(times, poses, simulation.world.parameters)
+        path += math.hypot(x - before[0], y - before[1])
+        turned += PERIOD * abs(error)
+        assert seen["cross_track_error"].item() == pytest.approx(offset, abs=1e-6)
+        assert seen["heading_error"].item() == pytest.approx(error, abs=0.02)  # in a corner the line is a polygon
+        assert seen["wall_distance"].item() == pytest.approx(min(distance, 5.0), abs=1e-6)
+        assert seen["command"].tolist() == action.astype(np.float32).tolist()
+        assert abs(seen["lateral_speed"].item()) < 0.3
+    late = 0.5 * info["reward_speed"]  # a sum of the speeds at the ends of the ticks, from a standing start
+    assert info["return_speed"] - late == pytest.approx(path, rel=0.01)
+    assert info["return_survival"] == -info["return_time"] == pytest.approx(info["time_s"])
+    assert info["return_heading_error"] == pytest.approx(-turned, abs=0.02)
+
+
+def test_terms_sum_up_to_the_reward_and_their_sums_to_the_return():
+    env = F1TenthEnv(start="line", beam_step=540, rewards=ALL["rewards"])
+    for _ in range(2):  # nothing is left of an episode in the next
+        _, info = env.reset(seed=0)
+        assert not any(value for name, value in info.items() if name.startswith(("reward_", "return_")))
+        sums, terminated = dict.fromkeys(TERMS, 0.0), False
+        while not terminated:
+            _, value, terminated, _, info = env.step(np.array([0.3, 3.0]))
+            assert value == pytest.approx(sum(info[f"reward_{name}"] for name in TERMS), abs=1e-12)
+            sums = {name: total + info[f"reward_{name}"] for name, total in sums.items()}
+            assert sums == {name: info[f"return_{name}"] for name in TERMS}
+        assert info["end_reason"] == "crash" and info["return_collision"] == -10.0
+        assert info["return_progress"] == pytest.approx(info["progress_m"])
+
+
+def test_the_compiled_terms_are_their_functions():
+    defaults = {"progress": 1.0, "collision": 10.0, "sliding": 1.0, "impact": 1.0}
+    weights = {f"{name}_function": (REWARDS.find(name), weight) for name, weight in defaults.items()}
+    env = F1TenthEnv(start="line", beam_step=540, rewards=weights)
+    env.reset(seed=0)
+    terminated, slid = False, 0.0
+    while not terminated:
+        _, _, terminated, _, info = env.step(np.array([0.1, 6.0]))
+        slid += info["sliding"]
+        for name in defaults:
+            assert info[f"reward_{name}_function"] == pytest.approx(info[f"reward_{name}"], abs=1e-12)
+    assert slid > 0.0
+
+
+def test_default_terms_are_not_changed_by_others():
+    """Same rewards, bit for bit, where the others weigh nothing; and the same observations, in another order."""
+    plain = F1TenthEnv(start="line", beam_step=60)
+    names = tuple(name for name in reversed(SENSED) if name in PARTS)
+    other = F1TenthEnv(start="line", beam_step=60, observation=names, rewards=dict.fromkeys(OTHERS, 0.0))
+    assert tuple(other.reset(seed=0)[0]) == names
+    plain.reset(seed=0)
+    for action in actions(20):
+        first, second = plain.step(action), other.step(action)
+        assert first[1:4] == second[1:4]
+        assert all(first[0][name].tobytes() == second[0][name].tobytes() for name in DEFAULT_OBSERVATIONS)
+        wheels = second[0]["wheel_speeds"]
+        assert wheels.mean() == pytest.approx(second[0]["speed"].item(), abs=1e-5) and wheels.shape == (4,)
+
+
+def told_by_gym(settings, commands):
+    env = gymnasium.make(ID, disable_env_checker=True, start="line", **settings)
+    rows = [env.reset(seed=0)[::-1]]
+    for command in commands:
+        seen, value, terminated, truncated, info = env.step(command)
+        rows.append((info | {"reward": value}, seen))
+        if terminated or truncated:
+            break
+    return rows
+
+
+def told_by_vector(settings, commands):
+    envs = gymnasium.make_vec(ID, num_envs=3, start="line", **settings)
+    seen, info = envs.reset(seed=0)
+    rows = [(info, seen)]
+    for command in commands:
+        seen, values, terminated, truncated, info = envs.step(np.tile(command, (3, 1)))
+        rows.append((info | {"reward": values}, seen))
+        if (terminated | truncated).any():
+            break
+
+    def first(values):
+        return {name: value[1].item() if np.ndim(value[1]) == 0 and not isinstance(value[1], str) else value[1]
+                for name, value in values.items() if not name.startswith("_")}  # fmt: skip
+
+    return [(first(info), {name: value[1] for name, value in seen.items()}) for info, seen in rows]
+
+
+def told_by_dm_env(settings, commands):
+    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
+    from fg_mujoco.envs.dm_environment import load
+
+    env = load("oval", laps=1, start="line", **settings)
+    step = env.reset()
+    episodes = env.task.episodes
+    rows = [(episodes.facts_of(0), step.observation)]
+    for command in commands:
+        step = env.step(command)
+        ending = episodes.ending(0) if step.last() else {}
+        rows.append((episodes.facts_of(0) | {"reward": step.reward} | ending, step.observation))
+        assert {name: values[0] for name, values in episodes.facts().items()} == episodes.facts_of(0)
+        if step.last():
+            break
+    return rows
+
+
+def told_by_pettingzoo(settings, commands):
+    pytest.importorskip("pettingzoo")
+    env = fg.parallel_env(agents=1, start="line", **settings)
+    seen, infos = env.reset(seed=0)
+    rows = [(infos["car_0"], seen["car_0"])]
+    for command in commands:
+        seen, values, _, _, infos = env.step({"car_0": command})
+        rows.append((infos["car_0"] | {"reward": values["car_0"]}, seen["car_0"]))
+        if not env.agents:
+            break
+    return rows
+
+
+@pytest.mark.parametrize("told", [told_by_vector, told_by_dm_env, told_by_pettingzoo])
+def test_all_doors_tell_the_same(told):
+    @reward
+    def mine_at_all_doors(state):
+        return state.yaw_rate * state.period
+
+    far = EndCondition(name="far", function=lambda state: np.abs(state.offset) > 0.3, outcome="truncated")
+    settings = {
+        "beam_step": 60,
+        "rewards": ALL["rewards"] | {"mine_at_all_doors": 0.5, "other": (lambda state: state.lateral_speed, 2.0)},
+        "observation": ALL["observation"],
+        "end_conditions": ["turned_round", far],
+    }
+    commands = [np.array([0.2, 2.0])] * 100
+    expected, found = told_by_gym(settings, commands), told(settings, commands)
+    assert len(expected) == len(found) < 100
+    for (info, seen), (other_info, other_seen) in zip(expected, found, strict=True):
+        lap_times = [values.pop("lap_times_s", None) for values in (info, other_info)]
+        assert (lap_times[0] is None) == (lap_times[1] is None)
+        assert info == other_info
+        assert {name: values.tobytes() for name, values in seen.items()} == {
+            name: np.ascontiguousarray(other_seen[name]).tobytes() for name in seen
+        }
+    assert info["end_reason"] == "far" and info["return_mine_at_all_doors"] != 0.0 != info["return_other"]
+
+
+def test_worlds_and_threads_make_no_difference():
+    def told(count, threads):
+        envs = F1TenthVectorEnv(count, threads=threads, beam_step=60, autoreset_mode="SameStep", **ALL)
+        rng = np.random.default_rng(1)
+        rows, ends = [envs.reset(seed=4)], 0
+        for _ in range(60):
+            drawn = rng.uniform((-0.4, 1.0), (0.4, 6.0), (24, 2))
+            rows.append(envs.step(drawn[:count]))
+            ends += int(rows[-1][2][:3].sum())
+        envs.close()
+        assert ends  # and some of them began anew
+        parts = [(*row[:-1], {name: row[-1][name] for name in row[-1] if "return_" in name}) for row in rows]
+        return [_bytes_of(part, 3) for part in parts]
+
+    assert told(3, 1) == told(24, 1) == told(24, 3)
+
+
+def _bytes_of(values, count):
+    """The bits of the first worlds, all the way down."""
+    if isinstance(values, dict):
+        return {name: _bytes_of(value, count) for name, value in values.items()}
+    if isinstance(values, tuple):
+        return [_bytes_of(value, count) for value in values]
+    return np.asarray(values)[:count].tobytes()
+
+
+def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_before():
+    def at(seconds, outcome):
+        return lambda name: EndCondition(name=name, function=lambda s: s.time > seconds - 0.01, outcome=outcome)
+
+    late, later = at(0.1, "truncated"), at(0.1, "terminated")
+    for listed, reason, outcome in (
+        ([late("a"), later("b")], "a", (False, True)),
+        ([later("b"), late("a")], "b", (True, False)),
+    ):
+        env = F1TenthEnv(beam_step=540, end_conditions=listed)
+        env.reset(seed=0)
+        for tick in range(1, 5):
+            _, _, *ended, info = env.step(STAND)
+            assert any(ended) == (tick == 4)
+        assert (tuple(ended), info["end_reason"]) == (outcome, reason)
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(STAND)
+        env.reset()
+        assert not any(env.step(STAND)[2:4])
+    env = F1TenthEnv(beam_step=540, time_limit=0.1, end_conditions=[late("a")])
+    env.reset(seed=0)
+    infos = [env.step(STAND)[4] for _ in range(4)]
+    assert infos[-1]["end_reason"] == "time_limit"
+
+
+def test_touching_a_parked_car_ends_costs_and_loses_nothing_else():
+    env = F1TenthEnv(
+        start={"s": 4.0}, beam_step=540, grid_order="reversed", end_conditions=["touched_car"],
+        rewards={"car_contact": 5.0, "overtaking": 1.0}, opponents=[lambda observation: STAND],
+    )  # fmt: skip
+    env.reset(seed=0)
+    terminated, total = False, 0.0
+    for tick in range(80):  # it starts behind the other car and a little aside, and drives into it
+        _, value, terminated, truncated, info = env.step(np.array([0.15 if tick < 20 else 0.0, 2.0]))
+        total += value
+        if terminated or truncated:
+            break
+    assert (terminated, truncated, info["end_reason"]) == (True, False, "touched_car")
+    assert info["touches"] == 1 and info["return_car_contact"] == -5.0 and info["return_overtaking"] == 0.0
+    assert total == pytest.approx(sum(value for name, value in info.items() if name.startswith("return_")))
+
+
+def test_passing_a_car_is_rewarded_once_and_taken_back_when_it_passes_again():
+    env = F1TenthEnv(
+        start="line", beam_step=540, grid_order="reversed", rewards={"overtaking": 2.0},
+        opponents=[lambda observation: STAND],
+    )  # fmt: skip
+    _, info = env.reset(seed=0)
+    assert info["position"] == 2
+    while info["position"] == 2 and info["time_s"] < 4.0:
+        *_, info = env.step(np.array([0.0, 1.5]))
+    assert info["position"] == 1 and info["reward_overtaking"] == info["return_overtaking"] == 2.0
+    for _ in range(120):
+        *_, info = env.step(np.array([0.0, -1.5]))
+    assert info["position"] == 2 and info["return_overtaking"] == 0.0
+
+
+def test_policies_of_opponents_see_the_chosen_observations():
+    """Those that an agent in the same place sees."""
+    pytest.importorskip("pettingzoo")
+    names = ["scan", "cross_track_error", "command", "lead", "wall_distance"]
+    rng = np.random.default_rng(0)
+    drawn = rng.uniform((-0.1, 0.5), (0.1, 3.0), (20, 2, 2))
+    clock, seen_by_policy = iter(range(21)), []
+
+    def policy(seen):
+        seen_by_policy.append(seen)
+        return drawn[next(clock), 1]
+
+    env = F1TenthEnv(beam_step=60, opponents=[policy], observation=names)
+    parallel = fg.parallel_env(beam_step=60, observation=names)
+    env.reset(seed=3)
+    both, _ = parallel.reset(seed=3)
+    for tick, (own, other) in enumerate(drawn):
+        before = both["car_1"]
+        env.step(own)
+        both, *_ = parallel.step({"car_0": own, "car_1": other})
+        assert {name: seen_by_policy[tick][name].tobytes() for name in names} == {
+            name: before[name].tobytes() for name in names
+        }
+    assert both["car_0"]["lead"].item() == -both["car_1"]["lead"].item() != 0.0
+
+
+def test_an_agent_that_a_condition_ends_stays_as_an_obstacle_and_one_that_finishes_was_on_the_course():
+    pytest.importorskip("pettingzoo")
+    fast = EndCondition(name="fast", function=lambda state: state.speed > 0.5, outcome="terminated")
+    env = fg.parallel_env(beam_step=540, start="line", end_conditions=[fast], observation=["cross_track_error"])
+    env.reset(seed=0)
+    while "car_1" in env.agents:
+        _, _, terminations, _, infos = env.step({"car_0": STAND, "car_1": np.array([0.0, 1.0])})
+    assert terminations == {"car_0": False, "car_1": True} and infos["car_1"]["end_reason"] == "fast"
+    assert env.agents == ["car_0"]
+    env = fg.parallel_env(beam_step=540, start="line", observation=["cross_track_error", "wall_distance"])
+    env.reset(seed=0)
+    timers, length = env._worlds.engine.monitor.timers, env._worlds.world.track.length
+    timers["progress"][0] = timers["furthest"][0] = length - 0.1
+    while "car_0" in env.agents:
+        seen, *_ = env.step({"car_0": np.array([0.0, 2.0]), "car_1": STAND})
+    assert abs(seen["car_0"]["cross_track_error"].item()) < 0.5 and 0.0 < seen["car_0"]["wall_distance"].item() < 1.5
+
+
+def test_own_terms_are_registered_by_their_functions_names():
+    @reward
+    def mine_rewarded(state):
+        return state.speed
+
+    @end_condition("truncated")
+    def mine_ends(state):
+        return state.time > 0.03
+
+    @observation((0.0, 1.0))
+    def mine_seen(state):
+        return state.ranges[:, 540] / 30.0
+
+    assert REWARDS.find("mine_rewarded") is mine_rewarded
+    assert (END_CONDITIONS.find("mine_ends"), OBSERVATIONS.find("mine_seen")) == (mine_ends, mine_seen)
+    env = F1TenthEnv(rewards={"mine_rewarded": 1.0}, end_conditions=["mine_ends"], observation=["mine_seen", "scan"])
+    seen, _ = env.reset(seed=0)
+    assert seen["mine_seen"].item() == pytest.approx(seen["scan"][540] / 30.0)
+    env.step(STAND)
+    *_, truncated, info = env.step(STAND)
+    assert truncated and info["end_reason"] == "mine_ends"
+    seen, _ = env.reset()
+    assert seen["mine_seen"].item() == pytest.approx(seen["scan"][540] / 30.0)  # what is sensed now
+    for decorate, name in ((reward, "progress"), (end_condition("truncated"), "turned_round")):
+        taken = type(mine_ends.function)(mine_rewarded.__code__, {}, name)
+        with pytest.raises(fg.SettingsError, match="bundled one; accepted: another name"):
+            decorate(taken)
+
+
+def test_rewards_are_values():
+    weights = Rewards(sliding=2.0, command_rate=0.5)
+    assert weights == Rewards.of({"command_rate": 0.5, "sliding": 2}) != Rewards()
+    assert pickle.loads(pickle.dumps(weights)) == weights and hash(weights) == hash(Rewards.of(weights))
+    assert repr(weights) == "Rewards(progress=1.0, collision=10.0, sliding=2.0, impact=1.0, command_rate=0.5)"
+    assert (weights.sliding, weights.command_rate) == (2.0, 0.5)
+
+
+BAD_SETTINGS = [
+    ({"rewards": 3}, "mapping of weights"),
+    ({"rewards": {"command_rat": 1.0}}, "did you mean 'command_rate'"),
+    ({"rewards": {"command_rate": -1.0}}, "from 0 on"),
+    ({"rewards": {"command_rate": math.nan}}, "from 0 on"),
+    ({"rewards": {"command_rate": True}}, "from 0 on"),
+    ({"rewards": {"mine": (3.0, 1.0)}}, r"\(function, weight\)"),
+    ({"rewards": {"mine": (len, "1")}}, "from 0 on"),
+    ({"rewards": {"progress": (len, 1.0)}}, "another name"),
+    ({"end_conditions": "turned_round"}, "a list"),
+    ({"end_conditions": ["turned"]}, "did you mean 'turned_round'"),
+    ({"end_conditions": [len]}, "@end_condition"),
+    ({"end_conditions": ["turned_round"] * 2}, "twice"),
+    ({"observation": 3}, "history:K, normalised"),
+    ({"observation": []}, "no part"),
+    ({"observations": ["scan"]}, "did you mean 'observation'"),
+    ({"observation": ["scam"]}, "did you mean 'scan'"),
+    ({"observation": ["scan", "scan"]}, "twice"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(0.0, math.inf))]}, "finite"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=((0.0, 0.0), (1.0,)))]}, "two arrays"),
+    ({"observation": [ObservationTerm(name="mine", function=len, bounds=3.0)]}, "least and greatest"),
+]
+
+
+@pytest.mark.parametrize(("settings", "match"), BAD_SETTINGS)
+def test_bad_settings_are_refused_in_one_line(settings, match):
+    with pytest.raises(fg.SettingsError, match=match) as found:
+        F1TenthEnv(**settings)
+    assert "accepted: " in str(found.value) and "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: EndCondition(name="crash", function=len, outcome="terminated"), "besides"),
+        (lambda: EndCondition(name="a b", function=len, outcome="terminated"), "one word"),
+        (lambda: EndCondition(name="mine", function=3, outcome="terminated"), "a function"),
+        (lambda: end_condition("truncate")(len), "did you mean 'truncated'"),
+        (lambda: ObservationTerm(name="scan", function=len, bounds=(0.0, 1.0)), "besides"),
+        (lambda: ObservationTerm(name="mine", function=None, bounds=(0.0, 1.0)), "a function"),
+    ],
+)
+def test_bad_terms_are_refused(make, match):
+    with pytest.raises(fg.SettingsError, match=match):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("settings", "match"),
+    [
+        ({"rewards": {"mine": (lambda state: state.pose, 1.0)}}, r"'mine' returned .*shape \(1,\)"),
+        ({"rewards": {"mine": (lambda state: 1.0, 1.0)}}, "one number for each car"),
+        ({"rewards": {"mine": (lambda state: ["a"], 1.0)}}, "one number for each car"),
+        ({"rewards": {"mine": (lambda state: state.lead, 1.0)}}, "'mine' is inf for car 0 of 1"),
+        ({"end_conditions": [EndCondition(name="mine", function=lambda s: s.speed, outcome="truncated")]}, "one bool"),
+        ({"end_conditions": [EndCondition(name="mine", function=lambda s: True, outcome="truncated")]}, "one bool"),
+        (
+            {"observation": [ObservationTerm(name="mine", function=lambda s: s.pose, bounds=(0.0, 1.0))]},
+            r"'mine' returned .*shape \(1, 1\)",
+        ),
+    ],
+)
+def test_what_a_function_must_not_return_is_refused(settings, match):
+    env = F1TenthEnv(beam_step=540, **settings)
+    with pytest.raises(fg.SettingsError, match=match):
+        env.reset(seed=0), env.step(STAND)

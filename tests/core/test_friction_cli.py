@@ -1,0 +1,170 @@
+"""The command `friction`: what it prints, writes, refuses and answers."""
+
+import importlib.util
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from lab_experiments import COUNT, DIES, FAILS, SLOW
+from refusals import refused
+from terminals import read_to_the_end
+
+from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.errors import install_command
+from fg_mujoco.lab import lab
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.lab import run_lab
+
+SAID = """\
+Squares of <numbers>
+6 squares, the greatest of 25 m².
+2 < 3 & so on.
+
+| what          | expected | measured | section |
+| ------------- | -------- | -------- | ------- |
+| greatest area | 25 m²    | 25 m²    | squares |
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(lab.EXPERIMENTS, "squares", "lab_experiments")  # measures nothing
+    _parser.cache_clear()  # it lists the experiments
+    yield tmp_path
+    _parser.cache_clear()
+
+
+def command(*arguments):
+    """As the real command, with the experiment that measures nothing."""
+    code = (
+        "import sys; from fg_mujoco.lab import lab; lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
+        "from fg_mujoco.cli.main import main; sys.exit(main(['friction', *sys.argv[1:]]))"
+    )
+    return [sys.executable, "-c", code, *arguments]
+
+
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+
+
+def refusal(here, capsys, *arguments):
+    return refused(here, capsys, "friction", *arguments)
+
+
+def test_without_a_folder_the_result_is_printed_and_nothing_is_written(here, capsys):
+    assert main(["friction", "squares", "--workers", "1"]) == 0
+    assert capsys.readouterr() == (SAID, "")
+    assert not list(here.iterdir())
+
+
+def test_with_a_folder_the_report_is_written_and_finished_cells_are_not_measured_again(here, capsys):
+    assert main(["friction", "squares", "--workers", "1", "--out", "out"]) == 0
+    assert capsys.readouterr().out == f"{SAID}\n6 cells; written to out/report.html\n"
+    assert (here / "out/report.html").exists() and (here / "out/squares_areas.csv").exists()
+    assert main(["friction", "squares", "--out", "out"]) == 0
+    assert capsys.readouterr().out.endswith("6 cells, 6 of them by an earlier call; written to out/report.html\n")
+    assert main(["friction", "squares", "--out", "out", "--redraw"]) == 0
+
+
+def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
+    asked = []
+
+    def stand_in(names, **options):
+        asked.append((names, options))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fg_mujoco.cli.friction.run_lab", stand_in)
+    arguments = ["--quick", "--seed", "3", "--mu", "0.3, 0.5", "--steering", "0.05,0.1", "--workers", "2"]
+    assert main(["friction", "skidpad", *arguments]) == 130
+    assert main(["friction", "all", "--mu", "0.7"]) == 130
+    (first, options), (everything, others) = asked
+    assert first == ["skidpad"] and options["workers"] == 2 and options["out"] is None and not options["redraw"]
+    assert options["settings"] == LabSettings(quick=True, seed=3, mus=(0.3, 0.5), steerings=(0.05, 0.1))
+    assert everything == list(lab.EXPERIMENTS) and others["settings"] == LabSettings(mus=(0.7,))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("skidpad", "--mu", "0"), "--mu is 0.0; accepted: friction coefficients"),
+        (("skidpad", "--mu=-0.5"), "--mu is -0.5; accepted"),
+        (("skidpad", "--mu", "0.5,nan"), "--mu is nan; accepted"),
+        (("skidpad", "--mu", "3.5"), "up to 3"),
+        (("skidpad", "--mu", "0.5,0.5"), "each once"),
+        (("skidpad", "--mu", "0.5,"), "accepted: a number"),
+        (("skidpad", "--steering", "0"), "infinite; accepted: angles above 0"),
+        (("skidpad", "--steering", "0.1,0.5"), "the car's lock of 0.4189 rad"),
+        (("skidpad", "--steering=-0.1"), "accepted: angles above 0"),
+        (("models", "--mu", "0.5"), "--mu with models; accepted: with skidpad, tire_law, or all"),
+        (("models", "--steering", "0.1"), "--steering with models"),
+        (("squares", "--seed", "-1"), "seed is -1; accepted"),
+        (("squares", "--workers", "0"), "workers is 0; accepted"),
+        (("squares", "--workers", "two"), "accepted: a whole number"),
+        (("squares", "--redraw"), "accepted: the folder of an earlier run"),
+        (("nowhere",), "nowhere"),
+        ((), "EXPERIMENT"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_in_one_line(here, capsys, arguments, said):
+    assert said in refusal(here, capsys, *arguments, *(() if "--redraw" in arguments else ("--out", "out")))
+
+
+def test_a_folder_of_something_else_is_refused(here, capsys):
+    run_lab(["squares"], out="out", workers=1, pictures=False)
+    assert "quick is false there and true here" in refusal(here, capsys, "squares", "--quick", "--out", "out")
+
+
+@pytest.mark.parametrize("fares", [FAILS, DIES])
+def test_a_cell_that_fails_exits_1_and_says_which(capsys, fares):
+    assert main(["friction", "squares", "--out", "out", "--workers", "2", "--seed", str(fares)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    last = err.splitlines()[-1]
+    assert last.startswith('fg-mujoco: squares, cell {"fares"') and last.endswith("; finished cells are kept")
+
+
+def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
+    assert main(["friction", "squares", "--workers", "1", "--out", "out"]) == 0
+    assert install_command("plot") in capsys.readouterr().err
+    assert (here / "out/report.html").exists() and not list(here.glob("out/*.svg"))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_exits_130_and_the_same_command_goes_on(here, workers):
+    arguments = ["squares", "--seed", str(SLOW), "--workers", str(workers), "--out", "out"]
+    process = subprocess.Popen(
+        command(*arguments), env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    until = time.monotonic() + 60
+    while not (here / "out/cells/squares.jsonl").exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers get it too
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert (out, err) == ("", "fg-mujoco: out: interrupted; the same command goes on\n")
+    found = (here / "out/cells/squares.jsonl").read_bytes().count(b"\n")
+    assert 0 < found < COUNT
+    settings = LabSettings(seed=SLOW)
+    assert run_lab(["squares"], out="out", settings=settings, pictures=False).cells_measured == COUNT - found
+
+
+def test_progress_is_shown_on_a_terminal(here):
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        command("squares", "--seed", str(SLOW), "--workers", "1"), env=ENVIRONMENT, stdout=subprocess.PIPE,
+        stderr=theirs, text=True,
+    )  # fmt: skip
+    os.close(theirs)
+    shown = read_to_the_end(ours).decode()
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and out == SAID
+    assert "/6 cells  0:00:0" in shown and "to go" in shown
+    assert shown.endswith("\r\x1b[K")

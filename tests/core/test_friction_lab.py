@@ -1,0 +1,379 @@
+"""The friction lab's frame: cells in worker processes, a folder that resumes, and a report that needs no other file."""
+
+import csv
+import importlib.util
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
+
+import fg_mujoco as fg
+from fg_mujoco.course.writing import claimed_folder
+from fg_mujoco.errors import install_command
+from fg_mujoco.lab import lab
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.lab import EXPERIMENTS, load_experiment, run_lab
+from fg_mujoco.lab.lab_report import heading
+
+REAL = tuple(EXPERIMENTS)
+
+
+@pytest.fixture(autouse=True)
+def experiments(monkeypatch):
+    """The two that measure nothing, in place of the real ones."""
+    monkeypatch.setattr(lab, "EXPERIMENTS", {"squares": "lab_experiments", "cubes": "lab_cubes"})
+
+
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def rows(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_what_is_written_is_the_same_whatever_the_workers(tmp_path):
+    one = run_lab(["squares"], out=tmp_path / "one", workers=1)
+    two = run_lab(["squares"], out=tmp_path / "two", workers=2)
+    assert files(tmp_path / "one") == files(tmp_path / "two")
+    assert set(files(tmp_path / "one")) == {
+        "lab.json", "cells/squares.jsonl", "report.html", "squares_areas.csv", "squares_roots.csv",
+        "squares_areas.svg", "squares_again.svg", "squares_much.svg",
+    }  # fmt: skip
+    assert (one.cells, one.cells_measured) == (two.cells, two.cells_measured) == (COUNT, COUNT)
+    assert one.text() == two.text() == run_lab(["squares"], workers=1).text()
+
+
+def test_csvs_have_all_columns_and_what_is_no_number_is_empty_with_its_reason(tmp_path):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert rows(tmp_path / "squares_areas.csv")[BAD] == {"side_m": "3.0", "area_m2": "9", "even": "False"}
+    first, second, *_ = rows(tmp_path / "squares_roots.csv")
+    assert first == {"side_m": "0.0", "root": "", "reason": "nothing there"}
+    assert second == {"side_m": "1.0", "root": "1.0", "reason": ""}
+
+
+def test_a_finished_folder_is_not_measured_again(tmp_path):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    before = files(tmp_path)
+    again = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert again.cells_measured == 0
+    assert files(tmp_path) == before
+
+
+def swap(lines):
+    lines[1], lines[4] = (
+        lines[1].replace(b'"number": 1', b'"number": 4'),
+        lines[4].replace(b'"number": 4', b'"number": 1'),
+    )
+
+
+DAMAGE = {
+    "edited": ([6], lambda lines: lines.__setitem__(5, lines[5].replace(b'"area_m2": 25', b'"area_m2": 26'))),
+    "swapped": ([2, 5], swap),
+    "no row": ([1], lambda lines: lines.__setitem__(0, b'{"cell": 3}')),
+    "no JSON": ([3], lambda lines: lines.__setitem__(2, b"\xff\x00")),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    before, path = files(tmp_path), tmp_path / "cells/squares.jsonl"
+    lines = path.read_bytes().splitlines()
+    named, spoil = DAMAGE[damage]
+    spoil(lines)
+    path.write_bytes(b"\n".join(lines) + b"\n")
+    with pytest.warns(UserWarning, match="squares.jsonl, line") as warned:
+        again = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert [
+        f"squares.jsonl, line {number}: is damaged" in str(each.message)
+        for each, number in zip(warned, named, strict=True)
+    ] == [True] * len(named)
+    assert again.cells_measured == len(named)
+    assert files(tmp_path) == before
+
+
+def test_a_line_of_another_lab_is_noticed(tmp_path):
+    run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False)
+    run_lab(["squares"], out=tmp_path / "b", workers=1, pictures=False, settings=LabSettings(mus=(0.5,)))
+    (tmp_path / "b/cells/squares.jsonl").replace(tmp_path / "a/cells/squares.jsonl")
+    with pytest.warns(UserWarning, match="line 1: is damaged"):
+        assert run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False).cells_measured == COUNT
+
+
+def test_a_second_process_on_the_same_folder_is_refused(tmp_path):
+    with (
+        claimed_folder(tmp_path / "out"),
+        pytest.raises(fg.RunFolderError, match="another process is writing to it; accepted: "),
+    ):
+        run_lab(["squares"], out=tmp_path / "out", workers=1, pictures=False)
+
+
+def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):
+    code = (
+        "from fg_mujoco.lab import lab\n"
+        "from fg_mujoco.lab.experiment import LabSettings\n"
+        "lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
+        f"lab.run_lab(['squares'], out='out', workers=2, settings=LabSettings(seed={SLOW}), pictures=False)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment, start_new_session=True)
+    cells = tmp_path / "out/cells/squares.jsonl"
+    until = time.monotonic() + 60
+    while not (cells.exists() and cells.read_bytes().count(b"\n") >= 2) and time.monotonic() < until:
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    found = cells.read_bytes().count(b"\n")
+    assert 2 <= found < COUNT
+    with cells.open("ab") as file:
+        file.write(b'{"cell": {"numb')  # a line that was torn
+    settings = LabSettings(seed=SLOW)
+    resumed = run_lab(["squares"], out=tmp_path / "out", workers=2, settings=settings, pictures=False)
+    assert resumed.cells_measured == COUNT - found
+    run_lab(["squares"], out=tmp_path / "whole", workers=1, settings=settings, pictures=False)
+    assert files(tmp_path / "out") == files(tmp_path / "whole")
+
+
+def test_a_folder_of_other_settings_or_sources_is_refused(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run_lab(["squares"], out=out, workers=1, pictures=False)
+    before = files(out)
+    with pytest.raises(fg.RunFolderError, match=r"quick is false there and true here; accepted"):
+        run_lab(["squares"], out=out, settings=LabSettings(quick=True))
+    with pytest.raises(fg.RunFolderError, match=r"mus is null there and .*0.5.* here"):
+        run_lab(["squares"], out=out, settings=LabSettings(mus=(0.5,)))
+    made = lab.lab_versions()
+    monkeypatch.setattr(lab, "lab_versions", lambda: {**made, "lab_sha256": "other"})
+    with pytest.raises(fg.RunFolderError, match=r'lab_sha256 is .* there and "other" here; accepted'):
+        run_lab(["squares"], out=out)
+    assert files(out) == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/thesis.tex").write_text("")
+    with pytest.raises(fg.RunFolderError, match="is not empty; accepted: a new or empty folder"):
+        run_lab(["squares"], out=tmp_path / "mine")
+
+
+def test_settings_with_lists_are_recognised_when_the_folder_is_opened_again(tmp_path):
+    settings = LabSettings(mus=(0.5, 0.7), steerings=(0.1,))
+    run_lab(["squares"], out=tmp_path, workers=1, settings=settings, pictures=False)
+    assert run_lab(["squares"], out=tmp_path, workers=1, settings=settings, pictures=False).cells_measured == 0
+
+
+def test_redraw_takes_rows_of_other_sources_and_says_so(tmp_path, monkeypatch):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    made, before = lab.lab_versions(), (tmp_path / "cells/squares.jsonl").read_bytes()
+    monkeypatch.setattr(lab, "lab_versions", lambda: {**made, "lab_sha256": "other"})
+    result = run_lab(["squares"], out=tmp_path, redraw=True, pictures=False)
+    assert result.cells_measured == 0
+    report = (tmp_path / "report.html").read_text()
+    assert made["lab_sha256"] in report and "redrawn by lab sha256" in report
+    assert (tmp_path / "cells/squares.jsonl").read_bytes() == before
+    with pytest.raises(fg.SettingsError, match=r"cubes, cell .* is missing; accepted"):
+        run_lab(["squares", "cubes"], out=tmp_path, redraw=True)
+    with pytest.raises(fg.SettingsError, match="accepted: the folder of an earlier run"):
+        run_lab(["squares"], redraw=True)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_cell_that_fails_is_named_and_finished_ones_are_kept(tmp_path, workers):
+    failing = LabSettings(seed=FAILS)
+    with pytest.raises(fg.EngineError, match=rf'squares, cell .*"number": {BAD}.* ValueError: no such square .*line'):
+        run_lab(["squares"], out=tmp_path, workers=workers, settings=failing)
+    kept = [json.loads(line)["cell"]["number"] for line in (tmp_path / "cells/squares.jsonl").read_text().splitlines()]
+    assert len(kept) >= 2 and BAD not in kept
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_a_worker_that_dies_is_named_and_finished_cells_are_kept(tmp_path):
+    with pytest.raises(fg.EngineError, match=rf'"number": {BAD}.*ended with exit code 3'):
+        run_lab(["squares"], out=tmp_path, workers=2, settings=LabSettings(seed=DIES))
+    assert (tmp_path / "cells/squares.jsonl").read_bytes().count(b"\n") >= 2
+
+
+def test_the_report_is_of_all_experiments_that_are_complete_in_the_folder(tmp_path):
+    run_lab(["cubes"], out=tmp_path, workers=1, pictures=False)
+    assert sections(tmp_path) == ["cubes"]
+    result = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert sections(tmp_path) == ["squares", "cubes"]  # in the lab's order
+    assert [chapter.name for chapter in result.chapters] == ["squares"]
+    assert (tmp_path / "cubes_volumes.csv").exists()
+    cells = tmp_path / "cells/cubes.jsonl"
+    cells.write_bytes(cells.read_bytes().splitlines(keepends=True)[0])  # one is lost
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    assert sections(tmp_path) == ["squares"]
+    assert not (tmp_path / "cubes_volumes.csv").exists()
+
+
+def sections(folder):
+    return re.findall(r'<section id="(\w+)">', (folder / "report.html").read_text())
+
+
+class Page(HTMLParser):
+    """Checks that elements are nested, and gathers what the page refers to."""
+
+    VOID = ("meta", "img", "br", "link")
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.ids, self.links, self.text = [], [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in self.VOID:
+            self.open.append(tag)
+        for name, value in attributes:
+            if name == "id":
+                self.ids.append(value)
+            elif name in ("href", "xlink:href", "src"):
+                self.links.append(value)
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def test_the_report_needs_no_other_file_and_its_ids_are_unique(tmp_path):
+    run_lab(["squares", "cubes"], out=tmp_path, workers=1)
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    page = Page(report)
+    assert "http" not in report.replace("http-equiv", "") and "url(http" not in report and "@import" not in report
+    assert len(set(page.ids)) == len(page.ids)
+    targets = {link.removeprefix("#") for link in page.links if link.startswith("#")}
+    targets |= set(re.findall(r"url\(#([^)]+)\)", report))
+    assert targets and targets <= set(page.ids)
+    others = [link for link in page.links if not link.startswith("#")]
+    assert [link.partition(",")[0] for link in others] == ["data:image/png;base64"]  # the figure of many points
+    assert report.count("<svg") == 2
+    assert len(report) < 1e6
+
+
+def test_the_report_says_the_result_first_then_figures_tables_and_the_command(tmp_path):
+    settings = LabSettings(seed=0, quick=True)
+    run_lab(["squares", "cubes"], out=tmp_path, workers=1, settings=settings)
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    order = [
+        "A first look", "Expected and measured",
+        "<td class=\"left\">greatest area</td><td class=\"left\">25 m²</td><td class=\"left\">4 m²</td>",
+        "Settings, versions and sources", lab.lab_versions()["lab_sha256"], "Squares of &lt;numbers&gt;",
+        "<p class=\"result\">3 squares, the greatest of 4 m².</p>", "2 &lt; 3 &amp; so on.", "<svg", "Area &lt; side.",
+        "<details open>", "squares_areas.csv, 3 rows", "side [m]", "nothing there",
+        "fg-mujoco friction squares --out runs/squares --quick", "<details><summary>cubes_volumes.csv, 40 rows",
+        "fg-mujoco friction cubes --out runs/cubes --quick",
+    ]  # fmt: skip
+    places = [report.find(text) for text in order]
+    assert -1 not in places and places == sorted(places)
+    assert "prefers-color-scheme: dark" in report
+
+
+def test_figures_have_no_date_and_stand_alone(tmp_path):
+    run_lab(["squares"], out=tmp_path, workers=1)
+    svg = (tmp_path / "squares_areas.svg").read_text(encoding="utf-8")
+    assert svg.startswith("<?xml") and "dc:date" not in svg
+
+
+def test_without_pictures_the_captions_stay(tmp_path):
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
+    report = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Area &lt; side." in report and "<svg" not in report
+    assert not list(tmp_path.glob("*.svg"))
+
+
+def test_without_matplotlib_figures_are_refused_before_anything_is_measured(tmp_path, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
+    with pytest.raises(fg.MissingExtraError, match=re.escape(install_command("plot"))):
+        run_lab(["squares"], out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_progress_counts_what_was_found_and_what_was_measured(tmp_path):
+    seen = []
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False, watch=seen.append)
+    cells = tmp_path / "cells/squares.jsonl"
+    cells.write_bytes(b"".join(cells.read_bytes().splitlines(keepends=True)[:4]))
+    run_lab(["squares"], out=tmp_path, workers=1, pictures=False, watch=seen.append)
+    first, last = seen[0], seen[-1]
+    assert (first.cells, first.cells_found, first.cells_measured, first.remaining_s) == (COUNT, 0, 0, None)
+    assert (last.cells, last.cells_found, last.cells_measured, last.remaining_s) == (COUNT, 4, 2, 0.0)
+
+
+@pytest.mark.parametrize("mu", [0.0, -0.5, float("nan"), 3.01, float("inf")])
+def test_a_friction_that_no_tire_has_is_refused(mu):
+    with pytest.raises(fg.SettingsError, match=r"mu .*; accepted: friction coefficients .* above 0, up to 3"):
+        LabSettings(mus=(0.5, mu))
+
+
+@pytest.mark.parametrize("steering", [0.0, -0.1, 0.42, float("nan")])
+def test_a_steering_angle_that_no_circle_has_is_refused(steering):
+    with pytest.raises(
+        fg.SettingsError, match=r"steering .*; accepted: angles above 0, up to the car's lock of 0.4189"
+    ):
+        LabSettings(steerings=(0.1, steering))
+
+
+@pytest.mark.parametrize("settings", [{"seed": -1}, {"seed": 0.5}, {"mus": ()}, {"mus": (0.5, 0.5)}, {"steerings": ()}])
+def test_other_settings_that_cannot_be_are_refused(settings):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        LabSettings(**settings)
+
+
+def test_zero_steering_is_refused_because_the_law_has_no_speed_there():
+    with pytest.raises(fg.SettingsError, match="infinite"):
+        LabSettings(steerings=(0.0,))
+
+
+def test_an_unknown_experiment_and_no_workers_are_refused(tmp_path):
+    with pytest.raises(fg.SettingsError, match="unknown experiment 'skid'; accepted: squares, cubes"):
+        run_lab(["skid"], out=tmp_path / "out")
+    with pytest.raises(fg.SettingsError, match="workers is 0; accepted"):
+        run_lab(["squares"], out=tmp_path / "out", workers=0)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("top_speed_m_s", "top speed [m/s]"), ("acceleration_m_s2", "acceleration [m/s²]"), ("lap_s", "lap [s]"),
+        ("yaw_rate_rad_s", "yaw rate [rad/s]"), ("mu", "mu"), ("slide_share", "slide share"), ("load_N", "load [N]"),
+    ],
+)  # fmt: skip
+def test_columns_are_named_with_their_units(name, said):
+    assert heading(name) == said
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, monkeypatch):
+    monkeypatch.setattr(lab, "EXPERIMENTS", EXPERIMENTS)
+    experiment = load_experiment(name)
+    cells = experiment.cells(LabSettings())
+    assert experiment.name == name and experiment.title
+    assert json.loads(json.dumps(cells)) == cells == experiment.cells(LabSettings())
+    assert len({lab.cell_key(cell) for cell in cells}) == len(cells)
+    assert 0 < len(experiment.cells(LabSettings(quick=True))) <= len(cells)
+
+
+def test_the_command_line_starts_without_the_experiments():
+    code = (
+        "import sys, fg_mujoco.cli.main, fg_mujoco.cli.friction; "
+        "print([name for name in sys.modules if 'friction_lab' in name])"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    assert "lab_report" in loaded and "skidpad" not in loaded and "models" not in loaded

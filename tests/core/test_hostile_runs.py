@@ -1,0 +1,417 @@
+"""Run folders that somebody made to harm: each is refused in one line, whoever reads it, before any work on it."""
+
+import io
+import json
+import shutil
+import zipfile
+from copy import copy
+
+import numpy as np
+import pytest
+from forging import without_checksums
+from refusals import refused
+from vehicle_worlds import made_file
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.files import read_arrays
+from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS
+from fg_mujoco.racing.run_checks import check_summary, checked_scene
+from fg_mujoco.racing.run_folder import read_summary
+
+DOORS = {
+    "replay": ("replay", "run"),
+    "report": ("report", "run"),
+    "render": ("render", "run", "--frame", "0", "--size", "64x48", "--quality", "draft", "--out", "picture.png"),
+    "export": ("export", "run", "--out", "bag.mcap"),
+}
+EXTRAS = {"report": "bokeh", "render": "PIL", "export": "mcap"}
+
+
+@pytest.fixture(scope="module")
+def raced(tmp_path_factory):
+    """A run of twelve ticks, as `race --out` writes it."""
+    folder = tmp_path_factory.mktemp("raced") / "run"
+    main(["race", "--laps", "1", "--time-limit", "0.3", "--out", str(folder)])
+    (folder / "report.html").unlink(missing_ok=True)
+    return without_checksums(folder)  # so that what is read is checked for itself
+
+
+@pytest.fixture
+def here(raced, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(raced, tmp_path / "run")
+    return tmp_path
+
+
+def npy(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def header(text):
+    """Return the beginning of an .npy file."""
+    text = text.ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode()
+
+
+def states(here, *, keep=("time", "state", "ctrl"), **members):
+    """Write other members into states.npz: bytes as they are, arrays as .npy."""
+    path = here / "run/states.npz"
+    with np.load(path) as file:
+        written = {name: npy(file[name]) for name in keep}
+    written |= {name: value if isinstance(value, bytes) else npy(value) for name, value in members.items()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in written.items():
+            archive.writestr(f"{name}.npy", content)
+
+
+def edited(here, change):
+    """Write the states with some of their numbers changed."""
+    with np.load(here / "run/states.npz") as file:
+        array = file["state"].copy()
+    change(array)
+    states(here, state=array)
+
+
+def listing(here):
+    """Say of states.npz that the list of its members is most of it."""
+    path = here / "run/states.npz"
+    content = bytearray(path.read_bytes())
+    content[-10:-6] = (2**17).to_bytes(4, "little")
+    path.write_bytes(b"\0" * 2**17 + bytes(content))
+
+
+def doubled(here):
+    with zipfile.ZipFile(here / "run/states.npz", "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        archive.writestr("time.npy", npy(np.zeros(13)))
+
+
+def set_to(value):
+    def change(array):
+        array[5, 7] = value
+
+    return change
+
+
+ROW = "{'descr': '<f8', 'fortran_order': False, 'shape': %s, }"
+STATES = {
+    "a bomb": (lambda h: states(h, state=np.zeros((2**23,))), "its arrays have more than "),
+    "objects": (lambda h: states(h, state=np.array([{}], dtype=object)), "Object arrays|of object"),
+    "texts": (lambda h: states(h, time=np.full(13, "a" * 8)), "of <U8"),
+    "whole numbers": (lambda h: states(h, time=np.arange(13)), "int64"),
+    "NaN": (lambda h: edited(h, set_to(np.nan)), "state has a number that is none"),
+    "infinite": (lambda h: edited(h, set_to(np.inf)), "state has a number that is none"),
+    "beyond": (lambda h: edited(h, set_to(1e300)), "beyond 1e"),
+    "rows": (lambda h: states(h, ctrl=np.zeros((50_000, 2))), r"shapes \(13,\)"),
+    "columns": (lambda h: states(h, ctrl=np.zeros((12, 3))), r"\(12, 3\)"),
+    "a huge shape": (lambda h: states(h, state=header(ROW % "(2305843009213693952, 8)")), "has 0 bytes of an array"),
+    "a negative shape": (lambda h: states(h, state=header(ROW % "(-1, -1)") + b"\0" * 8), "of an array"),
+    "nothing many times": (
+        lambda h: states(h, time=header(ROW.replace("<f8", "|S0") % "(1000000000000,)")), "of an array",
+    ),
+    "a header that is none": (lambda h: states(h, state=header("(" * 100)), "states.npz"),
+    "another format": (lambda h: states(h, state=b"\x93NUMPY\x02\x00" + b"\xff" * 100), "another version"),
+    "no state": (lambda h: states(h, keep=("time", "ctrl")), "it has not the arrays time, state, ctrl"),
+    "one more": (lambda h: states(h, more=np.zeros(1)), "and no others"),
+    "one twice": (doubled, "and no others"),
+    "a long list": (listing, "the list of its members"),
+    "torn": (lambda h: (h / "run/states.npz").write_bytes((h / "run/states.npz").read_bytes()[:-9]), "no end"),
+    "empty": (lambda h: (h / "run/states.npz").write_bytes(b""), "no end of a ZIP"),
+    "time begins before": (lambda h: states(h, time=np.arange(13) - 5.0), "accepted: within 0 to 1e"),
+    "time far away": (lambda h: states(h, time=np.arange(13) * 1e12), "accepted: within 0 to 1e"),
+    "time stands": (lambda h: states(h, time=np.zeros(13)), "time does not grow"),
+}  # fmt: skip
+
+
+def text_of(name, change):
+    """Return what changes the text of a file of the run."""
+
+    def spoil(here):
+        path = here / "run" / name
+        path.write_text(change(path.read_text("utf-8")), "utf-8")
+
+    return spoil
+
+
+def table(change):
+    """Return what changes the text of telemetry.csv."""
+    return text_of("telemetry.csv", change)
+
+
+def cell(value, column=3):
+    def change(text):
+        lines = text.splitlines()
+        row = lines[4].split(",")
+        lines[4] = ",".join([*row[:column], value, *row[column + 1 :]])
+        return "\n".join(lines) + "\n"
+
+    return table(change)
+
+
+TELEMETRY = {
+    "columns": (table(lambda text: "a," * 10**6 + "\n"), "columns a,a,"),
+    "columns in a row": (table(lambda text: text + "1," * 10**6 + "\n"), "line 14 is torn, too long"),
+    "torn": (table(lambda text: text[:-5]), "line 13 is torn"),
+    "a word": (cell("fast"), "could not convert"),
+    "NaN": (cell("nan"), "a number that is none"),
+    "infinite": (cell("inf", -3), "a number that is none"),
+    "beyond": (cell("1e300"), "beyond 1e"),
+    "bytes": (lambda h: (h / "run/telemetry.csv").write_bytes(b"\xff" * 100), "columns "),
+    "NUL": (cell("\0"), "could not convert"),
+}
+
+
+STATES |= {
+    "a row less": (table(lambda text: "\n".join(text.splitlines()[:-1]) + "\n"), "for the 11 rows"),
+    "a row more": (table(lambda text: text + text.splitlines()[-1] + "\n"), "for the 13 rows"),
+    "no row": (table(lambda text: text.splitlines()[0] + "\n"), "more than|for the 0 rows"),
+}
+
+
+def summary(**changes):
+    def spoil(here):
+        path = here / "run/summary.json"
+        path.write_text(json.dumps(json.loads(path.read_text("utf-8")) | changes), "utf-8")
+
+    return spoil
+
+
+def text_of_summary(text):
+    return lambda here: (here / "run/summary.json").write_text(text, "utf-8")
+
+
+SUMMARIES = {
+    "levels": (text_of_summary('{"schema": ' + "[" * 200_000 + "]" * 200_000 + "}"), "is no JSON: nested too deep"),
+    "digits": (text_of_summary('{"schema": ' + "9" * 5000 + "}"), "digits"),
+    "NaN": (text_of_summary('{"schema": 1, "mu": NaN}'), "mu is nan"),
+    "a large file": (text_of_summary(" " * 2**20 + "{}"), "has more than 1048576 bytes"),
+    "an end that is a text": (summary(cars=[{"end_time_s": ""}]), "cars is "),
+    "laps": (summary(laps_requested=10**9), "accepted: a whole number from 0 to 1000"),
+}  # fmt: skip
+
+
+def scene(change):
+    """Return what changes the text of scene.xml."""
+    return text_of("scene.xml", change)
+
+
+def added(text):
+    return scene(lambda xml: xml.replace("</mujoco>", text + "</mujoco>"))
+
+
+SCENES = {
+    "empty": (scene(lambda xml: ""), "no XML: no element found"),
+    "white": (scene(lambda xml: " \n"), "no XML"),
+    "text": (scene(lambda xml: "hello"), "no XML"),
+    "a robot": (scene(lambda xml: "<robot/>"), "accepted: one <mujoco>"),
+    "nothing in it": (scene(lambda xml: "<mujoco/>"), "car/"),
+    "a document type": (scene(lambda xml: '<!DOCTYPE a [<!ENTITY b "c">]>' + xml), "document type"),
+    "an include": (added('<include file="/etc/passwd"/>'), "<include>"),
+    "a mesh's file": (added('<asset><mesh name="a" file="/etc/passwd"/></asset>'), "names a file"),
+    "a texture's file": (added('<asset><texture type="cube" fileup="a.png"/></asset>'), "names a file"),
+    "a height field's file": (added('<asset><hfield name="a" file="a.png" size="1 1 1 1"/></asset>'), "names a file"),
+    "a skin's file": (added('<asset><skin file="a.skn"/></asset>'), "<skin>"),
+    "a folder": (scene(lambda xml: xml.replace("<compiler ", '<compiler meshdir="/etc" ')), "names a file"),
+    "a folder of all": (scene(lambda xml: xml.replace("<compiler ", '<compiler assetdir="/etc" ')), "names a file"),
+    "a model": (added('<asset><model name="a" file="b.xml"/></asset>'), "<model>"),
+    "a plugin": (added('<extension><plugin plugin="mujoco.elasticity.cable"/></extension>'), "<extension>"),
+    "copies": (added('<worldbody><replicate count="1000000"><site/></replicate></worldbody>'), "count='1000000'"),
+    "copies of copies": (
+        added("<worldbody>" + 2 * '<replicate count="200">' + '<geom size="1"/>' + 2 * "</replicate>" + "</worldbody>"),
+        "<replicate> makes more than",
+    ),
+    "a composite": (added('<worldbody><composite count="9999 9999 1"/></worldbody>'), "<composite>"),
+    "a made mesh": (added('<asset><mesh name="a" builtin="sphere" params="9"/></asset>'), "<mesh>"),
+    "a look beside": (scene(lambda xml: xml.replace('"f1tenth_look.xml"', '"../evil.xml"')), "text 'car/look' is"),
+    "a LiDAR beside": (
+        scene(lambda xml: xml.replace('file" data="hokuyo_ust10lx.xml"', 'file" data="../evil.xml"')),
+        "'car/lidar/file' is",
+    ),
+    "bodies": (added("<worldbody>" + "<body/>" * (MOST_BODIES + 1) + "</worldbody>"), f"more than {MOST_BODIES} bod"),
+    "elements": (added("<worldbody>" + "<geom/>" * (MOST_ELEMENTS + 1) + "</worldbody>"), f"more than {MOST_ELEMENTS}"),
+    "levels": (added("<worldbody>" + "<body>" * 1000 + "</body>" * 1000 + "</worldbody>"), "more than 100 levels"),
+    "a large file": (scene(lambda xml: xml + " " * 2**24), "has more than 16777216 bytes"),
+    "a timestep of nothing": (scene(lambda xml: xml.replace("0.005", "1e-300", 1)), "<option timestep> has 1e-300"),
+    "a small timestep": (scene(lambda xml: xml.replace("0.005", "0.00001", 1)), "accepted: 0.0001 to 0.1"),
+    "another timestep": (scene(lambda xml: xml.replace("0.005", "0.007", 1)), "a whole fraction"),
+    "no tolerance": (added('<option tolerance="0"/>'), "accepted: 1e-15 to 1"),
+    "iterations": (added('<option iterations="100000000"/>'), "accepted: 0 to 1000"),
+    "memory": (scene(lambda xml: xml.replace('memory="2M"', 'memory="900G"')), "accepted: at most 1G"),
+    "a texture": (added('<asset><texture name="t" builtin="flat" width="99999" height="9"/></asset>'), "width='99999'"),
+    "a height field": (added('<asset><hfield name="h" nrow="99999" ncol="99999" size="1 1 1 1"/></asset>'), "nrow"),
+    "numbers": (added('<custom><numeric name="n" size="2000000000"/></custom>'), "arrays of more than"),
+    "samples": (added('<sensor><clock nsample="10000"/></sensor>' * 300), "arrays of more than"),
+    "NaN": (added('<worldbody><geom size="nan"/></worldbody>'), "has nan"),
+    "a number beyond floats": (added('<worldbody><geom size="1e999"/></worldbody>'), "has 1e999"),
+    "another car": (scene(lambda xml: xml.replace('name="car/chassis"', 'name="car/other"')), "chassis"),
+    "another actuator": (
+        added('<actuator><general name="x" joint="car/steering"/></actuator>'), "states.npz|car/steering",
+    ),
+}  # fmt: skip
+
+HOSTILE = {
+    (file, name): case
+    for file, cases in {
+        "states.npz": STATES, "telemetry.csv": TELEMETRY, "summary.json": SUMMARIES, "scene.xml": SCENES,
+    }.items()
+    for name, case in cases.items()
+}  # fmt: skip
+
+
+def pick(door):
+    """Skip what needs an extra that is not here."""
+    if door in EXTRAS:
+        pytest.importorskip(EXTRAS[door], reason=f"no {EXTRAS[door]} here")
+    return DOORS[door]
+
+
+@pytest.mark.parametrize(("file", "name"), HOSTILE)
+def test_a_hostile_folder_is_refused_in_one_line(file, name, here, capsys):
+    import re
+
+    spoil, said = HOSTILE[file, name]
+    spoil(here)
+    err = refused(here, capsys, "replay", "run")
+    assert err.startswith(f"fg-mujoco: run/{file}: ") and re.search(said, err)
+    assert len(err) < 500
+    with pytest.raises(fg.RunFolderError):
+        fg.replay("run")
+
+
+@pytest.mark.parametrize("door", ["report", "render", "export"])
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("states.npz", "a bomb"), ("states.npz", "NaN"), ("telemetry.csv", "columns"), ("summary.json", "levels"),
+        ("scene.xml", "empty"), ("scene.xml", "a mesh's file"), ("scene.xml", "nothing in it"),
+        ("scene.xml", "another timestep"),
+    ],
+)  # fmt: skip
+def test_every_door_refuses_them(door, file, name, here, capsys):
+    arguments = pick(door)
+    HOSTILE[file, name][0](here)
+    err = refused(here, capsys, *arguments)
+    assert err.startswith(f"fg-mujoco: run/{file}: ") and len(err) < 500
+
+
+WRONG = (-1, 1.5, "a" * 5000, True, [], [None], {}, {"a": {}}, 10**400)
+
+
+@pytest.mark.parametrize("door", [*DOORS, "race"])
+def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypatch):
+    """Whatever a value is, a door answers, or refuses it in one line."""
+    arguments = ("race", "--config", "run", "--time-limit", "0.05", "--json") if door == "race" else pick(door)
+    if door == "report":
+        arguments = ("report", "run", "--no-clip")
+    if door == "render":  # the folder is read in the same way, and no picture is drawn a hundred times
+        from fg_mujoco.pictures.rendering.recorded_drive import read_drive
+
+        arguments = None
+    path = here / "run/summary.json"
+    plain = json.loads(path.read_text("utf-8"))
+    for place, name in enumerate([*plain, *(f"settings.{name}" for name in plain["settings"])]):
+        for value in (WRONG[place % len(WRONG)],):  # tests/fuzzing tries the others
+            if name.startswith("settings."):
+                changed = plain | {"settings": plain["settings"] | {name.partition(".")[2]: value}}
+            else:
+                changed = plain | {name: value}
+            path.write_text(json.dumps(changed), "utf-8")
+            try:
+                read_summary("run")
+            except fg.RunFolderError:  # as it is in every door
+                continue
+            capsys.readouterr()
+            try:
+                code = main([*arguments]) if arguments else bool(read_drive("run")) * 0
+            except fg.FgMujocoError as error:
+                assert "\n" not in str(error)
+                code = 2
+            err = capsys.readouterr().err
+            assert code in (0, 1) or (code == 2 and "Traceback" not in err and err.count("\n") <= 1), (name, value)
+
+
+@pytest.mark.parametrize("value", [{}, [], 3])
+def test_rules_of_another_type_are_refused_in_a_line(value):
+    with pytest.raises(ValueError, match=r"rules is .*; accepted: none or roboracer_2026"):
+        check_summary({"rules": value})
+
+
+def test_what_a_race_writes_is_accepted_of_every_vehicle(tmp_path):
+    for vehicle in (*fg.vehicle_names(), made_file()):
+        result = fg.race("hairpins", laps=1, vehicle=vehicle, time_limit=0.1)
+        assert fg.replay(fg.write_run(result, tmp_path / fg.Vehicle.load(vehicle).name, picture=False)).identical
+
+
+def test_a_vehicle_with_meshes_in_its_file_and_a_look_beside_it_is_read(tmp_path):
+    mesh = '<asset><mesh name="cone" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>'
+    text = fg.Vehicle.load("f1tenth").text.replace("<worldbody>", mesh + "<worldbody>", 1)
+    (tmp_path / "my_look.xml").write_text("<mujoco/>", "utf-8")
+    (tmp_path / "mine.xml").write_text(text.replace("f1tenth_look.xml", "my_look.xml"), "utf-8")
+    result = fg.race("oval", laps=1, vehicle=str(tmp_path / "mine.xml"), time_limit=0.1)
+    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
+    assert 'name="car/cone"' in run.xml and f'data="{tmp_path / "my_look.xml"}"' in run.xml
+    assert fg.replay(run.folder).holds
+
+
+def test_scenes_name_their_limits_and_not_others():
+    text = '<custom><text name="a" data="inf"/></custom>'
+    checked_scene(f'<mujoco><option timestep="0.0001"/><size memory="1G"/>{text}</mujoco>')
+    with pytest.raises(ValueError, match="100 levels"):
+        checked_scene("<mujoco>" + "<body>" * 100 + "</body>" * 100 + "</mujoco>")
+
+
+def test_arrays_are_those_that_numpy_wrote(tmp_path):
+    given = {"a": np.arange(6.0).reshape(2, 3), "b": np.float64(3.0), "c": np.array("text"), "d": np.zeros((0, 4)),
+             "e": np.asfortranarray(np.arange(6).reshape(2, 3))}  # fmt: skip
+    np.savez_compressed(tmp_path / "all.npz", **given)
+    found = read_arrays(tmp_path / "all.npz", tuple(given), 1000)
+    for name, array in given.items():
+        np.testing.assert_array_equal(found[name], array)
+        assert found[name].dtype == np.asarray(array).dtype
+
+
+def written(here, **changes):
+    """Write changed values into a summary, or take them out of it where they are None; return it as it was."""
+    path = here / "run/summary.json"
+    plain = json.loads(path.read_text("utf-8"))
+    path.write_text(json.dumps({k: v for k, v in (plain | changes).items() if v is not None}), "utf-8")
+    return plain
+
+
+FAILURE = {"error": "ValueError: no", "time_s": 0.1, "file": None, "line": None, "traceback": ""}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"planner_failure": FAILURE, "end_reason": "planner_failed"},  # without `scan`
+        {"decision_times": dict.fromkeys(("decisions", "over_period"), 3) | dict.fromkeys(
+            ("median_s", "percentile_99_s", "worst_s", "period_s"))},
+    ],
+    ids=["a failure without its scan", "decisions without their times"],
+)  # fmt: skip
+def test_a_report_is_made_of_a_summary_without_what_another_version_wrote(changes, here, capsys):
+    pick("report")
+    plain = written(here)
+    if "decision_times" in changes:
+        assert set(changes["decision_times"]) == set(plain["decision_times"])
+    written(here, **changes)
+    assert main(["report", "run", "--no-clip", "--out", "page.html"]) == 0
+    assert "Traceback" not in capsys.readouterr().err
+    page = (here / "page.html").read_text("utf-8")
+    assert "ValueError: no" in page if "planner_failure" in changes else "- / - / - ms" in page
+
+
+def test_a_run_is_exported_from_wherever_its_car_begins(here):
+    """A state outside of the walls is no place in the map: what is outside is free up to its border."""
+    from fg_mujoco.addons.ros.occupancy_grid import FREE, grid_of
+
+    world = fg.World("oval")
+    inside, outside = (grid_of(world.model, np.array(place)).cells for place in ((0.0, 0.0), (1e9, -1e9)))
+    assert (inside == FREE).any() and outside[0, -1] == FREE
+    far = copy(world.model)
+    far.mesh_vert[:] *= 1e6
+    with pytest.raises(fg.ModelError, match="accepted for a map: 30000 m"):
+        grid_of(far, np.zeros(2))

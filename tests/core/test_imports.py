@@ -1,0 +1,114 @@
+"""No module of a room imports one of a room above it by name, where import-linter does not see it."""
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco as fg
+
+PACKAGE = Path(fg.__file__).parent
+PLANNERS = Path(fg.controllers.__file__).parent
+MODULES = {
+    f"{name}.{'.'.join(path.relative_to(folder).with_suffix('').parts)}".removesuffix(".__init__"): path
+    for name, folder in (("fg_mujoco", PACKAGE), ("fg_mujoco.controllers", PLANNERS))
+    for path in folder.rglob("*.py")
+}
+NAMED_AT_RUN_TIME = {
+    "fg_mujoco": "the public names, above all rooms",
+    "fg_mujoco.registry": "what rooms above have registered",
+    "fg_mujoco.cli.main": "the commands, modules of its own room",
+    "fg_mujoco.addons.gym2d.gym_stub": "modules of a script",
+    "fg_mujoco.addons.gym2d.installing": "modules of its own room, by the names that scripts import",
+    "fg_mujoco.addons.gym2d.pyglet_stub": "its own parts",
+    "fg_mujoco.addons.ros.node_host.imports": "modules of a node",
+    "fg_mujoco.lab.lab": "the experiments, modules of its own room",
+    "fg_mujoco.pictures.rendering.gl": "the back end of MuJoCo's renderer",
+}
+"""Modules that import by a name that is worked out, and what of."""
+IMPORTERS = ("import_module", "_import_module", "__import__")
+
+
+def layers():
+    """Return the place of each room and top-level module in the list of import-linter, the lowest first."""
+    text = (Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8")
+    rows = re.findall(r'^  "([\w :]+)",$', text.partition('type = "layers"')[2].partition("\n]")[0], re.MULTILINE)
+    places = {name: len(rows) - i for i, row in enumerate(rows) for name in row.split(" : ")}
+    return places | {"controllers": places["course"], "models": 0, "tracks": 0}
+
+
+def place(name):
+    """Return the place of a module's room; the package itself is above all."""
+    return LAYERS[name.split(".")[1]] if "." in name else max(LAYERS.values()) + 1
+
+
+LAYERS = layers()
+
+
+@cache
+def arrows(name, text):
+    """Return how and what a module imports by name, see `each_arrow`."""
+    return tuple(each_arrow(name, text))
+
+
+def each_arrow(name, text):
+    """Yield how and what a module imports by name: the modules, or None where the name is worked out."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Call):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in IMPORTERS and not isinstance(node.args[0], ast.Constant):
+                yield node.lineno, None
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if re.fullmatch(r"fg_mujoco(\.\w+)+(:[\w.]+)?", node.value):
+                yield node.lineno, node.value.partition(":")[0]
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(name.split(".")[: -node.level or None]) if node.level else ""
+            source = ".".join(part for part in (base, node.module or "") if part)
+            if source == "fg_mujoco":  # of the package itself, which imports what is public when it is asked for it
+                yield from ((node.lineno, f"fg_mujoco.{each.name}") for each in node.names)
+        elif isinstance(node, ast.Import):
+            yield from ((node.lineno, each.name) for each in node.names if each.name == "fg_mujoco")
+
+
+def wrong(name, text):
+    """Return what a module imports by name, and may not."""
+    found = []
+    for line, target in arrows(name, text):
+        if target is None:
+            if name not in NAMED_AT_RUN_TIME:
+                found.append(f"{name}, line {line}: imports by a name that is worked out")
+        elif target.split(".")[1:2] and target.split(".")[1] not in LAYERS:
+            if target.split(".")[1] in set(fg.__all__) - {"__version__"}:
+                found.append(f"{name}, line {line}: imports {target}, which the package imports from any room")
+        elif place(target) > place(name):
+            found.append(f"{name}, line {line}: names {target}, which is above it")
+    return found
+
+
+def test_no_module_imports_from_above_by_name():
+    names = [name for name in MODULES if not name.endswith("__main__")]
+    assert [each for name in names for each in wrong(name, MODULES[name].read_text("utf-8"))] == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'import importlib\nimportlib.import_module("fg_mujoco.addons.ros.node_host.ros_planner")',
+        "from importlib import import_module\nimport_module(name)",
+        '__import__(f"fg_mujoco.{room}")',
+        'PLACES = {"node": "fg_mujoco.addons.ros.node_host.ros_planner:find_node"}',
+        "from .. import race",
+        "from fg_mujoco import race",
+        "def late():\n    import fg_mujoco as fg",
+    ],
+)
+def test_an_import_from_above_by_name_is_found(text):
+    assert len(wrong("fg_mujoco.racing.planner_loading", text)) == 1
+
+
+def test_each_exception_is_needed():
+    texts = {name: path.read_text("utf-8") for name, path in MODULES.items()}
+    needed = {name for name, text in texts.items() if any(target is None for _, target in arrows(name, text))}
+    assert needed == set(NAMED_AT_RUN_TIME)

@@ -1,0 +1,340 @@
+"""A kernel is compiled again where anything changes that its machine code depends on, and only there."""
+
+import importlib
+import json
+import linecache
+import os
+import subprocess
+import sys
+
+import pytest
+from installed_package import install_into
+
+from fg_mujoco.compiled.kernel_keys import identity
+
+OTHER = """
+from fg_mujoco.compiled.kernels import kernel, inlined
+
+SCALE = 2.0
+
+
+def unused(x):
+    return x
+
+
+@inlined
+def half(x):
+    return 0.5 * x
+
+
+@kernel
+def scaled(x):
+    return SCALE * half(x)
+"""
+SOURCE = '''
+"""A module."""
+import enum
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+import other_module
+from fg_mujoco.compiled.kernels import inlined, kernel, numbas
+from other_module import scaled
+
+GAIN = 3.0
+UNUSED = 1.0
+TABLE = np.array([1.0, 2.0])
+PAIR = (1, 2.0)
+ROW = np.dtype([("a", np.float64), ("b", np.int64)])
+
+
+class Pair(NamedTuple):
+    first: float
+    second: float
+
+
+class Side(enum.IntEnum):
+    LEFT = 1
+    RIGHT = 2
+
+
+@numbas(None)
+def array_at():
+    from numba import carray
+
+    return carray
+
+
+@njit
+def of_others(x):
+    return x + 1.0
+
+
+def maker(factor):
+    @kernel
+    def product(x):
+        return factor * x
+
+    return product
+
+
+doubled = maker(2.0)
+
+
+def plain(x):
+    """Not compiled."""
+    return 2 * x
+
+
+@kernel
+def refuses(x):
+    if x < 0.0:
+        raise ValueError("negative")
+    return x
+
+
+@kernel
+def turns(x, share=0.5):
+    """Return something."""
+    if x < share:
+        return odd(x)
+    return x
+
+
+@kernel
+def odd(x):
+    return turns(x - 1.0)
+
+
+@kernel
+def found(x):
+    """Return a number."""
+    # a comment
+    total = GAIN * scaled(x) + other_module.SCALE + TABLE[0] + PAIR[1] + doubled(x) + of_others(x) + turns(x)
+    pair = Pair(x, total)
+    if x == Side.LEFT:
+        total += np.empty(2, ROW)[0].a + math.sqrt(pair.first)
+    return total + array_at(x)
+
+
+@kernel
+def raises(x):
+    return refuses(x)
+'''
+
+
+@pytest.fixture
+def key(tmp_path, monkeypatch):
+    """Writes both modules and returns the identities of the kernels `found` and `raises`."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+
+    def keys(source=SOURCE, other=OTHER):
+        for name, text in (("key_module", source), ("other_module", other)):
+            (tmp_path / f"{name}.py").write_text(text)
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        linecache.clearcache()
+        module = importlib.import_module("key_module")
+        return identity(module.found.py_func), identity(module.raises.py_func)
+
+    yield keys
+    for name in ("key_module", "other_module"):
+        sys.modules.pop(name, None)
+
+
+CHANGES = {
+    "a constant": ("GAIN = 3.0", "GAIN = 4.0"),
+    "its type": ("GAIN = 3.0", "GAIN = 3"),
+    "its sign of zero": ("GAIN = 3.0", "GAIN = -0.0"),
+    "an array": ("[1.0, 2.0]", "[1.0, 3.0]"),
+    "the type of an array": ("np.array([1.0, 2.0])", "np.array([1.0, 2.0], np.float32)"),
+    "a tuple": ("(1, 2.0)", "(1, 2)"),
+    "a field of a record": ('("b", np.int64)', '("c", np.int64)'),
+    "the type of a field": ('("b", np.int64)', '("b", np.int32)'),
+    "one more field": ('("b", np.int64)', '("b", np.int64), ("c", np.int64)'),
+    "the order of named fields": ("first: float\n    second: float", "second: float\n    first: float"),
+    "the default of a named field": ("second: float", "second: float = 1.0"),
+    "a member of an enumeration": ("LEFT = 1", "LEFT = 3"),
+    "its own code": ("total + array_at(x)", "total - array_at(x)"),
+    "the name of an argument": ("def found(x):", "def found(x, y=1):"),
+    "a function of numba's": ("return x + 1.0", "return x + 2.0"),
+    "its options": ("@njit\n", "@njit(fastmath=True)\n"),
+    "something of numba's": ("return carray", "return carray or 1"),
+    "a closure": ("maker(2.0)", "maker(3.0)"),
+    "the function of a closure": ("return factor * x", "return factor + x"),
+    "a kernel of a kernel": ("turns(x - 1.0)", "turns(x - 2.0)"),
+    "a default": ("share=0.5", "share=0.25"),
+    "what was a kernel": ("@kernel\ndef odd", "@inlined\ndef odd"),
+    "what a name means": ("from other_module import scaled", "from other_module import half as scaled"),
+}
+CHANGES_OF_THE_OTHER = {
+    "a constant of another module": ("SCALE = 2.0", "SCALE = 2.5"),
+    "a kernel of another module": ("SCALE * half(x)", "SCALE / half(x)"),
+    "what is written out": ("0.5 * x", "0.25 * x"),
+}
+NO_CHANGES = {
+    "a docstring": ("Return a number.", "Return a number, which is less than another one, and a\n    second line."),
+    "a docstring of a kernel that it calls": ("Return something.", "Return something\n\n    Else.\n    "),
+    "the docstring of the module": ("A module.", "A module of kernels."),
+    "a comment": ("# a comment", "# another comment\n    # of two lines"),
+    "a constant that it does not read": ("UNUSED = 1.0", "UNUSED = 2.0"),
+    "a function that it does not call": ("return 2 * x", "return 3 * x"),
+    "an annotation": ("def odd(x):", "def odd(x: float) -> float:"),
+    "a method": ("    second: float\n", "    second: float\n\n    def total(self):\n        return 1.0\n"),
+    "another class": ("class Side", "class Another:\n    pass\n\n\nclass Side"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_the_machine_code_depends_on_is_in_the_name(key, change):
+    before, after = CHANGES[change]
+    assert SOURCE.count(before) == 1
+    assert key()[0] == key()[0] != key(SOURCE.replace(before, after))[0]
+
+
+@pytest.mark.parametrize("change", CHANGES_OF_THE_OTHER)
+def test_what_it_depends_on_in_another_module_is_in_the_name(key, change):
+    before, after = CHANGES_OF_THE_OTHER[change]
+    assert OTHER.count(before) == 1
+    assert key()[0] != key(other=OTHER.replace(before, after))[0]
+
+
+@pytest.mark.parametrize("change", NO_CHANGES)
+def test_nothing_else_is_in_the_name(key, change):
+    before, after = NO_CHANGES[change]
+    assert SOURCE.count(before) == 1
+    assert key()[0] == key(SOURCE.replace(before, after).replace('"""Not compiled."""', ""))[0]
+
+
+def test_what_nobody_calls_in_another_module_is_not_in_the_name(key):
+    assert key() == key(other=OTHER.replace("return x\n", "return -x\n"))
+
+
+def test_lines_are_in_the_name_only_of_kernels_that_raise(key):
+    found, raises = key()
+    assert key("\n\n" + SOURCE) == (found, key("\n\n" + SOURCE)[1])
+    assert key("\n\n" + SOURCE)[1] != raises, "its traceback names the line"
+
+
+def test_a_constant_that_is_set_at_run_time_is_in_the_name(key):
+    before = key()[0]
+    module = sys.modules["key_module"]
+    module.GAIN = 5.0
+    assert identity(module.found.py_func) != before
+    module.GAIN = 3.0
+    assert identity(module.found.py_func) == before
+
+
+def test_a_value_of_another_kind_counts_by_the_text_of_its_file(key):
+    odd = SOURCE.replace("GAIN = 3.0", "GAIN = {1: object()}.get(2, slice(1))").replace("GAIN * ", "len(GAIN) * ")
+    assert key(odd)[0] == key(odd)[0] != key(odd.replace("UNUSED = 1.0", "UNUSED = 2.0"))[0]
+
+
+def test_numbers_of_numpy_are_told_apart(key):
+    for value in ("np.float32(3.0)", "np.float64(3.0)", "np.int64(3)"):
+        assert key(SOURCE.replace("GAIN = 3.0", f"GAIN = {value}"))[0] != key()[0]
+
+
+PROGRAM = """
+import numpy as np
+from typing import NamedTuple
+from fg_mujoco.compiled.kernels import kernel
+
+class Pair(NamedTuple):
+    {first}: float
+    {second}: float
+
+ROW = np.dtype([{fields}])
+
+@kernel
+def inner(pair, rows):
+    return pair.a - 2.0 * pair.b + rows[0].a
+
+@kernel
+def outer(x, y, rows):
+    return inner(Pair(x, y), rows)
+
+rows = np.zeros(1, ROW)
+rows["a"], rows["b"] = 100.0, 200.0
+print(outer(1.0, 10.0, rows), inner(Pair(1.0, 10.0), rows))
+"""
+
+
+@pytest.mark.slow
+def test_fields_of_arguments_that_change_places_are_never_taken_for_each_other(tmp_path):
+    program, answers = tmp_path / "program.py", []
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    for first, second, names in (("a", "b", "ab"), ("b", "a", "ab"), ("a", "b", "ba"), ("a", "b", "ab")):
+        fields = ", ".join(f'("{name}", float)' for name in names)
+        program.write_text(PROGRAM.format(first=first, second=second, fields=fields))
+        done = subprocess.run([sys.executable, program], env=environment, capture_output=True, text=True, check=True)
+        answers.append(done.stdout.split())
+    assert answers == [["81.0"] * 2, ["108.0"] * 2, ["81.0"] * 2, ["81.0"] * 2]
+
+
+IDENTITIES = """
+import json, sys
+import fg_mujoco as fg
+from fg_mujoco.compiled.kernel_keys import identity
+from fg_mujoco.simulation import compiled_tick
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.controllers.control import planner
+found = {}
+for name, module in sorted(sys.modules.items()):
+    if name.split(".")[0] == "fg_mujoco":
+        for value in vars(module).values():
+            if hasattr(type(value), "made_by") or "py_func" in getattr(value, "__dict__", {}):
+                found[f"{value.__module__}.{value.__qualname__}"] = identity(value.py_func)
+print(json.dumps(found))
+"""
+ODOMETRY_CLASS = "@explain_class\n@dataclass(frozen=True, kw_only=True, eq=False, repr=False)\nclass Odometry"
+OF_MESSAGES = {  # an edit, some kernels that depend on it by themselves, and how many at most do
+    "a docstring": ("Parameters of a car for planners.", "What a planner is told.\n\n    Of its car.", set(), 0),
+    "a function": (ODOMETRY_CLASS, f"def more():\n    return 1\n\n\n{ODOMETRY_CLASS}", set(), 0),
+    "a method": ("    def yaw_rate(self)", "    def more(self):\n        return 1\n\n    def yaw_rate(self)", set(), 0),
+    "a constant": ("STOP = DriveCommand(", "GO = 1.0\nSTOP = DriveCommand(", set(), 0),
+    "a field of a message that is a record of planners": (
+        "    gravity: float ", "    color: float = 1.0\n    gravity: float ",
+        {"controllers.control.planner._drive_at"}, 3,
+    ),
+    "a field of a record": (
+        '("stamp", np.float64),', '("stamp", np.float64),\n        ("slip", np.float64),',
+        {"simulation.compiled_tick.read", "simulation.compiled_tick.sense"}, 19,
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The package as it is installed, with the identities of its kernels."""
+    site = tmp_path_factory.mktemp("site")
+    install_into(site)
+
+    def identities():
+        done = subprocess.run([sys.executable, "-c", IDENTITIES], cwd=site, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return site / "fg_mujoco" / "messages.py", identities, identities()
+
+
+@pytest.mark.parametrize("change", OF_MESSAGES)
+@pytest.mark.slow
+def test_an_edit_of_a_message_type_compiles_again_what_reads_it_and_no_more(installed, change):
+    path, identities, before = installed
+    assert len(before) > 200
+    old, new, least, most = OF_MESSAGES[change]
+    text = path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    try:
+        after = identities()
+    finally:
+        path.write_text(text)
+    changed = {name.removeprefix("fg_mujoco.") for name in before if after[name] != before[name]}
+    assert before.keys() == after.keys()
+    assert least <= changed and len(changed) <= most

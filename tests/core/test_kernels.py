@@ -1,0 +1,617 @@
+"""Kernels give numpy's arithmetic, and are kept where only their user may write, under names made of their sources."""
+
+import errno
+import hashlib
+import json
+import math
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from installed_package import install_into
+from scan_worlds import CAR, odometry_of, scan_of
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
+from fg_mujoco.compiled.kernel_files import made_once
+from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
+
+FOLDER = "from fg_mujoco.compiled.kernels import cache_folder; print(cache_folder())"
+REASON = (
+    "from fg_mujoco.simulation.termination import end_reason;"
+    " print(end_reason(False, True, False, 0, 1, 0.0, 0.0, 0.0, 1.0))"
+)
+CRASH = "2\n"  # what REASON prints
+ANNOUNCEMENT = "compiling kernels, once"
+
+
+@kernel
+def quotients(values, divisor, out):
+    for i in range(len(values)):
+        out[i] = values[i] / divisor
+
+
+def run(code, *arguments, cwd=None, **environment):
+    """Run a program with kernels kept where `environment` says, by a process that compiles first of all."""
+    own = ("XDG_CACHE_HOME", "HOME", "FG_MUJOCO_COMPILING")
+    kept = {name: value for name, value in os.environ.items() if name not in own}
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments], env=kept | environment, capture_output=True, text=True, cwd=cwd
+    )
+
+
+@pytest.fixture
+def cache(tmp_path, tmp_path_factory, monkeypatch):
+    """An empty cache of this process, and an empty folder for what is temporary."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path_factory.mktemp("temporary")))
+    monkeypatch.delenv("FG_MUJOCO_COMPILING", raising=False)
+    cache_folder.cache_clear()
+    yield tmp_path
+    cache_folder.cache_clear()
+
+
+def halve_anew():
+    """Use a kernel as a new process would, and say whether it had to be compiled."""
+    again, out = kernel(quotients.py_func), np.empty(2)
+    again(np.array([1.0, 3.0]), 2.0, out)
+    assert out.tolist() == [0.5, 1.5]
+    return sum(again.stats.cache_misses.values()) == 1
+
+
+def kept_in(cache):
+    return sorted(file for file in (cache / "fg_mujoco" / "kernels").iterdir() if file.name != "locks")
+
+
+def test_division_by_zero_is_numpys():
+    values, out = np.array([1.0, -1.0, 0.0]), np.empty(3)
+    quotients(values, 0.0, out)
+    assert out[0] == np.inf and out[1] == -np.inf and np.isnan(out[2])
+
+
+def test_threads_get_the_same_bits():
+    values = np.random.default_rng(0).normal(size=10_000)
+    outs = [np.empty_like(values) for _ in range(4)]
+    threads = [threading.Thread(target=quotients, args=(values, 0.3, out)) for out in outs]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len({out.tobytes() for out in outs}) == 1
+    assert outs[0].tobytes() == (values / 0.3).tobytes()
+
+
+def test_kernels_are_kept_in_the_users_cache(tmp_path):
+    folder = tmp_path / ".cache" / "fg_mujoco" / "kernels"
+    assert run(FOLDER, HOME=str(tmp_path)).stdout == f"{folder}\n"
+    assert [path.stat().st_mode & 0o777 for path in (folder, folder.parent)] == [0o700, 0o700]
+
+
+def test_what_is_kept_is_found_again(cache):
+    assert cache_folder() == cache / "fg_mujoco" / "kernels"
+    assert [halve_anew() for _ in range(3)] == [True, False, False]
+    (file,) = kept_in(cache)
+    assert file.name.startswith("quotients-")
+    kernel(quotients.py_func)(np.ones(2), 2, np.empty(2))
+    assert len(kept_in(cache)) == 2, "another signature"
+
+
+def test_without_a_home_they_are_kept_in_the_temporary_folder(cache):
+    (cache / "file").write_text("not a folder")
+    (cache / "tmp").mkdir()
+    nowhere = {"HOME": str(cache / "file"), "XDG_CACHE_HOME": str(cache / "file"), "TMPDIR": str(cache / "tmp")}
+    folder = cache / "tmp" / f"fg_mujoco-{os.getuid()}" / "kernels"
+    assert [run(FOLDER, **nowhere).stdout for _ in range(2)] == [f"{folder}\n"] * 2, "the next run finds them"
+    assert folder.stat().st_mode & 0o777 == 0o700
+    folder.parent.chmod(0o777)
+    said = run(FOLDER, **nowhere)
+    assert not Path(said.stdout.strip()).exists() and "may write" in said.stderr, "a new one is gone with its process"
+    assert [path.name for path in (cache / "tmp").iterdir()] == [folder.parent.name]
+
+
+@pytest.mark.parametrize("mode", [0o720, 0o702])
+@pytest.mark.parametrize("of", ["fg_mujoco", "fg_mujoco/kernels"])
+def test_a_folder_that_others_may_write_to_is_not_used(cache, capsys, of, mode):
+    assert halve_anew()
+    (file,) = kept_in(cache)
+    file.write_bytes(b"not to be read")
+    (cache / of).chmod(mode)
+    capsys.readouterr()
+    cache_folder.cache_clear()
+    assert halve_anew()
+    warning = f"fg_mujoco: other users may write to {cache / of}: compiled kernels are not kept there\n"
+    assert capsys.readouterr().err == warning
+    assert cache not in cache_folder().parents and cache_folder().stat().st_mode & 0o777 == 0o700
+    assert [path.read_bytes() for path in kept_in(cache)] == [b"not to be read"]
+
+
+@pytest.mark.parametrize("of", ["fg_mujoco", "fg_mujoco/kernels"])
+def test_a_folder_of_another_user_is_not_used(cache, monkeypatch, capsys, of):
+    assert halve_anew()
+    true_stat = Path.stat
+
+    def stat(path, **options):
+        found = true_stat(path, **options)
+        values = [*found[:10]]
+        values[4] += path == cache / of  # st_uid
+        return os.stat_result(values)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    capsys.readouterr()
+    cache_folder.cache_clear()
+    assert halve_anew()
+    assert f"other users may write to {cache / of}:" in capsys.readouterr().err
+    assert cache not in cache_folder().parents
+
+
+@pytest.mark.parametrize("damage", ["empty", "garbage", "cut short", "one bit", "unexpected", "a folder"])
+def test_a_damaged_file_is_compiled_anew_and_replaced(cache, damage):
+    assert halve_anew()
+    (file,) = kept_in(cache)
+    whole = file.read_bytes()
+    wrong = bytearray(whole)
+    wrong[len(whole) // 2] ^= 1
+    other = pickle.dumps(("not", "what", "was", "compiled"))
+    damaged = {
+        "empty": b"",
+        "garbage": b"\x80\x04garbage" * 50,
+        "cut short": whole[:-1],
+        "one bit": bytes(wrong),
+        "unexpected": hashlib.sha256(other).digest() + other,
+    }
+    if damage == "a folder":
+        file.unlink()
+        file.mkdir()
+    else:
+        file.write_bytes(damaged[damage])
+    assert halve_anew()
+    assert kept_in(cache) == [file], "nothing unfinished is left"
+    assert halve_anew() == (damage == "a folder")
+
+
+@pytest.mark.parametrize("failing", ["write_bytes", "replace", "read_bytes"])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES])
+def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkeypatch, failing, code):
+    def fail(path, *_):
+        if failing == "write_bytes":
+            path.touch()  # a part of it
+        raise OSError(code, os.strerror(code))
+
+    if failing == "read_bytes":
+        assert halve_anew()
+        monkeypatch.setattr(Path, failing, fail)
+        assert halve_anew()
+    else:
+        monkeypatch.setattr(Path, failing, fail)
+        assert halve_anew() and halve_anew()
+        assert kept_in(cache) == []
+
+
+WAITS = """
+import sys
+from pathlib import Path
+from fg_mujoco.compiled.kernel_files import made_once
+file = Path(sys.argv[1])
+print("starts", flush=True)
+with made_once(file, patience=float(sys.argv[2])):
+    print(file.exists())
+"""
+
+
+@pytest.mark.parametrize(("patience", "found"), [(60.0, True), (0.1, False)])
+def test_a_process_waits_for_what_another_one_makes(tmp_path, patience, found):
+    file = tmp_path / "tick-0123456789abcdef"
+    command = [sys.executable, "-c", WAITS, str(file), str(patience)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        with made_once(file):
+            assert other.stdout.readline() == "starts\n"
+            with made_once(file.with_name("step-fedcba9876543210")):  # the end of another lock does not free this one
+                time.sleep(0.2)
+            if found:
+                file.touch()
+            else:
+                assert other.stdout.readline() == "False\n"
+        if found:
+            assert other.stdout.readline() == "True\n"
+
+
+def times(factor):
+    @kernel
+    def product(x):
+        return factor * x
+
+    return product
+
+
+def plus_one(function):
+    @kernel
+    def more(x):
+        return function(x) + 1.0
+
+    return more
+
+
+def test_closures_are_told_apart_and_found_again(cache):
+    for _ in range(2):
+        assert [times(factor)(3.0) for factor in (2.0, 5.0)] == [6.0, 15.0]
+        assert [plus_one(times(factor))(3.0) for factor in (2.0, 5.0)] == [7.0, 16.0]
+        assert len(kept_in(cache)) == 6, "two products for Python, two for kernels, and what is called with them"
+
+
+def planner_of(constant):
+    @kernel
+    def reference(scan, ranges, odometry, car, settings, memory, line):
+        return 0.0, constant, 0.0
+
+    return type("Constant", (Planner,), {"Settings": DrivingSettings, "reference": staticmethod(reference)})
+
+
+@pytest.fixture
+def loaded():
+    """Load what every planner decides with from the user's cache, so that an empty one lacks the planner's own only."""
+    planner_of(0.5)(CAR, math.inf)(scan_of(np.ones(5)), odometry_of())
+
+
+def test_planners_made_by_one_function_are_told_apart(loaded, cache):
+    for _ in range(2):
+        planners = [planner_of(constant)(CAR, math.inf) for constant in (1.0, 2.0)]
+        assert [planner(scan_of(np.ones(5)), odometry_of()).speed for planner in planners] == [1.0, 2.0]
+        kept = [file.name.partition("-")[0] for file in kept_in(cache)]
+        assert (kept.count("reference"), kept.count("refer_worlds")) == (2, 2)
+
+
+def test_a_function_without_source_is_not_kept(cache):
+    scope = {"__name__": "nowhere"}
+    exec("def half(x):\n    return 0.5 * x", scope)
+    assert kernel(scope["half"])(3.0) == 1.5
+    assert not (cache / "fg_mujoco").exists() or kept_in(cache) == []
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The package as it is installed, with one more kernel in a folder of a folder, and a user's planner."""
+    site = tmp_path_factory.mktemp("site")
+    install_into(site)
+    nested = site / "fg_mujoco" / "one" / "two"
+    nested.mkdir(parents=True)
+    (nested.parent / "__init__.py").write_text("")
+    (nested / "__init__.py").write_text("FACTOR = 2.0\n")
+    (nested / "constants.py").write_text("OFFSET = 1.0\n")
+    (nested / "deep.py").write_text(
+        "from ...kernels import kernel\nfrom . import FACTOR, constants\n\n\n@kernel\ndef deep(x):\n"
+        "    return FACTOR * x + constants.OFFSET\n"
+    )
+    (nested.parent / "above.py").write_text(
+        "from ..kernels import kernel\nfrom .two.deep import (  # the kernel\n    deep,\n)\n\n\n@kernel\n"
+        "def above(x):\n    return deep(x)\n"
+    )
+    (site / "users.py").write_text(
+        "from fg_mujoco.compiled.kernels import kernel\nfrom fg_mujoco.one.above import above\n\n\n@kernel\n"
+        "def mine(x):\n    return above(x)\n"
+    )
+    return site
+
+
+DIGESTS = """
+import json, sys
+import users
+from fg_mujoco import kernel_files
+from fg_mujoco.rollouts import job as rollout_job
+from types import SimpleNamespace
+from fg_mujoco.controllers.gap_finder import GapFinder
+decide = SimpleNamespace(py_func=GapFinder.goal)
+from fg_mujoco.lidar.scanline import scan
+from fg_mujoco.one.above import above
+from fg_mujoco.one.two.deep import deep
+import linecache, pathlib
+def digests():
+    for cached in (kernel_files._modules, kernel_files._digest_of, kernel_files._read, rollout_job.versions):
+        cached.cache_clear()
+    linecache.clearcache()
+    found = {"decide": decide, "scan": scan, "above": above, "deep": deep, "mine": users.mine}
+    found = {name: kernel_files.source_digest(function.py_func) for name, function in found.items()}
+    return found | {"all": rollout_job.versions()["sources_sha256"]}
+before, changes = digests(), {}
+for path in map(pathlib.Path, sys.argv[1:]):
+    whole = path.read_text()
+    path.write_text(whole + "# another line")
+    after = digests()
+    path.write_text(whole)
+    changes[str(path)] = sorted(name for name in before if after[name] != before[name])
+assert digests() == before
+print(json.dumps(changes))
+"""
+
+
+def test_digests_are_of_all_sources_that_a_function_depends_on_and_of_no_others(installed):
+    expected = {
+        "fg_mujoco/one/two/deep.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/two/__init__.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/two/constants.py": ["above", "all", "deep", "mine"],
+        "fg_mujoco/one/above.py": ["above", "all", "mine"],
+        "users.py": ["mine"],
+        "fg_mujoco/compiled/kernels.py": ["above", "all", "decide", "deep", "mine", "scan"],
+        "fg_mujoco/controllers/gap_finder.py": ["all", "decide"],
+        "fg_mujoco/controllers/perception/scan_filters.py": ["all", "decide"],
+        "fg_mujoco/controllers/weighted_gap.py": ["all"],
+        "fg_mujoco/models/scene.xml": ["all"],
+    }
+    done = run(DIGESTS, *expected, cwd=installed)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == expected
+
+
+def test_names_are_the_same_in_a_checkout_and_installed(installed):
+    code = (
+        "from fg_mujoco.compiled.kernel_keys import identity; from fg_mujoco.controllers.gap_finder import GapFinder as g;"
+        "from fg_mujoco.compiled.kernels import source_digest; print(source_digest(g.goal), identity(g.goal.py_func))"
+    )
+    here, there = run(code), run(code, cwd=installed)
+    assert here.returncode == 0 and here.stdout == there.stdout
+
+
+def test_every_source_is_hashed_once_under_its_path_in_the_package():
+    paths = [path for path, _ in package_files(".py")]
+    assert {"kernels.py", "viz/rendering/gl.py", "controllers/perception/gaps.py", "models/__init__.py"} <= set(paths)
+    assert len(paths) == len(set(paths)) and sorted(paths) == paths
+    assert not [path for path in paths if path.startswith("fg_mujoco/") or "__pycache__" in path]
+
+
+def test_a_kernel_that_is_called_from_another_one_is_recompiled_there(installed, tmp_path):
+    code = "from fg_mujoco.one.above import above; print(above(3.0))"
+    environment = {"cwd": installed, "XDG_CACHE_HOME": str(tmp_path)}
+    assert run(code, **environment).stdout == "7.0\n"
+    again = run(code, **environment)
+    assert (again.stdout, again.stderr) == ("7.0\n", "")
+    path = installed / "fg_mujoco/one/two/constants.py"
+    whole = path.read_text()
+    path.write_text("OFFSET = 2.0\n")
+    try:
+        done = run(code, **environment)
+    finally:
+        path.write_text(whole)
+    assert done.stdout == "8.0\n" and ANNOUNCEMENT in done.stderr
+
+
+CALLS = """
+import numba
+from fg_mujoco.compiled.kernels import inlined, kernel
+
+@kernel
+def refuses(x):
+    if x > 1.0:
+        raise ValueError("too large", x)
+    return x
+
+@kernel
+def passes_on(x):
+    return refuses(x) + 1.0
+
+@kernel
+def prints(x):
+    print("x is", x)
+    return x
+
+@kernel
+def through(function, x):
+    return function(x) + prints(x)
+
+@kernel
+def to(exponent, x):
+    return x ** numba.literally(exponent)
+
+@kernel
+def cube(x):
+    return to(3, x)
+
+@kernel
+def fibonacci(n):
+    return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
+
+@kernel
+def next_fibonacci(n):
+    return fibonacci(n + 1)
+
+@kernel
+def even(n):
+    return True if n == 0 else odd(n - 1)
+
+@kernel
+def odd(n):
+    return False if n == 0 else even(n - 1)
+
+@inlined
+def half(x):
+    return 0.5 * x
+
+@kernel
+def quarter(x, y=0.0):
+    return half(half(x)) + y
+
+@kernel
+def quarters(x):
+    return quarter(x) + quarter(x, 1.0) + quarter(x, y=2.0)
+
+@numba.njit
+def of_others(x):
+    return passes_on(x)
+
+@kernel
+def through_others(x):
+    return of_others(x) + refuses(x)
+
+def answer(function, *arguments):
+    try:
+        return function(*arguments)
+    except ValueError as error:
+        return error.args
+
+for function, *arguments in (
+    (passes_on, 0.5), (passes_on, 2.0), (through, quarter, 4.0), (through, refuses, 3.0), (cube, 2.0), (fibonacci, 10),
+    (next_fibonacci, 10), (even, 7), (odd, 7), (quarters, 4.0), (of_others, 2.0), (through_others, 0.5),
+    (through_others, 3.0),
+):
+    print(answer(function, *arguments))
+"""
+ANSWERS = """1.5
+('too large', 2.0)
+x is 4.0
+5.0
+('too large', 3.0)
+8.0
+55
+89
+False
+True
+6.0
+('too large', 2.0)
+2.0
+('too large', 3.0)
+"""
+
+
+def test_kernels_that_call_each_other_answer_as_python_does_compiled_and_from_disk(tmp_path):
+    program = tmp_path / "calls.py"
+    program.write_text(CALLS)
+    code = f"import runpy; runpy.run_path({str(program)!r})"
+    kept = []
+    for _ in range(2):  # compiled, then from disk, but for what cannot be kept
+        done = run(code, XDG_CACHE_HOME=str(tmp_path))
+        assert (done.returncode, done.stdout) == (0, ANSWERS), done.stderr
+        kept.append(kept_in(tmp_path))
+    assert kept[0] == kept[1]
+    names = {file.name.rpartition("-")[0] for file in kept[0]}
+    assert {"passes_on", "refuses", "quarters", "quarter", "fibonacci"} <= names
+    assert not names & {"even", "odd"}, "machine code that calls each other's addresses"
+
+
+MADE = """
+import sys
+from fg_mujoco.compiled.kernels import kernel
+
+def made(number):
+    @kernel
+    def adds(x):
+        return x + number
+    return adds
+
+one, twenty = made(1.0), made(20.0)
+
+@kernel
+def first(x):
+    return one(x)
+
+@kernel
+def second(x):
+    return twenty(x)
+
+@kernel
+def both(x):
+    return one(x) + 100.0 * twenty(x)
+
+print(globals()[sys.argv[1]](0.0))
+"""
+
+
+def test_functions_of_one_name_are_told_apart_whatever_processes_compiled_them(tmp_path):
+    """Numba numbers functions from 1 on in each process, and code is linked by names that have these numbers."""
+    (tmp_path / "made.py").write_text(MADE)
+    for name, answer in (("first", 1.0), ("second", 20.0), ("both", 2001.0)):
+        code = f"import runpy, sys; sys.argv[1:] = [{name!r}]; runpy.run_path({str(tmp_path / 'made.py')!r})"
+        done = run(code, XDG_CACHE_HOME=str(tmp_path))
+        assert (done.returncode, done.stdout) == (0, f"{answer}\n"), done.stderr
+
+
+def test_decorating_leaves_the_cache_of_others_alone():
+    import numba
+
+    before = numba.config.CACHE_DIR
+    kernel(lambda x: x)
+    assert before == numba.config.CACHE_DIR
+
+
+def test_without_compilation_a_kernel_is_the_function():
+    done = run(f"{REASON}; print(type(end_reason).__name__)", NUMBA_DISABLE_JIT="1")
+    assert done.stdout == CRASH + "function\n" and done.stderr == ""
+
+
+def signatures():
+    """What each kernel of the package has been compiled for."""
+    modules = [module for name, module in sorted(sys.modules.items()) if name.split(".")[0] == "fg_mujoco"]
+    kernels = {id(value): value for module in modules for value in vars(module).values() if hasattr(value, "py_func")}
+    return {(found.__module__, found.__qualname__): set(found.signatures) for found in kernels.values()}
+
+
+class Commander:
+    """Limits a command by the friction limiter and answers it, in one kind of numbers."""
+
+    def __init__(self, number):
+        self.number, self.limiter = number, FrictionLimiter(CAR, 1.0)
+
+    def reset(self):
+        self.limiter.reset()
+
+    def __call__(self, scan, odometry):
+        self.limiter(self.number(0), self.number(2), odometry, scan.scan_time)
+        return fg.DriveCommand(steering_angle=self.number(0), speed=self.number(2))
+
+
+def command_everywhere(number):
+    """Command a car in a race, in a simulation and by hand."""
+    result = fg.race("oval", Commander(number), laps=1, time_limit=0.1)
+    command = fg.DriveCommand(steering_angle=number(0), speed=number(2))
+    simulation = fg.Simulation(fg.World("oval"))
+    simulation.step(command)
+    simulation.drive(number(0), number(2))
+    simulation.world.car.apply(simulation.data, command)
+    return result.trajectory_sha256
+
+
+@pytest.mark.parametrize("number", (int, np.float32))
+def test_a_command_in_other_numbers_compiles_nothing_anew(number):
+    bits, before = command_everywhere(float), signatures()
+    assert any("drive" in name and compiled for (_, name), compiled in before.items())
+    assert command_everywhere(number) == bits
+    assert signatures() == before
+
+
+def test_the_first_compilation_is_announced_once(tmp_path):
+    """In a pipe as on a terminal; not by processes that the first one starts, nor where all is on disk."""
+    both = (
+        f"import subprocess, sys; {REASON}; from fg_mujoco.controllers.control.steering import saturate;"
+        "saturate(1.0, 2.0);"
+        "subprocess.run([sys.executable, '-c', 'from fg_mujoco.controllers.control.speed import friction_steering as f;"
+        "f(1.0, 1.0, 1.0, 9.81)'], check=True)"
+    )
+    done = run(both, XDG_CACHE_HOME=str(tmp_path))
+    assert (done.returncode, done.stdout) == (0, CRASH)
+    assert done.stderr.count(ANNOUNCEMENT) == 1 and done.stderr.count("\n") == 1
+    assert run(both, XDG_CACHE_HOME=str(tmp_path)).stderr == ""
+
+
+def test_kernels_on_disk_are_loaded_without_scipy_and_others_find_it_all_the_same():
+    assert run(f"{REASON}; print(1)").returncode == 0  # on disk now
+    code = (
+        f"import sys; {REASON}; print('scipy.linalg' in sys.modules); import numba, numpy;"
+        "print(numba.njit(lambda a: numpy.dot(a, a))(numpy.ones(2)), 'scipy.linalg' in sys.modules)"
+    )
+    pytest.importorskip("scipy")
+    assert run(code).stdout == f"{CRASH}False\n2.0 True\n"
+
+
+def test_kernels_of_others_are_not_announced(tmp_path):
+    code = "import numba, fg_mujoco.compiled.kernels; print(numba.njit(lambda x: x + 1)(1))"
+    done = run(code, XDG_CACHE_HOME=str(tmp_path))
+    assert (done.stdout, done.stderr) == ("2\n", "")
+
+
+def test_without_stderr_kernels_are_compiled_all_the_same(tmp_path):
+    assert run(f"import sys; sys.stderr = None; {REASON}", XDG_CACHE_HOME=str(tmp_path)).stdout == CRASH

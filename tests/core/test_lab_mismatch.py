@@ -1,0 +1,79 @@
+"""A planner that is wrong about the friction: what the experiment measures, and what it says of it."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from fg_mujoco.lab import mismatch
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.mismatch import EXPERIMENT
+from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+
+@pytest.fixture(scope="module")
+def tables():
+    cells = json.loads(json.dumps(EXPERIMENT.cells(LabSettings(quick=True))))
+    return {"laps": [row for cell in cells for row in EXPERIMENT.measure(cell)["laps"]]}
+
+
+def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
+    # measured on the oval at .7, 1 and 1.3: 9.85, 8.40, 7.68 s; .028, .040, .245 m/s
+    careful, right, bold = tables["laps"]
+    assert careful["best_lap_s"] > 1.1 * right["best_lap_s"] > 1.1 * bold["best_lap_s"]
+    assert careful["max_slide_m_s"] < right["max_slide_m_s"] < BRISTLES_SLIDE < bold["max_slide_m_s"]
+    assert careful["sliding_share"] == right["sliding_share"] == 0.0 < bold["sliding_share"]
+    assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
+
+
+def test_section_names_the_ratios_and_draws(tables):
+    knee = {
+        "track": "oval",
+        "mu": Vehicle.load().nominal_mu,
+        "sliding_from": 1.06,
+        "holds_at": 1.05,
+        "slides_at": 1.07,
+        "reason": "",
+    }
+    section = EXPERIMENT.section({**tables, "knee": [knee]})
+    assert (
+        "1.06" in section.sentences[0]
+        and "up to 1.05" in section.sentences[0].lower()
+        and "no more than 1.05" in section.sentences[0]
+    )
+    assert "no crash up to a ratio of 1.3" in section.sentences[1]
+    assert len(section.figures[0].render()) > 1000
+    crash = {**tables["laps"][2], "crashed": True, "best_lap_s": math.nan, "end_reason": "crash", "ratio": 1.4}
+    section = EXPERIMENT.section({"laps": [*tables["laps"], crash]})
+    assert "first crash at a ratio of 1.4" in section.sentences[0]
+    assert len(section.figures[0].render()) > 1000
+
+
+@pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])
+def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
+    monkeypatch.setattr(
+        mismatch, "drive_believing", lambda *cell: SimpleNamespace(slide_time_fraction=0.1 * (cell[2] > threshold))
+    )
+    (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
+    assert row["holds_at"] <= threshold <= row["slides_at"] and row["slides_at"] - row["holds_at"] <= 0.02
+    assert row["sliding_from"] == pytest.approx(threshold, abs=0.01) and row["reason"] == ""
+
+
+@pytest.mark.parametrize(("slide", "reason"), [(0.0, "slides at no ratio up to 1.5"), (1.0, "slides at 0.9")])
+def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason):
+    monkeypatch.setattr(mismatch, "drive_believing", lambda *_: SimpleNamespace(slide_time_fraction=slide))
+    (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]
+    assert math.isnan(row["sliding_from"]) and row["reason"] == reason
+
+
+def test_whole_work_covers_what_was_asked_for():
+    cells = EXPERIMENT.cells(LabSettings())
+    assert cells == EXPERIMENT.cells(LabSettings())
+    dry = {
+        (cell["track"], cell["ratio"]) for cell in cells if cell["mu"] == Vehicle.load().nominal_mu and cell["ratio"]
+    }
+    assert len({track for track, _ in dry}) == 3 and len(dry) >= 3 * 9
+    assert min(ratio for _, ratio in dry) == 0.5 and max(ratio for _, ratio in dry) >= 1.5
+    assert sum(cell["ratio"] is None for cell in cells) == 6

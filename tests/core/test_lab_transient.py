@@ -1,0 +1,122 @@
+"""Transients: the guard keeps tires from sliding where the law read one way does not; what a trace tells is true."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.lab.experiment import LAW_TIRES, LabSettings
+from fg_mujoco.lab.lab_ground import Engine, LabGround
+from fg_mujoco.lab.reference_steering import CURVATURE, MANOEUVRES
+from fg_mujoco.lab.speed_laws import LAWS
+from fg_mujoco.lab.transient import EXPERIMENT, drive
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
+from fg_mujoco.vehicle.tires import Tires
+
+
+def greatest_slide(manoeuvre, mu, k, law, tires="coulomb"):
+    trace, _ = drive(LabGround(mu, tires=Tires.load(tires)), manoeuvre, mu, k, law)
+    return np.nanmax(trace.slip.sliding_speed)
+
+
+# Measured, guarded: .042 m/s at most on contacts, which is what they creep while they hold.
+@pytest.mark.parametrize("tires", LAW_TIRES)
+@pytest.mark.parametrize("manoeuvre", MANOEUVRES)
+@pytest.mark.parametrize(("mu", "k"), [(1.0489, 1.1), (0.6, 1.5)])
+def test_guarded_car_does_not_slide(manoeuvre, mu, k, tires):
+    assert greatest_slide(manoeuvre, mu, k, "guard", tires) < slides_above(tires)
+
+
+# Measured: .72, 2.0 and 1.7 m/s for the step, the ramp and the sine, .87 for the slalom, 5.3 for the lane change.
+@pytest.mark.parametrize("tires", LAW_TIRES)
+@pytest.mark.parametrize(
+    ("manoeuvre", "k"), [("step", 1.1), ("ramp", 1.1), ("sine", 1.1), ("slalom", 1.1), ("lane change", 1.5)]
+)
+def test_the_law_read_one_way_slides_in_the_same_manoeuvre(manoeuvre, k, tires):
+    assert greatest_slide(manoeuvre, 1.0489, k, "one way", tires) > 5 * SLIDING_SPEED
+
+
+# the servo turns the wheels in .06 s; measured on contacts: .023, .09 and .030, on bristles 0, .026 and 0
+@pytest.mark.parametrize(("tires", "ramp", "step"), [("contact", 0.03, 0.04), ("coulomb", 1e-3, 1e-3)])
+def test_nothing_slides_far_below_the_limit_but_where_steering_steps(tires, ramp, step):
+    assert greatest_slide("ramp", 1.0489, 0.7, "none", tires) < ramp
+    assert greatest_slide("step", 1.0489, 0.7, "none", tires) > slides_above(tires)
+    assert greatest_slide("step", 1.0489, 0.7, "guard", tires) < step
+
+
+def test_the_step_turns_at_the_servos_real_rate():
+    trace, _ = drive(LabGround(1.0489), "step", 1.0489, 0.7, "none")
+    car = trace.sensors.parameters
+    rates = np.diff(trace.steering_angle) / trace.timestep
+    assert rates.max() == pytest.approx(car.max_steering_rate, rel=0.02)
+    assert trace.steering_angle[-1] == pytest.approx(math.atan(car.wheelbase * CURVATURE), abs=2e-4)
+
+
+@pytest.mark.parametrize("name", ["slalom", "lane change"])
+def test_paths_have_the_curvature_that_they_promise_and_slow_cars_follow_them(name):
+    plan = MANOEUVRES[name]
+    x = np.linspace(3.0, plan.end, 20001)
+    y = np.array([plan.path(place) for place in x])
+    slope = np.gradient(y, x)
+    curvature = np.gradient(slope, x) / (1.0 + slope**2) ** 1.5
+    assert np.abs(curvature[5:-5]).max() == pytest.approx(CURVATURE, rel=0.01)
+    trace, _ = drive(LabGround(1.0489), name, 1.0489, 0.7, "none")
+    assert plan.off_path(trace.position) < 0.05  # measured .035
+    assert trace.position[-1, 0] == pytest.approx(plan.end, abs=0.1)
+
+
+@pytest.mark.parametrize("tires", LAW_TIRES)
+def test_what_a_trace_tells_agrees_with_itself(tires):
+    """Newton's law of the whole car, from the tires' forces, accelerometer and positions."""
+    trace, _ = drive(LabGround(1.0489, tires=Tires.load(tires)), "slalom", 1.0489, 0.9, "none")
+    mass = trace.sensors.parameters.mass
+    assert trace.tire_forces.sum(axis=1) == pytest.approx(mass * trace.acceleration, abs=0.02 * mass)
+    assert np.gradient(trace.position, trace.timestep, axis=0)[50:-1] == pytest.approx(trace.velocity[50:-1], abs=0.02)
+    assert np.gradient(trace.heading, trace.timestep)[50:-1] == pytest.approx(trace.yaw_rate[50:-1], abs=0.05)
+    assert np.hypot(*trace.tire_forces[:, 0].T) == pytest.approx(trace.slip.friction_force[:, 0], nan_ok=True)
+    assert len(trace.last(0.1).time) == round(0.1 / trace.timestep)
+
+
+def test_laws_leave_what_holds_and_limit_what_does_not():
+    ground = LabGround(1.0489)
+    car = ground.car.parameters
+    ground.place(3.0)
+    slow, fast = 2.0, 6.0
+    odometry = ground.car.odometry(ground.data)
+    for name, make in LAWS.items():
+        hold = make(car, 1.0489)
+        if name != "guard":
+            assert hold(0.1, slow, odometry) == DriveCommand(steering_angle=0.1, speed=slow)
+        assert (hold(0.4, fast, odometry).speed < 3.1) == (name != "none")
+        assert (hold(0.4, fast, odometry).steering_angle < 0.36) == (name in ("both ways", "guard"))
+
+
+@pytest.mark.parametrize(
+    "settings", [{"timestep": 0.0}, {"impratio": math.nan}, {"solver": "PGS"}, {"cone": "round"}, {"tolerance": 2.0}]
+)
+def test_engine_settings_out_of_range_are_refused_by_name(settings):
+    with pytest.raises(SettingsError, match=next(iter(settings))):
+        Engine(**settings)
+
+
+def test_cells_measure_every_law_and_the_section_draws():
+    cells = EXPERIMENT.cells(LabSettings(quick=True))[1::2]  # those that slide
+    assert len(EXPERIMENT.cells(LabSettings())) == 2 * len(MANOEUVRES) * 2 * 5
+    tables = {"runs": [], "trace": []}
+    for cell in cells:
+        for name, rows in EXPERIMENT.measure(cell).items():
+            tables[name] += rows
+    assert [row["law"] for row in tables["runs"]] == list(LAWS) * len(cells)
+    again = EXPERIMENT.measure(cells[0])["runs"]
+    assert [str(row) for row in again] == [
+        str(row) for row in tables["runs"][: len(LAWS)]
+    ]  # the same cell, the same rows
+    section = EXPERIMENT.section(tables)
+    for tires in LAW_TIRES:
+        start = f"On {tires}, under the whole friction limiter no tire slides in any of 2 runs"
+        assert sum(sentence.startswith(start) for sentence in section.sentences) == 1
+    assert all(name in tables["runs"][0] for name in section.columns["runs"])
+    for figure in section.figures:
+        assert figure.render().startswith(b"<?xml")

@@ -1,0 +1,298 @@
+"""The lower bound of a lap time: closed forms, an independent fixed point, and the laps that it bounds."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fg_mujoco as fg
+from fg_mujoco.course.polyline import distance_to_segment
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.lab.experiment import LabSettings
+from fg_mujoco.lab.lap_line import best_flying_lap, driven_lap
+from fg_mujoco.lab.lap_time_bound import (
+    HoldingCar,
+    Line,
+    PointMass,
+    fastest_speeds,
+    lap_time,
+    smooth_line,
+    step_times,
+)
+from fg_mujoco.lab.laps import EXPERIMENT, GREATEST_RATIO
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+CAR = Vehicle.load().parameters
+WITHOUT_POWER_LIMIT = replace(CAR, power_limit_speed=1e9)
+MU = 1.0489
+FRICTIONS = st.floats(0.2, 1.5)
+
+
+def point_mass(mu=MU, car=CAR, max_speed=20.0):
+    return PointMass(mu=mu, car=car, max_speed=max_speed)
+
+
+def line_of(curvature, steps):
+    curvature = np.asarray(curvature, float)
+    return Line(points=np.zeros((len(curvature), 2)), curvature=curvature, steps=np.broadcast_to(steps, len(curvature)))
+
+
+def stadium(radius, straight, step=0.002):
+    """Two straights and two half circles, its curvature known at each point."""
+    arc = math.pi * radius
+    counts = [round(length / step) for length in (straight, arc)]
+    curvature = np.repeat((0.0, 1.0 / radius) * 2, counts * 2)
+    return line_of(curvature, np.repeat((straight / counts[0], arc / counts[1]) * 2, counts * 2))
+
+
+def circle(radius, count=400, noise=0.0, rng=None):
+    angle = 2.0 * math.pi * np.arange(count) / count
+    points = radius * np.column_stack((np.cos(angle), np.sin(angle)))
+    return points + (noise * rng.standard_normal(points.shape) if noise else 0.0)
+
+
+def wavy(seed, count=600, step=0.05):
+    """A closed line of random bends; its curvature alone."""
+    rng = np.random.default_rng(seed)
+    phase = 2.0 * math.pi * np.arange(count) / count
+    bends = sum(rng.normal(0.0, 0.5 / order) * np.sin(order * phase + rng.uniform(0.0, 6.3)) for order in range(1, 12))
+    return line_of(bends, step)
+
+
+@given(mu=FRICTIONS, radius=st.floats(0.8, 20.0))
+def test_circle_is_driven_at_the_square_root_of_mu_g_r(mu, radius):
+    speed = math.sqrt(mu * CAR.gravity * radius)
+    line = line_of(np.full(50, -1.0 / radius), 2.0 * math.pi * radius / 50)
+    speeds = fastest_speeds(line, point_mass(mu, max_speed=100.0))
+    assert speeds == pytest.approx([speed] * 50)
+    assert lap_time(line, speeds) == pytest.approx(2.0 * math.pi * radius / speed)
+
+
+def test_nothing_is_faster_than_the_planner_may_command():
+    assert fastest_speeds(line_of(np.zeros(20), 1.0), point_mass(max_speed=8.0)) == pytest.approx([8.0] * 20)
+
+
+@pytest.mark.parametrize(("mu", "radius", "straight"), [(MU, 1.0, 4.0), (MU, 2.0, 3.0), (0.5, 1.5, 8.0)])
+def test_stadium_is_driven_in_the_time_of_the_closed_form(mu, radius, straight):
+    """Even acceleration to the middle of each straight and even braking from there: v^2 = v0^2 + a L."""
+    line = stadium(radius, straight)
+    corner = math.sqrt(mu * CAR.gravity * radius)
+    push = min(mu * CAR.gravity, CAR.max_acceleration)
+    top = math.sqrt(corner**2 + push * straight)
+    assert top < CAR.power_limit_speed
+    speeds = fastest_speeds(line, point_mass(mu))
+    assert speeds.max() == pytest.approx(top, rel=1e-3)
+    expected = 2.0 * math.pi * radius / corner + 4.0 * (top - corner) / push
+    assert lap_time(line, speeds) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_straights_above_the_power_limit_are_driven_as_the_cubic_law_says():
+    """With constant power v^3 grows by 3 P s, and braking needs none: where both meet, by bisection."""
+    radius, straight = 3.0, 20.0
+    corner, power = math.sqrt(MU * CAR.gravity * radius), CAR.max_acceleration * CAR.power_limit_speed
+    push = CAR.max_acceleration
+    ramp = (CAR.power_limit_speed**2 - corner**2) / (2.0 * push)
+    low, high = ramp, straight
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        gained = CAR.power_limit_speed**3 + 3.0 * power * (middle - ramp)
+        needed = (corner**2 + 2.0 * push * (straight - middle)) ** 1.5
+        low, high = (low, middle) if gained > needed else (middle, high)
+    top = (CAR.power_limit_speed**3 + 3.0 * power * (low - ramp)) ** (1.0 / 3.0)
+    assert fastest_speeds(stadium(radius, straight), point_mass()).max() == pytest.approx(top, rel=1e-3)
+    assert top > 1.1 * CAR.power_limit_speed
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_passes_agree_with_a_fixed_point_that_knows_no_start(seed):
+    """Oracle: every point, again and again, no faster than its neighbours let it be, until nothing changes.
+
+    Without the power limit, what a neighbour allows is the lesser of two closed forms: u + 2 a ds, and the root of
+    (v - u)^2 = (2 ds)^2 ((mu g)^2 - (k v)^2), with v and u the speeds squared; none when the corner itself is slower.
+    """
+    line, limits = wavy(seed), point_mass(car=WITHOUT_POWER_LIMIT, max_speed=9.0)
+    grip, push = MU * CAR.gravity, CAR.max_acceleration
+    squared = np.array([min(limits.corner_speed(k), limits.max_speed) ** 2 for k in line.curvature])
+
+    def allowed(neighbour, step):
+        bend = 1.0 + (2.0 * step * line.curvature) ** 2
+        rest = np.maximum(bend * grip**2 - (line.curvature * neighbour) ** 2, 0.0)
+        circle = np.where(
+            abs(line.curvature) * neighbour < grip, (neighbour + 2.0 * step * np.sqrt(rest)) / bend, np.inf
+        )
+        return np.minimum(neighbour + 2.0 * push * step, circle)
+
+    changed = True
+    while changed:
+        before = squared
+        gained = allowed(np.roll(squared, 1), np.roll(line.steps, 1))
+        squared = np.minimum(np.minimum(squared, gained), allowed(np.roll(squared, -1), line.steps))
+        changed = not np.array_equal(before, squared)
+    assert fastest_speeds(line, limits) == pytest.approx(np.sqrt(squared), rel=1e-11)
+
+
+def test_finer_steps_come_near_from_below():
+    """Half the step, half the error: 8.6e-4 of the lap time at 2 cm, as `smooth_line` has them."""
+    coarse, half, fine = (
+        lap_time(line, fastest_speeds(line, point_mass()))
+        for line in (wavy(0, count=round(30.0 / step), step=step) for step in (0.02, 0.01, 0.005))
+    )
+    assert coarse < half < fine
+    assert half - coarse == pytest.approx(2.0 * (fine - half), rel=0.1)
+    assert fine / coarse < 1.001
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bound_does_not_depend_on_where_the_lap_starts(seed):
+    line = wavy(seed)
+    expected = lap_time(line, fastest_speeds(line, point_mass()))
+    for shift in (1, 77, 401):
+        rolled = line_of(np.roll(line.curvature, shift), np.roll(line.steps, shift))
+        assert lap_time(rolled, fastest_speeds(rolled, point_mass())) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bound_does_not_depend_on_the_direction_where_motor_and_brake_are_alike(seed):
+    line, limits = wavy(seed), point_mass(car=WITHOUT_POWER_LIMIT)
+    back = line_of(-line.curvature[::-1], np.roll(line.steps[::-1], -1))
+    expected = lap_time(line, fastest_speeds(line, limits))
+    assert lap_time(back, fastest_speeds(back, limits)) == pytest.approx(expected, rel=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 1000), mu=FRICTIONS, more=st.floats(1.01, 1.5))
+def test_more_friction_is_faster(seed, mu, more):
+    line = wavy(seed, count=200)
+    slow, fast = (lap_time(line, fastest_speeds(line, point_mass(value))) for value in (mu, more * mu))
+    assert fast < slow
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 1000), mu=FRICTIONS)
+def test_axles_that_hold_are_nowhere_faster_than_the_point_mass_and_alike_in_corners(seed, mu):
+    line = wavy(seed, count=200)
+    holding = HoldingCar(mu=mu, car=CAR, max_speed=20.0)
+    bound, held = fastest_speeds(line, point_mass(mu)), fastest_speeds(line, holding)
+    assert (held <= bound * (1.0 + 1e-12)).all()
+    assert held.min() == pytest.approx(bound.min())
+
+
+@given(mu=st.floats(0.2, 1.2), use=st.floats(0.0, 0.99))
+def test_light_axle_is_at_its_friction_circle_when_it_lets_go(mu, use):
+    """The root put back: (a / 2)^2 + (c y)^2 = mu^2 (g c - a h / L)^2, of the rear axle in braking."""
+    strong = replace(CAR, max_acceleration=1e3)  # so that the axle is what limits
+    car, lateral = HoldingCar(mu=mu, car=strong, max_speed=20.0), use * mu * CAR.gravity
+    braking = car.braking(lateral / 4.0, 4.0)
+    share = CAR.front_axle_distance / CAR.wheelbase
+    load = CAR.gravity * share - braking * CAR.center_of_gravity_height / CAR.wheelbase
+    assert math.hypot(braking / 2.0, share * lateral) == pytest.approx(mu * load, rel=1e-6)
+    assert load > 0.0
+
+
+def test_straight_ahead_axles_hold_what_the_car_was_measured_to():
+    """6.6 and 7.1 m/s^2 (README), of which 1.6 % are the wheels' own inertia, which is left out here."""
+    car = HoldingCar(mu=MU, car=CAR, max_speed=8.0)
+    assert car.braking(0.0, 1.0) == pytest.approx(6.6, rel=0.025)
+    assert car.acceleration(0.0, 1.0) == pytest.approx(7.1, rel=0.03)
+
+
+@pytest.mark.parametrize("radius", [1.0, 4.0])
+def test_curvature_of_a_noisy_circle_is_that_of_the_circle(radius):
+    noisy = circle(radius, noise=0.0008, rng=np.random.default_rng(0))
+    line = smooth_line(noisy, 0.005)
+    assert line.curvature == pytest.approx(1.0 / radius, rel=0.02)
+    assert np.abs(smooth_line(noisy, 1e-6).curvature * radius - 1.0).max() > 0.2  # so that there was noise
+
+
+@given(tolerance=st.floats(5e-4, 0.01))
+@settings(max_examples=10, deadline=None)
+def test_smoothed_line_is_as_near_as_was_asked_for(tolerance):
+    angle = 2.0 * math.pi * np.arange(400) / 400  # waves of 0.5 and 0.2 m
+    points = circle(3.0) * (1.0 + 0.004 * np.sin(40 * angle) + 0.002 * np.sin(90 * angle))[:, None]
+    line = smooth_line(points, tolerance)
+    ends = np.roll(line.points, -1, axis=0)
+    away = [distance_to_segment(np.tile(point, (len(ends), 1)), line.points, ends).min() for point in points]
+    # the last term is what an arc of the waves rises over a chord of 2 cm
+    assert 0.5 * tolerance < max(away) <= 1.05 * tolerance + 3e-4
+
+
+def test_curvature_of_an_ellipse_is_the_closed_form():
+    angle = 2.0 * math.pi * np.arange(500) / 500
+    a, b = 5.0, 2.0
+    line = smooth_line(np.column_stack((a * np.cos(angle), b * np.sin(angle))), 1e-4)
+    turned = np.arctan2(line.points[:, 1] / b, line.points[:, 0] / a)
+    expected = a * b / (a**2 * np.sin(turned) ** 2 + b**2 * np.cos(turned) ** 2) ** 1.5
+    assert line.curvature == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf])
+def test_tolerance_that_is_none_is_refused(tolerance):
+    with pytest.raises(SettingsError, match="accepted: a positive number"):
+        smooth_line(circle(2.0), tolerance)
+
+
+@pytest.mark.parametrize("mu", [0.0, -0.5, math.nan, math.inf])
+def test_friction_that_is_none_is_refused(mu):
+    with pytest.raises(SettingsError, match="mu"):
+        point_mass(mu)
+
+
+@pytest.fixture(scope="module")
+def oval():
+    return fg.race("oval", laps=2)
+
+
+def test_driven_line_and_speeds_give_the_lap_time_back(oval):
+    lap = driven_lap(oval.car, 2, CAR)
+    line = smooth_line(lap.points, 0.002)
+    actual = step_times(line, lap.speed_at(len(line.curvature))).sum()
+    assert actual == pytest.approx(oval.car.lap_times_s[1], rel=2e-3)
+    assert lap.gap < 0.02
+    assert np.abs(lap.points[0] - lap.points[-1]).max() < 0.3  # closed
+
+
+def test_lap_that_was_driven_is_slower_than_its_bound_and_within_the_goal(oval):
+    # measured 1.13; l_corridor 1.19 and tight 1.30 are not (see the report)
+    line = smooth_line(driven_lap(oval.car, best_flying_lap(oval.car), CAR).points, 0.005)
+    bound = lap_time(line, fastest_speeds(line, point_mass(max_speed=8.0)))
+    assert bound < oval.car.lap_times_s[1] <= GREATEST_RATIO * bound
+    assert oval.car.max_slide_m_s < SLIDING_SPEED
+
+
+def test_bound_of_a_driven_lap_hardly_depends_on_the_smoothing(oval):
+    lap = driven_lap(oval.car, 2, CAR)
+    bounds = []
+    for tolerance in (0.001, 0.005, 0.02):
+        line = smooth_line(lap.points, tolerance)
+        bounds.append(lap_time(line, fastest_speeds(line, point_mass(max_speed=8.0))))
+    assert bounds == pytest.approx([bounds[1]] * 3, rel=0.01)
+
+
+def test_race_without_a_flying_lap_has_no_best_one():
+    with pytest.raises(SettingsError, match="2 or more"):
+        best_flying_lap(fg.race("oval", laps=1, time_limit=0.5).car)
+
+
+@pytest.mark.slow
+def test_laps_are_measured_from_json_alone_and_reported():
+    cells = EXPERIMENT.cells(LabSettings(quick=True))
+    assert len(EXPERIMENT.cells(LabSettings())) == 32  # sixteen circuits, two planners
+    tables = EXPERIMENT.measure(json.loads(json.dumps(cells[0])))
+    (row,) = tables["laps"]
+    assert row["end_reason"] == "finished" and row["reason"] == ""
+    assert row["bound_s"] < row["holding_bound_s"] < row["guarded_bound_s"] < row["best_lap_s"]
+    lost = sum(row[f"lost_{cause}_s"] for cause in ("top_speed", "cornering", "accelerating", "braking"))
+    assert lost == pytest.approx(row["best_lap_s"] - row["bound_s"], abs=0.05)
+    assert {r["tolerance_mm"] for r in tables["tolerance"]} == {1.0, 2.0, 5.0, 10.0, 20.0}
+    crashed = EXPERIMENT.measure({**cells[0], "laps": 1})["laps"][0]  # no flying lap, as after a crash
+    assert math.isnan(crashed["ratio"]) and "no flying" in crashed["reason"]
+    section = EXPERIMENT.section({**tables, "laps": [row, {**crashed, "track": "other"}]})
+    assert "1.1" in section.sentences[0] and section.expected[0][1] == "<= 1.15"
+    for figure in section.figures:
+        assert len(figure.render()) > 1000

@@ -1,0 +1,113 @@
+"""A missing extra is reported with what needs it and the command that installs it, which pyproject.toml has."""
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco import errors
+from fg_mujoco.course.maps.map_server import require_maps_extra
+from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
+from fg_mujoco.errors import install_command
+from fg_mujoco.addons.ros.bag_messages import require_ros_extra
+from fg_mujoco.addons.servers.rosbridge.network import require_rosbridge
+from fg_mujoco.addons.realcar.identification.fit import require_scipy
+from fg_mujoco.rollouts.dataset import require_h5py, require_minari
+from fg_mujoco.rollouts.ray_cluster import require_ray
+from fg_mujoco.addons.look.live.browser import require_viser
+from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
+from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
+from fg_mujoco.pictures.rendering.telemetry_strip import require_pillow
+from fg_mujoco.pictures.rendering.video import require_encoder
+
+ROOT = Path(__file__).parents[2]
+PYPROJECT = ROOT / "pyproject.toml"
+
+
+@pytest.fixture(autouse=True)
+def bare(monkeypatch):
+    """As where no extra is installed."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
+
+
+@pytest.mark.parametrize(
+    ("require", "extra", "what"),
+    [
+        (require_matplotlib, "plot", "pictures need matplotlib"),
+        (require_pillow, "render", "3D pictures and videos need Pillow and ffmpeg"),
+        (require_encoder, "render", "videos need ffmpeg"),
+        (require_bokeh, "report", "report pages need Bokeh"),
+        (require_viser, "live", "the live view in a browser needs viser"),
+        (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
+        (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
+        (require_rosbridge, "rosbridge", "a server of rosbridge needs websockets, mcap, rosbags and SciPy"),
+        (require_scipy, "ros", "identification needs SciPy"),
+        (require_ray, "cluster", "rollouts on a cluster need Ray"),
+        (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
+        (require_onnx, "train", "writing ONNX files needs onnx"),
+        (require_h5py, "datasets", "HDF5 files need h5py"),
+        (require_minari, "datasets", "Minari datasets need Minari"),
+    ],
+)
+def test_a_missing_extra_is_named_with_what_needs_it(require, extra, what):
+    with pytest.raises(fg.MissingExtraError) as missing:
+        require()
+    assert str(missing.value) == f"{what}: {install_command(extra)}"
+    if PYPROJECT.exists():
+        assert re.search(rf"^{extra} = \[", PYPROJECT.read_text(), re.MULTILINE)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
+def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_from_any_folder(tmp_path):
+    words = shlex.split(install_command("plot"))
+    assert words == [sys.executable, "-m", "pip", "install", "-e", f"{ROOT}[plot]"]
+    dry = [*words[:4], "--dry-run", "--no-deps", "--no-build-isolation", "--no-index", "--quiet", *words[4:]]
+    done = subprocess.run(dry, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, "does not provide the extra" in done.stderr) == (0, False), done.stderr
+
+
+def test_a_clone_with_a_blank_in_its_path_is_quoted(tmp_path, monkeypatch):
+    clone = tmp_path / "my clone"
+    (clone / "fg_mujoco").mkdir(parents=True)
+    (clone / "pyproject.toml").touch()
+    monkeypatch.setattr(errors, "__file__", str(clone / "fg_mujoco" / "errors.py"))
+    assert shlex.split(install_command("maps"))[-1] == f"{clone}[maps]"
+
+
+def test_without_a_clone_the_packages_of_the_extra_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "fg_mujoco" / "errors.py"))
+    assert shlex.split(install_command("maps"))[4:] == ["pillow>=10.1", "pyyaml>=6", "scipy>=1.11"]
+
+
+@pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
+def test_no_file_says_that_the_package_can_be_had_from_pypi():
+    files = [*ROOT.glob("*file"), *ROOT.glob("*.toml")]
+    files += [
+        path for folder in ("fg_mujoco", "controllers", "examples", "tests") for path in (ROOT / folder).rglob("*.py")
+    ]
+    files += [path for pattern in ("*.md", "docs/**/*.md", "docs/*.ipynb") for path in ROOT.glob(pattern)]
+    files.remove(ROOT / "CONTRIBUTING.md")  # which says what it becomes with a release
+    wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
+    assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []
+
+
+def test_without_dm_control_everything_but_its_interface_is_there():
+    code = """
+import sys
+sys.modules["dm_control"] = sys.modules["dm_env"] = sys.modules["labmaze"] = None
+import fg_mujoco as fg
+print(fg.race("oval", laps=1, time_limit=0.1).car.end_reason, fg.parallel_env(1, beam_step=90).agents)
+from fg_mujoco.envs.dm_environment import load
+"""
+    pytest.importorskip("pettingzoo")
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout == "time_limit []\n", run.stderr
+    assert "MissingExtraError: dm_env environments need dm-control" in run.stderr.splitlines()[-1]
+    assert "Python 3.10 to 3.12" in run.stderr.splitlines()[-1]
+    assert "\"dm-control>=1.0.50; python_version < '3.13'\"" in PYPROJECT.read_text("utf-8")

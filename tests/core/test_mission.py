@@ -1,0 +1,178 @@
+"""The mission: laps at the friction limit, no crash, no sliding, on every circuit, with the same settings.
+
+The lap times and the greatest slide of each circuit are in docs/figures.json; `make figures` drives them again.
+"""
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
+
+DATA = Path(__file__).parents[3] / "shared" / "data"
+REAL = {
+    **{name: DATA / "maps" / f"{name}_centerline.csv" for name in ("aut", "esp", "gbr", "mco")},
+    **{name: DATA / "circuits" / f"{name}_centerline.csv" for name in ("Monza", "Spielberg", "Zandvoort")},
+}
+PUBLISHED = {"aut": 19.10, "esp": 45.78, "gbr": 39.34, "mco": 34.99}
+"""[s] Lap of the published follow-the-gap: standing start, LiDAR only, same car, 8 m/s (../shared/data/README.md)."""
+GUARDED = ("oval", "hairpins", "chicanes", "tight")
+"""Circuits on which the tests of sliding are shown to trip."""
+
+
+def drive(circuit, controller="gap_finder", laps=5, **settings):
+    """Race once for all tests that ask for the same race, whether they name the planner and the laps or not."""
+    return drive_once(circuit, controller, laps=laps, **settings)
+
+
+@cache
+def drive_once(circuit, controller, **settings):
+    path = REAL.get(circuit)
+    if path is not None and not path.is_file():
+        pytest.skip(f"the real circuits are not here: no folder {path.parent}")
+    return fg.race(circuit if path is None else str(path), controller, **settings)
+
+
+def assert_no_sliding(result):
+    """Fail if any tire of the race slid at any time, or if the slip meter did not see the tires at work."""
+    slides = np.stack([result.car.column(f"slide_{wheel}_m_s") for wheel in WHEELS])
+    uses = np.stack([result.car.column(f"friction_use_{wheel}") for wheel in WHEELS])
+    assert result.car.max_slide_m_s == np.nanmax(slides) <= slides_above(result.car.tires_model), "a tire slid"
+    assert result.car.slide_time_fraction == 0.0 and not result.car.column("sliding_steps").any(), "a tire slid"
+    assert np.isfinite(slides[:, 1:]).all(), "a tire was off the ground for a whole tick"
+    assert np.fmax.reduce(uses, axis=0).max() > 0.5, "the tires had nothing to do"
+
+
+def assert_all_laps(result, laps):
+    assert (result.car.end_reason, result.car.finished, result.car.laps_completed) == ("finished", True, laps)
+    assert len(result.car.lap_times_s) == laps
+    assert result.car.collisions_wall == 0
+
+
+BUNDLED = ("chicanes", "fast", "hairpins", "l_corridor", "oval", "tight")
+"""The bundled circuits that are wide enough for every planner; tests of tight ones are in test_tight_tracks.py."""
+
+CIRCUITS = (
+    *BUNDLED,
+    *(pytest.param(f"random:{seed}", marks=pytest.mark.slow) for seed in range(8)),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in REAL),
+)
+
+
+def laps_of(circuit):
+    """Of a circuit that is not bundled two, the first from rest; `make figures` drives five of all."""
+    return 5 if circuit in BUNDLED else 2
+
+
+@pytest.mark.parametrize("circuit", CIRCUITS)
+def test_gap_finder_drives_all_laps_without_a_crash_and_without_sliding(circuit):
+    result = drive(circuit, laps=laps_of(circuit))
+    assert_all_laps(result, laps_of(circuit))
+    assert_no_sliding(result)
+
+
+FIGURES = Path(__file__).parents[2] / "docs" / "figures.json"
+
+
+@pytest.mark.parametrize("circuit", CIRCUITS)
+def test_laps_are_those_that_the_documentation_shows(circuit):
+    """To .05 s: runs differ from one processor to the next only in the last bits."""
+    if not FIGURES.exists():
+        pytest.skip("not a checkout of the repository")
+    shown = json.loads(FIGURES.read_text("utf-8"))["circuits"][circuit]
+    result = drive(circuit, laps=laps_of(circuit))
+    assert result.car.lap_times_s[0] == pytest.approx(shown["first_lap_s"], abs=0.05)
+    if laps_of(circuit) == 5:  # as many as are shown
+        assert min(result.car.lap_times_s) == pytest.approx(shown["best_lap_s"], abs=0.05)
+        assert result.car.max_slide_m_s == pytest.approx(shown["max_slide_m_s"], abs=0.002)
+
+
+QUICK = ("oval", "l_corridor")
+
+
+@pytest.mark.parametrize(
+    "circuit", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in BUNDLED]
+)
+@pytest.mark.parametrize("controller", fg.controller_names())
+def test_every_planner_drives_without_a_crash_and_without_sliding(controller, circuit):
+    """A lap from rest and one that begins at speed, as all later ones do; `scout` has its own line in its third."""
+    # greatest slides .033 (pure_pursuit on l_corridor) to .047 m/s (weighted_gap on fast)
+    laps = {"gap_finder": 5, "scout": 3}.get(controller, 2)
+    result = drive(circuit, controller=controller, laps=laps)
+    assert_all_laps(result, laps)
+    assert_no_sliding(result)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("circuit", PUBLISHED)
+def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
+    result = drive(circuit, laps=laps_of(circuit))
+    assert result.car.telemetry[0, fg.TELEMETRY.index("speed_m_s")] == 0.0  # a standing start
+    assert result.car.speed_limit_m_s == 8.0
+    assert result.car.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
+    assert result.car.mu == result.car.planner_mu == 1.0489
+    assert result.car.lap_times_s[0] < PUBLISHED[circuit]
+
+
+@pytest.mark.parametrize("circuit", GUARDED)
+def test_the_test_of_sliding_trips_when_the_friction_law_is_off(circuit):
+    result = drive(circuit, laps=1, planner_mu=np.inf, time_limit=10.0)
+    with pytest.raises(AssertionError, match="a tire slid"):
+        assert_no_sliding(result)
+    assert result.car.max_slide_m_s > 10 * SLIDING_SPEED
+    assert result.car.slide_time_fraction > 0.05
+
+
+@pytest.mark.parametrize("circuit", GUARDED)
+def test_the_test_of_sliding_trips_when_the_planner_believes_in_half_as_much_grip_again(circuit):
+    result = drive(circuit, laps=1, planner_mu=1.5 * 1.0489, time_limit=10.0)
+    assert result.car.planner_mu == 1.5 * result.car.mu
+    with pytest.raises(AssertionError, match="a tire slid"):
+        assert_no_sliding(result)
+    assert result.car.max_slide_m_s > 2 * SLIDING_SPEED
+    assert result.car.slide_time_fraction > 0.01
+
+
+@pytest.mark.parametrize("circuit", GUARDED)
+def test_the_test_of_sliding_passes_in_the_same_short_race_with_the_law_on(circuit):
+    """So that what trips above is the sliding, and not that the race is short."""
+    assert_no_sliding(drive(circuit, laps=1, time_limit=10.0))
+
+
+def test_slippery_tires_do_not_slide_when_the_planner_knows_them():
+    result = drive("oval", laps=1, mu=0.6, planner_mu=0.6)
+    assert result.car.finished and result.car.lap_times_s[0] > drive("oval").car.lap_times_s[0] + 0.5
+    assert_no_sliding(result)
+
+
+@pytest.mark.slow
+def test_rangefinder_gives_the_same_laps_as_raycast():
+    rangefinder = drive("oval", laps=1, lidar="rangefinder")
+    assert_no_sliding(rangefinder)
+    assert [race.world.lidar_backend for race in (rangefinder, drive("oval"))] == ["rangefinder", "raycast"]
+    assert rangefinder.car.lap_times_s == pytest.approx(drive("oval").car.lap_times_s[:1], rel=0.01)
+
+
+def test_two_runs_with_one_seed_are_one_trajectory_and_another_seed_of_noise_is_another():
+    noise = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.01)
+
+    def run(seed, effects):
+        return fg.race("oval", laps=1, time_limit=3.0, seed=seed, effects=effects)
+
+    first, again, other = (run(seed, noise) for seed in (3, 3, 4))
+    assert len(first.ctrl) == 120
+    assert first.trajectory_sha256 == again.trajectory_sha256 != other.trajectory_sha256
+    assert np.array_equal(first.states, again.states) and np.array_equal(first.ctrl, again.ctrl)
+    assert run(3, None).trajectory_sha256 == run(4, None).trajectory_sha256 != first.trajectory_sha256
+
+
+def test_five_laps_are_replayed_bit_for_bit(tmp_path):
+    result = drive("oval")
+    report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
+    assert report.identical and report.ticks == len(result.ctrl) > 5 * 8 / 0.025
+    assert report.trajectory_sha256 == result.trajectory_sha256

@@ -1,0 +1,218 @@
+"""Boxes that move are where a closed form says, in the physics, in the scan, in a batch and in a replay."""
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import Straight
+from hypothesis import given
+from hypothesis import strategies as st
+
+import fg_mujoco as fg
+from fg_mujoco.course.moving_obstacles import Mover, moving_obstacles
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.scenes.parts import corridor, walls_round
+from fg_mujoco.simulation.settings import Scenario
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+
+TICK = 0.025
+ANYWHERE = st.floats(-20.0, 20.0)
+
+
+class Standing:
+    """Does not move."""
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=0.0)
+
+
+def scene(*moving, width=4.0):
+    """A straight corridor of 20 m, and in it what moves."""
+    return fg.Scene(
+        name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0, moving=moving, time_limit=40.0,
+        walls=walls_round(corridor(-4.0, 20.0, width)),
+    )  # fmt: skip
+
+
+def box(**changes):
+    values = {"length": 0.4, "width": 0.3, "start": (6.0, 0.0), "end": (1.0, 0.0), "speed": 1.3}
+    return fg.MovingObstacle(**values | changes)
+
+
+CROSSING = box(start=(4.0, -1.0), end=(4.0, 1.0), back_and_forth=True, headway=0.5, heading=0.4)
+
+
+# Where it is
+
+
+def test_it_goes_from_start_to_end_and_stays_there():
+    obstacle = box(start=(0.0, 0.0), end=(3.0, 4.0), speed=2.0)  # 5 m in 2.5 s
+    assert obstacle.position(0.0) == (0.0, 0.0)
+    assert obstacle.position(1.0) == pytest.approx((1.2, 1.6))
+    assert obstacle.position(2.5) == obstacle.position(100.0) == (3.0, 4.0)
+
+
+def test_back_and_forth_it_turns_at_both_ends():
+    obstacle = box(start=(1.0, -1.0), end=(1.0, 1.0), speed=0.5, back_and_forth=True, headway=1.0)
+    at = [obstacle.position(time) for time in (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0)]
+    assert [y for _, y in at] == pytest.approx([0.0, 0.5, 1.0, 0.0, -1.0, 0.0, 1.0])
+    assert {x for x, _ in at} == {1.0}
+
+
+@given(
+    start=st.tuples(ANYWHERE, ANYWHERE),
+    end=st.tuples(ANYWHERE, ANYWHERE),
+    speed=st.floats(0.01, 5.0),
+    headway=st.floats(0.0, 50.0),
+    back_and_forth=st.booleans(),
+    time=st.floats(0.0, 100.0),
+)
+def test_it_never_leaves_its_path_nor_is_faster_than_its_speed(start, end, speed, headway, back_and_forth, time):
+    if math.dist(start, end) < 1e-3:
+        return
+    obstacle = box(start=start, end=end, speed=speed, headway=headway, back_and_forth=back_and_forth)
+    here, there = obstacle.position(time), obstacle.position(time + 0.1)
+    assert math.dist(start, here) + math.dist(here, end) == pytest.approx(math.dist(start, end), abs=1e-9)
+    assert math.dist(here, there) <= 0.1 * speed + 1e-9
+    period = 2.0 * obstacle.way / speed
+    if back_and_forth:
+        assert obstacle.position(time + period) == pytest.approx(here, abs=1e-6)
+
+
+def test_corners_are_those_of_the_box_that_it_is():
+    obstacle = box(heading=0.3)
+    x, y = obstacle.position(2.0)
+    expected = Box(x=x, y=y, length=0.4, width=0.3, heading=0.3).corners()
+    np.testing.assert_array_equal(obstacle.corners(2.0), expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    (
+        *(
+            (name, value)
+            for name in ("length", "width", "height", "speed")
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ),
+        *(("headway", value) for value in (math.nan, math.inf, -math.inf)),
+        *(("heading", value) for value in (math.nan, math.inf)),
+        *((name, value) for name in ("start", "end") for value in ((0.0, math.nan), (1.0,), (1.0, 2.0, 3.0))),
+        ("end", (6.0, 0.0)),  # where it starts
+    ),
+)
+def test_what_cannot_move_is_refused(name, value):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        box(**{name: value})
+
+
+# In the model
+
+
+def test_the_model_keeps_the_motion():
+    world = fg.World(scene(CROSSING, box(speed=1.23456789)))
+    first, second = world.moving
+    assert first == CROSSING
+    assert second == box(speed=1.23457)  # the digits that MJCF text keeps
+    assert moving_obstacles(fg.World("oval").model) == ()
+
+
+def test_it_is_where_the_closed_form_says_at_every_tick():
+    simulation = fg.Simulation(fg.World(scene(CROSSING)))
+    for tick in range(200):
+        np.testing.assert_allclose(simulation.data.mocap_pos[0, :2], CROSSING.position(tick * TICK), atol=1e-9)
+        np.testing.assert_array_equal(simulation.data.body("moving_0").xpos, simulation.data.mocap_pos[0])
+        simulation.step(fg.STOP)
+    simulation.reset()
+    np.testing.assert_allclose(simulation.data.mocap_pos[0, :2], CROSSING.position(0.0), atol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lidar", ("raycast", "rangefinder"))
+def test_the_lidar_sees_it_without_lag(lidar):
+    oncoming = box()
+    simulation = fg.Simulation(fg.World(scene(oncoming), lidar=lidar))
+    scan, _ = simulation.reset()
+    eye = simulation.data.body("car/lidar/hokuyo")
+    for tick in range(1, 80):
+        scan, _ = simulation.step(fg.STOP)
+        nearer_side = oncoming.position(tick * TICK)[0] - 0.5 * oncoming.length
+        assert scan.ranges[540] == pytest.approx(nearer_side - eye.xpos[0], abs=1e-3)  # a tick is 33 mm
+
+
+def test_it_runs_into_a_standing_car_when_the_closed_form_says():
+    oncoming = box(end=(-2.0, 0.0))
+    result = fg.race(scene(oncoming), Standing())
+    car = result.world.parameters
+    gap = 6.0 - 0.2 - (car.length - car.rear_overhang)
+    assert result.car.end_reason == "crash"
+    assert result.sim_time_s == pytest.approx(gap / oncoming.speed, abs=TICK + 0.01)
+
+
+def test_it_is_stopped_by_nothing():
+    through_the_wall = box(start=(4.0, 0.0), end=(4.0, 5.0), speed=2.0)
+    simulation = fg.Simulation(fg.World(scene(through_the_wall)))
+    for _ in range(120):
+        simulation.step(fg.STOP)
+    assert simulation.data.mocap_pos[0, 1] == pytest.approx(5.0) and not simulation.crashed
+
+
+# The same again
+
+
+def test_a_race_is_the_same_again_and_another_with_another_motion():
+    first = fg.race(scene(CROSSING), Straight(), time_limit=3.0)
+    assert fg.race(scene(CROSSING), Straight(), time_limit=3.0).trajectory_sha256 == first.trajectory_sha256
+    faster = dataclasses.replace(CROSSING, speed=1.4)
+    assert fg.race(scene(faster), Straight(), time_limit=3.0).trajectory_sha256 != first.trajectory_sha256
+
+
+@pytest.mark.parametrize("name", ("crossing_box:1", "slow_leader:0"))
+def test_a_replay_is_bit_identical(name, tmp_path):
+    result = fg.race(f"scene:{name}", max_speed=4.0)
+    fg.write_run(result, tmp_path / "run", picture=False)
+    assert fg.replay(tmp_path / "run").identical
+    # and would not be, were the box somewhere else
+    text = (tmp_path / "run" / "scene.xml").read_text()
+    row = next(line for line in text.splitlines() if "<numeric" in line and "moving_0" in line)
+    numbers = row.split('data="')[1].split('"')[0].split()
+    changed = row.replace(" ".join(numbers), " ".join([*numbers[:6], "3.3", *numbers[7:]]))
+    (tmp_path / "run" / "scene.xml").write_text(text.replace(row, changed))
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    (tmp_path / "run" / "summary.json").write_text(json.dumps(summary | {"files": {}}))  # as of an older version
+    assert not fg.replay(tmp_path / "run").identical
+
+
+@pytest.mark.slow
+def test_a_replay_in_another_process_is_too(tmp_path):
+    fg.write_run(fg.race("scene:crossing_box:2", max_speed=3.0), tmp_path / "run", picture=False)
+    code = f"import fg_mujoco as fg; assert fg.replay({str(tmp_path / 'run')!r}).identical"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.slow
+def test_a_batch_is_the_race_to_the_last_bit():
+    name = "scene:crossing_box:0"
+    scenarios = [Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
+    scenarios.append(Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
+    results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
+    for i, scenario in enumerate(scenarios):
+        alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)
+        assert results.rows["end_reason"][i] == alone.car.end_reason
+        np.testing.assert_array_equal(results.states[i], alone.states)
+        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)
+
+
+def test_the_positions_of_a_tick_are_those_of_its_steps():
+    mover = Mover(fg.World(scene(CROSSING)).model)
+    path, time = mover.positions(1.0, 0.005, 5), 1.0
+    assert path.shape == (6, 1, 3)
+    for row in path:
+        assert tuple(row[0, :2]) == CROSSING.position(time)
+        time += 0.005

@@ -1,0 +1,207 @@
+"""A name that is mistyped is refused with the one that was probably meant, at every door."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco import controllers
+from fg_mujoco.course.maps.map_server import read_map_file
+from fg_mujoco.course.recipes import write_bundled
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
+from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.simulation.settings import as_part
+from fg_mujoco.lab.lab import load_experiment
+from fg_mujoco.pictures.rendering.cameras import find_camera
+from fg_mujoco.pictures.rendering.overlays import find_overlays
+from fg_mujoco.pictures.rendering.presets import find_quality
+
+PACKAGE = Path(fg.__file__).parent
+PLANNERS = """
+from fg_mujoco.messages import STOP
+
+
+class Helper:
+    pass
+
+
+class Planner:
+    def reset(self): pass
+    def __call__(self, scan, odometry): return STOP
+
+
+class Other(Planner):
+    pass
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNERS)
+    (tmp_path / "line.csv").write_text("0,0\n10,0\n10,10\n0,10\n")
+    (tmp_path / "key.toml").write_text("lapz = 2\n")
+    (tmp_path / "value.toml").write_text("vehicle = 'f1tent'\n")
+    return tmp_path
+
+
+COMMANDS = [
+    # commands and options
+    ("rase", "race"),
+    ("track lst", "list"),
+    ("friction skidpat", "skidpad"),
+    ("race --lapz 3", "--laps"),
+    ("race --lap=3", "--laps"),
+    ("race --motion_distortion", "--motion-distortion"),
+    ("rollout --ranodmize mu=1", "--randomize"),
+    ("compare --out out --seads 1", "--seed"),
+    ("track export oval oval.yaml --resolutoin 0.1", "--resolution"),
+    # tracks and scenes
+    ("race --track ovall", "oval"),
+    ("race --track Oval", "oval"),
+    ("race --track u-turns", "u_turns"),
+    ("race --track dead_end", "scene:dead_end"),
+    ("race --track scene:dead_ends:3", "dead_end"),
+    ("race --track rndom:7", "random:7"),
+    ("race --track random:7:tigth", "random:7:tight"),
+    ("race --track line.csv[with=2]", "width"),
+    ("race --track line.csv[width=2,direction=clokwise]", "clockwise"),
+    ("track show hairpin", "hairpins"),
+    ("view --web --track ovall", "oval"),
+    ("rollout --n 1 --track ovall", "oval"),
+    ("compare --out out --track oval,hairpin", "hairpins"),
+    ("compare --out out --track scene:dead_ends", "dead_end"),
+    # vehicles
+    ("race --vehicle F1TENT", "f1tenth"),
+    ("rollout --n 1 --vehicle nuc", "nuc2"),
+    ("compare --out out --vehicle f1tent", "f1tenth"),
+    ("view --vehicle f1tent", "f1tenth"),
+    ("vehicles nuc", "nuc2"),
+    # planners and their settings
+    ("race --controller gap_findr", "gap_finder"),
+    ("race --controller gap-finder", "gap_finder"),
+    ("race --controller mine.py:planner", "Planner"),
+    ("race --controller gap_finder[lookahed=2]", "lookahead"),
+    ("race --controller gap_finder[speed_law=minimun]", "minimum"),
+    ("race --controller follow_the_gap[point=furtest]", "furthest"),
+    ("rollout --n 1 --controller gap_findr", "gap_finder"),
+    ("compare --out out --controller gap_finder,gapfindr", "gap_finder"),
+    ("compare --out out --controller gap_finder[lookahed=2]", "lookahead"),
+    ("view --web --controller gap_findr", "gap_finder"),
+    ("controllers follow_gap", "follow_the_gap"),
+    # what is drawn for each world
+    ("rollout --n 1 --randomize planer_mu=1", "planner_mu"),
+    ("rollout --n 1 --randomize planner.lookahed=1:2", "lookahead"),
+    ("rollout --n 1 --randomize planner.speed_law=minimun", "minimum"),
+    # files of settings
+    ("race --config key.toml", "laps"),
+    ("race --config value.toml", "f1tenth"),
+    # words of options
+    ("race --lidar raycas", "raycast"),
+    ("rollout --n 1 --record sumary", "summary"),
+    ("rollout --n 1 --record telemetri --out out", "telemetry"),
+    ("rollout --n 1 --executor thread", "threads"),
+    ("render run --camera chas", "chase"),
+    ("render run --quality goood", "good"),
+    ("export run --format mcp", "mcap"),
+    ("replay-scans a.mcap --controller gap_findr", "gap_finder"),
+]
+
+
+@pytest.mark.parametrize(("line", "meant"), COMMANDS, ids=[line for line, _ in COMMANDS])
+def test_the_command_line_says_which_name_was_probably_meant(here, capsys, line, meant):
+    said = refused(here, capsys, *line.split())
+    assert f"did you mean {meant!r}?" in said
+
+
+@pytest.mark.parametrize(
+    ("call", "meant"),
+    [
+        (lambda: fg.load_track("hairpin"), "hairpins"),
+        (lambda: fg.load_track("scene:dead_ends"), "dead_end"),
+        (lambda: fg.race("oval", "gap_findr"), "gap_finder"),
+        (lambda: fg.race("oval", planner_settings={"lookahed": 2.0}), "lookahead"),
+        (lambda: fg.race("oval", lidar="range_finder"), "rangefinder"),
+        (lambda: fg.World("oval", "nuc"), "nuc2"),
+        (lambda: fg.World("oval", lidar="ray-cast"), "raycast"),
+        (lambda: fg.rollout("oval", n=1, randomize={"cog_heigth": 0.1}), "cog_height"),
+        (lambda: fg.rollout("oval", n=1, executor="rai"), "ray"),
+        (lambda: fg.rollout("oval", n=1, record="state"), "states"),
+        (lambda: EnvironmentSettings.of({"vehicel": "nuc2"}), "vehicle"),
+        (lambda: EnvironmentSettings(start="randm"), "random"),
+        (lambda: as_part({"range_noise": 0.1}, LidarEffects, "effects"), "range_noise_std"),
+        (lambda: LidarEffects(no_return="range-max "), "range_max"),
+        (lambda: LidarModel.load().beams.to_scan(np.zeros(1), 0.0, no_return="range_mx"), "range_max"),
+        (lambda: load_experiment("skid_pad"), "skidpad"),
+        (lambda: write_bundled("ovall", "x.csv"), "oval"),
+        (lambda: find_camera("orbital"), "orbit"),
+        (lambda: find_quality("drafts"), "draft"),
+        (lambda: find_overlays("chase", beam=True), "beams"),
+    ],
+)
+def test_a_call_in_python_says_which_name_was_probably_meant(call, meant):
+    with pytest.raises(FgMujocoError) as refusal:
+        call()
+    assert str(refusal.value).endswith(f"did you mean {meant!r}?")
+
+
+def test_a_key_of_a_map_that_is_mistyped_is_named(here):
+    pytest.importorskip("yaml")
+    (here / "map.yaml").write_text("image: a.png\nresolutoin: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.6\n")
+    with pytest.raises(fg.TrackError, match=r"has no .*resolution.*but.*resolutoin"), warnings.catch_warnings():
+        read_map_file("map.yaml")
+
+
+def test_a_name_that_resembles_nothing_gets_no_hint():
+    assert accepted_names("zzz", ("oval", "tight"), ", or FILE") == "accepted: oval, tight, or FILE"
+    assert (
+        accepted_names("ovel", ("oval", "tight"), ", or FILE") == "accepted: oval, tight, or FILE; did you mean 'oval'?"
+    )
+    assert accepted_names(3.5, ("oval",)) == "accepted: oval"
+
+
+def test_case_hyphens_and_further_names_are_looked_at():
+    assert nearest("GAP-FINDER", ("follow_the_gap", "gap_finder")) == "gap_finder"
+    assert nearest("front_left", ("front_right",), cutoff=0.9) is None
+    assert accepted_names("scene:x", ("oval",), besides=("scene:xy",)).endswith("did you mean 'scene:xy'?")
+
+
+def test_a_part_of_one_name_is_that_name_and_a_part_of_several_is_none():
+    tires = ("contact", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_sim")
+    assert nearest("nuc5", tires) == "forzaeth_nuc5"
+    assert nearest("nuc", tires) is None  # two
+    assert nearest("im", tires) is None  # too short to say anything
+
+
+@pytest.mark.parametrize("source", ["mine.py", "mine.py:", "./mine.py"])
+def test_a_planner_file_without_a_class_names_those_that_it_has(source):
+    with pytest.raises(fg.ControllerError) as refusal:
+        find_controller(source)
+    path = source.rstrip(":")
+    assert f"accepted: {path}:Planner, {path}:Other" in str(refusal.value)
+    assert "Helper" not in str(refusal.value)
+
+
+def test_a_planner_file_without_any_class_says_so(here):
+    (here / "empty.py").write_text("x = 1\n")
+    with pytest.raises(fg.ControllerError, match="there is no class in the file"):
+        find_controller("empty.py")
+
+
+def test_there_is_one_place_that_compares_names():
+    """A second one would have another wording and other rules."""
+    users = [path.name for path in PACKAGE.rglob("*.py") if "difflib" in path.read_text(encoding="utf-8")]
+    assert users == ["errors.py"]
+
+
+def test_no_two_modules_have_the_same_name():
+    """Modules of commands are named after the command, which another room may have the verb of."""
+    names = [path.stem for path in PACKAGE.rglob("*.py") if "__" not in path.name and path.parent.name != "cli"]
+    names += [path.stem for path in Path(controllers.__file__).parent.rglob("*.py") if "__" not in path.name]
+    assert {name for name in names if names.count(name) > 1} == set()

@@ -1,0 +1,171 @@
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco as fg
+
+ROOT = Path(__file__).parents[2]
+FOLDERS = ("fg_mujoco", "models", "tracks", "controllers")
+BESIDE = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "CHANGELOG.md", "CITATION.cff", "constraints.txt")
+PYPROJECT = (ROOT / "pyproject.toml").read_text() if (ROOT / "pyproject.toml").exists() else ""
+
+needs_checkout = pytest.mark.skipif(not PYPROJECT, reason="not a checkout of the repository")
+
+
+def package_files():
+    """Every file that belongs in the package, as paths in the repository."""
+    return {
+        path.relative_to(ROOT).as_posix()
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+
+def installed_name(path):
+    """Where a file of the repository goes in site-packages."""
+    return path if path.startswith("fg_mujoco/") else f"fg_mujoco/{path}"
+
+
+@needs_checkout
+def test_packages_listed_are_the_folders_that_hold_code():
+    listed = re.search(r"^packages = \[(.*?)\]$", PYPROJECT, re.MULTILINE | re.DOTALL).group(1)
+    there = {
+        installed_name(f"{path.relative_to(ROOT).as_posix()}/").strip("/").replace("/", ".")
+        for folder in FOLDERS
+        for path in (ROOT / folder, *(ROOT / folder).rglob("*"))
+        if path.is_dir() and list(path.glob("*.py"))
+    }
+    assert set(re.findall(r'"([^"]+)"', listed)) == there
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A folder with the wheel and the sdist of this checkout, built by setuptools itself: no network is needed."""
+    pytest.importorskip("setuptools", minversion="77", reason="older than pyproject.toml says; make test renews it")
+    folder = tmp_path_factory.mktemp("built")
+    source = folder / "source"
+    for name in FOLDERS:
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in BESIDE:
+        shutil.copy(ROOT / name, source)
+    (source / "tests").mkdir()
+    shutil.copy(ROOT / "tests" / "test_packaging.py", source / "tests")  # of which nothing belongs into either
+    build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(folder))
+    made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr[-2000:]
+    return folder
+
+
+@needs_checkout
+def test_wheel_and_sdist_hold_every_file_and_nothing_else(built):
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        assert names == {installed_name(path) for path in package_files()}
+        assert any(name.endswith("licenses/LICENSE") for name in archive.namelist())
+    (sdist,) = built.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
+    made = {name for name in names if name.startswith("fg_mujoco.egg-info/")} | {"PKG-INFO", "setup.cfg"}
+    assert names - made == package_files() | set(BESIDE)
+
+
+@needs_checkout
+def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(built):
+    version = re.search(r'^version = "(.*)"$', PYPROJECT, re.MULTILINE)[1]
+    assert {path.name for path in built.iterdir() if path.is_file()} == {
+        f"fg_mujoco-{version}-py3-none-any.whl", f"fg_mujoco-{version}.tar.gz",
+    }  # fmt: skip
+    newest = re.search(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1]
+    assert newest.split(" ")[0] == version or newest.endswith(" (not released yet)")
+    assert fg.__version__ == version
+
+
+@needs_checkout
+def test_make_dist_leaves_out_what_an_older_build_has_left(tmp_path):
+    made = subprocess.run(["make", "-n", "dist", "VENV=there"], cwd=ROOT, capture_output=True, text=True).stdout
+    assert "rm -rf dist build/lib build/bdist.*" in made
+    assert made.index("rm -rf") < made.index("build_sdist('dist'); build.build_wheel('dist')")
+
+
+@needs_checkout
+@pytest.mark.slow
+def test_what_pip_installs_from_wheel_and_sdist_races_away_from_the_repository(built, tmp_path):
+    """Dependencies are those of this Python; without network, so nothing is fetched.
+
+    Kernels are the checkout's where the sources are: their names say so, wherever the package lies (test_kernels.py).
+    """
+    pytest.importorskip("pip")
+    site, empty = tmp_path / "site", tmp_path / "empty"
+    empty.mkdir()
+    environment = os.environ | {"PYTHONPATH": str(site)}
+
+    def python(*arguments):
+        done = subprocess.run([sys.executable, *arguments], cwd=empty, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+        return done.stdout
+
+    summaries = []
+    for pattern in ("*.whl", "*.tar.gz"):
+        (archive,) = built.glob(pattern)
+        if site.exists():
+            site.rename(tmp_path / "site_of_the_wheel")
+        pip = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--no-compile")
+        python(*pip, "--disable-pip-version-check", "--target", str(site), str(archive))
+        installed = {path.relative_to(site).as_posix() for path in site.rglob("*") if path.is_file()}
+        assert {installed_name(path) for path in package_files()} <= installed
+        where = "import fg_mujoco, fg_mujoco.controllers.gap_finder as g; print(fg_mujoco.__file__); print(g.__file__)"
+        assert all(line.startswith(str(site)) for line in python("-c", where).split())
+        summaries.append(json.loads(python("-m", "fg_mujoco", "race", "--laps", "1", "--json")))
+        assert summaries[-1]["finished"] is True
+    assert summaries[0]["trajectory_sha256"] == summaries[1]["trajectory_sha256"]
+    assert list(empty.iterdir()) == []
+
+
+def test_data_files_are_found_where_they_are_installed():
+    from importlib.resources import files
+
+    assert {"f1tenth.xml", "hokuyo_ust10lx.xml", "scene.xml"} <= {f.name for f in files("fg_mujoco.models").iterdir()}
+    assert {f"{name}.csv" for name in fg.track_names()} <= {f.name for f in files("fg_mujoco.tracks").iterdir()}
+    assert len(fg.track_names()) >= 6
+    assert "gap_finder" in fg.controller_names()
+
+
+def test_importing_the_package_loads_nothing_slow():
+    slow = ("matplotlib", "trimesh", "embreex", "dm_control", "ray", "hypothesis")  # numba loads scipy where it is
+    code = f"import sys, fg_mujoco; print([name for name in {slow} if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"
+
+
+def test_every_public_name_is_there_and_race_is_the_function():
+    assert all(hasattr(fg, name) for name in fg.__all__)
+    assert len(set(fg.__all__)) == len(fg.__all__)
+    assert callable(fg.race)
+    import fg_mujoco.racing.race  # noqa: F401
+
+    assert callable(fg.race)  # importing the module of that name must not hide it
+
+
+@needs_checkout
+def test_constraints_name_versions_and_no_addresses():
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    assert all(re.fullmatch(r'[A-Za-z0-9._-]+==[0-9a-z.]+(; python_version (>=|<) "3\.11")?', line) for line in lines)
+    pinned = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
+    needed = set(re.findall(r'"([A-Za-z-]+)>=', PYPROJECT))
+    assert needed <= pinned
+
+
+@needs_checkout
+def test_ci_entry_is_executable_and_tests():
+    entry = ROOT / ".ci" / "run"
+    assert os.access(entry, os.X_OK)
+    assert "make -k test" in entry.read_text()

@@ -1,0 +1,198 @@
+"""A planner of one's own on the base classes: settings, memory and scans reach its kernel, alone and in a batch."""
+
+import copy
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
+from fg_mujoco.controllers.control.planner_settings import (
+    FROM_ZERO,
+    Settings,
+    for_car,
+    record_type,
+    relative_size,
+    setting_of_car,
+)
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.safety.recovery import RecoverySettings
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.messages import ODOMETRY
+
+TWICE_AS_LONG = replace(CAR, wheelbase=2.0 * CAR.wheelbase)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatientSettings(DrivingSettings):
+    """A number of each kind."""
+
+    patience: int = 2  # ticks before it drives off
+    pace: float = 3.0  # [m/s]
+    backwards: bool = False
+
+
+class Patient(Planner):
+    """Waits, then drives."""
+
+    Settings = PatientSettings
+    memory_type = np.dtype([("ticks", np.int64)])
+
+    @staticmethod
+    @kernel
+    def reference(scan, ranges, odometry, car, settings, memory, line):
+        speed = settings.pace if memory.ticks >= settings.patience else 0.0
+        if settings.backwards:
+            speed = -speed
+        memory.ticks += 1
+        return 0.1, speed, 0.1
+
+
+class Leftmost(GoalPlanner):
+    """Drives to the leftmost beam; it shows every other beam as its gap, and filters all to a metre."""
+
+    Settings = DrivingSettings
+
+    @staticmethod
+    def goal(scan, ranges, car, settings, shown):
+        shown.filtered[:] = 1.0
+        shown.gap[:] = np.nan
+        shown.gap[::2] = ranges[::2]
+        last = len(ranges) - 1
+        return scan.angle_min + scan.angle_increment * last, ranges[last]
+
+
+def speeds(planner, ticks):
+    return [planner(corridor(2.0, 2.0), odometry_of(0.0)).speed for _ in range(ticks)]
+
+
+@pytest.mark.slow
+def test_settings_and_memory_reach_the_kernel():
+    for patience in (0, 1, 3):
+        planner = Patient(CAR, MU, settings=PatientSettings(patience=patience))
+        moving = [speed > 0.0 for speed in speeds(planner, 5)]
+        assert moving == [tick >= patience for tick in range(5)]
+        planner.reset()
+        assert [speed > 0.0 for speed in speeds(planner, 5)] == moving
+    assert speeds(Patient(CAR, MU, settings=PatientSettings(backwards=True)), 3)[2] < 0.0
+
+
+def test_a_planner_that_assumes_no_friction_limit_gets_its_reference():
+    settings = PatientSettings(patience=0, pace=7.0, speed_law="friction")
+    command = Patient(CAR, np.inf, settings=settings)(corridor(1.0, 1.0, ahead=0.5), odometry_of(0.0))
+    assert (command.steering_angle, command.speed) == (0.1, 7.0)
+
+
+def test_a_copied_planner_is_a_new_one():
+    planner = Patient(CAR, MU, settings=PatientSettings(patience=2))
+    assert max(speeds(planner, 2)) == 0.0
+    copied, before = copy.deepcopy(planner), planner._commands.copy()
+    assert speeds(copied, 3)[:2] == [0.0, 0.0]
+    assert np.array_equal(planner._commands, before)
+    assert speeds(planner, 1)[0] > 0.0
+
+
+def test_each_world_of_a_batch_has_a_memory_of_its_own():
+    planners = [Patient(CAR, MU, settings=PatientSettings(patience=patience)) for patience in (2, 0, 1)]
+    batch, scan, rows = Patient.batch(planners), corridor(2.0, 2.0), np.zeros(3, ODOMETRY)
+    commands = np.zeros((3, 2))
+    for tick in range(4):
+        running = np.array([True, True, tick != 0])  # the last one's patience begins when it does
+        batch(scan, np.tile(scan.ranges, (3, 1)), rows, running, commands)
+        assert (commands[:, 1] > 0.0).tolist() == [tick >= 2, True, tick >= 2]
+
+
+@pytest.mark.slow
+def test_a_goal_and_the_scans_on_the_way_to_it_are_those_of_the_kernel():
+    scan, planner = scan_of(np.linspace(1.0, 5.0, 101)), Leftmost(CAR, MU)
+    assert planner.find_goal(scan) == (pytest.approx(50 * INCREMENT), 5.0)
+    made = planner.intermediate_scans(scan)
+    assert list(made) == ["raw", "filtered", "gap"]
+    np.testing.assert_array_equal(made["raw"], scan.ranges)
+    np.testing.assert_array_equal(made["gap"][::2], scan.ranges[::2])
+    assert np.isnan(made["gap"][1::2]).all()
+
+
+def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
+    settings = DrivingSettings(speed_law="range_ratio", lookahead=10.0, range_ratio_gain=2.0)
+    command = Leftmost(CAR, np.inf, 8.0, settings)(scan_of(np.full(101, 5.0)), odometry_of(0.0))
+    assert command.speed == pytest.approx(8.0 * 2.0 * 1.0 / 10.0)
+
+
+def test_where_there_is_nothing_to_see_there_is_no_goal():
+    blind = scan_of(np.zeros(101))
+    assert Leftmost(CAR, MU).find_goal(blind) is None
+    assert list(Leftmost(CAR, MU).intermediate_scans(blind)) == ["raw"]
+
+
+def test_a_point_to_steer_for_is_further_ahead_when_the_car_is_fast():
+    scan = scan_of(np.full(101, 5.0))
+    for speed, reach in ((0.0, 1.0), (3.0, 1.0), (8.0, 2.0), (40.0, 5.0)):  # no nearer than 1 m, no further than it is
+        planner = Leftmost(CAR, np.inf, 8.0, DrivingSettings(pursuit_time=0.25))
+        x, y = CAR.lidar_offset + reach * math.cos(50 * INCREMENT), reach * math.sin(50 * INCREMENT)
+        expected = math.atan(2.0 * y * CAR.wheelbase / (x * x + y * y))
+        assert planner(scan, odometry_of(speed)).steering_angle == pytest.approx(expected)
+
+
+def test_a_kernel_with_other_arguments_is_refused_when_its_class_is_made():
+    with pytest.raises(ControllerError, match=r"Wrong\.goal takes \(scan, ranges\); accepted: \(scan, ranges, car, "):
+
+        class Wrong(GoalPlanner):
+            Settings = DrivingSettings
+
+            @staticmethod
+            def goal(scan, ranges):
+                return 0.0, 1.0
+
+
+def test_the_type_of_a_record_has_the_fields_of_the_dataclass():
+    own = record_type(PatientSettings)[["patience", "pace", "backwards"]]
+    assert [(name, own[name]) for name in own.names] == [("patience", int), ("pace", float), ("backwards", bool)]
+
+
+def test_the_settings_of_another_planner_are_refused():
+    with pytest.raises(SettingsError, match=r"Patient\.settings is 3; accepted: a PatientSettings"):
+        Patient(CAR, MU, settings=3)
+
+
+# -- settings of the car
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaled(Settings):
+    """A length and a speed."""
+
+    reach: float = setting_of_car(0.3, "m", "ahead", FROM_ZERO)
+    crawl: float = setting_of_car(0.5, "m/s", "slow", FROM_ZERO)
+
+
+def test_settings_of_the_car_are_to_the_bit_what_was_found_on_the_f1tenth_car():
+    assert relative_size(CAR) == 1.0
+    assert for_car(Scaled(), CAR) == Scaled(reach=0.3, crawl=0.5)
+    recovery = for_car(RecoverySettings(), CAR)
+    assert (recovery.distance, recovery.speed, recovery.come_on) == (1.5, 1.5, 2.0)
+
+
+def test_for_a_car_twice_as_long_lengths_double_and_speeds_grow_by_the_square_root():
+    """Froude: v^2 / (g l) stays, and with it the share of the grip that a manoeuvre takes."""
+    large = for_car(Scaled(), TWICE_AS_LONG)
+    assert large.reach == pytest.approx(0.6)
+    assert large.crawl**2 / large.reach == pytest.approx(0.5**2 / 0.3)
+
+
+def test_a_setting_that_is_given_is_taken_as_it_is():
+    assert for_car(Scaled(reach=0.3), TWICE_AS_LONG).reach == 0.3
+    planner = GapFinder(TWICE_AS_LONG, MU, 8.0, GapFinderSettings(pursuit_distance=1.0))
+    assert planner.settings.pursuit_distance == 1.0
+    assert planner.settings.safe_distance == pytest.approx(0.4)
+    assert planner.driver["filter_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
+
+
+def test_a_setting_of_the_car_accepts_what_its_field_says():
+    for bad in (-1.0, math.nan, math.inf, True, "3"):
+        with pytest.raises(SettingsError, match=r"Scaled\.reach is .*; accepted: a number from 0"):
+            Scaled(reach=bad)

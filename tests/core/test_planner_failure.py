@@ -1,0 +1,217 @@
+"""A planner that fails is told by its line and its own traceback, and the run up to there is kept with the scan."""
+
+import html
+import json
+import socket
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.run_folder import read_failed_scan
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import Scenario
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+PLANNER = """import numpy as np
+import fg_mujoco as fg
+from fg_mujoco.controllers.control.planner import GoalPlanner
+from fg_mujoco.controllers.gap_finder import GapFinderSettings
+
+class Late:
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=self.steer(scan, odometry), speed=1.0)
+
+    def steer(self, scan, odometry):
+        if odometry.stamp > 0.49:
+            return np.average(scan.bearings, weights=scan.ranges[:3])  # line 15
+        return 0.0
+
+
+class BadReset(Late):
+    def reset(self):
+        raise RuntimeError("no map")  # line 21
+
+
+class BadBuild(Late):
+    def __init__(self, car):
+        self.speed = car.top_speed  # line 26
+
+
+class Goal(GoalPlanner):
+    Settings = GapFinderSettings
+
+    @staticmethod
+    def goal(scan, ranges, car, settings, shown):
+        if len(ranges) > 3:
+            raise ValueError("too many")  # line 35
+        return 0.0, 1.0
+
+
+class Typo(GoalPlanner):
+    Settings = GapFinderSettings
+
+    @staticmethod
+    def goal(scan, ranges, car, settings, shown):
+        return ranges.angle, 1.0  # line 44
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text(PLANNER)
+    return tmp_path
+
+
+def failing(name):
+    """The race of one of the planners in the file, which fails."""
+    with pytest.warns(UserWarning, match=rf"^controller mine\.py:{name} failed: .* \(mine\.py, line \d+\), t = "):
+        return fg.race("oval", f"mine.py:{name}", laps=1)
+
+
+@pytest.mark.slow
+def test_the_command_says_the_line_and_writes_the_run_up_to_there(here, capsys):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+    assert main(["race", "--controller", "mine.py:Late", "--out", "runs/late"]) == 1
+    out, err = capsys.readouterr()
+    said = "TypeError: Axis must be specified when shapes of a and weights differ. (mine.py, line 15), t = 0.500 s"
+    assert f"  planner failed    {said}\n" in out
+    assert "0 of 5, planner failed\n" in out
+    assert out.splitlines()[-1] == "  report            runs/late/report.html"
+    assert err.startswith('Traceback of the planner:\n  File "mine.py", line 11, in __call__\n')
+    assert err.index("line 11") < err.index('  File "mine.py", line 15, in steer\n') < err.index("numpy")
+    assert "planner_adapter.py" not in err and "cli/main.py" not in err
+
+    run = fg.read_run("runs/late")
+    assert (run.summary["end_reason"], run.summary["finished"], len(run.ctrl)) == ("planner_failed", False, 20)
+    failure = run.summary["planner_failure"]
+    assert (failure["file"], failure["line"], failure["scan"]) == ("mine.py", 15, "failed_scan.npz")
+    assert failure["time_s"] == pytest.approx(0.5) and failure["traceback"] in err
+    page = (here / "runs/late/report.html").read_text()
+    assert "(mine.py, line 15)" in page and "in steer" in page and "failed_scan.npz" in page
+    assert main(["replay", "runs/late"]) == 0
+
+
+def test_the_scan_that_did_it_is_the_one_that_the_car_sensed_there(here):
+    result = failing("Late")
+    failure = result.car.planner_failure
+    fg.write_run(result, "run", picture=False)
+    scan, odometry = read_failed_scan("run")
+    assert (scan.ranges == failure.scan.ranges).all() and scan.stamp == odometry.stamp == failure.time_s
+    simulation = fg.Simulation(fg.World("oval"))
+    sensed, told = simulation.reset()
+    for _ in range(20):
+        sensed, told = simulation.step(fg.DriveCommand(steering_angle=0.0, speed=1.0))
+    assert (scan.ranges == sensed.ranges).all()
+    assert (odometry.wheel_speeds == told.wheel_speeds).all() and odometry.speed == told.speed
+    with np.load("run/failed_scan.npz") as file:
+        assert {"ranges", "angle_min", "angle_increment", "odometry_speed", "odometry_steering_angle"} <= set(file)
+    planner = fg.make_controller("mine.py:Late", car=simulation.world.parameters, mu=1.0, max_speed=8.0)
+    with pytest.raises(TypeError, match="Axis must be specified"):
+        planner(scan, odometry)
+
+
+def test_a_run_whose_planner_did_not_fail_has_no_such_scan(lap, here):
+    fg.write_run(lap, "run", picture=False)
+    assert lap.car.planner_failure is None
+    assert json.loads((here / "run/summary.json").read_text())["planner_failure"] is None
+    with pytest.raises(fg.RunFolderError, match="accepted: the folder of a race whose planner failed"):
+        read_failed_scan("run")
+
+
+def test_in_python_the_race_has_its_result_up_to_there():
+    result = failing("Late")
+    failure = result.car.planner_failure
+    assert failure.error.startswith("TypeError: ") and str(failure).endswith("(mine.py, line 15), t = 0.500 s")
+    assert (result.car.end_reason, result.car.finished, len(result.ctrl)) == ("planner_failed", False, 20)
+    assert (failure.file, failure.line) == ("mine.py", 15)
+    own = failure.traceback.removeprefix("Traceback of the planner:\n")
+    assert own != failure.traceback and failure.whole_traceback.endswith(own)
+    assert "planner_adapter.py" in failure.whole_traceback
+
+
+@pytest.mark.slow
+def test_the_line_in_a_compiled_goal_is_told():
+    failure = failing("Goal").car.planner_failure
+    assert (failure.error, failure.file, failure.line) == ("ValueError: too many", "mine.py", 35)
+    assert "mine.py" in failure.traceback and "planner_adapter" not in failure.traceback
+    assert len(failure.scan.ranges) == 1081
+    typo = failing("Typo").car.planner_failure
+    assert typo.line == 44 and typo.error.startswith("TypingError: Unknown attribute 'angle'")
+    assert "\x1b" not in typo.error + typo.traceback
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    (("BadReset", "RuntimeError: no map (mine.py, line 21)"), ("BadBuild", "attribute 'top_speed' (mine.py, line 26)")),
+)
+def test_what_fails_before_the_race_has_its_line_and_is_refused(here, capsys, name, said):
+    assert main(["race", "--controller", f"mine.py:{name}", "--out", "run"]) == 2
+    assert said in capsys.readouterr().err
+    assert not (here / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "line"), (("import math\n\nx = math.no\n", 3), ("x = 1\ny = (\n", 2), ("import nothing_there\n", 1))
+)
+def test_a_file_that_does_not_import_has_its_line(here, capsys, text, line):
+    (here / "bad.py").write_text(text)
+    assert main(["race", "--controller", "bad.py:X"]) == 2
+    assert f"(bad.py, line {line})" in capsys.readouterr().err
+
+
+def test_the_option_traceback_prints_all_of_it(capsys):
+    assert main(["race", "--controller", "mine.py:Late", "--traceback", "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert json.loads(out)["planner_failure"]["line"] == 15
+    assert "planner_adapter.py" in err and 'File "mine.py", line 15, in steer' in err
+
+
+def test_a_rollout_counts_it_as_the_failure_of_that_world():
+    results = drive_worlds((Scenario(track="oval"),) * 2, "mine.py:Late", laps=1)
+    assert results.rows["end_reason"].tolist() == ["planner_failed"] * 2
+
+
+def test_the_live_view_pauses_and_says_so_until_the_reset():
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
+    for _ in range(30):
+        session.tick()
+    assert session.paused and session.simulation.time == pytest.approx(0.5)
+    assert "TypeError: Axis" in session.message and session.message.endswith("(mine.py, line 15)")
+    assert 'File "mine.py", line 15, in steer' in session.failure.traceback
+    session.reset()
+    session.tick()
+    assert (session.failure, session.message, session.simulation.time) == (None, "", 0.0)
+
+
+def test_a_live_planner_that_cannot_be_reset_pauses_and_a_goal_that_fails_is_none():
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
+    session._planner.reset = lambda: 1 / 0
+    session.reset()
+    session.tick()
+    assert session.paused and "failed in reset(): ZeroDivisionError" in session.message
+    assert LiveSession(Setup.of(track="oval", controller="mine.py:Goal")).goal() is None
+
+
+@pytest.mark.slow
+def test_the_browser_shows_the_failure_beside_the_pause():
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    session = LiveSession(Setup.of(track="oval", controller="mine.py:Late"))
+    with LiveView(session, port=port) as view:
+        assert view._pause.label == "pause"
+        for _ in range(30):
+            session.tick()
+        view._show_texts()
+        assert view._pause.label == "go on"
+        said = html.unescape(view._status.content)
+        assert "paused" in said and "(mine.py, line 15)" in said and "line 15, in steer" in said

@@ -1,0 +1,131 @@
+"""Long work says how far it is: on a terminal at once and over and over, in a pipe by a line a minute."""
+
+import io
+import re
+import sys
+import threading
+
+import pytest
+
+from fg_mujoco.cli import progress
+from fg_mujoco.cli.main import main
+from fg_mujoco.cli.progress import ProgressLine, clock, shown_as, to_go
+
+
+class Stderr(io.StringIO):
+    """What is written, and an event when there is some of it."""
+
+    def __init__(self, terminal):
+        super().__init__()
+        self.terminal, self.written = terminal, threading.Event()
+
+    def isatty(self):
+        return self.terminal
+
+    def flush(self):
+        self.written.set()
+
+
+@pytest.fixture
+def stderr(monkeypatch):
+    """Put a terminal or a pipe in the place of stderr, whose second and minute take an instant."""
+
+    def place(*, terminal):
+        stream = Stderr(terminal)
+        monkeypatch.setattr(sys, "stderr", stream)
+        monkeypatch.setattr(progress, "PATIENCE", 0.01)
+        monkeypatch.setattr(progress, "MINUTE", 0.01)
+        return stream
+
+    return place
+
+
+def test_a_terminal_is_told_of_work_that_says_nothing(stderr):
+    stream = stderr(terminal=True)
+    with ProgressLine("preparing runs"):
+        assert stream.written.wait(60.0)
+    assert "\r\x1b[Kpreparing runs  0:00:00 elapsed" in stream.getvalue()
+    assert stream.getvalue().endswith("\r\x1b[K") and "\n" not in stream.getvalue()
+
+
+def test_a_pipe_is_told_the_last_text_in_a_line(stderr, monkeypatch):
+    stream = stderr(terminal=False)
+    monkeypatch.setattr(progress, "KEPT_EVERY", 0.0)
+    with shown_as(lambda done: f"{done}/3 runs{to_go(65.0)}", "preparing runs") as watch:
+        watch(1)
+        watch(2)
+        stream.written.clear()
+        assert stream.written.wait(60.0)
+    assert re.search(r"^fg-mujoco: 2/3 runs  0:01:05 to go  0:00:00 elapsed$", stream.getvalue(), re.MULTILINE)
+    assert "\r" not in stream.getvalue() and stream.getvalue().endswith("\n")
+
+
+def test_a_pipe_is_told_nothing_before_a_minute_is_over(stderr, monkeypatch):
+    stream = stderr(terminal=False)
+    monkeypatch.setattr(progress, "MINUTE", 60.0)
+    with ProgressLine("preparing runs") as line:
+        line.write("1/3 runs")
+    assert stream.getvalue() == ""
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_nothing_is_written_where_it_is_not_to_be_shown(stderr, terminal):
+    stream = stderr(terminal=terminal)
+    threads = threading.active_count()
+    with ProgressLine("preparing runs", show=False) as line:
+        assert not line.due and threading.active_count() == threads
+    assert stream.getvalue() == ""
+
+
+def test_the_thread_ends_with_the_work_and_a_closed_stderr_does_no_harm(stderr):
+    stream = stderr(terminal=True)
+    threads = threading.active_count()
+    with pytest.raises(ValueError, match="of the work"), ProgressLine("preparing runs") as line:
+        assert threading.active_count() == threads + 1
+        stream.close()
+        line.write("1/3 runs")
+        raise ValueError("of the work")
+    assert threading.active_count() == threads
+
+
+def test_times_are_hours_minutes_and_seconds():
+    assert (clock(3661.4), to_go(59.6), to_go(None)) == ("1:01:01", "  0:01:00 to go", "")
+
+
+COMMANDS = {
+    "race": "race --laps 1 --time-limit 0.1",
+    "rollout": "rollout --n 2 --time-limit 0.1 --workers 1",
+    "compare": "compare --controller gap_finder --track oval --laps 1 --time-limit 0.1 --workers 1 --out out",
+    "overtake": "overtake --controller gap_finder --track oval --opponents centreline --seed 0:1 --workers 1 --out out",
+    "friction": "friction skidpad --quick --workers 1",
+    "identify": "identify nothing --out tires.toml",
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("terminal", [True, False])
+def test_every_long_command_shows_it_by_the_same_line(name, terminal, stderr, tmp_path, monkeypatch):
+    """Work that hangs in its first part is told of: the functions wait until something is written."""
+    monkeypatch.chdir(tmp_path)
+    stream = stderr(terminal=terminal)
+
+    def hangs(*args, **options):
+        assert stream.written.wait(60.0)
+        raise KeyboardInterrupt
+
+    place = {
+        "race": "fg_mujoco.cli.race.race_setup", "rollout": "fg_mujoco.cli.rollout.rollout_setup",
+        "compare": "fg_mujoco.addons.arena.commands_compare.compare", "overtake": "fg_mujoco.addons.arena.commands_overtake.overtake",
+        "friction": "fg_mujoco.cli.friction.run_lab", "identify": "fg_mujoco.addons.realcar.bag_drive.identify",
+    }[name]  # fmt: skip
+    if name == "identify":
+        pytest.importorskip("scipy")
+    monkeypatch.setattr(place, hangs)
+    arguments = COMMANDS[name].split()
+    try:
+        code = main(arguments)
+    except KeyboardInterrupt:
+        code = 130
+    assert code == 130
+    begins = "\r\x1b[K" if terminal else "fg-mujoco: "
+    assert re.search(rf"{re.escape(begins)}(preparing|reading) [a-z ]+  0:00:00 elapsed", stream.getvalue())

@@ -1,0 +1,403 @@
+import csv
+import hashlib
+import json
+import math
+import os
+import shutil
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.racing.run_folder import check_run_folder, summary_json
+
+FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py"}
+
+
+@pytest.fixture(scope="module")
+def written(short_race, tmp_path_factory):
+    return fg.write_run(short_race, tmp_path_factory.mktemp("runs") / "short")
+
+
+@pytest.fixture
+def folder(written, tmp_path):
+    """A copy to spoil."""
+    return shutil.copytree(written, tmp_path / "run")
+
+
+def edit_states(folder, change):
+    """Edit a run whose summary does not say which files it had, as those of an older version."""
+    edit_summary(folder, files={})
+    with np.load(folder / "states.npz") as file:
+        arrays = dict(file)
+    change(arrays)
+    np.savez_compressed(folder / "states.npz", **arrays)
+
+
+def edit_summary(folder, **changes):
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(summary | changes))
+
+
+@pytest.mark.slow
+def test_run_folder_has_its_files_and_nothing_else(written):
+    assert {file.name for file in written.iterdir()} == FILES
+    assert {file.name for file in written.parent.iterdir()} == {"short"}
+
+
+def test_reading_gives_back_every_bit(written, short_race):
+    run = fg.read_run(written)
+    assert run.states.tobytes() == short_race.states.tobytes()
+    assert run.ctrl.tobytes() == short_race.ctrl.tobytes()
+    assert run.telemetry.tobytes() == short_race.car.telemetry.tobytes()
+    assert run.time[0] == 0.0
+    np.testing.assert_allclose(np.diff(run.time), 0.025, atol=1e-9)
+    np.testing.assert_array_equal(run.column("time_s"), run.time[:-1])
+    assert not run.states.flags.writeable
+
+
+def test_summary_says_what_the_result_says_and_which_versions_made_it(written, short_race):
+    summary = fg.read_run(written).summary
+    expected = json.loads(json.dumps(short_race.summary()))  # tuples are lists there
+    assert {name: summary[name] for name in expected} == expected
+    assert summary["schema"] == 1
+    assert summary["mujoco_version"] == mujoco.__version__
+    assert summary["fg_mujoco_version"] == fg.__version__
+
+
+def test_a_planner_of_ones_own_is_kept_with_the_hash_of_its_source(written, tmp_path):
+    kept = (written / "controller.py").read_bytes()
+    origin = fg.read_run(written).summary["controller_origin"]
+    assert hashlib.sha256(kept).hexdigest() == origin["sha256"] and origin["distribution"] is None
+    assert b"class Straight" in kept
+    bundled = fg.race("oval", laps=1, time_limit=0.05)
+    assert bundled.car.controller_origin["distribution"] == "fg-mujoco"
+    assert bundled.car.controller_origin["version"] == fg.__version__
+    fg.write_run(bundled, tmp_path / "bundled", picture=False)
+    assert not (tmp_path / "bundled" / "controller.py").exists()
+
+
+def test_the_summary_has_a_row_for_each_car(short_race):
+    (row,) = short_race.summary()["cars"]
+    assert row["position"] == 1 and row["collisions_wall"] == short_race.car.collisions_wall
+    names = ("lap_times_s", "finished", "end_reason", "max_slide_m_s")
+    assert all(row[name] == getattr(short_race.car, name) for name in names)
+
+
+def test_what_is_no_number_is_null_in_json():
+    class Result:
+        setup = fg.Setup()
+
+        def summary(self):
+            return {"planner_mu": math.inf, "max_slide_m_s": math.nan, "lap_times_s": (1.0,)}
+
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    summary = json.loads(summary_json(Result()), parse_constant=refuse)
+    assert summary["planner_mu"] is None
+    assert summary["max_slide_m_s"] is None
+    assert summary["lap_times_s"] == [1.0]
+
+
+def test_plain_mujoco_loads_the_scene_and_it_is_the_raced_model(written, short_race):
+    model = mujoco.MjModel.from_xml_path(str(written / "scene.xml"))
+    raced = short_race.world.model
+    assert model.nq == raced.nq
+    np.testing.assert_array_equal(model.mesh_vert, raced.mesh_vert)
+    np.testing.assert_array_equal(model.body_inertia, raced.body_inertia)
+    np.testing.assert_array_equal(model.geom_friction, raced.geom_friction)
+    np.testing.assert_array_equal(model.pair_friction, raced.pair_friction)
+    assert model.opt.timestep == raced.opt.timestep
+
+
+def test_states_file_needs_no_pickle_and_first_state_sets_the_scene(written):
+    model = mujoco.MjModel.from_xml_path(str(written / "scene.xml"))
+    with np.load(written / "states.npz", allow_pickle=False) as arrays:
+        assert set(arrays) == {"time", "state", "ctrl"}
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, arrays["state"][-1], mujoco.mjtState.mjSTATE_INTEGRATION)
+        assert data.time == arrays["time"][-1]
+
+
+def test_telemetry_is_a_table_that_any_reader_reads(written, short_race):
+    with (written / "telemetry.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(short_race.ctrl)
+    assert tuple(rows[0]) == fg.TELEMETRY
+    assert rows[0]["steps"] == "5" == str(round(0.025 / short_race.world.model.opt.timestep))
+    assert float(rows[5]["x_m"]) == short_race.car.column("x_m")[5]
+
+
+def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
+    from fg_mujoco.racing.run_folder import _read_telemetry, _write_telemetry
+
+    telemetry = short_race.car.telemetry.copy()
+    use = fg.TELEMETRY.index("friction_use_rear_right")
+    telemetry[3, use] = math.nan
+    telemetry[4, use] = -0.0
+    _write_telemetry(telemetry, tmp_path / "telemetry.csv")
+    assert "nan" in (tmp_path / "telemetry.csv").read_text().splitlines()[4].split(",")
+    read, columns = _read_telemetry(tmp_path / "telemetry.csv")
+    assert read.tobytes() == telemetry.tobytes() and columns == fg.TELEMETRY
+
+
+def _without(written, folder, *names):
+    """Copy a run folder as an older version wrote it: without some columns of its telemetry, and without checksums."""
+    shutil.copytree(written, folder)
+    summary = json.loads((folder / "summary.json").read_text())
+    summary.pop("files")
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with (folder / "telemetry.csv").open(newline="") as file:
+        rows = [{name: value for name, value in row.items() if name not in names} for row in csv.DictReader(file)]
+    with (folder / "telemetry.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    return folder
+
+
+def test_a_run_of_an_older_version_is_read_and_says_which_columns_it_lacks(written, short_race, tmp_path):
+    motion = fg.TELEMETRY[fg.TELEMETRY.index("steps") + 1 :]
+    run = fg.read_run(_without(written, tmp_path / "old", *motion))
+    assert run.columns == fg.TELEMETRY[: fg.TELEMETRY.index("steps") + 1] and "vy_m_s" in motion
+    assert np.array_equal(run.column("speed_m_s"), short_race.car.column("speed_m_s"))
+    with pytest.raises(
+        fg.SettingsError, match=r"older version\) has no column 'vy_m_s'; accepted: time_s, lap, .*steps"
+    ):
+        run.column("vy_m_s")
+    assert np.array_equal(run.column("speed"), short_race.car.column("speed_m_s"))
+    with pytest.raises(fg.SettingsError, match=r"telemetry.csv has no column 'sped'; .* did you mean 'speed_m_s'"):
+        run.column("sped")
+    assert fg.replay(run.folder).identical
+    with pytest.raises(fg.RunFolderError, match=r"telemetry.csv: cannot be read: .*columns time_s"):
+        fg.read_run(_without(written, tmp_path / "damaged", "speed_m_s"))
+
+
+def test_replay_is_bit_identical(written, short_race):
+    report = fg.replay(written)
+    assert report.identical
+    assert report.ticks == 40
+    assert report.trajectory_sha256 == short_race.trajectory_sha256
+    assert str(report).startswith("bit-identical: 40 ticks")
+
+
+@pytest.mark.slow
+def test_replay_of_a_lap_with_the_rangefinders_is_bit_identical(tmp_path):
+    # their last readings are part of the state, so the beams must be the very ones of the race
+    result = fg.race("oval", laps=1, lidar="rangefinder", time_limit=0.99)
+    assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
+
+
+def test_replay_of_a_crash_is_bit_identical(tmp_path):
+    class FlatOut:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return fg.DriveCommand(steering_angle=0.3, speed=6.0)
+
+    result = fg.race("oval", FlatOut(), laps=1)
+    assert result.car.end_reason == "crash"
+    assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
+
+
+@pytest.mark.parametrize("tick", [0, 7, 39])
+def test_replay_finds_the_tick_of_a_changed_command(folder, tick):
+    def change(arrays):
+        arrays["ctrl"][tick, 1] += 1e-3
+
+    edit_states(folder, change)
+    report = fg.replay(folder)
+    assert not report.identical
+    assert report.first_difference == tick + 1
+    assert report.time == pytest.approx(0.025 * (tick + 1))
+    assert report.greatest_difference > 0.0
+    assert f"from tick {tick + 1} of 40" in str(report)
+
+
+def test_replay_finds_one_flipped_bit_in_one_state(folder):
+    def change(arrays):
+        arrays["state"].view(np.uint64)[20, 5] ^= 1
+
+    edit_states(folder, change)
+    report = fg.replay(folder)
+    assert report.first_difference == 20
+    assert report.greatest_difference < 1e-12
+
+
+def test_replay_finds_another_friction_in_the_scene(folder):
+    text = (folder / "scene.xml").read_text()
+    assert "1.0489" in text
+    edit_summary(folder, files={})
+    (folder / "scene.xml").write_text(text.replace("1.0489", "0.2"))
+    assert fg.replay(folder).first_difference is not None
+
+
+def test_replay_says_when_only_the_summary_is_of_another_run(folder):
+    edit_summary(folder, trajectory_sha256="0" * 64)
+    report = fg.replay(folder)
+    assert not report.identical
+    assert report.first_difference is None
+    assert "summary.json" in str(report)
+
+
+def test_a_run_of_no_tick_is_written_and_replayed(short_race, tmp_path):
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    result = fg.race("oval", laps=1, watch=interrupt)
+    assert result.car.end_reason == "interrupted"
+    assert len(result.ctrl) <= 1
+    assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (lambda f: (f / "summary.json").unlink(), "summary.json"),
+        (lambda f: (f / "summary.json").write_text("{"), "summary.json"),
+        (lambda f: (f / "summary.json").write_text("[]"), "schema"),
+        (lambda f: edit_summary(f, schema=99), "schema"),
+        (lambda f: (f / "states.npz").unlink(), "states.npz"),
+        (lambda f: (f / "states.npz").write_bytes(b"PK\x03\x04 not a zip"), "states.npz"),
+        (lambda f: (f / "states.npz").write_bytes((f / "states.npz").read_bytes()[:-2000]), "states.npz"),
+        (lambda f: edit_states(f, lambda a: a.pop("ctrl")), "states.npz"),
+        (lambda f: edit_states(f, lambda a: a.update(ctrl=a["ctrl"][:-1])), "states.npz"),
+        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][:-1])), "states.npz"),
+        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "states.npz"),
+        (lambda f: edit_states(f, lambda a: a.update(state=a["state"][:, :-1])), "scene.xml"),
+        (lambda f: edit_states(f, lambda a: a.update(ctrl=np.array([{}] * 40))), "states.npz"),
+        (lambda f: (f / "telemetry.csv").write_text("time_s\n0.0\n"), "telemetry.csv"),
+        (lambda f: (f / "telemetry.csv").write_text(""), "telemetry.csv"),
+        (lambda f: (f / "scene.xml").unlink(), "scene.xml"),
+        (lambda f: (f / "scene.xml").write_text("<mujoco>"), "scene.xml"),
+        (lambda f: (f / "scene.xml").write_text("<mujoco/>"), "scene.xml"),
+    ],
+)
+def test_a_damaged_folder_is_refused_in_one_line_that_names_the_file(folder, spoil, named):
+    spoil(folder)
+    with pytest.raises(fg.RunFolderError) as refusal:
+        fg.replay(folder)
+    assert named in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["scene.xml", "states.npz", "telemetry.csv"])
+def test_a_flipped_bit_is_named_whether_or_not_the_file_can_still_be_read(folder, name):
+    content = bytearray((folder / name).read_bytes())
+    content[len(content) // 2] ^= 1
+    (folder / name).write_bytes(content)
+    with pytest.raises(fg.RunFolderError, match=rf"{name}: is damaged or edited: .*; accepted: as `race --out` wrote"):
+        fg.read_run(folder)
+
+
+def test_the_summary_has_the_sha256_of_what_is_read_back(written):
+    files = json.loads((written / "summary.json").read_text())["files"]
+    assert set(files) == FILES - {"summary.json", "trace.png"}
+    assert all(hashlib.sha256((written / name).read_bytes()).hexdigest() == files[name] for name in files)
+
+
+def test_a_folder_of_a_version_without_checksums_is_read(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["files"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    assert fg.replay(folder).identical
+
+
+def test_a_folder_that_cannot_be_used_is_refused_before_and_left_alone(tmp_path):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "summary.json").write_text("mine")
+    for path, reason in [
+        (tmp_path / "file", "is a file"),
+        (tmp_path / "full", "is not empty"),
+        (tmp_path / "file" / "run", "cannot be written"),
+        (tmp_path / ("x" * 300), "cannot be written"),
+    ]:
+        with pytest.raises(fg.RunFolderError, match=reason):
+            check_run_folder(path)
+    assert (tmp_path / "full" / "summary.json").read_text() == "mine"
+    assert {path.name for path in tmp_path.rglob("*")} == {"file", "full", "summary.json"}
+
+
+def test_checking_a_good_folder_leaves_no_trace(tmp_path):
+    check_run_folder(tmp_path / "new" / "and" / "deep")
+    (tmp_path / "empty").mkdir()
+    check_run_folder(tmp_path / "empty")
+    assert [path.name for path in tmp_path.rglob("*")] == ["empty"]
+
+
+def test_a_failure_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
+    def full_disk(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fg_mujoco.pictures.plots.trace_picture", full_disk)
+    with pytest.raises(fg.RunFolderError, match="No space left"):
+        fg.write_run(short_race, tmp_path / "deep" / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_while_moving_the_files_in_leaves_nothing(short_race, tmp_path, monkeypatch):
+    replace = os.replace
+
+    def fail_on_the_last(path, target):
+        if Path(path).name == "summary.json":
+            raise OSError(5, "Input/output error")
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "replace", fail_on_the_last)
+    (tmp_path / "run").mkdir()
+    with pytest.raises(fg.RunFolderError, match="Input/output error"):
+        fg.write_run(short_race, tmp_path / "run", picture=False)
+    assert list(tmp_path.rglob("*")) == [tmp_path / "run"]
+
+
+@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+def test_a_full_disk_leaves_nothing_wherever_it_is_noticed(short_race, tmp_path, monkeypatch, call):
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(f"fg_mujoco.racing.run_folder.Path.{call}_text" if call == "write" else f"os.{call}", full)
+    with pytest.raises(fg.RunFolderError, match=r"deep/run: cannot be written: No space left on device; accepted"):
+        fg.write_run(short_race, tmp_path / "deep" / "run", picture=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_adds_to_a_run_is_told_no_name_of_a_temporary_folder(short_race, tmp_path):
+    def add(folder):
+        raise fg.RunFolderError(f"{folder}/report.html: cannot be written")
+
+    with pytest.raises(fg.RunFolderError, match=rf"^{tmp_path}/run/report.html: cannot be written$"):
+        fg.write_run(short_race, tmp_path / "run", picture=False, add=add)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_half_way_leaves_nothing(short_race, tmp_path, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    (tmp_path / "run").mkdir()
+    monkeypatch.setattr("fg_mujoco.racing.run_folder.summary_json", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        fg.write_run(short_race, tmp_path / "run", picture=False)
+    assert list(tmp_path.rglob("*")) == [tmp_path / "run"]
+
+
+def test_an_existing_empty_folder_is_written_to(short_race, tmp_path):
+    (tmp_path / "run").mkdir()
+    fg.write_run(short_race, tmp_path / "run", picture=False)
+    assert {file.name for file in (tmp_path / "run").iterdir()} == FILES - {"trace.png"}
+
+
+@pytest.mark.slow
+def test_the_same_race_twice_is_the_same_trajectory_and_the_same_files(short_race, written, tmp_path):
+    from conftest import Straight
+
+    again = fg.race("oval", Straight(), laps=1, time_limit=0.99)
+    assert again.trajectory_sha256 == short_race.trajectory_sha256
+    other = fg.write_run(again, tmp_path / "again")
+    for name in FILES - {"summary.json"}:  # the summary has the wall time
+        assert (other / name).read_bytes() == (written / name).read_bytes(), name

@@ -1,0 +1,197 @@
+"""Pictures of several cars: each its look, its colour and its number, and cameras that follow any of them."""
+
+import mujoco
+import numpy as np
+import pytest
+from field_races import shunt, three_cars
+from PIL import Image
+from rendered import needs_gl, pixel
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.simulation.cars import BOX_HEIGHTS, BOX_SIDE, car_colour
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, Renderer
+from fg_mujoco.pictures.rendering.planner_view import PlannerEye
+from fg_mujoco.pictures.rendering.recorded_drive import read_drive
+from fg_mujoco.pictures.rendering.ribbons import box_faces
+from fg_mujoco.pictures.rendering.scenery import compile_scenery
+from fg_mujoco.pictures.rendering.textures import car_number
+
+SIZE = (480, 320)
+CAR = LABELS.index("car")
+HEIGHT = BOX_HEIGHTS[1] - BOX_HEIGHTS[0]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return fg.write_run(three_cars(), tmp_path_factory.mktemp("runs") / "three")
+
+
+def film(camera, car, **settings):
+    overlays = settings.pop("overlays", Overlays())
+    return Film(three_cars(), camera=camera, car=car, size=SIZE, quality="draft", overlays=overlays, **settings)
+
+
+def on_box(data, car, *, x=0.0, y=0.0, z=0.0):
+    """A point of a car's box, from its middle [m], in the world."""
+    place = data.geom(f"{'car' if car == 0 else f'car_{car}'}/visible_box")
+    return place.xpos + place.xmat.reshape(3, 3) @ (x, y, z)
+
+
+def test_model_for_pictures_moves_as_the_race_did():
+    race = three_cars()
+    scenery = compile_scenery(race.world.xml, start=(0.0, 0.0))
+    reached = []
+    for model in (race.world.model, scenery):
+        data = mujoco.MjData(model)
+        mujoco.mj_setState(model, data, race.states[60], STATE)
+        data.ctrl[:] = race.ctrl[60]
+        for _ in range(5):
+            mujoco.mj_step(model, data)
+        reached.append(np.empty(race.states.shape[1]))
+        mujoco.mj_getState(model, data, reached[-1], STATE)
+    np.testing.assert_array_equal(*reached)
+
+
+def test_every_car_has_the_meshes_of_its_look_and_paint_of_its_colour():
+    scenery = compile_scenery(three_cars().world.xml, start=(0.0, 0.0))
+    for index, prefix in enumerate(("look/", "look/car_1/", "look/car_2/")):
+        deck = scenery.geom(f"{prefix}deck")
+        assert scenery.body(int(deck.bodyid[0])).name == ("car/base_link", "car_1/base_link", "car_2/base_link")[index]
+        np.testing.assert_allclose(scenery.mat_rgba[int(deck.matid[0])], car_colour(index), atol=1e-6)
+    assert not any(scenery.geom(geom).name.startswith("car_1/body") for geom in range(scenery.ngeom))
+
+
+def test_faces_of_a_box_cover_it_and_do_not_distort_the_number():
+    box = box_faces(BOX_SIDE, HEIGHT)
+    corners = box.vertices[box.faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = 0.5 * np.linalg.norm(across, axis=1)
+    assert areas.sum() == pytest.approx(4.0 * BOX_SIDE * HEIGHT + BOX_SIDE**2)
+    assert (np.einsum("ij,ij->i", across, corners.mean(axis=1)) > 0.0).all()  # fronts are outside
+    edges = corners - np.roll(corners, 1, axis=1)
+    of_texture = (box.texture[box.faces] - np.roll(box.texture[box.faces], 1, axis=1)) * (BOX_SIDE, HEIGHT)
+    np.testing.assert_allclose(np.linalg.norm(of_texture, axis=2), np.linalg.norm(edges, axis=2), atol=1e-12)
+
+
+def test_sides_differ_by_number_and_have_the_colour_at_their_edges():
+    sides = [car_number(number, car_colour(number)) for number in range(16)]
+    assert len({side.tobytes() for side in sides}) == 16
+    for number, side in enumerate(sides):
+        assert (side[0] == (255.0 * np.array(car_colour(number)[:3])).astype(np.uint8)).all()
+        dark = (side < 40).all(axis=2)
+        rows, columns = np.argwhere(dark).T
+        assert dark.sum() > 300 and abs(rows.min() + rows.max() - 159) <= 1 and columns.min() > 10
+        assert columns.max() < 86
+
+
+@needs_gl
+@pytest.mark.parametrize("car", [0, 1, 2])
+def test_camera_follows_the_car_that_is_asked_for_and_the_box_has_its_colour(car):
+    with film("top", car) as made:
+        time = 2.0
+        picture, labels, view = made.frame(time), made.segmentation(time), made.view(time)
+        data = made._player.at(time)
+        base = data.body(("car/base_link", "car_1/base_link", "car_2/base_link")[car])
+        ahead = view.focus[:2] - base.xpos[:2]
+        assert np.linalg.norm(ahead) == pytest.approx(1.6)  # as `top` looks
+        for corner in ((0.9, 0.9), (-0.9, 0.9), (-0.9, -0.9), (0.9, -0.9)):
+            half = 0.5 * BOX_SIDE * np.array(corner)
+            column, row = pixel(view, on_box(data, car, x=half[0], y=half[1], z=0.5 * HEIGHT), SIZE)
+            assert labels[row, column] == CAR
+            shown, wanted = picture[row, column].astype(float), np.array(car_colour(car)[:3])
+            assert shown @ wanted / np.linalg.norm(shown) / np.linalg.norm(wanted) > 0.97
+
+
+@needs_gl
+def test_number_is_upright_and_not_mirrored_from_behind():
+    with Film(three_cars(), camera="chase", car=2, size=(960, 640), quality="draft", overlays=Overlays()) as made:
+        picture, view, data = made.frame(0.0), made.view(0.0), made._player.at(0.0)
+    side = car_number(2, car_colour(2))[::-1]  # from above
+    rows, columns = np.mgrid[24:136:8, 12:84:6]
+    shown = []
+    for row, column in zip(rows.ravel(), columns.ravel(), strict=True):
+        across, up = 0.5 - (column + 0.5) / 96.0, 0.5 - (row + 0.5) / 160.0
+        x, y = pixel(view, on_box(data, 2, x=-0.5 * BOX_SIDE, y=across * BOX_SIDE, z=up * HEIGHT), (960, 640))
+        shown.append(float(picture[y, x].mean()))
+    wanted = side[rows, columns].mean(axis=-1)
+    likeness = [np.corrcoef(shown, other.ravel())[0, 1] for other in (wanted, wanted[:, ::-1], wanted[::-1])]
+    assert likeness[0] > 0.8 and likeness[0] > max(likeness[1:]) + 0.1
+
+
+@needs_gl
+@pytest.mark.parametrize("car", [0, 1, 2])
+def test_camera_on_board_looks_over_the_box_of_its_own_car(car):
+    with film("onboard", car) as made:
+        depth, labels = made.depth(0.0), made.segmentation(0.0)
+    assert depth.min() > 0.2 and (labels == CAR).mean() < 0.2
+
+
+@needs_gl
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_other_cars_are_seen_where_they_are(camera):
+    with film(camera, 0) as made:
+        labels, view, data = made.segmentation(0.5), made.view(0.5), made._player.at(0.5)
+    seen = 0
+    for car in (1, 2):
+        top = on_box(data, car, z=0.5 * HEIGHT)
+        (column, row), depth = pixel(view, top, SIZE), view.project(top, SIZE)[1][0]
+        if depth > view.near and 2 <= column < SIZE[0] - 2 and 2 <= row < SIZE[1] - 2:
+            assert labels[row, column] == CAR
+            seen += 1
+    assert seen >= {"track": 2, "top": 1}.get(camera, 0)
+
+
+@needs_gl
+def test_overlays_are_of_the_car_that_is_followed(folder):
+    race = three_cars()
+    with film("top", 1, overlays=Overlays(trace=True, forces=True, beams=True, strip=True)) as made:
+        assert made.note == ""
+        assert made.drive.summary["controller"] == "disparity_extender" and made.drive.summary["name"] == "blue one"
+        np.testing.assert_array_equal(made.drive.telemetry, race.cars[1].telemetry)
+        forces = made._forces.read(made._player.at(2.0))
+        body = made._player.at(2.0).body("car_1/base_link").xpos
+        assert (np.linalg.norm(forces.points - body, axis=1) < 0.6).all()
+        np.testing.assert_array_equal(made.frame(2.0), made.frame(2.0))
+    from_folder = read_drive(folder, 1)
+    assert from_folder.start == pytest.approx(read_drive(folder, 2).start)  # one start line, whoever is followed
+
+
+def test_scan_that_the_planner_of_another_car_saw_is_measured_again_with_its_noise():
+    race, planners = shunt()
+    for car, planner in enumerate(planners):
+        eye = PlannerEye(read_drive(race, car))
+        for tick in (20, 0, 44):
+            np.testing.assert_array_equal(eye.at_tick(tick).scan.ranges, planner.heard[tick][0].ranges)
+
+
+def test_place_in_the_strip_is_that_of_the_progress():
+    race = three_cars()
+    progress = np.array([car.column("progress_m") for car in race.cars])
+    positions = read_drive(race).standings.positions
+    for tick in (0, 40, len(progress[0]) - 1):
+        np.testing.assert_array_equal(np.argsort(-progress[:, tick]), np.argsort(positions[:, tick]))
+    assert positions[:, 0].tolist() == [1, 2, 3] and read_drive(fg.race("oval", time_limit=0.1)).standings is None
+
+
+@needs_gl
+def test_command_draws_any_car(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    small = ["--size", "64x48", "--quality", "draft", "--frame", "1"]
+    pictures = []
+    for car in ("0", "2"):
+        assert main(["render", str(folder), *small, "--car", car]) == 0
+        pictures.append(np.asarray(Image.open(f"three-chase{'-car_2' if car == '2' else ''}.png")))
+    assert (pictures[0] != pictures[1]).any()
+    capsys.readouterr()
+    assert main(["render", str(folder), *small, "--car", "3"]) == 2
+    assert capsys.readouterr().err == "fg-mujoco: --car is 3; accepted: 0 to 2\n"
+    with pytest.raises(fg.SettingsError, match="car is 1; accepted: 0, the only one"):
+        Renderer(fg.World("oval"), size=(64, 48), car=1)
+
+
+def test_telemetry_of_cars_is_as_long_as_the_race():
+    drive = read_drive(three_cars(), 2)
+    assert len(drive.telemetries) == 3 and drive.telemetry.shape == (len(drive.ctrl), len(TELEMETRY))

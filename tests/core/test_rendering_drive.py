@@ -1,0 +1,354 @@
+"""What pictures are made of, without drawing: states between ticks, tire forces, planner stages, cameras, the look."""
+
+import math
+from copy import copy
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.course.track_mesh import wall_prisms
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.pictures.rendering import car_meshes
+from fg_mujoco.pictures.rendering.cameras import CAMERAS, Moment, View
+from fg_mujoco.pictures.rendering.colours import friction_colour
+from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
+from fg_mujoco.pictures.rendering.gg_diagram import accelerations, gg_picture
+from fg_mujoco.pictures.rendering.planner_view import PlannerEye, intermediate_scans
+from fg_mujoco.pictures.rendering.recorded_drive import read_drive
+from fg_mujoco.pictures.rendering.ribbons import road, wall_chains
+from fg_mujoco.pictures.rendering.scenery import compile_scenery
+from fg_mujoco.pictures.rendering.telemetry_strip import _Strip, law_limit
+
+
+@pytest.fixture(scope="module")
+def scenery(lap):
+    return compile_scenery(lap.world.xml, start=(0.0, 0.0))
+
+
+def test_model_for_pictures_takes_the_states_of_the_race_and_moves_the_same(lap, scenery):
+    """Stepping either model from a recorded state leads to the next one, bit for bit."""
+    for model in (copy(lap.world.model), copy(scenery)):
+        assert mujoco.mj_stateSize(model, STATE) == lap.states.shape[1]
+        data, tires = mujoco.MjData(model), TireForces(model, CAR_PREFIX)
+        mujoco.mj_setState(model, data, lap.states[200], STATE)
+        data.ctrl[:] = lap.ctrl[200]
+        for _ in range(5):
+            tires.step(data)
+        reached = np.empty(lap.states.shape[1])
+        mujoco.mj_getState(model, data, reached, STATE)
+        np.testing.assert_array_equal(reached, lap.states[201])
+
+
+def test_world_that_is_raced_has_nothing_that_is_only_to_be_seen(lap):
+    assert "look/" not in lap.world.xml and ".obj" not in lap.world.xml
+    assert all(not lap.world.model.geom(geom).name.startswith("look/") for geom in range(lap.world.model.ngeom))
+
+
+def test_car_stays_below_the_beams_but_for_the_lidar_and_within_its_length(scenery):
+    data = mujoco.MjData(scenery)
+    mujoco.mj_kinematics(scenery, data)
+    parts = {}
+    for geom in np.flatnonzero(scenery.geom_group == 2):
+        name, mesh = scenery.geom(geom).name, scenery.geom_dataid[geom]
+        first, count = scenery.mesh_vertadr[mesh], scenery.mesh_vertnum[mesh]
+        turned = scenery.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T
+        parts[name.removeprefix("look/")] = turned + data.geom_xpos[geom]
+    lidar = np.vstack([parts.pop(name) for name in ("lidar_base", "lidar_window")])
+    car = np.vstack(list(parts.values()))
+    low, high = car.min(axis=0), car.max(axis=0)
+    assert high[2] < 0.11 < lidar[:, 2].max()
+    assert low[2] > -0.0012  # tires give by .8 mm under a car at rest
+    chassis = scenery.geom("car/chassis")
+    for axis in (0, 1):
+        assert low[axis] >= chassis.pos[axis] - chassis.size[axis] - 0.001
+        assert high[axis] <= chassis.pos[axis] + chassis.size[axis] + 0.001
+    assert len(parts) > 20
+
+
+def test_suspension_and_steering_rods_follow_the_wheels(scenery):
+    def lengths(**joints):
+        data = mujoco.MjData(scenery)
+        for name, value in joints.items():
+            data.qpos[scenery.joint(f"car/{name}").qposadr] = value
+        mujoco.mj_forward(scenery, data)
+        return {scenery.tendon(i).name: data.ten_length[i] for i in range(scenery.ntendon)}
+
+    rest, up = lengths(), lengths(front_left_suspension=0.01)
+    assert rest["look/front_left_damper"] - up["look/front_left_damper"] > 0.004
+    assert up["look/front_right_damper"] == rest["look/front_right_damper"]
+    steered = lengths(front_left_kingpin=0.3)
+    assert abs(steered["look/front_left_tie_rod"] - rest["look/front_left_tie_rod"]) > 1e-4
+
+
+def test_meshes_in_the_repository_are_those_that_the_module_makes(tmp_path):
+    folder = Path(car_meshes.__file__).parents[3] / "models" / "assets"
+    if not folder.is_dir():
+        pytest.skip("not a checkout of the repository")
+    car_meshes.write_all(tmp_path)
+    assert {path.name for path in folder.glob("*.obj")} == {path.name for path in tmp_path.glob("*.obj")}
+    for path in sorted(tmp_path.glob("*.obj")):
+        made, kept = (_corners(file.read_text()) for file in (path, folder / path.name))
+        assert made.shape == kept.shape, path.name  # of triangles, in any order
+        np.testing.assert_allclose(made, kept, atol=2e-5)
+    assert sum(path.read_text().count("\nf ") for path in tmp_path.glob("*.obj")) < 8000
+
+
+def _corners(text):
+    """Middles of all triangles of an OBJ text, sorted."""
+    vertices = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("v ")], dtype=float)
+    faces = [[int(c.partition("/")[0]) - 1 for c in line.split()[1:]] for line in text.splitlines() if line[0] == "f"]
+    middles = np.round(vertices[np.array(faces)].mean(axis=1), 4)
+    return middles[np.lexsort(middles.T)]
+
+
+WITHOUT_ROAD = ("boxes", "elbow", "maze")  # whose walls are no ribbon: the floor is drawn without a road
+
+
+@pytest.mark.parametrize("name", fg.track_names())
+def test_road_covers_the_track_and_nothing_else(name):
+    """The area between the outlines, by the shoelace formula, and no triangle upside down."""
+    chains = wall_chains(wall_prisms(fg.load_track(name)))
+    assert len(chains) == 2
+    left, right = (chain[:, 0, :2] for chain in chains)
+    surface = road(left, right)
+    if name in WITHOUT_ROAD:
+        assert surface is None
+        return
+    a, b, c = (surface.vertices[surface.faces[:, k], :2] for k in range(3))
+    areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    assert (areas > -1e-9).all()
+    expected = abs(_area(left) - _area(right))
+    assert areas.sum() == pytest.approx(expected, rel=2e-3)
+
+
+def _area(line):
+    x, y = line.T
+    return 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
+
+
+def test_forces_of_a_car_at_rest_can_carry_mu_times_its_weight(lap, scenery):
+    data = mujoco.MjData(scenery)
+    mujoco.mj_setState(scenery, data, lap.states[0], STATE)
+    TireForces(copy(scenery), CAR_PREFIX).forward(data)
+    forces = TireForceMeter(scenery).read(data)
+    weight = lap.world.parameters.mass * lap.world.parameters.gravity
+    assert forces.limit.sum() == pytest.approx(lap.car.mu * weight, rel=0.03)
+
+
+def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
+    """Newton: their sum is mass times the acceleration of the CoG, here by the accelerometer's states."""
+    scenery = copy(scenery)
+    data, tires = mujoco.MjData(scenery), TireForces(scenery, CAR_PREFIX)
+    meter = TireForceMeter(scenery)
+    for tick in (60, 110, 200, 300):
+        mujoco.mj_setState(scenery, data, lap.states[tick], STATE)
+        data.ctrl[:] = lap.ctrl[tick]
+        tires.forward(data)
+        forces = meter.read(data)
+        mujoco.mj_subtreeVel(scenery, data)
+        base = scenery.body("car/base_link").id
+        before = data.subtree_linvel[base].copy()
+        tires.step(data)
+        tires.forward(data)
+        mujoco.mj_subtreeVel(scenery, data)
+        acceleration = (data.subtree_linvel[base] - before) / scenery.opt.timestep
+        total = np.nansum(forces.friction, axis=0)[:2]
+        np.testing.assert_allclose(total, lap.world.parameters.mass * acceleration[:2], atol=1.5)
+        recorded = [lap.car.column(f"friction_use_{wheel}")[tick] for wheel in WHEELS]
+        assert (forces.use <= np.array(recorded) + 1e-6).all()  # greatest of the tick, of which this is the first step
+
+
+def test_law_s_limit_is_that_of_the_friction_law(lap):
+    car = lap.world.parameters
+    assert law_limit(0.0, 1.0, car) == math.inf
+    limit = law_limit(-0.2, 0.9, car)
+    assert limit**2 / (car.wheelbase / math.tan(0.2)) == pytest.approx(0.9 * car.gravity)
+
+
+def test_friction_colours_go_from_blue_to_red():
+    low, _, high, beyond, unknown = friction_colour([0.0, 0.6, 1.0, 3.0, np.nan])
+    assert low[2] > 2 * low[0] and high[0] > 2 * high[2]
+    np.testing.assert_array_equal(beyond, high)
+    np.testing.assert_array_equal(unknown, low)
+
+
+PLANNERS_WITH_GAPS = (
+    "gap_finder", "scout", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", fg.controller_names())
+def test_intermediate_scans_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, name):
+    world = lap.world
+    planner = fg.make_controller(name, car=world.parameters, mu=1.0489, max_speed=8.0, map_line=world.track.map_line)
+    eye = PlannerEye(read_drive(lap))
+    for tick in (40, 150, 260):
+        scan = eye.at_tick(tick).scan
+        made = planner.intermediate_scans(scan)
+        assert next(iter(made)) == "raw" and all(len(ranges) == len(scan.ranges) for ranges in made.values())
+        for stage in ("extended", "bubble"):  # not the gap: its edges may be a mean's
+            assert (made.get(stage, made["raw"]) <= made["raw"]).all()
+        if name in PLANNERS_WITH_GAPS:
+            gap = np.flatnonzero(np.isfinite(made["gap"]))
+            assert len(gap) and (np.diff(gap) == 1).all()
+            bearing, _ = planner.find_goal(scan)
+            if name != "weighted_gap":  # which goes between the gap and straight on
+                first, last = scan.bearings[gap[[0, -1]]]
+                assert first - 0.01 <= bearing <= last + 0.01
+        else:
+            assert "gap" not in made
+
+
+def test_planner_of_ones_own_gives_its_intermediate_scans(lap):
+    class Own:
+        def intermediate_scans(self, scan):
+            return {"gap": 0.5 * scan.ranges}
+
+    scan = PlannerEye(read_drive(lap)).at_tick(0).scan
+    np.testing.assert_array_equal(intermediate_scans(Own(), scan)["gap"], 0.5 * scan.ranges)
+    assert intermediate_scans(object(), scan) == {}
+
+
+def test_scan_that_the_planner_saw_is_measured_again_with_its_noise(lap):
+    effects = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.01, latency=0.03)
+    heard = []
+
+    class Listener:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            heard.append(scan)
+            return fg.DriveCommand(steering_angle=0.05, speed=0.5)
+
+    race = fg.race("oval", Listener(), laps=1, time_limit=0.3, effects=effects, seed=7)
+    eye = PlannerEye(read_drive(race))
+    assert eye.missing  # a class of this test is no planner by name
+    for tick in (9, 0, 4):
+        np.testing.assert_array_equal(eye.at_tick(tick).scan.ranges, heard[tick].ranges)
+
+
+def test_view_projects_as_a_pinhole_does():
+    view = View(
+        position=np.array([0.0, 0.0, 1.0]), forward=np.array([1.0, 0.0, 0.0]), up=np.array([0.0, 0.0, 1.0]),
+        fovy=math.radians(90.0), focus=np.zeros(3),
+    )  # fmt: skip
+    places, depth = view.project([(2.0, 0.0, 1.0), (2.0, -2.0, 1.0), (2.0, 0.0, 3.0), (-1.0, 0.0, 1.0)], (200, 100))
+    np.testing.assert_allclose(places[:3], [(100.0, 50.0), (150.0, 50.0), (100.0, 0.0)], atol=1e-9)
+    np.testing.assert_allclose(depth, [2.0, 2.0, 2.0, -1.0])
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 16 / 9, 3.0])
+def test_track_camera_shows_the_whole_course(lap, aspect):
+    bounds = lap.world.track.bounds
+    moment = Moment(
+        time=0.0, position=np.zeros(3), rotation=np.eye(3), times=np.empty(0), headings=np.empty(0), bounds=bounds
+    )
+    size = (round(300 * aspect), 300)
+    corners = [(x, y, 0.3) for x in bounds[:, 0] for y in bounds[:, 1]]
+    places, _ = CAMERAS["track"](moment, aspect).project(corners, size)
+    assert (places > 0).all() and (places < size).all()
+    assert np.ptp(places, axis=0).max() > 0.8 * min(size)  # and fills it
+
+
+def test_chase_camera_is_smooth_and_sees_the_car_in_the_middle(lap):
+    drive = read_drive(lap)
+    ways = []
+    for tick in range(40, 360):
+        position = np.array([*(drive.column(name)[tick] for name in ("x_m", "y_m")), 0.0486])
+        heading = drive.headings[tick]
+        cos, sin = math.cos(heading), math.sin(heading)
+        rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        moment = Moment(
+            time=float(drive.time[tick]), position=position, rotation=rotation, times=drive.time[:-1],
+            headings=drive.headings, bounds=lap.world.track.bounds,
+        )  # fmt: skip
+        view = CAMERAS["chase"](moment, 16 / 9)
+        ways.append(math.atan2(view.forward[1], view.forward[0]))
+        ((column, row),), _ = view.project(position, (160, 90))
+        assert 40 < column < 120 and 30 < row < 80
+    turning = np.abs(np.diff(np.unwrap(ways), n=2)) / 0.025**2
+    assert turning.max() < 40.0  # [rad/s^2]; the car's own heading reaches more
+
+
+def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
+    """Those of the CoG in the first physics step of each tick; within the circle of mu g where nothing slides."""
+    felt, model, gained = accelerations(lap), copy(lap.world.model), []
+    data, tires, site = mujoco.MjData(model), TireForces(model, CAR_PREFIX), model.site(f"{CAR_PREFIX}imu").id
+
+    def velocity():
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        both = np.empty(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, site, both, 0)
+        return both[3:]
+
+    for state, ctrl in zip(lap.states[:-1], lap.ctrl, strict=True):
+        mujoco.mj_setState(model, data, state, STATE)
+        data.ctrl[:] = ctrl
+        before, frame = velocity(), data.site_xmat[site].reshape(3, 3).copy()
+        tires.step(data)
+        after = velocity()
+        frame = 0.5 * (frame + data.site_xmat[site].reshape(3, 3))  # a car that turns feels it on the way
+        # an accelerometer feels gravity, too
+        gained.append(((after - before) / model.opt.timestep + (0.0, 0.0, 9.81)) @ frame)
+    assert np.abs(felt - np.array(gained)[:, :2]).max() < 0.04  # measured .018, of up to 9.4 m/s^2
+    speed, yaw_rate = lap.car.column("speed_m_s"), lap.car.column("yaw_rate_rad_s")
+    assert np.median(np.abs(felt[:, 1] - speed * yaw_rate)) < 0.3
+    assert np.hypot(*felt.T).max() < 1.02 * lap.car.mu * lap.world.parameters.gravity
+    gg_picture(lap, tmp_path / "gg.png")
+    assert (tmp_path / "gg.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_time_outside_of_the_drive_is_refused(short_race):
+    drive = read_drive(short_race)
+    assert drive.tick_at(0.0) == 0 and drive.tick_at(drive.end) == len(drive.ctrl) - 1
+    assert drive.tick_at(0.0749) == 2 and drive.tick_at(0.075) == 3
+    with pytest.raises(fg.SettingsError, match=f"0 to {drive.end:.3f} s"):
+        drive.tick_at(drive.end + 0.1)
+
+
+class Pen:
+    """Writes down what is drawn with it."""
+
+    def __init__(self):
+        self.texts, self.boxes = [], []
+
+    def text(self, at, text, **how):
+        self.texts.append(text)
+
+    def line(self, at, **how):
+        pass
+
+    def rectangle(self, box, fill=None, outline=None, **how):
+        self.boxes.append((box, fill, outline))
+
+
+@pytest.mark.parametrize(("width", "rows"), [(1280, 76), (1920, 113), (640, 38), (320, 30)])
+def test_strip_has_a_bar_for_each_tire_named_where_there_is_room(lap, width, rows):
+    pytest.importorskip("PIL")
+    row = dict.fromkeys(fg.TELEMETRY, 0.0)
+    shares = dict(zip(WHEELS, (0.25, 0.5, 0.75, 1.0), strict=True))
+    row |= {f"friction_use_{wheel}": share for wheel, share in shares.items()}
+    row |= {f"slide_{wheel}_m_s": 0.01 for wheel in WHEELS} | {"slide_rear_right_m_s": 0.62}
+    pen = Pen()
+    _Strip(pen, width, rows).draw(row, 1.0, 8.0, {"laps_requested": 1}, lap.world.parameters)
+    colours = [tuple(int(255 * part) for part in friction_colour(share)) for share in shares.values()]
+    bars = [next(box for box, fill, _ in pen.boxes if fill == colour) for colour in colours]
+    lengths = np.array([right - left for left, _, right, _ in bars])
+    np.testing.assert_allclose(lengths / lengths[3], list(shares.values()))
+    assert bars[0][0] == bars[2][0] < bars[1][0] == bars[3][0] < width  # left and right
+    assert bars[0][1] == bars[1][1] < bars[2][1] == bars[3][1] < rows  # front and rear
+    framed = [box for box, _, outline in pen.boxes if outline is not None]
+    assert framed == [bars[3]]  # the one that slides
+    assert any("slides" in text for text in pen.texts)
+    if width >= 1280:
+        assert {"front left", "front right", "rear left", "rear right"} <= set(pen.texts)
+        assert {"25 %", "50 %", "75 %", "100 %", "framed: slides, 0.62 m/s"} <= set(pen.texts)

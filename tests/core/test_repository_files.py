@@ -1,0 +1,86 @@
+"""The files that hosts and tools read: they parse, what they name exists, and versions are those of pyproject.toml."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from fg_mujoco.pictures.rendering import gl
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[2]
+yaml = pytest.importorskip("yaml")
+if not (ROOT / "pyproject.toml").exists():
+    pytest.skip("not a checkout of the repository", allow_module_level=True)
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+LEAST_PYTHON = tuple(map(int, PROJECT["requires-python"].removeprefix(">=").split(".")))
+
+
+def read(path):
+    return yaml.safe_load((ROOT / path).read_text("utf-8"))
+
+
+def version_of(text):
+    return tuple(map(int, text.split(".")))
+
+
+def test_the_citation_has_the_version_and_licence_of_the_package():
+    citation = read("CITATION.cff")
+    assert citation["cff-version"] == "1.2.0" and citation["type"] == "software"
+    assert (citation["version"], citation["license"]) == (PROJECT["version"], PROJECT["license"])
+    assert citation["keywords"] == PROJECT["keywords"]
+    assert all(citation[name] for name in ("message", "title", "authors"))
+
+
+def test_the_hooks_are_the_tools_of_this_checkout_and_name_no_other_repository():
+    (repository,) = read(".pre-commit-config.yaml")["repos"]
+    assert repository["repo"] == "local"
+    tools = {Path(hook["entry"].split()[0]) for hook in repository["hooks"]}
+    assert {tool.parent.as_posix() for tool in tools} == {".venv/bin"}
+    installed = {re.match(r"[\w-]+", each)[0] for each in PROJECT["optional-dependencies"]["dev"]}
+    assert {tool.name for tool in tools} == {"ruff", "mypy"} <= installed
+    assert all(hook["language"] == "system" for hook in repository["hooks"])
+
+
+def test_the_workflow_runs_the_whole_check_on_every_python_that_is_accepted():
+    (job,) = read(".github/workflows/test.yml")["jobs"].values()
+    pythons = [version_of(text) for text in job["strategy"]["matrix"]["python"]]
+    assert pythons[0] == LEAST_PYTHON
+    assert pythons == [(3, minor) for minor in range(LEAST_PYTHON[1], pythons[-1][1] + 1)]
+    assert [step["run"] for step in job["steps"] if "run" in step] == [".ci/run"]
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+
+
+def test_the_container_has_a_python_that_is_accepted_and_copies_what_there_is():
+    text = (ROOT / "Containerfile").read_text("utf-8")
+    assert version_of(re.search(r"^FROM python:([\d.]+)-", text, re.MULTILINE)[1]) >= LEAST_PYTHON
+    copied = {name for line in re.findall(r"^COPY (.*) \S+$", text, re.MULTILINE) for name in line.split()}
+    assert all((ROOT / name).exists() for name in copied)
+    assert {"fg_mujoco", "models", "tracks", "controllers", "pyproject.toml", "README.md", "LICENSE"} <= copied
+    extras = re.search(r"/source\[([\w,]+)\]", text)[1].split(",")
+    assert set(extras) <= set(PROJECT["optional-dependencies"])
+
+
+def test_the_container_installs_the_libraries_that_messages_ask_for():
+    text = (ROOT / "Containerfile").read_text("utf-8")
+    packages = set(re.search(r"apt-get install -y --no-install-recommends (.*) \\", text)[1].split())
+    commands = {gl.INSTALL_COMMAND, *gl._INSTALL_COMMANDS.values()}
+    assert packages == {name for command in commands for name in command.split("recommends ")[1].split()}
+    assert "never been built" in text
+
+
+def test_the_security_page_names_options_and_files_that_there_are():
+    text = (ROOT / "SECURITY.md").read_text("utf-8")
+    code = "".join(path.read_text("utf-8") for path in (ROOT / "fg_mujoco").rglob("*.py"))
+    for name in ("outside_folder", "controller.py", "states.npz", "scene.xml", "--host", "--config"):
+        assert name in text and name in code
+    assert "allow_pickle=True" not in code
+    # one place reads YAML, by a loader that makes plain values only and refuses more than the safe one
+    assert re.findall(r"yaml\.\w*load\w*\([^\n]*", code) == ["yaml.load(text, _plain_loader())"]
+    assert "class PlainLoader(yaml.SafeLoader)" in code

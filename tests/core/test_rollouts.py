@@ -1,0 +1,404 @@
+"""Rollouts: each world is its own, whatever is driven with it; and what each mistake is told before anything runs."""
+
+import math
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from rollout_worlds import stand_in
+
+import fg_mujoco as fg
+from fg_mujoco.errors import ControllerError, SettingsError, TrackError
+from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.rollouts.workers import usable_cores
+
+RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
+MANY = {"randomize": RANDOMIZE, "time_limit": 0.5}
+PLANNER = """
+import threading
+from fg_mujoco.messages import DriveCommand
+
+
+class Planner:
+    def __init__(self, max_speed):
+        self.speed = max_speed
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        {}
+        return DriveCommand(steering_angle=0.0, speed=self.speed)
+"""
+
+
+@pytest.fixture
+def no_engine(monkeypatch):
+    """The stand-in in place of the engine."""
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", stand_in)
+
+
+@pytest.fixture
+def planner_file(tmp_path):
+    def write(line="pass", name="mine.py"):
+        (tmp_path / name).write_text(PLANNER.format(line))
+        return f"{tmp_path / name}:Planner"
+
+    return write
+
+
+def same(a, b):
+    """Whether all bits of two arrays are the same, those of NaN too."""
+    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+
+
+# -- each world is its own
+
+
+@pytest.fixture(scope="module")
+def twelve():
+    """A dozen worlds of two tracks, all recorded."""
+    return fg.rollout(["oval", "hairpins"], n=12, record="states", **MANY)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"executor": fg.Executor(chunk=1)}, {"executor": fg.Executor(chunk=5), "workers": 1}, {"workers": 3},
+        {"executor": fg.Executor(chunk=2, memory_budget=0)},
+    ],
+)
+def test_chunks_workers_and_budget_change_nothing(twelve, options):
+    again = fg.rollout(["oval", "hairpins"], n=12, record="states", **MANY, **options)
+    assert same(again.worlds, twelve.worlds)
+    assert same(again.lap_times_s, twelve.lap_times_s)
+    for world in range(12):
+        for trace in ("telemetry", "states", "ctrl"):
+            assert same(getattr(again, trace)(world), getattr(twelve, trace)(world))
+
+
+def test_fewer_worlds_are_the_first_of_more(twelve):
+    fewer = fg.rollout(["oval", "hairpins"], n=5, **MANY)
+    assert same(fewer.worlds, twelve.worlds[:5])
+
+
+def test_a_world_of_a_known_seed_and_track_is_the_same_alone(twelve):
+    alone = fg.rollout("hairpins", seeds=[int(twelve["seed"][7])], **MANY)
+    for name in set(twelve.names) - {"world", "track"}:
+        assert same(alone[name], twelve[name][7:8]), name
+
+
+def assert_is_its_race(result, world):
+    race = fg.race(result.setup(world))
+    assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
+    assert same(result.telemetry(world), race.car.telemetry)
+    for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "slide_time_fraction", "max_speed_m_s"):
+        assert result.worlds[world][name] == race.summary()[name], name
+
+
+@pytest.mark.parametrize("world", [0, 7])
+def test_a_world_is_the_race_of_its_setup(twelve, world):
+    assert_is_its_race(twelve, world)
+
+
+@pytest.mark.slow
+def test_so_it_is_where_everything_differs_from_world_to_world():
+    everything = {
+        "mass": (3.2, 4.5), "cog_height": (0.05, 0.09), "steering_gain": (0.5, 1.0), "speed_gain": (0.5, 1.0),
+        "command_delay": (0.0, 0.1), "lidar_noise": (0.0, 0.05), "lidar_dropout": (0.0, 0.1),
+        "start_offset": (-0.3, 0.3), "start_heading": (-0.2, 0.2), "planner_mu": [0.7, math.inf], "obstacles": "1|2",
+        "planner.lookahead": (5.0, 12.0),
+    }  # fmt: skip
+    result = fg.rollout(["oval", "tight"], n=6, randomize=RANDOMIZE | everything, time_limit=0.5, record="states")
+    for world in range(6):
+        assert_is_its_race(result, world)
+
+
+def test_worlds_take_the_tracks_in_turn(no_engine):
+    result = fg.rollout(["oval", "tight", "oval"], n=8, seed=3)
+    assert result["world"].tolist() == list(range(8))
+    assert result["track"].tolist() == [0, 1, 2, 0, 1, 2, 0, 1]
+    assert [result.setup(i).track.name for i in range(3)] == ["oval", "tight", "oval"]
+
+
+def test_the_chunks_of_a_rollout_are_each_world_once_and_of_one_track(no_engine, monkeypatch):
+    asked = []
+
+    def engine(scenarios, *args, **options):
+        asked.append([(scenario.track.name, scenario.seed) for scenario in scenarios])
+        return stand_in(scenarios, *args, **options)
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+    result = fg.rollout(["oval", "tight"], n=23, executor=fg.Executor(chunk=4))
+    assert sorted(seed for chunk in asked for _, seed in chunk) == sorted(result["seed"].tolist())
+    assert all(len({name for name, _ in chunk}) == 1 and len(chunk) <= 4 for chunk in asked)
+
+
+def test_few_worlds_are_shared_among_the_workers(no_engine, monkeypatch):
+    sizes = []
+
+    def engine(scenarios, *args, **options):
+        sizes.append(len(scenarios))
+        return stand_in(scenarios, *args, **options)
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+    fg.rollout("oval", n=8, workers=4)
+    assert sizes == [2, 2, 2, 2]
+
+
+def test_workers_drive_at_the_same_time(monkeypatch):
+    together = threading.Barrier(3, timeout=10)
+
+    def engine(*args, **options):
+        together.wait()
+        return stand_in(*args, **options)
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+    assert len(fg.rollout("oval", n=3, workers=3)) == 3
+
+
+def test_this_process_has_a_core():
+    assert usable_cores() >= 1
+
+
+# -- what a result says
+
+
+def test_columns_are_what_was_drawn_and_how_it_went(twelve):
+    assert set(RANDOMIZE) < set(twelve.names)
+    assert ((twelve["mu"] >= 0.6) & (twelve["mu"] <= 1.2)).all()
+    assert set(twelve["max_speed"].tolist()) <= {4, 6, 8}
+    assert [twelve.setup(i).first.changes.mu for i in range(12)] == twelve["mu"].tolist()
+    assert (twelve["sim_time_s"] <= 0.5 + 1e-9).all()
+    assert not twelve["mu"].flags.writeable
+    assert len(twelve) == 12
+    with pytest.raises(SettingsError, match="no column 'grip'; accepted: world, track, mu"):
+        twelve["grip"]
+
+
+@pytest.mark.parametrize("world", [-1, 12, 1.5, "one"])
+def test_a_world_that_there_is_not_is_refused(twelve, world):
+    with pytest.raises(SettingsError, match="accepted: 0 to 11"):
+        twelve.setup(world)
+
+
+def test_what_was_not_recorded_is_said(no_engine):
+    result = fg.rollout("oval", n=2)
+    with pytest.raises(SettingsError, match="telemetry was not recorded"):
+        result.telemetry(0)
+
+
+def test_the_summary_counts_all_worlds(no_engine):
+    result = fg.rollout("oval", n=200, randomize={"mu": (0.5, 1.5)}, executor=fg.Executor(chunk=7))
+    summary = result.summary()
+    finished = sum(seed % 2 == 0 for seed in result["seed"].tolist())
+    assert summary["end_reasons"] == {"finished": finished, "crash": 200 - finished}
+    assert summary["finished"] == finished / 200
+    assert summary["worlds_driven"] == 200
+    assert summary["world_seconds"] == sum(seed % 10 for seed in result["seed"].tolist())
+    assert summary["first_lap_s"]["q50"] == pytest.approx(result.tracks[0].length / 8.0)
+    assert summary["max_slide_m_s"]["q5"] == pytest.approx(0.55, abs=0.1)  # the stand-in has mu there
+    assert summary["max_slide_m_s"]["q100"] == result["mu"].max()
+
+
+def test_lap_times_of_all_chunks_stand_side_by_side(no_engine):
+    result = fg.rollout(["oval", "tight"], n=9, laps=3, executor=fg.Executor(chunk=2))
+    assert result.lap_times_s.shape == (9, 3)
+    lengths = np.array([track.length for track in result.tracks])[result["track"]]
+    expected = np.where(result["seed"] % 2 == 0, lengths / 8.0, math.nan)
+    assert np.array_equal(result.lap_times_s, np.repeat(expected[:, None], 3, axis=1), equal_nan=True)
+
+
+def test_a_table_of_all_worlds_gives_each_number_back(no_engine, tmp_path):
+    result = fg.rollout(["oval", "tight"], n=9, randomize={"mu": (0.5, 1.5), "obstacles": "0:2"})
+    result.to_csv(tmp_path / "worlds.csv")
+    header, *rows = (line.split(",") for line in (tmp_path / "worlds.csv").read_text().splitlines())
+    assert tuple(header) == result.names
+    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
+    assert [float(text) for text in columns["mu"]] == result["mu"].tolist()
+    assert [int(text) for text in columns["seed"]] == result["seed"].tolist()
+    assert columns["track"] == ("oval", "tight") * 4 + ("oval",)
+    assert [text == "" for text in columns["first_lap_s"]] == np.isnan(result["first_lap_s"]).tolist()
+    with pytest.raises(fg.RunFolderError, match="accepted: a file that can be written"):
+        result.to_csv(tmp_path / "nowhere" / "worlds.csv")
+
+
+def test_progress_ends_with_all_worlds(no_engine):
+    seen = []
+    fg.rollout("oval", n=20, executor=fg.Executor(chunk=4), workers=1, watch=seen.append)
+    assert [p.worlds_driven for p in seen if p.world_seconds] == sorted(
+        p.worlds_driven for p in seen if p.world_seconds
+    )
+    assert seen[-1].worlds_driven == seen[-1].worlds == 20
+    assert seen[-1].remaining_s == 0.0
+    assert seen[-1].rate > 0.0
+
+
+# -- worlds that fail, and workers that are stopped
+
+
+def test_a_world_whose_planner_fails_ends_and_the_others_go_on(planner_file):
+    source = planner_file("if self.speed < 5.0 and scan.stamp > 0.2: raise ValueError('slow')")
+    result = fg.rollout("oval", source, n=12, randomize={"max_speed": [4, 6]}, time_limit=0.5)
+    reasons = set(zip(result["max_speed"].tolist(), result["end_reason"].tolist(), strict=True))
+    assert reasons == {(4, "planner_failed"), (6, "time_limit")}
+
+
+def test_what_the_engine_raises_is_raised_and_the_other_workers_stop(no_engine, monkeypatch):
+    before = threading.active_count()
+
+    def engine(scenarios, controller, *, stop, **options):
+        if scenarios[0].seed == seeds[2]:
+            raise RuntimeError("out of memory")
+        while not stop():
+            time.sleep(0.01)
+        return stand_in(scenarios, controller)
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+    seeds = [2, 4, 6]
+    with pytest.raises(RuntimeError, match="out of memory"):
+        fg.rollout("oval", seeds=seeds, executor=fg.Executor(chunk=1), workers=3)
+    assert threading.active_count() == before
+
+
+def test_ctrl_c_stops_the_workers_and_is_raised(no_engine, monkeypatch):
+    before = threading.active_count()
+    pressed = []
+
+    def engine(scenarios, controller, *, stop, **options):
+        pressed.append(len(pressed))
+        if pressed[-1] == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        while not stop():
+            time.sleep(0.01)
+        return stand_in(scenarios, controller)
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+    with pytest.raises(KeyboardInterrupt):
+        fg.rollout("oval", n=4, executor=fg.Executor(chunk=1), workers=2)
+    assert threading.active_count() == before
+
+
+# -- what is refused before anything runs
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch):
+    def engine(*args, **options):
+        raise AssertionError("a world was driven")
+
+    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"n": 0}, "n is 0; accepted: a whole number from 1"),
+        ({"n": 2.0}, "n is 2.0"),
+        ({"seed": -1}, "seed is -1; accepted: a whole number from 0"),
+        ({"seeds": []}, "seeds are not"),
+        ({"seeds": [0.5]}, "seeds are not"),
+        ({"seeds": [-1]}, "seeds are not"),
+        ({"seeds": [1, 2], "n": 3}, "n is 3 and there are 2 seeds"),
+        ({"laps": 0}, "laps is 0; accepted: a whole number from 1"),
+        ({"laps": 1.5}, "laps is 1.5"),
+        ({"time_limit": 0.0}, "time_limit is 0.0; accepted: a positive number"),
+        ({"time_limit": math.inf}, "time_limit is inf"),
+        ({"time_limit": "long"}, "time_limit is 'long'"),
+        ({"workers": 0}, "workers is 0"),
+        ({"chunk": 4}, "chunk is of an Executor now; accepted: executor=Executor(chunk=4)"),
+        ({"memory_budget": 9}, "memory_budget is of an Executor now; accepted: executor=Executor(memory_budget=9)"),
+        ({"record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
+        ({"executor": "slurm"}, "executor is 'slurm'; accepted: threads, processes, ray"),
+        ({"randomize": {"grip": (0, 1)}}, "randomize grip: no parameter"),
+        ({"randomize": {"mass": (0.1, 4)}}, "randomize mass=0.1:4.0"),
+        ({"randomize": {"obstacles": "0:900"}}, "randomize obstacles=900 on 'oval'; accepted: at most"),
+    ],
+)
+def test_a_bad_option_is_refused_with_what_is_accepted(nothing_runs, options, said):
+    with pytest.raises(SettingsError) as caught:
+        fg.rollout("oval", **options)
+    assert said in str(caught.value)
+    assert "accepted" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"chunk": 0}, "chunk is 0; accepted"),
+        ({"chunk": True}, "chunk is True; accepted"),
+        ({"memory_budget": -1}, "memory_budget is -1; accepted"),
+        ({"kind": "slurm"}, "executor is 'slurm'; accepted"),
+    ],
+)
+def test_an_executor_that_cannot_be_is_refused(settings, said):
+    with pytest.raises(SettingsError, match=said):
+        fg.Executor(**settings)
+
+
+@pytest.mark.parametrize("tracks", ["nowhere", ["oval", "nowhere"]])
+def test_an_unknown_track_is_refused(nothing_runs, tracks):
+    with pytest.raises(TrackError, match="unknown track 'nowhere'"):
+        fg.rollout(tracks)
+
+
+def test_no_track_and_too_narrow_a_track_are_refused(nothing_runs):
+    with pytest.raises(SettingsError, match="no track"):
+        fg.rollout([])
+    line = 8.0 * np.column_stack((np.cos(a := np.linspace(0, 2 * np.pi, 60, endpoint=False)), np.sin(a)))
+    narrow = fg.Track(name="narrow", centreline=line, width_right=np.full(60, 0.1), width_left=np.full(60, 0.1))
+    with pytest.raises(TrackError, match="wider than the car"):
+        fg.rollout(["oval", narrow])
+
+
+@pytest.mark.parametrize("controller", ["nobody", "nowhere.py:Planner"])
+def test_a_controller_that_cannot_be_built_is_refused(nothing_runs, controller):
+    with pytest.raises(ControllerError, match=controller):
+        fg.rollout("oval", controller)
+
+
+def test_a_controller_object_is_refused_because_worlds_cannot_share_it(nothing_runs):
+    class Straight:
+        pass
+
+    with pytest.raises(ControllerError, match="Straight is an object; accepted: a name or path"):
+        fg.rollout("oval", Straight())
+
+
+def test_settings_that_the_planner_cannot_have_are_refused(nothing_runs, tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from dataclasses import dataclass\n\n@dataclass\nclass Settings:\n    gain: float = 1.0\n    window: int = 3\n"
+        "    def __post_init__(self):\n        if self.gain > 2.0: raise ValueError('gain above 2')\n\n"
+        "class Planner:\n    Settings = Settings\n    def __init__(self, settings): self.settings = settings\n"
+        "    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n"
+    )
+    source = f"{tmp_path / 'mine.py'}:Planner"
+    for settings, said in [
+        ({"planner.gains": (0, 1)}, "no setting 'gains'; accepted: gain, window"),
+        ({"planner.gain": (1, 3)}, "gain above 2"),
+        ({"planner.gain": "high"}, "setting gain is 'high'; accepted: a number"),
+        ({"planner.window": (3, 9)}, "setting window is 3.0; accepted: a whole number"),
+    ]:
+        with pytest.raises(ControllerError) as caught:
+            fg.rollout("oval", source, randomize=settings)
+        assert said in str(caught.value)
+
+
+def test_settings_reach_the_planners(tmp_path):
+    (tmp_path / "mine.py").write_text(
+        "from dataclasses import dataclass\nfrom fg_mujoco.messages import DriveCommand\n\n"
+        "@dataclass\nclass Settings:\n    speed: float = 1.0\n\n"
+        "class Planner:\n    Settings = Settings\n    def __init__(self, settings): self.settings = settings\n"
+        "    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
+        "        return DriveCommand(steering_angle=0.0, speed=self.settings.speed)\n"
+    )
+    result = fg.rollout(
+        "oval", f"{tmp_path / 'mine.py'}:Planner", n=4, randomize={"planner.speed": (0.5, 2.0)}, time_limit=1.5,
+        record="telemetry",
+    )  # fmt: skip
+    column = fg.TELEMETRY.index("command_speed_m_s")
+    assert [result.telemetry(i)[-1, column] for i in range(4)] == result["planner.speed"].tolist()

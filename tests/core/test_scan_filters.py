@@ -1,0 +1,301 @@
+"""The filters of a scan, one by one: worked examples of the sources, slow loops, and what none of them may do."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scan_worlds import INCREMENT, scan_of
+
+from fg_mujoco.controllers.perception import scan_filters as filters
+from fg_mujoco.compiled.kernels import kernel
+
+filters_extend, filters_widen = filters.extend_disparities, filters.widen_all
+RADIUS = 0.3  # [m]
+BEARINGS = INCREMENT * (np.arange(1081) - 540)
+
+unhurried = settings(deadline=None)  # the first call compiles
+ranges_of_scans = arrays(np.float64, st.integers(0, 60), elements=st.floats(0.0, 30.0))
+increments = st.floats(1e-3, 0.3)
+radii = st.floats(0.01, 1.0)
+
+FILTERS = {
+    "valid_ranges": lambda r: filters.valid_ranges(r, 30.0),
+    "clip_to_lookahead": lambda r: filters.clip_to_lookahead(r, 10.0),
+    "safety_bubbles": lambda r: filters.safety_bubbles(r, np.arange(len(r)), INCREMENT, RADIUS),
+    "extend_disparities": lambda r: filters.extend_disparities(r, INCREMENT, 0.3, RADIUS),
+    "widen_all": lambda r: filters.widen_all(r, INCREMENT, RADIUS),
+    "mask_nearest": lambda r: filters.mask_nearest(r, INCREMENT, RADIUS),
+    "rolling_mean": lambda r: filters.rolling_mean(r, INCREMENT, RADIUS),
+    "prioritise_centre": lambda r: filters.prioritise_centre(r, INCREMENT * (np.arange(len(r)) - len(r) / 2)),
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("count", [0, 1, 2, 1081])
+def test_a_filter_answers_a_new_array_of_the_same_shape(name, count):
+    ranges = np.random.default_rng(1).uniform(0.5, 12.0, count)
+    before = ranges.copy()
+    result = FILTERS[name](ranges)
+    assert result.shape == ranges.shape
+    assert not np.shares_memory(result, ranges)
+    result.fill(-1.0)
+    np.testing.assert_array_equal(ranges, before)
+
+
+def test_a_filter_takes_the_read_only_ranges_of_a_scan():
+    ranges = np.random.default_rng(2).uniform(0.5, 12.0, 1081)
+    scan = scan_of(ranges)
+    assert not scan.ranges.flags.writeable
+    for shorten in FILTERS.values():
+        np.testing.assert_array_equal(shorten(scan.ranges), shorten(ranges))
+
+
+@unhurried
+@given(arrays(np.float64, st.integers(0, 40)), st.floats(), st.floats())
+def test_a_filter_that_is_given_anything_answers_something(ranges, increment, radius):
+    # compiled code that left its arrays would take the process with it
+    for shorten in (
+        lambda: filters.extend_disparities(ranges, increment, 0.3, radius),
+        lambda: filters.widen_all(ranges, increment, radius),
+        lambda: filters.mask_nearest(ranges, increment, radius),
+        lambda: filters.rolling_mean(ranges, increment, radius),
+        lambda: filters.prioritise_centre(ranges, ranges, radius),
+    ):
+        assert shorten().shape == ranges.shape
+
+
+def test_a_filter_answers_the_same_inside_a_kernel():
+    @kernel
+    def chain(ranges, increment):
+        return filters_widen(filters_extend(ranges, increment, 0.3, 0.3), increment, 0.2)
+
+    ranges = np.random.default_rng(3).uniform(0.5, 12.0, 1081)
+    from_python = filters.widen_all(filters.extend_disparities(ranges, INCREMENT, 0.3, 0.3), INCREMENT, 0.2)
+    np.testing.assert_array_equal(chain(ranges, INCREMENT), from_python)
+
+
+# -- what a reading is
+
+
+@pytest.mark.parametrize(
+    ("ranges", "expected"),
+    [
+        ([1.0, math.inf, 40.0], [1.0, 30.0, 30.0]),  # no return, and beyond what the sensor can see
+        ([-math.inf, -2.0, 0.0], [0.0, 0.0, 0.0]),  # closer than range_min
+        ([3.0, math.nan, 2.0], [3.0, 2.0, 2.0]),  # a dropout is as near as its nearer neighbour
+        ([3.0, math.nan, math.nan, 5.0], [3.0, 3.0, 3.0, 5.0]),  # ... its next valid neighbour
+        ([math.nan, 4.0, math.nan], [4.0, 4.0, 4.0]),  # at an end there is one
+        ([math.inf, math.nan, math.inf], [30.0, 30.0, 30.0]),  # not an obstacle
+        ([math.nan, -math.inf], [0.0, 0.0]),
+        ([math.nan, math.nan], [0.0, 0.0]),
+    ],
+)
+def test_readings_become_distances(ranges, expected):
+    np.testing.assert_array_equal(filters.valid_ranges(np.array(ranges), 30.0), expected)
+
+
+@unhurried
+@given(arrays(np.float64, st.integers(0, 40), elements=st.sampled_from([math.nan, math.nan, math.inf, -1.0, 0.5, 3.0])))
+def test_a_failed_reading_takes_the_nearer_of_its_next_valid_neighbours(ranges):
+    def distance(beam):
+        if not np.isnan(ranges[beam]):
+            return min(max(ranges[beam], 0.0), 30.0)
+        valid = np.flatnonzero(~np.isnan(ranges))
+        neighbours = [*valid[valid < beam][-1:], *valid[valid > beam][:1]]
+        return min((distance(other) for other in neighbours), default=0.0)
+
+    expected = [distance(beam) for beam in range(len(ranges))]
+    np.testing.assert_array_equal(filters.valid_ranges(ranges, 30.0), expected)
+
+
+def test_beyond_the_lookahead_all_is_equally_far():
+    np.testing.assert_array_equal(filters.clip_to_lookahead(np.array([3.0, 10.0, 25.0]), 10.0), [3.0, 10.0, 10.0])
+
+
+# -- bubbles
+
+
+@pytest.mark.parametrize(("distance", "beams"), [(1.0, 69), (5.0, 14), (30.0, 3)])
+def test_a_bubble_is_as_wide_as_its_arc_says(distance, beams):
+    # .3 m over arcs of distance * .25 degrees: 68.75, 13.75 and 2.29 of them
+    assert filters.bubble_beams(np.array([distance]), RADIUS, INCREMENT) == beams
+
+
+def test_a_bubble_spans_half_a_turn_at_most():
+    assert filters.bubble_beams(np.array([0.0, 1e-9, 0.05]), RADIUS, INCREMENT).tolist() == [720, 720, 720]
+
+
+def test_the_nearest_obstacle_is_masked_as_in_the_worked_example():
+    # 001.txt: [2.5, 2.5, .6, .6, 2.5, 2.5] -> [2.5, 0, 0, 0, 2.5, 2.5], a bubble of one beam to either side
+    ranges = np.array([2.5, 2.5, 0.6, 0.6, 2.5, 2.5])
+    masked = filters.mask_nearest(ranges, angle_increment=0.5, radius=0.3)
+    np.testing.assert_array_equal(masked, [2.5, 0.0, 0.0, 0.0, 2.5, 2.5])
+
+
+@pytest.mark.parametrize("nearest", [0, 1, 1079, 1080])
+def test_a_nearest_point_at_an_end_is_masked_up_to_the_end_and_not_round_it(nearest):
+    ranges = np.full(1081, 8.0)
+    ranges[nearest] = 2.0
+    width = math.ceil(RADIUS / (INCREMENT * 2.0))
+    expected = np.abs(np.arange(1081) - nearest) <= width
+    np.testing.assert_array_equal(filters.mask_nearest(ranges, INCREMENT, RADIUS) == 0.0, expected)
+
+
+@pytest.mark.parametrize("beam", [0, 3, 540, 1080])
+def test_a_safety_bubble_holds_the_range_of_its_middle(beam):
+    ranges = np.full(1081, 8.0)
+    ranges[beam] = 3.0
+    width = math.ceil(RADIUS / (INCREMENT * 3.0))
+    result = filters.safety_bubbles(ranges, np.array([beam]), INCREMENT, RADIUS)
+    np.testing.assert_array_equal(result, np.where(np.abs(np.arange(1081) - beam) <= width, 3.0, 8.0))
+
+
+def bubbles_by_loop(ranges, beams, increment, radius):
+    result = ranges.copy()
+    for beam in beams:
+        width = math.ceil(radius / (increment * max(ranges[beam], radius / math.pi)))
+        for other in range(max(beam - width, 0), min(beam + width, len(ranges) - 1) + 1):
+            result[other] = min(result[other], ranges[beam])
+    return result
+
+
+@pytest.mark.slow
+@unhurried
+@given(ranges_of_scans, increments, radii, st.data())
+def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data):
+    everyone = list(range(len(ranges)))
+    beams = data.draw(st.lists(st.sampled_from(everyone), unique=True)) if everyone else []
+    result = filters.safety_bubbles(ranges, np.array(beams, dtype=np.intp), increment, radius)
+    np.testing.assert_array_equal(result, bubbles_by_loop(ranges, beams, increment, radius))
+
+
+@unhurried
+@given(
+    st.one_of(ranges_of_scans, arrays(np.float64, st.integers(0, 60), elements=st.sampled_from([0.0, 0.1, 1.0, 9.0]))),
+    increments,
+    radii,
+)
+def test_widening_all_is_a_safety_bubble_round_every_beam(ranges, increment, radius):
+    result = filters.widen_all(ranges, increment, radius)
+    np.testing.assert_array_equal(result, bubbles_by_loop(ranges, range(len(ranges)), increment, radius))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_widening_all_of_a_room_is_a_safety_bubble_round_every_beam(seed):
+    rng = np.random.default_rng(seed)
+    corners = np.sort(rng.uniform(0.0, 1080.0, 12))
+    ranges = np.interp(np.arange(1081), corners, rng.uniform(0.1, 12.0, 12)) + rng.normal(0.0, 0.01, 1081)
+    ranges[rng.integers(0, 1081, 5)] = 0.0
+    expected = bubbles_by_loop(ranges, range(1081), INCREMENT, 0.19)
+    np.testing.assert_array_equal(filters.widen_all(ranges, INCREMENT, 0.19), expected)
+
+
+@unhurried
+@given(ranges_of_scans, increments, radii)
+def test_a_closer_reading_is_never_overwritten_by_a_farther_one(ranges, increment, radius):
+    for result in (
+        filters.extend_disparities(ranges, increment, 0.3, radius),
+        filters.widen_all(ranges, increment, radius),
+        filters.mask_nearest(ranges, increment, radius),
+    ):
+        assert (result <= ranges).all()
+
+
+@unhurried
+@given(ranges_of_scans, increments, radii)
+def test_filters_see_left_and_right_alike(ranges, increment, radius):
+    for widen in (
+        lambda r: filters.extend_disparities(r, increment, 0.3, radius),
+        lambda r: filters.widen_all(r, increment, radius),
+    ):
+        np.testing.assert_array_equal(widen(ranges)[::-1], widen(ranges[::-1]))
+    mean = filters.rolling_mean(ranges, increment, radius)
+    np.testing.assert_allclose(mean[::-1], filters.rolling_mean(ranges[::-1], increment, radius), atol=1e-12)
+
+
+def test_after_widening_a_point_that_is_free_has_nothing_within_the_radius():
+    # a post at 2 m: where the widened scan is longer than 2 m, its beam passes the post at the radius or more
+    ranges = np.full(1081, 9.0)
+    ranges[540] = 2.0
+    free = filters.widen_all(ranges, INCREMENT, RADIUS) > 2.0
+    passing = 2.0 * np.sin(np.abs(BEARINGS))
+    assert passing[free].min() >= 0.98 * RADIUS  # the arc is taken as straight: .3 m of arc is .2989 m of chord
+    assert passing[~free].max() < RADIUS + 2.0 * INCREMENT
+
+
+# -- disparities
+
+
+def test_the_nearer_side_of_a_disparity_is_widened_over_the_farther_one():
+    # 000.txt: 2.5 at 10 degrees, 2.5 at 11, .5 at 12 is an edge; a car of 1 cm half width covers two beams more
+    ranges = np.array([2.5, 2.5, 2.5, 2.5, 0.5])
+    for scan, expected in ((ranges, [2.5, 2.5, 0.5, 0.5, 0.5]), (ranges[::-1], [0.5, 0.5, 0.5, 2.5, 2.5])):
+        widened = filters.extend_disparities(scan, math.radians(1.0), threshold=0.5, radius=0.01)
+        np.testing.assert_array_equal(widened, expected)
+
+
+@unhurried
+@given(ranges_of_scans, increments, radii, st.floats(0.0, 5.0))
+def test_disparities_are_the_safety_bubbles_of_their_nearer_sides(ranges, increment, radius, threshold):
+    pairs = [(beam, beam + 1) for beam in range(len(ranges) - 1) if abs(ranges[beam] - ranges[beam + 1]) > threshold]
+    edges = [min(pair, key=lambda beam: ranges[beam]) for pair in pairs]
+    result = filters.extend_disparities(ranges, increment, threshold, radius)
+    np.testing.assert_array_equal(result, bubbles_by_loop(ranges, edges, increment, radius))
+
+
+def test_between_two_disparities_the_middle_remains():
+    # the diagram of 000.txt: free space between an obstacle on the left and one on the right
+    ranges = np.array([0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5])
+    widened = filters.extend_disparities(ranges, math.radians(10.0), threshold=0.5, radius=0.08)
+    np.testing.assert_array_equal(widened, [0.4, 0.5, 0.5, 2.5, 0.6, 0.6, 0.5])
+
+
+def test_what_differs_by_no_more_than_the_threshold_is_no_disparity():
+    ranges = np.array([2.0, 2.5, 3.0, 3.5])
+    np.testing.assert_array_equal(filters.extend_disparities(ranges, INCREMENT, 0.5, RADIUS), ranges)
+
+
+# -- mean, priority, field of view
+
+
+@unhurried
+@given(ranges_of_scans, increments, radii)
+def test_the_rolling_mean_is_that_of_a_slow_loop(ranges, increment, radius):
+    def mean(beam):
+        width = math.ceil(radius / (increment * max(ranges[beam], radius / math.pi)))
+        window = ranges[max(beam - width, 0) : beam + width + 1]
+        return np.mean(window) if ranges[beam] > 0.0 else 0.0  # what must not be driven along stays so
+
+    expected = [mean(beam) for beam in range(len(ranges))]
+    np.testing.assert_allclose(filters.rolling_mean(ranges, increment, radius), expected, atol=1e-11)
+
+
+def test_the_rolling_mean_of_nothing_to_drive_along_is_exactly_zero():
+    assert not filters.rolling_mean(np.zeros(1081), INCREMENT, 0.1).any()
+
+
+def test_centre_priority_weighs_from_0_999_at_the_edges_to_1_in_the_middle():
+    weights = filters.prioritise_centre(np.ones(1081), BEARINGS)
+    # 004.txt: a linspace of .999 to 1.000
+    np.testing.assert_allclose(weights[:541], np.linspace(0.999, 1.0, 541), rtol=1e-14)
+    np.testing.assert_allclose(weights[540:], np.linspace(1.0, 0.999, 541), rtol=1e-14)
+
+
+def test_equal_ranges_go_straight_on():
+    for distance in (0.1, 3.3, 10.0):
+        assert np.argmax(filters.prioritise_centre(np.full(1081, distance), BEARINGS)) == 540
+
+
+def test_centre_priority_does_not_outweigh_a_range_longer_by_more_than_it():
+    ranges = np.full(1081, 5.0)
+    ranges[0] = 5.0 / 0.9989
+    assert np.argmax(filters.prioritise_centre(ranges, BEARINGS)) == 0
+
+
+@unhurried
+@given(ranges_of_scans)
+def test_the_greatest_beam_is_the_rightmost_of_the_greatest_ranges(ranges):
+    assert filters.greatest_beam(ranges) == (np.argmax(ranges) if len(ranges) else 0)

@@ -1,0 +1,306 @@
+"""A scene is a course that is driven once: its progress, its goal, its stop, alone and in a batch."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from conftest import Straight
+from matplotlib.path import Path
+from scene_search import Clearances, disc_gets_through
+
+import fg_mujoco as fg
+from fg_mujoco.course.definitions import course_sha256
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.course.obstacles import Box
+from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
+from fg_mujoco.simulation.settings import Scenario
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+
+TICK = 0.025
+
+
+def scene(**changes):
+    """A corridor of 2 m, 20 m long, from its start at x = 0 to its goal at x = 12."""
+    values = {
+        "name": "test", "way": np.array([[-3.0, 0.0], [5.0, 0.0], [20.0, 0.0]]), "start": 3.0, "goal": 15.0,
+        "walls": walls_round(corridor(-4.0, 20.0, 2.0)), "time_limit": 30.0,
+    }  # fmt: skip
+    return fg.Scene(**values | changes)
+
+
+class Law:
+    """Commands the speed that a function of the time says, straight on."""
+
+    def __init__(self, speed):
+        self.speed = speed
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=self.speed(odometry.stamp))
+
+
+# Its line
+
+
+def test_progress_is_counted_from_the_first_point_and_a_pose_from_the_start():
+    bent = scene(way=rounded_way([(-3.0, 0.0), (6.0, 0.0), (6.0, 9.0)], radius=1.0), goal=14.0)
+    assert bent.way_length == pytest.approx(9.0 + 9.0 - 2.0 + 0.5 * math.pi, abs=2e-3)
+    assert bent.start_pose() == pytest.approx((0.0, 0.0, 0.0))
+    s, offset = bent.project([(0.0, 0.2), (6.0, 5.0), (5.7, 5.0)])
+    around = 9.0 - 1.0 + 0.5 * math.pi + 4.0
+    assert s == pytest.approx([3.0, around, around], abs=2e-3)
+    assert offset == pytest.approx([0.2, 0.0, 0.3], abs=1e-9)
+    x, y, heading = bent.start_pose(around - 3.0, 0.5)
+    assert (x, y, heading) == pytest.approx((5.5, 5.0, 0.5 * math.pi), abs=2e-3)
+
+
+def test_project_is_the_inverse_of_position():
+    bent = scene(way=rounded_way([(-3.0, 0.0), (6.0, 0.0), (6.0, 9.0)], radius=1.0), goal=12.0)
+    s = np.linspace(-2.9, 12.0, 50)
+    found, offset = bent.project(bent.position(s, 0.3))
+    assert offset == pytest.approx(np.full(50, 0.3), abs=2e-3)
+    assert found - bent.start == pytest.approx(s, abs=0.03)  # a corner of the arc takes what is inside of it
+    again, _ = bent.project(bent.position(s, 0.3), near=found + 0.5)
+    assert again == pytest.approx(found, abs=1e-9)
+
+
+def test_behind_its_ends_progress_stays_at_them():
+    s, _ = scene().project([(-5.0, 0.0), (25.0, 0.3)])
+    assert s.tolist() == [0.0, 23.0]
+    s, _ = scene().project([(-5.0, 0.0), (25.0, 0.3)], near=[1.0, 22.5])
+    assert s.tolist() == [0.0, 23.0]
+
+
+def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
+    timer = LapTimer(scene())
+    for tick, x in enumerate((1.0, 0.5, -2.0, -4.5, -2.0, 5.0, 11.0, 13.0, 11.0, 13.0, 18.0)):
+        timer.update(float(tick), (x, 0.1))
+    assert timer.lap_times == (6.5,)  # x = 12 between 11 and 13, once
+    assert timer.progress == pytest.approx(18.0) and timer.offset == pytest.approx(0.1)
+    assert timer.laps_completed == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    (
+        {"start": 1.9},
+        {"goal": 20.1},
+        {"goal": 3.0},
+        {"goal": math.nan},
+        {"time_limit": 0.0},
+        {"time_limit": math.inf},
+        {"way": np.zeros((2, 3))},
+        {"way": np.array([[0.0, 0.0]])},
+        {"way": np.array([[0.0, 0.0], [0.0, 0.0], [30.0, 0.0]])},
+        {"way": np.array([[0.0, 0.0], [math.nan, 0.0]])},
+    ),
+)
+def test_a_scene_that_cannot_be_raced_is_refused(changes):
+    with pytest.raises(fg.SettingsError, match="accepted"):
+        scene(**changes)
+
+
+def test_a_mirror_image_is_its_own_inverse():
+    original = fg.load_track("scene:wrong_side_chicane:1")
+    twice = mirrored(mirrored(original))
+    for one, other in zip(twice.walls + twice.obstacles, original.walls + original.obstacles, strict=True):
+        assert one == other
+    here = mirrored(original)
+    expected = original.obstacles[0].corners() * (1.0, -1.0)
+    np.testing.assert_allclose(
+        np.sort(here.obstacles[0].corners(), axis=0), np.sort(expected, axis=0), atol=1e-12
+    )  # fmt: skip
+
+
+def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
+    room = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (2.0, 3.0), (1.0, 1.0), (0.0, 3.0)])  # one corner juts in
+    walls = walls_round(room)
+    for wall, a, b in zip(walls, room, np.roll(room, -1, axis=0), strict=True):
+        along = (b - a) / math.dist(a, b)
+        corners = wall.corners() - a
+        aside = along[0] * corners[:, 1] - along[1] * corners[:, 0]
+        assert sorted(aside) == pytest.approx([-0.1, -0.1, 0.0, 0.0], abs=1e-12)
+        reach = corners @ along
+        assert reach.min() < 0.08 and reach.max() > math.dist(a, b) - 0.08  # cut off where the corner is sharp
+        pulled_back = wall.corners() + 1e-6 * (np.array([wall.x, wall.y]) - wall.corners())
+        assert not Path(room).contains_points(pulled_back).any()
+    field = Clearances(walls, (-0.5, -0.5), (4.5, 3.5), 0.01)
+    assert not disc_gets_through(field, (2.0, 0.5), (-0.4, -0.4), 0.01)
+
+
+# Its race
+
+
+def test_finished_is_the_goal_passed():
+    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(speed=2.0))
+    assert (result.car.end_reason, result.laps_requested, result.car.laps_completed) == ("finished", 1, 1)
+    assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
+    assert result.car.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
+    assert 12.0 - 2.0 * TICK - 1e-6 < result.car.column("progress_m")[-1] < 12.0
+
+
+@pytest.mark.parametrize("s", (-1.5, 4.0))
+def test_wherever_it_begins_the_goal_stays_where_it_is(s):
+    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(s=s, speed=2.0))
+    assert result.car.lap_times_s[0] == pytest.approx((12.0 - s) / 2.0, rel=0.01)
+    assert result.car.column("progress_m")[0] == pytest.approx(s, abs=1e-9)
+
+
+def test_its_time_limit_is_its_own_unless_another_is_given():
+    slow = scene(time_limit=1.5)
+    result = fg.race(slow, Straight(0.5))
+    assert (result.car.end_reason, result.sim_time_s) == ("time_limit", pytest.approx(1.5))
+    assert fg.race(slow, Straight(0.5), time_limit=0.5).sim_time_s == pytest.approx(0.5)
+
+
+def test_walls_and_obstacles_are_hit():
+    assert fg.race(scene(), Law(lambda time: 3.0), start=fg.Start(heading=0.5)).car.end_reason == "crash"
+    inside = (Box(x=6.0, y=0.0, length=0.5, width=0.5),)
+    first = fg.race(scene(obstacles=inside), Law(lambda time: 3.0))
+    second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
+    assert first.car.end_reason == second.car.end_reason == "crash"
+    assert first.car.column("x_m")[-1] == pytest.approx(second.car.column("x_m")[-1], abs=1e-6)
+    assert first.world.obstacles == inside == second.world.obstacles
+    assert (first.obstacles, second.obstacles) == (0, 1)
+
+
+def test_the_default_is_five_laps_of_a_track_and_one_of_a_scene():
+    assert fg.race("oval", Straight(), time_limit=0.1).laps_requested == 5
+    assert fg.race(scene(), Straight(), time_limit=0.1).laps_requested == 1
+
+
+# Where the goal is to stop
+
+
+STOP = {
+    "goal_is_to_stop": True,
+    "walls": walls_round(corridor(-4.0, 15.0, 2.0)),
+    "way": np.array([[-3.0, 0.0], [15.0, 0.0]]),
+}
+
+
+def brakes_at(when, creep=0.0):
+    return Law(lambda time: 2.0 if time < when else creep)
+
+
+def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
+    result = fg.race(scene(**STOP), brakes_at(6.3), start=fg.Start(speed=2.0))
+    assert result.car.finished and result.car.collisions_wall == 0
+    speed, time = result.car.column("speed_m_s"), result.car.column("time_s")
+    stood = time[np.abs(speed) >= 0.05][-1] + TICK
+    assert result.sim_time_s == pytest.approx(stood + 2.0, abs=2.0 * TICK)
+    assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)  # when it came to the goal
+
+
+def test_to_pass_the_goal_is_not():
+    result = fg.race(scene(**STOP), Law(lambda time: 2.0))
+    assert (result.car.end_reason, result.car.finished, result.car.laps_completed) == ("crash", False, 1)
+
+
+def test_nor_is_to_creep():
+    result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), start=fg.Start(speed=2.0), time_limit=15.0)
+    assert result.car.end_reason == "time_limit"
+
+
+def test_nor_is_to_stand_before_it():
+    result = fg.race(scene(**STOP), brakes_at(5.0), start=fg.Start(speed=2.0))
+    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 0)
+
+
+def test_nor_is_to_come_back_and_stand_there():
+    there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 8.5 else 0.0)
+    result = fg.race(scene(**STOP), there_and_back, start=fg.Start(speed=2.0))
+    assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 1)
+    assert result.car.column("progress_m")[-1] < result.world.track.length - 1.0
+
+
+# In a batch
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ("corridor_sparse:1", "dead_end:0", "square_corner:2"))
+def test_a_batch_is_the_race_to_the_last_bit(name):
+    scenarios = [
+        Scenario(track=f"scene:{name}", max_speed=3.0),
+        Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
+                    effects=fg.LidarEffects(range_noise_std=0.01)),
+    ]  # fmt: skip
+    results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
+    for i, world in enumerate(scenarios):
+        alone = fg.race(
+            world.track, max_speed=world.max_speed, start=world.start, seed=world.seed, effects=world.effects
+        )  # fmt: skip
+        assert results.rows["end_reason"][i] == alone.car.end_reason
+        np.testing.assert_array_equal(results.states[i], alone.states)
+        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)
+
+
+def test_a_batch_keeps_the_scenes_rules():
+    short = scene(time_limit=1.0)
+    results = drive_worlds([Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
+    assert results.rows["end_reason"].tolist() == ["time_limit"]
+    with pytest.raises(fg.SettingsError, match="laps is 2"):
+        drive_worlds([Scenario(track=short)], "gap_finder", laps=2)
+    results = drive_worlds([Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
+    assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
+
+
+@pytest.mark.slow
+def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
+    name = "scene:crossing_box:3"
+    result = fg.rollout(
+        [name, "scene:slow_leader"], n=6, laps=1, record="states", out=tmp_path / "out",
+        randomize={"lidar_noise": (0.0, 0.02), "start_offset": (-0.1, 0.1), "start_s": (0.0, 1.0)},
+    )  # fmt: skip
+    again = fg.read_rollout(tmp_path / "out")
+    assert len(set(result.worlds["seed"])) == 6
+    for world in range(6):
+        setup = again.setup(world)  # its course is read from the folder
+        assert setup.track.name == (name, "scene:slow_leader:0")[world % 2]
+        alone = fg.race(setup)
+        assert result["end_reason"][world] == alone.car.end_reason
+        np.testing.assert_array_equal(result.states(world), alone.states)
+    assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]
+
+
+def test_the_same_scene_is_driven_whatever_the_seeds_of_the_worlds_are():
+    first, second = (
+        fg.rollout("scene:crossing_box:3", n=2, seed=seed, time_limit=0.1, record="states") for seed in (1, 2)
+    )
+    for world in range(2):
+        np.testing.assert_array_equal(first.states(world), second.states(world))  # no noise, nothing randomised
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    (
+        ({"laps": 2}, "laps is 2 on 'scene:dead_end:0'.*accepted: 1"),
+        (
+            {"randomize": {"obstacles": 2}},
+            "random obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr",
+        ),
+        ({"randomize": {"start_s": (0.0, 90.0)}}, "start_s=0.0:90.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
+        ({"randomize": {"start_s": [-1.0]}}, "start_s=-1.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
+    ),
+)
+def test_a_rollout_refuses_what_a_scene_has_not(settings, said):
+    with pytest.raises(fg.SettingsError, match=said):
+        fg.rollout("scene:dead_end", n=2, **settings)
+
+
+# By name
+
+
+@pytest.mark.parametrize("name", ("scene:", "scene:nowhere", "scene:nowhere:1", "scene:dead_end_:1"))
+def test_an_unknown_scene_lists_the_known_ones(name):
+    with pytest.raises(fg.TrackError, match=r"accepted:.*corridor_sparse.*slow_leader"):
+        fg.load_track(name)
+
+
+def test_a_scene_can_be_changed_and_raced():
+    wall = Box(x=6.0, y=0.0, length=0.2, width=2.0)
+    changed = dataclasses.replace(fg.load_track("scene:corridor_sparse"), obstacles=(wall,), name="closed")
+    assert fg.race(changed, Law(lambda time: 2.0)).car.end_reason == "crash"

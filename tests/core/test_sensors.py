@@ -1,0 +1,762 @@
+"""Sensors with a rate, delay, noise and dropouts of their own: what they deliver, and who sees it."""
+
+import json
+import math
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
+from fg_mujoco.messages import NO_READINGS, MessageError, Reading
+from fg_mujoco.racing.resimulation import load_world, resimulate, scan_at
+from fg_mujoco.racing.run_folder import read_failed_scan
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.settings import DriveSettings, Start
+from fg_mujoco.addons.arena.overtaking.overtaking import overtake
+from fg_mujoco.vehicle.sensors import SENSORS, Sampler, Sensor, as_sensors
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+MIXED = (
+    "imu", {"sensor": "pose", "rate": 100, "delay": 0.013, "noise_std": (0.02, 0.02, 0.01)},
+    {"sensor": "wheel_speeds", "rate": 20, "dropout_probability": 0.3}, {"sensor": "lidar", "noise_std": 0.03},
+    {"sensor": "odometry", "name": "slow", "rate": 200, "delay": 0.3},
+)  # fmt: skip
+NAMES_OF_MIXED = ("imu", "pose", "wheel_speeds", "lidar", "slow")
+TICKS = 24
+NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
+READER = """
+import json
+from pathlib import Path
+
+from fg_mujoco.messages import DriveCommand
+
+
+class Reader:
+    sensors = ("pose", "imu")
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        with Path({file!r}).open("a") as kept:
+            kept.write(json.dumps([odometry.stamp, odometry.readings["pose"].values.tolist()]) + "\\n")
+        return DriveCommand(steering_angle=0.05, speed=2.0)
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant(Sensor):
+    """Says the time, and 5."""
+
+    columns = ("time_s", "five_m")
+
+    def measure(self, car):
+        return car.time, 5.0
+
+
+@pytest.fixture
+def constant():
+    SENSORS["constant"] = Constant
+    return Constant
+
+
+class Listener:
+    """Drives a curve, and keeps the odometry that it is given."""
+
+    sensors = ("imu",)
+
+    def __init__(self):
+        self.told = []
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        self.told.append(odometry)
+        return fg.DriveCommand(steering_angle=0.1 if odometry.stamp > 0.2 else 0.0, speed=3.0)
+
+
+def heard(sensors=MIXED, **settings):
+    """The result of a race, and the odometry of each of its decisions."""
+    listener = Listener()
+    result = fg.race("oval", listener, laps=1, time_limit=TICKS * 0.025 - 0.01, sensors=sensors, **settings)
+    return result, listener.told
+
+
+def same(first, second):
+    """Whether two readings are the same bit for bit."""
+    parts = ("stamp", "values", "stamps", "samples")
+    return all(np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True) for name in parts)
+
+
+def all_same(first, second):
+    return list(first) == list(second) and all(same(first[name], second[name]) for name in first)
+
+
+class Now:
+    def __init__(self, time):
+        self.time = time
+
+
+def sampled(sensor, count, *, steps=5, seed=1):
+    """The samples and stamps of so many ticks of 25 ms of five steps."""
+    sampler, samples, stamps = Sampler(sensor, seed, steps=steps, size=len(sensor.columns)), [], []
+    for tick in range(count):
+        sampler.measure(5 * tick, Now(0.025 * tick))
+        sampler.deliver(0.025 * tick)
+        samples.append(sampler.reading.values)
+        stamps.append(sampler.reading.stamp)
+    return np.array(samples), np.array(stamps)
+
+
+# -- rate and delay
+
+
+@pytest.mark.parametrize("rate", (5.0, 10, 40.0, 50.0, 66.6667, 100, 200.0))
+@pytest.mark.parametrize("delay", (0.0, 0.012, 0.1))
+def test_stamps_are_those_of_the_rate_and_at_least_the_delay_old(rate, delay, constant):
+    _, told = heard(["imu", constant(rate=rate, delay=delay)])
+    period = round(200.0 / rate) * 0.005
+    delivered = []
+    for odometry in told:
+        reading = odometry.readings["constant"]
+        number = math.floor((odometry.stamp - delay) / period + 1e-6)  # of the last that is old enough
+        assert reading.stamp == pytest.approx(number * period) if number >= 0 else math.isnan(reading.stamp)
+        assert math.isnan(reading["five"]) == (number < 0)
+        assert reading.values[0] == reading.stamp or number < 0
+        delivered += reading.stamps.tolist()
+        assert reading.samples[:, 0].tolist() == reading.stamps.tolist()
+    assert delivered == pytest.approx(np.arange(len(delivered)) * period)  # each once
+
+
+def test_without_settings_the_bundled_ones_are_the_odometry_of_the_tick():
+    _, told = heard(["odometry", "imu", "wheel_speeds", "pose", "lidar"], odometry_drift=0.1)
+    for odometry in told:
+        readings = odometry.readings
+        assert {reading.stamp for reading in readings.values()} == {odometry.stamp}
+        np.testing.assert_array_equal(readings["wheel_speeds"].values, odometry.wheel_speeds)
+        np.testing.assert_array_equal(readings["imu"].values[:3], odometry.angular_velocity)
+        np.testing.assert_array_equal(readings["imu"].values[3:], odometry.linear_acceleration)
+        np.testing.assert_array_equal(readings["pose"].values, odometry.pose)
+        measured = readings["odometry"]
+        assert measured["speed"] == odometry.speed and measured["yaw_rate"] == odometry.yaw_rate
+        assert measured["steering_angle"] == odometry.steering_angle
+
+
+def test_within_a_tick_a_sensor_measures_what_it_would_at_another_moment():
+    _, fast = heard(["imu", {"sensor": "pose", "rate": 200}])
+    _, slow = heard(["imu", {"sensor": "pose", "rate": 40}])
+    for one, other in zip(fast, slow, strict=True):
+        assert one.readings["pose"].values.tolist() == other.readings["pose"].values.tolist()
+    x = np.concatenate([odometry.readings["pose"].samples[:, 0] for odometry in fast])
+    assert len(x) == 5 * (TICKS - 1) + 1 and (np.diff(x) >= 0.0).all() and x[-1] > 0.3
+
+
+def test_the_lidar_measures_without_the_effects_of_the_scan():
+    _, told = heard(["imu", "lidar"], effects=NOISE, seed=3)
+    simulation = fg.Simulation(fg.World("oval"))
+    scan, _ = simulation.reset()
+    np.testing.assert_array_equal(told[0].readings["lidar"].values, scan.ranges)
+    assert told[-1].readings["lidar"].stamp == told[-1].stamp
+
+
+# -- noise and dropouts
+
+
+def test_noise_is_gaussian_around_what_is_measured(constant):
+    count = 20_000
+    samples, _ = sampled(constant(noise_std=[0.0, 0.2]), count)
+    np.testing.assert_array_equal(samples[:, 0], 0.025 * np.arange(count))
+    noise = samples[:, 1] - 5.0
+    assert abs(noise.mean()) < 4.0 * 0.2 / math.sqrt(count)
+    assert abs(noise.std() / 0.2 - 1.0) < 4.0 / math.sqrt(2 * count)
+    assert abs(np.mean(np.abs(noise) < 0.2) - 0.6827) < 4.0 * math.sqrt(0.6827 * 0.3173 / count)
+    assert abs(np.corrcoef(noise[:-1], noise[1:])[0, 1]) < 4.0 / math.sqrt(count)
+
+
+def test_a_reading_that_drops_out_leaves_the_last_and_its_stamp(constant):
+    count = 20_000
+    samples, stamps = sampled(constant(dropout_probability=0.3), count)
+    known = ~np.isnan(stamps)
+    assert known[-1] and (np.isnan(samples).all(axis=1) == ~known).all()
+    np.testing.assert_array_equal(samples[known, 0], stamps[known])
+    missing = stamps[known] < 0.025 * np.flatnonzero(known)
+    assert abs(missing.mean() - 0.3) < 4.0 * math.sqrt(0.21 / count)
+    assert abs(np.mean(missing[1:] & missing[:-1]) - 0.09) < 4.0 * math.sqrt(0.09 * 0.91 * 2 / count)
+
+
+def test_a_sensor_that_always_fails_has_measured_nothing(constant):
+    samples, stamps = sampled(constant(dropout_probability=1), 10)
+    assert np.isnan(samples).all() and np.isnan(stamps).all()
+
+
+def test_streams_follow_from_seed_and_name_only(constant):
+    def noise(name="a", seed=1):
+        return sampled(constant(name=name, noise_std=1.0), 50, seed=seed)[0][:, 1].tolist()
+
+    assert noise() == noise() != noise(name="b") != noise(seed=2) != noise()
+    _, told = heard(MIXED, seed=5)
+    _, turned = heard((*reversed(MIXED), {"sensor": "pose", "name": "more", "noise_std": 1}), seed=5, effects=NOISE)
+    for one, other in zip(told, turned, strict=True):
+        assert all(same(reading, other.readings[name]) for name, reading in one.readings.items())
+
+
+def readings_of(count, threads, own, *, alone=None):
+    """The readings of some worlds over some ticks; of one world alone, that world's."""
+    worlds = range(count) if alone is None else [alone]
+    engine = Engine(own, len(worlds), threads=threads, time_limit=10.0)
+    cars = engine.cars_per_world
+    starts = [Start(s=2.0 * i + 1.0 * car) for i in worlds for car in range(cars)]
+    seeds = [100 * i + car for i in worlds for car in range(cars)]
+    engine.place(
+        starts, effects=[NOISE] * len(starts), seeds=seeds, odometry_drifts=[0.01 * seed for seed in seeds],
+        sensors=[as_sensors(MIXED)] * len(starts),
+    )  # fmt: skip
+    found = []
+    for _ in range(8):
+        engine.sense()
+        found.append([engine.readings(row) for row in range(len(starts))])
+        engine.commands[:] = [[0.02 * i, 2.0] for i in worlds for _ in range(cars)]
+        engine.drive()
+        engine.judge()
+    engine.close()
+    return found
+
+
+@pytest.mark.parametrize("cars", (1, 2))
+def test_readings_are_the_same_in_any_batch_and_number_of_threads(cars):
+    own = fg.World("oval", others=[WorldCar()] * (cars - 1))
+    together = readings_of(17, 1, own)
+    threaded = readings_of(17, 2, own)
+    for first, second in zip(together, threaded, strict=True):
+        assert all(all_same(one, other) for one, other in zip(first, second, strict=True))
+    for world in (0, 5, 16):
+        alone = readings_of(17, 1, own, alone=world)
+        for first, second in zip(together, alone, strict=True):
+            for car in range(cars):
+                assert all_same(first[cars * world + car], second[car])
+
+
+@pytest.mark.parametrize("planner", ("gap_finder", "disparity_extender"))
+def test_what_is_measured_changes_no_bit_of_the_race(planner):
+    plain = fg.race("oval", planner, laps=1, time_limit=1.0)
+    measured = fg.race("oval", planner, laps=1, time_limit=1.0, sensors=MIXED)
+    assert plain.trajectory_sha256 == measured.trajectory_sha256
+    assert np.array_equal(plain.car.telemetry, measured.car.telemetry, equal_nan=True)
+    assert "sensors" not in plain.summary() and "sensors" in measured.summary()
+
+
+# -- the others' odometry
+
+
+def among(listener, **settings):
+    """The result of a short race of three cars, of which the first listens."""
+    others = [fg.Entry(start=Start(s=4.0)), fg.Entry(start=Start(s=8.0, offset=0.2))]
+    entries = [fg.Entry(controller=listener, **settings), *others]
+    return fg.race("oval", entries=entries, laps=1, time_limit=TICKS * 0.025 - 0.01)
+
+
+def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
+    listener = Listener()
+    result = among(listener, knows="opponents", sensors=["imu"])
+    assert len(listener.told) == TICKS
+    for tick, odometry in enumerate(listener.told):
+        reading = odometry.readings["opponents"]
+        assert reading.stamp == odometry.stamp
+        for number, car in enumerate(result.cars[1:], start=1):
+            for name in ("x_m", "y_m", "heading_rad", "yaw_rate_rad_s"):
+                assert reading[f"other_{number}_{name}"] == pytest.approx(car.column(name)[tick], abs=1e-12)
+        poses = result.cars[1].column("x_m"), result.cars[1].column("y_m")
+        if 0 < tick < TICKS - 1:
+            way = math.hypot(*(each[tick + 1] - each[tick - 1] for each in poses))
+            assert reading["other_1_speed"] == pytest.approx(way / 0.05, abs=0.1)
+        assert math.isnan(reading["other_3_x"])
+
+
+def test_what_it_knows_may_be_late_and_for_few_cars():
+    listener = Listener()
+    among(listener, knows="opponents", sensors=["imu", {"sensor": "opponents", "delay": 0.1, "cars": 1}])
+    readings = [odometry.readings["opponents"] for odometry in listener.told]
+    assert [reading.values.shape for reading in readings] == [(5,)] * TICKS
+    assert math.isnan(readings[3].stamp)
+    assert [reading.stamp for reading in readings[4:]] == pytest.approx([0.025 * tick for tick in range(TICKS - 4)])
+
+
+def test_replays_tell_a_planner_the_same_of_its_opponents():
+    result = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
+    again = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
+    unknown = among("overtaker", seed=3)
+    assert result.trajectory_sha256 == again.trajectory_sha256 != unknown.trajectory_sha256
+    late = scan_at(result, 0.3)[1].readings["opponents"]
+    assert late.values.tolist()[:5] == scan_at(again, 0.3)[1].readings["opponents"].values.tolist()[:5]
+    assert late["other_1_x"] != pytest.approx(result.cars[1].column("x_m")[12], abs=1e-3)  # its noise
+    assert math.isfinite(late["other_2_yaw_rate"])
+
+
+def test_a_reading_that_the_car_does_not_have_is_told_with_what_gives_it():
+    with pytest.raises(MessageError, match=r"no sensor 'opponents'; accepted: sensors=\['opponents'\] of the car$"):
+        NO_READINGS["opponents"]
+
+
+def test_knowledge_that_there_is_none_of_is_refused(capsys):
+    with pytest.raises(SettingsError, match="knows is 'all'; accepted: '' or 'opponents'"):
+        fg.Entry(knows="all")
+    with pytest.raises(SettingsError, match=r"OtherCars\.cars is 0; accepted"):
+        as_sensors([{"sensor": "opponents", "cars": 0}])
+    assert main(["race", "--knows", "everything"]) == 2
+    assert capsys.readouterr().err == "fg-mujoco: --knows is 'everything'; accepted: '' or 'opponents'\n"
+
+
+# -- planners
+
+
+def written(folder):
+    file = folder / "read.jsonl"
+    (folder / "reader.py").write_text(READER.format(file=str(file)))
+    return f"{folder / 'reader.py'}:Reader", file
+
+
+NOISY = ["imu", {"sensor": "pose", "rate": 50, "noise_std": 0.1, "dropout_probability": 0.2}]
+
+
+def a_race(planner):
+    fg.race("oval", planner, laps=1, time_limit=0.19, sensors=NOISY, seed=7)
+
+
+def of_entries(planner):
+    entries = [fg.Entry(controller=planner, sensors=NOISY, seed=7, start=Start()), fg.Entry(start=Start(s=4.0))]
+    fg.race("oval", entries=entries, laps=1, time_limit=0.19)
+
+
+def a_rollout(planner):
+    fg.rollout("oval", planner, seeds=[7], time_limit=0.19, sensors=NOISY, workers=1)
+
+
+def a_rollout_with_opponents(planner):
+    other = fg.Entry(start=Start(s=4.0))
+    fg.rollout("oval", planner, seeds=[7], time_limit=0.19, sensors=NOISY, opponents=[other], workers=1)
+
+
+def a_live_session(planner):
+    session = LiveSession(Setup.of(controller=planner, sensors=NOISY, seed=7))
+    for _ in range(8):
+        session.tick()
+
+
+@pytest.mark.parametrize("door", (of_entries, a_rollout, a_rollout_with_opponents, a_live_session))
+def test_planners_read_the_same_at_every_door(door, tmp_path):
+    planner, file = written(tmp_path)
+    a_race(planner)
+    raced = file.read_text().splitlines()
+    file.unlink()
+    door(planner)
+    told = [json.loads(line) for line in file.read_text().splitlines()]
+    assert len({value[0] for _, value in map(json.loads, raced)}) > 4
+    if door is a_rollout_with_opponents:  # it starts elsewhere on the grid
+        assert len(told) == len(raced)
+    else:
+        assert told == [json.loads(line) for line in raced]
+
+
+@pytest.mark.parametrize("door", (a_race, of_entries, a_rollout, a_live_session))
+def test_a_planner_that_reads_a_sensor_that_its_car_lacks_is_refused(door, tmp_path, monkeypatch):
+    planner, _ = written(tmp_path)
+    monkeypatch.setitem(globals(), "NOISY", ["imu", {"sensor": "pose", "name": "poses"}])
+    with pytest.raises(ControllerError, match=r"reads sensor 'pose', .*accepted: imu, poses; did you mean 'poses'\?$"):
+        door(planner)
+    monkeypatch.setitem(globals(), "NOISY", [])
+    with pytest.raises(ControllerError, match=r"reads sensor 'pose', .*accepted: sensors=\['pose'\]$"):
+        door(planner)
+
+
+def test_a_function_and_a_class_that_decides_together_read_sensors_too():
+    told = []
+
+    def function(scan, odometry):
+        told.append(odometry.readings["imu"].stamp)
+        return fg.DriveCommand(steering_angle=0.0, speed=1.0)
+
+    function.sensors = ["imu"]
+    fg.race("oval", function, laps=1, time_limit=0.09, sensors=["imu"])
+    assert told == pytest.approx([0.0, 0.025, 0.05, 0.075])
+    with pytest.raises(ControllerError, match="reads sensor 'imu'"):
+        fg.race("oval", function, laps=1, time_limit=0.09)
+
+    from fg_mujoco.controllers.gap_finder import GapFinder
+    from fg_mujoco.simulation.planner_adapter import BatchPlanners, MessagePlanners, adapt
+
+    class Reads(GapFinder):
+        sensors = ("imu",)
+
+    context = DriveSettings(sensors=["imu"]).context(fg.Vehicle.load().parameters, None)
+    assert isinstance(adapt([fg.make_controller("gap_finder", context)]), BatchPlanners)
+    assert isinstance(adapt([Reads(context.car, context.mu, context.max_speed)]), MessagePlanners)
+
+
+@pytest.mark.parametrize("names", ("imu", {"imu"}, (1,), None))
+def test_names_that_are_none_are_refused(names):
+    planner = type("Wrong", (Listener,), {"sensors": names})()
+    with pytest.raises(ControllerError, match=r"Wrong has sensors = .*; accepted: the names .*such as \('imu',\)"):
+        fg.race("oval", planner, laps=1, time_limit=0.1, sensors=["imu"])
+
+
+def test_readings_say_what_there_is():
+    _, told = heard(["imu", "pose"])
+    readings = told[-1].readings
+    with pytest.raises(MessageError, match="no sensor 'poes'; accepted: imu, pose; did you mean 'pose'"):
+        readings["poes"]
+    with pytest.raises(MessageError, match="no column 'heding'; accepted: x_m, y_m, heading_rad; did you mean"):
+        readings["pose"]["heding"]
+    with pytest.raises(MessageError, match=r"no columns, such as 'range'; accepted: its `values`"):
+        Reading(stamp=0.0, values=[1.0])["range"]
+    with pytest.raises(fg.SettingsError, match=r"Imu has no argument 'rte'.*did you mean 'rate'"):
+        SENSORS.find("imu")(rte=3)
+    assert "heading_rad" in repr(readings["pose"])
+    with pytest.raises(ValueError, match="read-only"):
+        readings["pose"].values[0] = 1.0
+    with pytest.raises(MessageError, match=r"Reading\.samples has shape"):
+        Reading(stamp=0.0, values=[1.0], stamps=[0.0], samples=[[1.0, 2.0]])
+
+
+# -- run folders and bags
+
+
+def test_what_was_delivered_follows_from_a_run_folder(tmp_path):
+    result, told = heard(MIXED, seed=4, odometry_drift=0.1, effects=NOISE)
+    folder = fg.write_run(result, tmp_path / "run", picture=False)
+    run = fg.read_run(folder)
+    again = [tick.sensed.odometry.readings for tick in resimulate(run, load_world(run))]
+    assert all(all_same(one.readings, other) for one, other in zip(told, again, strict=True))
+    assert fg.replay(folder).holds
+    for source in (result, run):
+        _, odometry = fg.scan_at(source, 0.3)
+        assert all_same(odometry.readings, told[12].readings)
+
+
+def test_what_was_delivered_to_each_car_follows_from_a_run_folder(tmp_path):
+    listeners = [Listener(), Listener()]
+    entries = [
+        fg.Entry(controller=listener, sensors=MIXED[: 3 + 2 * car], seed=car) for car, listener in enumerate(listeners)
+    ]
+    result = fg.race("oval", entries=entries, laps=1, time_limit=0.5)
+    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
+    for tick, place in zip(resimulate(run, load_world(run)), range(19), strict=False):
+        for listener, sensed in zip(listeners, tick.sensed_by_each, strict=True):
+            assert all_same(listener.told[place].readings, sensed.odometry.readings)
+
+
+def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):
+    class Fails(Listener):
+        def __call__(self, scan, odometry):
+            return super().__call__(scan, odometry) if len(self.told) < 5 else 1 / 0
+
+    with pytest.warns(UserWarning, match="ZeroDivisionError"):
+        result = fg.race("oval", Fails(), laps=1, sensors=MIXED)
+    _, odometry = read_failed_scan(fg.write_run(result, tmp_path / "run", picture=False))
+    assert all_same(odometry.readings, result.car.planner_failure.odometry.readings)
+    assert odometry.readings["pose"].columns == ("x_m", "y_m", "heading_rad")
+
+
+def test_a_run_with_a_sensor_that_is_not_there_is_refused_in_a_line(tmp_path, constant):
+    result, _ = heard(["imu", "constant"])
+    folder = fg.write_run(result, tmp_path / "run", picture=False)
+    summary = (folder / "summary.json").read_text()
+    (folder / "summary.json").write_text(summary.replace('"sensor": "constant"', '"sensor": "constants"'))
+    run = fg.read_run(folder)
+    assert fg.replay(run.folder).holds  # which no sensor has a part in
+    with pytest.raises(RunFolderError, match=r"'constants'; accepted: odometry, imu, .*once its module is imported"):
+        fg.scan_at(run)
+
+
+def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
+    pytest.importorskip("mcap")
+    from fg_mujoco.addons.ros.bag_recording import Recording
+    from fg_mujoco.addons.ros.bag_writer import export_bag
+
+    result, told = heard(MIXED, seed=4)
+    export_bag(fg.write_run(result, tmp_path / "run", picture=False), tmp_path / "run.mcap")
+    with Recording(tmp_path / "run.mcap") as bag:
+        for name in told[0].readings:
+            topic = ("fg_mujoco_msgs/msg/Reading", f"/sensors/{name}")
+            messages = [heard.message for heard in bag.messages({topic})]
+            expected = [sample for odometry in told for sample in odometry.readings[name].samples]
+            np.testing.assert_array_equal([message.values for message in messages], expected)
+            stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in messages]
+            assert stamps == pytest.approx([t for each in told for t in each.readings[name].stamps])
+            assert tuple(messages[0].names) == told[0].readings[name].columns
+            assert messages[0].header.frame_id == as_sensors(MIXED)[list(told[0].readings).index(name)].frame
+
+
+# -- settings
+
+
+def test_a_setup_with_sensors_is_read_back_from_a_file(tmp_path):
+    setup = Setup.of("oval", sensors=MIXED, seed=3)
+    again = Setup.read(setup.write(tmp_path / "race.toml"))
+    assert again == setup and again.first.sensors == as_sensors(MIXED)
+    assert setup != Setup.of("oval", seed=3)
+    text = 'sensors = ["imu", {sensor = "pose", rate = 10, noise_std = [0.1, 0.1, 0.01]}]'
+    (tmp_path / "other.toml").write_text(text)
+    read = Setup.read(tmp_path / "other.toml").first.sensors
+    assert read == as_sensors(["imu", {"sensor": "pose", "rate": 10, "noise_std": (0.1, 0.1, 0.01)}])
+    (tmp_path / "other.toml").write_text('laps = 2\nsensors = ["imo"]')
+    with pytest.raises(fg.SettingsError, match=r"other.toml, line 2: sensors\[0\] is 'imo'; .*did you mean 'imu'"):
+        Setup.read(tmp_path / "other.toml")
+
+
+def test_the_command_line_takes_sensors(tmp_path, capsys):
+    planner, file = written(tmp_path)
+    race = ["race", "--controller", planner, "--laps", "1", "--time-limit", ".19", "--json"]
+    assert main([*race, "--sensors", "imu", "--sensors", "sensor=pose,rate=50"]) == 1  # not finished
+    said = json.loads(capsys.readouterr().out)
+    assert [sensor["sensor"] for sensor in said["sensors"]] == ["imu", "pose"] and said["sensors"][1]["rate"] == 50
+    assert len(file.read_text().splitlines()) == 8
+    assert main([*race, "--sensors", "imu"]) == 2
+    assert "reads sensor 'pose', which its car does not have; accepted: imu" in capsys.readouterr().err
+    assert main([*race, "--sensors", "imo"]) == 2
+    assert "did you mean 'imu'" in capsys.readouterr().err
+
+
+def test_a_drive_without_a_planner_has_sensors_and_a_duel_has_none(tmp_path):
+    result = fg.drive("circle[radius=2,speed=2]", sensors=["imu"])
+    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
+    assert fg.scan_at(run)[1].readings["imu"].values.any()
+    with pytest.raises(fg.SettingsError, match=r"sensors is .* in overtake, which cannot use it"):
+        overtake("gap_finder", sensors=["imu"], out=tmp_path / "out")
+
+
+def test_settings_with_sensors_are_read_back_from_json():
+    settings = fg.Entry(sensors=MIXED, seed=3)
+    again = fg.Entry.of(json.loads(json.dumps(settings.described())))
+    assert again.sensors == settings.sensors == as_sensors(MIXED)
+    assert hash(again.sensors) == hash(settings.sensors)
+    assert "sensors" not in fg.Entry().described()
+
+
+@pytest.mark.parametrize(
+    ("sensors", "said"),
+    [
+        ("imu", r"sensors is 'imu'; accepted: a sequence of sensors, such as \['imu'\]"),
+        (["imo"], r"sensors\[0\] is 'imo'; accepted: odometry, .*; did you mean 'imu'\?"),
+        ([{"rate": 3}], r"accepted: a Sensor, its name, or \{'sensor': NAME\}"),
+        ([3], r"sensors\[0\] is 3; accepted: a Sensor"),
+        ([{"sensor": "imu", "rte": 3}], r"sensor 'imu' has no setting 'rte'; .*did you mean 'rate'"),
+        (["imu", {"sensor": "pose", "name": "imu"}], r"two of the name 'imu'; accepted: a `name` of its own"),
+        ([{"sensor": "imu", "name": "a/b"}], r"Imu.name is 'a/b'; accepted: letters"),
+        ([{"sensor": "imu", "rate": 0}], r"Imu.rate is 0; accepted: a number above 0 \[Hz\]"),
+        ([{"sensor": "imu", "rate": "fast"}], r"Imu.rate is 'fast'"),
+        ([{"sensor": "imu", "rate": 33}], r"33 Hz; accepted: 200 Hz over a whole number, nearest 33.3333 Hz or 28.57"),
+        ([{"sensor": "imu", "rate": 300}], r"300 Hz; accepted: 200 Hz over a whole number, nearest 200 Hz"),
+        ([{"sensor": "imu", "delay": -1}], r"Imu.delay is -1; accepted: 0 to 10 s"),
+        ([{"sensor": "imu", "dropout_probability": 1.5}], r"Imu.dropout_probability is 1.5; accepted: 0 to 1"),
+        ([{"sensor": "pose", "noise_std": [1, 2]}], r"Pose.noise_std is \(1, 2\); accepted: .* each of x_m, y_m"),
+        ([{"sensor": "pose", "noise_std": -1.0}], r"Pose.noise_std is -1.0; accepted: a number from 0"),
+        ([{"sensor": "pose", "noise_std": math.nan}], r"Pose.noise_std is nan"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(sensors, said):
+    with pytest.raises(fg.SettingsError, match=said) as refused:
+        fg.race("oval", laps=1, time_limit=0.1, sensors=sensors)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_sensor_that_measures_something_else_is_refused(constant):
+    with pytest.raises(fg.SettingsError, match=r"Unknown is not registered; accepted: SENSORS\['a_name'\] = Unknown"):
+        type("Unknown", (Constant,), {})()
+    for answer, said in (((1.0,), r"shape \(1,\); accepted: \(2,\), time_s, five_m"), ("x", "ValueError")):
+        kind = type("Wrong", (Constant,), {"measure": lambda self, car, answer=answer: answer})
+        SENSORS["constant"] = kind
+        with pytest.raises(fg.SettingsError, match=f"sensor 'constant' .*{said}"):
+            fg.race("oval", laps=1, time_limit=0.1, sensors=["constant"])
+
+
+def test_a_sensor_of_the_vehicles_mjcf_is_one_by_its_name():
+    @dataclass(frozen=True, kw_only=True)
+    class Accelerometer(Sensor):
+        columns = ("x_m_s2", "y_m_s2", "z_m_s2")
+
+        def measure(self, car):
+            return car.sensor("accelerometer")
+
+    SENSORS["accelerometer"] = Accelerometer
+    _, told = heard(["imu", "accelerometer"])
+    for odometry in told:
+        np.testing.assert_array_equal(odometry.readings["accelerometer"].values, odometry.linear_acceleration)
+
+
+def test_a_sensor_with_its_test_is_two_files(tmp_path, monkeypatch):
+    """The page's sensor, put into the repository as the page says: one file, and this test's like beside it."""
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "howto" / "own_sensor.md").read_text("utf-8")
+    code = page.split('```python title="ground_speed.py"\n')[1].split("```")[0]
+    (tmp_path / "ground_speed.py").write_text(code)
+    (tmp_path / "test_ground_speed.py").write_text(
+        "import fg_mujoco as fg\nimport ground_speed\n\n\n"
+        "def test_it_measures_the_speed_over_ground():\n"
+        "    simulation = fg.Simulation(fg.World('oval'), sensors=[{'sensor': 'ground_speed', 'noise_std': 0.0}])\n"
+        "    _, odometry = simulation.reset(speed=2.0)\n"
+        "    assert abs(odometry.readings['ground_speed']['vx'] - 2.0) < 1e-9\n"
+    )
+    assert len(list(tmp_path.iterdir())) == 2
+    monkeypatch.syspath_prepend(tmp_path)
+    sys.modules.pop("ground_speed", None)
+    try:
+        names = {}
+        exec((tmp_path / "test_ground_speed.py").read_text(), names)
+        names["test_it_measures_the_speed_over_ground"]()
+    finally:
+        sys.modules.pop("ground_speed", None)
+
+
+# -- environments
+
+
+def environments(**settings):
+    """A Gymnasium environment, one in a vector environment, and the observations of each after the same actions."""
+    gymnasium = pytest.importorskip("gymnasium")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+
+    one, many = F1TenthEnv(**settings), F1TenthVectorEnv(3, **settings)
+    assert isinstance(one.observation_space, gymnasium.spaces.Dict)
+    seen = [one.reset(seed=5)[0]], [many.reset(seed=[4, 5, 6])[0]]
+    action = np.array([0.1, 2.0], np.float32)
+    for _ in range(6):
+        seen[0].append(one.step(action)[0])
+        seen[1].append(many.step(np.tile(action, (3, 1)))[0])
+    many.close()
+    return one, *seen
+
+
+ENVIRONMENT = {"track": "oval", "beam_step": 90, "sensors": MIXED}
+
+
+def test_environments_observe_sensors_by_name():
+    env, seen, together = environments(**ENVIRONMENT)
+    sizes = {"imu": 6, "pose": 3, "wheel_speeds": 4, "lidar": 1081, "slow": 3}
+    for name, size in sizes.items():
+        space = env.observation_space[name]
+        assert space.shape == (size,) and space.dtype == np.float32 and not space.is_bounded()
+        for own, all_of_them in zip(seen, together, strict=True):
+            assert own[name].shape == (size,) and own[name].dtype == np.float32
+            np.testing.assert_array_equal(all_of_them[name][1], own[name])
+    for name, first in {"imu": 0, "pose": 1, "lidar": 0, "slow": 7}.items():  # tick of the first reading
+        received = [float(observation[f"{name}_received"].item()) for observation in seen]
+        assert received == [float(tick >= first) for tick in range(7)]
+    assert not seen[-1]["slow"].any()  # nothing is .3 s old yet
+    np.testing.assert_allclose(seen[3]["imu"][2], seen[3]["yaw_rate"][0])
+    np.testing.assert_allclose(seen[3]["imu"][3:5], seen[3]["acceleration"])
+
+
+@pytest.mark.parametrize("face", ["gymnasium", "vector", "parallel", "dm_env"])
+@pytest.mark.parametrize("shape", ["", ",flat,history:3,normalised"])
+def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
+    gymnasium, action = pytest.importorskip("gymnasium"), np.zeros(2, np.float32)
+    sensors = [{"sensor": "pose", "rate": 10, "delay": 0.1}, {"sensor": "imu", "dropout_probability": 0.9},
+               "opponents", "lidar"]  # fmt: skip
+    settings = {"track": "oval", "beam_step": 180, "sensors": sensors, "observation": f"scan,speed{shape}"}
+    if face == "dm_env":
+        env = pytest.importorskip("fg_mujoco.envs.dm_environment").load(**settings, flat_observation=bool(shape))
+        seen = [env.reset().observation, *(env.step(action).observation for _ in range(6))]
+        space = gymnasium.spaces.Dict(
+            {name: gymnasium.spaces.Box(spec.minimum, spec.maximum) for name, spec in env.observation_spec().items()}
+        )
+        seen = [dict(observation) for observation in seen]
+    elif face == "parallel":
+        env = fg.parallel_env(1, **settings)
+        space = env.observation_space("car_0")
+        seen = [env.reset(seed=1)[0]["car_0"], *(env.step({"car_0": action})[0]["car_0"] for _ in range(6))]
+    else:
+        many = face == "vector"
+        make = gymnasium.make_vec if many else gymnasium.make
+        env = make("fg_mujoco/F1Tenth-v0", **settings, **({"num_envs": 2} if many else {}))
+        space, action = env.observation_space, np.tile(action, (2, 1)) if many else action
+        seen = [env.reset(seed=1)[0], *(env.step(action)[0] for _ in range(6))]
+    for observation in seen:
+        assert space.contains(observation)
+        parts = observation.values() if isinstance(observation, dict) else [observation]
+        assert all(np.isfinite(part).all() for part in parts)
+
+
+def test_sensors_change_nothing_else_that_an_environment_observes():
+    _, plain, _ = environments(track="oval", beam_step=90)
+    _, seen, _ = environments(**ENVIRONMENT)
+    for without, observation in zip(plain, seen, strict=True):
+        assert list(observation) == [
+            *without, *(f"{name}{end}" for name in NAMES_OF_MIXED for end in ("", "_received"))
+        ]
+        for name, values in without.items():
+            np.testing.assert_array_equal(observation[name], values)
+
+
+def test_opponents_have_the_learners_sensors_and_policies_observe_them():
+    pytest.importorskip("gymnasium")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+
+    seen = []
+
+    def policy(observation):
+        seen.append(observation)
+        return np.zeros(2)
+
+    env = F1TenthEnv(**ENVIRONMENT, opponents=[policy, {"controller": policy, "sensors": ["pose"]}])
+    env.reset(seed=1)
+    env.step(np.zeros(2))
+    assert [set(observation) - {"scan"} for observation in seen[:2]] == [
+        {"speed", "yaw_rate", "steering_angle", "acceleration", *names, *(f"{name}_received" for name in names)}
+        for names in (NAMES_OF_MIXED, ("pose",))
+    ]
+
+
+def test_a_sensor_called_as_an_observation_is_refused():
+    pytest.importorskip("gymnasium")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+
+    with pytest.raises(fg.SettingsError, match="sensor 'speed' has the name of another observation"):
+        F1TenthEnv(sensors=[{"sensor": "odometry", "name": "speed"}])
+    with pytest.raises(fg.SettingsError, match="did you mean 'imu'"):
+        F1TenthEnv(sensors=["imo"])
+    with pytest.raises(fg.SettingsError, match="has a rate of 33 Hz"):
+        F1TenthEnv(sensors=[{"sensor": "imu", "rate": 33}])
+    with pytest.raises(fg.SettingsError, match=r"no setting 'sensor'.*did you mean 'sensors'"):
+        F1TenthEnv(sensor=["imu"])
+
+
+def test_a_dm_environment_observes_sensors():
+    pytest.importorskip("dm_control")
+    from fg_mujoco.envs.dm_environment import load
+
+    env = load(**ENVIRONMENT)
+    timestep = env.reset()
+    assert timestep.observation["pose"].shape == env.observation_spec()["pose"].shape == (3,)
+
+
+def test_an_installed_package_registers_a_sensor(tmp_path, monkeypatch):
+    (tmp_path / "my_sonar.py").write_text(
+        "from fg_mujoco.vehicle.sensors import Sensor\n\n\n"
+        "class Sonar(Sensor):\n"
+        "    columns = ('ahead_m',)\n\n"
+        "    def measure(self, car):\n"
+        "        return car.ranges[540:541]\n"
+    )
+    folder = tmp_path / "my_sonar-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: my-sonar\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text("[fg_mujoco.sensors]\nsonar = my_sonar:Sonar\nspoon = my_sonar:Spoon\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    simulation = fg.Simulation(fg.World("oval"), sensors=["sonar"])
+    scan, odometry = simulation.reset()
+    assert odometry.readings["sonar"]["ahead"] == scan.ranges[540]
+    (sensor,) = as_sensors(["sonar"])
+    assert sensor.name == "sonar" and as_sensors([sensor.described()]) == (sensor,)
+    with pytest.raises(fg.SettingsError, match=r"'spoons'; accepted: odometry, .*sonar, spoon; did you mean 'spoon'"):
+        as_sensors(["spoons"])
+    with pytest.raises(fg.SettingsError, match="spoon"):
+        as_sensors(["spoon"])

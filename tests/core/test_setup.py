@@ -1,0 +1,330 @@
+"""What is raced is said once, in a Setup, and each door takes it or its keywords."""
+
+import json
+import math
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import fg_mujoco as fg
+from fg_mujoco.cli.config import parse
+from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.cli.options import setup_of
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.addons.gym2d.environment import simulator_of
+from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.randomization import PARAMETERS
+from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
+from fg_mujoco.addons.arena.evaluation import evaluate
+from fg_mujoco.addons.arena.league.league import league
+from fg_mujoco.addons.arena.overtaking.overtaking import overtake
+from fg_mujoco.addons.arena.overtaking.scenario_suite import drive_suite
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+SUITE = Path(__file__).parents[2] / "examples/scenarios/overtaking.toml"
+
+VALUES = {
+    "track": "random:3", "laps": 2, "time_limit": 4.5, "obstacles": 3, "obstacle_seed": 7, "lidar": "rangefinder",
+    "decision_limit": 0.5, "controller": "gap_finder[lookahead=8]", "name": "mine", "vehicle": "nuc2",
+    "tires": "forzaeth_nuc6",
+    "mu": 0.75, "planner_mu": math.inf, "max_speed": 4.0, "odometry_drift": -0.02, "seed": 3, "lidar_noise": 0.02,
+    "lidar_dropout": 0.1, "lidar_latency": 0.01, "motion_distortion": True, "start_s": 1.5, "start_offset": 0.1,
+    "start_heading": 0.05, "start_speed": 2.0, "mass": 4.2, "cog_height": 0.08, "steering_gain": 1.2, "speed_gain": 0.9,
+    "command_delay": 0.01, "patches": [{"x": 1.0, "y": 2.0, "length": 1.0, "width": 0.5, "mu": 0.4}],
+}  # fmt: skip
+AMONG = {"opponents": ["pure_pursuit", fg.Entry(controller="wall_follow", max_speed=3.0)], "grid": "side_by_side"}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+# -- one spelling
+
+
+def test_the_keywords_are_the_fields_and_the_parts_of_a_car():
+    own = {f.name for f in fields(Setup)} | {f.name for f in fields(Entry)} | {"opponents"} | set(PARTS)
+    assert set(SETUP_KEYWORDS) == own
+    assert set(SetupKeywords.__annotations__) | {"track", "controller"} == own
+
+
+def test_a_rollout_draws_by_the_same_names():
+    assert {name for name in PARAMETERS if name in PARTS} == set(PARTS) - {"motion_distortion", "lidar_effects"}
+    for name, (part, field) in PARTS.items():
+        if name in PARAMETERS:
+            owner, own = PARAMETERS[name]
+            assert (type(getattr(Setup.of(**{name: 0.01}).first, part)), field) == (owner, own)
+
+
+def test_the_command_line_the_file_and_python_say_the_same(here):
+    by_python = Setup.of(**VALUES)
+    arguments = ["race"]
+    for name, value in VALUES.items():
+        option = f"--{name.replace('_', '-')}"
+        if name == "patches":
+            arguments += [option, ",".join(f"{key}={part}" for key, part in value[0].items())]
+        elif name != "name":
+            arguments += [option] if value is True else [option, "off" if value == math.inf else str(value)]
+    by_options = setup_of(_parser().parse_args(arguments)).replace(name="mine")
+    plain = {name: value for name, value in VALUES.items() if name not in ("planner_mu", "patches")}
+    lines = [f"{name.replace('_', '-')} = {json.dumps(value)}" for name, value in plain.items()]
+    patch = ", ".join(f"{key} = {part}" for key, part in VALUES["patches"][0].items())
+    (here / "race.toml").write_text("\n".join([*lines, 'planner-mu = "off"', f"patches = [{{{patch}}}]"]))
+    assert by_python == by_options == Setup.read("race.toml")
+
+
+def test_no_value_is_lost():
+    setup = Setup.of(**VALUES)
+    for name, value in VALUES.items():
+        if name in PARTS:
+            part, field = PARTS[name]
+            assert getattr(getattr(setup.first, part), field) == value
+        elif name not in ("vehicle", "tires", "patches"):
+            assert getattr(setup if hasattr(setup, name) else setup.first, name) == value
+    assert (setup.first.car.name, setup.first.tire_set.name) == ("nuc2", "forzaeth_nuc6")
+    assert setup.patches == (fg.Patch(x=1.0, y=2.0, length=1.0, width=0.5, mu=0.4),)
+
+
+# -- equal, replaced, written
+
+
+@given(chosen=st.sets(st.sampled_from(sorted(VALUES))), several=st.booleans())
+@settings(max_examples=40, deadline=None)
+def test_what_is_written_is_read_back_and_equal(tmp_path_factory, chosen, several):
+    setup = Setup.of(**{name: VALUES[name] for name in sorted(chosen)} | (AMONG if several else {}))
+    path = setup.write(tmp_path_factory.mktemp("setup") / "race.toml")
+    again = Setup.read(path)
+    assert again == setup and hash(again) == hash(setup) and again.sha256 == setup.sha256
+    assert Setup.read(json.loads(json.dumps(setup.described(), allow_nan=False))) == setup
+    assert "\n" not in repr(setup) and len(repr(setup)) <= 400
+
+
+@given(name=st.sampled_from(sorted(set(VALUES) - {"patches", "track"})))
+@settings(max_examples=30, deadline=None)
+def test_any_other_value_is_another_setup(name):
+    assert Setup.of(**{name: VALUES[name]}) != Setup()
+    assert Setup.of(**{name: VALUES[name]}).sha256 != Setup().sha256
+
+
+def test_what_is_replaced_leaves_the_other_as_it_is():
+    setup = Setup.of("oval", mu=0.7, lidar_noise=0.01)
+    other = setup.replace(laps=3, lidar_dropout=0.1)
+    assert (setup.laps, other.laps) == (None, 3)
+    both = fg.LidarEffects(range_noise_std=0.01, dropout_probability=0.1)
+    assert (other.first.mu, other.first.effects) == (0.7, both)
+    assert setup.first.effects == fg.LidarEffects(range_noise_std=0.01)
+    with pytest.raises(AttributeError):
+        setup.laps = 2
+
+
+def test_a_course_or_a_planner_that_is_an_object_counts_but_cannot_be_written():
+    def planner(scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=1.0)
+
+    assert Setup.of(fg.load_track("oval")) == Setup.of(fg.load_track("oval")) != Setup.of(fg.load_track("tight"))
+    assert Setup.of(controller=planner) == Setup.of(controller=planner) != Setup()
+    for setup in (Setup.of(fg.load_track("oval")), Setup.of(controller=planner)):
+        with pytest.raises(fg.SettingsError, match="an object, in a file; accepted: a name, or the path of a file"):
+            setup.described()
+
+
+# -- the doors
+
+
+def test_a_race_of_a_setup_is_that_of_its_keywords(here):
+    setup = Setup.of("oval", time_limit=0.6, mu=0.8, lidar_noise=0.01, seed=4, start_s=2.0)
+    by_setup = fg.race(setup)
+    by_keywords = fg.race("oval", time_limit=0.6, mu=0.8, lidar_noise=0.01, seed=4, start_s=2.0)
+    assert by_setup.trajectory_sha256 == by_keywords.trajectory_sha256
+    assert by_setup.setup == setup == by_keywords.setup
+    setup.write("race.toml")
+    assert main(["race", "--config", "race.toml", "--out", "out"]) == 1  # its time limit ends it
+    run = fg.read_run("out")
+    assert run.summary["trajectory_sha256"] == by_setup.trajectory_sha256
+    assert Setup.read(run.summary["settings"]) == setup
+
+
+def test_a_rollout_of_a_setup_is_its_race():
+    setup = Setup.of("oval", time_limit=0.5, mu=0.8, lidar_noise=0.01, obstacles=2, patches=VALUES["patches"])
+    found = fg.rollout(setup, seeds=[4, 5], record="states")
+    for world in range(2):
+        race = fg.race(found.setup(world))
+        assert np.array_equal(race.states, found.states(world))
+    assert fg.race(setup.replace(seed=5, laps=found.setup(1).laps)).trajectory_sha256 == race.trajectory_sha256
+
+
+def test_a_comparison_has_the_noise_the_drift_and_the_start_of_a_race(here):
+    setup = Setup.of("oval", time_limit=0.5, lidar_dropout=0.1, odometry_drift=0.1, start_speed=2.0, mass=4.2, laps=1)
+    found = fg.compare("gap_finder", setup=setup, seed=[3], out="out", workers=1, pictures=False)
+    assert found.rows[0].figures.trajectory_sha256 == fg.race(setup.replace(seed=3)).trajectory_sha256
+
+
+def test_an_environment_of_a_setup_has_its_car_and_course():
+    from fg_mujoco.envs.environment_settings import EnvironmentSettings
+
+    setup = Setup.of("hairpins", mu=0.8, mass=4.2, lidar_noise=0.01, obstacles=1, opponents=["pure_pursuit"], laps=2)
+    found = EnvironmentSettings.of({"setup": setup, "beam_step": 10})
+    plain = EnvironmentSettings.of({
+        "track": "hairpins", "mu": 0.8, "mass": 4.2, "lidar_noise": 0.01, "obstacles": 1, "laps": 2, "beam_step": 10,
+        "opponents": [setup.entries[1]],
+    })  # fmt: skip
+    assert found == plain and (found.laps, found.start, found.changes.mass) == (2, "random", 4.2)
+    unusable = (Setup.of(controller="wall_follow"), setup.replace(rules="roboracer_2026"), Setup.of(planner_mu=0.5))
+    for name, other in zip(("controller", "rules", "planner_mu"), unusable, strict=True):
+        with pytest.raises(fg.SettingsError, match=f"{name} is .* in an environment, which cannot use it"):
+            EnvironmentSettings.of({"setup": other})
+
+
+def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
+    effects = fg.LidarEffects(latency=0.02, range_noise_std=0.01)
+    assert Setup.of(lidar_effects=effects) == Setup.of(effects=effects)
+    with pytest.raises(fg.SettingsError, match="lidar_noise and effects are given; accepted: one of them"):
+        Setup.of(lidar_effects=effects, lidar_noise=0.1)
+
+
+# -- what is refused
+
+
+@pytest.mark.parametrize(
+    ("keywords", "said"),
+    [
+        ({"contoller": "gap_finder"}, "no argument 'contoller'; .* did you mean 'controller'?"),
+        ({"duration": 2.0}, "no argument 'duration'; .* did you mean 'time_limit'"),
+        ({"entries": [fg.Entry()], "mu": 0.5}, "mu is 0.5 beside entries; accepted: mu of each Entry"),
+        ({"entries": [fg.Entry()] * 2, "opponents": ["gap_finder"]}, "accepted: a list, and no other entries"),
+        ({"entries": []}, "0 entries"),
+        ({"lidar_noise": 0.1, "effects": fg.LidarEffects()}, "lidar_noise and effects are given"),
+        ({"mu": 0.5, "changes": {"mu": 0.6}}, "accepted: one of them, or the same twice"),
+        ({"grid": "side_by_side"}, "grid is 'side_by_side' without opponents"),
+        ({"rules": "roboracer_2026"}, "rules is 'roboracer_2026' without opponents"),
+        ({"rules": "roborace", "opponents": ["gap_finder"]}, "roboracer_2026"),
+        ({"obstacles": "many"}, "accepted: a whole number from 0, or a sequence of Box"),
+        ({"obstacles": [{"kind": "cube"}]}, r"obstacles\[0\].kind is 'cube'; accepted: box, cylinder, prism"),
+        ({"lidar": "raycats"}, "did you mean 'raycast'"),
+        ({"laps": 0}, "laps is 0"), ({"time_limit": -1.0}, "time_limit is -1.0"), ({"seed": -1}, "seed is -1"),
+    ],
+)  # fmt: skip
+def test_a_setup_that_cannot_be_is_refused(keywords, said):
+    with pytest.raises(fg.SettingsError, match=said):
+        Setup.of(**keywords)
+
+
+@pytest.mark.parametrize("value", [np.zeros(3), np.zeros((3, 1)), [], {}, b"x", float("nan")], ids=repr)
+@pytest.mark.parametrize(
+    "name", ["track", "grid", "rules", "lidar", "opponents", "name", "planner_settings", "obstacles"]
+)
+def test_a_value_of_any_kind_is_shown_or_refused_in_a_line(name, value):
+    try:
+        assert "\n" not in repr(Setup.of(**{name: value}))
+    except fg.FgMujocoError as error:
+        assert name in str(error) and "\n" not in str(error)
+
+
+def test_a_track_may_be_a_path(here):
+    setup = Setup.of(here / "mine.csv")
+    assert setup == Setup.of(str(here / "mine.csv")) and setup.described()["track"] == str(here / "mine.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("laps = 2\ntrakc = 'oval'\n", "line 2: 'trakc' is no setting; .* did you mean 'track'"),
+        ("laps = 2\n\nmu = -1\n", "line 3: mu is -1; accepted: a positive number"),
+        ("[[entries]]\ncontroler = 'gap_finder'\n", r"entries\[0\] has no argument 'controler'; .* mean 'controller'"),
+        ("entries = 3\n", "line 1: entries is 3; accepted: a list"),
+        ("laps =\n", "accepted: TOML"),
+    ],
+)  # fmt: skip
+def test_a_file_that_cannot_be_is_refused_with_its_line(here, capsys, text, said):
+    (here / "race.toml").write_text(text)
+    assert main(["race", "--config", "race.toml"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert re.search(said, error), error
+
+
+# every field of a Setup and of an Entry, with a value that is not the default
+OTHER = {
+    "track": "fast", "laps": 3, "time_limit": 0.1, "obstacles": 2, "obstacle_seed": 3, "moving": "pedestrian:1",
+    "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
+    "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
+    "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
+    "knows": "opponents", "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1, "seed": 4,
+    "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
+}  # fmt: skip
+CAR = {"vehicle", "tires", "mu", "floor", "changes"}
+DUEL = CAR | {"planner_mu", "max_speed", "knows"}
+COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
+DRIVER = {"controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
+PLACE = {"planner_settings", "start", "seed", "grid"}
+STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
+STUDY |= {"lidar", "decision_limit"}
+USED = {
+    "overtake": DUEL | {"laps"}, "drive_suite": DUEL, "drive": CAR | {"sensors", "start", "lidar", "name"},
+    "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
+    "an evaluation": STUDY - {"mu"} | {"start", "grid", "rules"},
+    "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
+    "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
+    "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
+    "an environment": CAR | COURSE | {"sensors", "knows", "effects", "start", "laps", "time_limit", "grid"},
+    "an environment of f1tenth_gym": {"vehicle", "tires"},
+}  # fmt: skip
+
+
+class ReachedError(Exception):
+    """A door has taken a setup."""
+
+
+def through(door, given, out):
+    """Give a door a setup of some keywords, or the keywords."""
+    setup = Setup.of(**given)
+    return {
+        "overtake": lambda: overtake("overtaker", track="oval", seed=0, setup=setup, out=out, pictures=False),
+        "drive_suite": lambda: drive_suite(SUITE, "overtaker", setup=setup, out=out),
+        "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out, pictures=False),
+        "an evaluation": lambda: evaluate("gap_finder", setup=setup, out=out),
+        "a league": lambda: league(**{"controller": ["gap_finder", "wall_follow"], "out": out} | given),
+        "a rollout": lambda: fg.rollout(setup, n=1), "drive": lambda: fg.drive("brake", setup=setup),
+        "a live view": lambda: LiveSession(setup), "an environment": lambda: EnvironmentSettings.of({"setup": setup}),
+        "an environment of f1tenth_gym": lambda: simulator_of(setup=setup, vehicle=None, tires=None),
+    }[door]()  # fmt: skip
+
+
+@pytest.mark.parametrize("door", USED)
+def test_a_door_takes_the_fields_of_a_setup_that_it_uses_and_refuses_all_others(door, here, monkeypatch):
+    known = {field.name for kind in (Setup, fg.Entry) for field in fields(kind)} - {"entries"}
+    assert known == set(OTHER)  # a new field has a value here, and a place in USED or nowhere
+    real = Setup.require_usable
+
+    def reach(self, *arguments, **keywords):
+        real(self, *arguments, **keywords)
+        raise ReachedError
+
+    monkeypatch.setattr(Setup, "require_usable", reach)
+    for name, value in OTHER.items():
+        among = {"opponents": ["gap_finder"]} if name in ("grid", "rules") else {}
+        accepts = name in USED[door]
+        said = None if accepts else rf"{name} is .* in {door}, which cannot use|2 entries in {door}; accepted: one car"
+        with pytest.raises(ReachedError if accepts else fg.SettingsError, match=said):
+            through(door, {name: value} | among, here / "out")
+    assert not list(here.iterdir())
+
+
+def test_opponents_by_name_draw_noise_of_their_own():
+    setup = Setup.of(opponents=["gap_finder", "wall_follow"], lidar_noise=0.01, seed=4)
+    assert [entry.seed for entry in setup.entries] == [4, 5, 6]
+    assert all(entry.effects == setup.first.effects for entry in setup.entries)
+
+
+def test_options_beside_a_file_of_several_cars_are_for_all_of_them(here):
+    Setup.of(opponents=["wall_follow"]).write("race.toml")
+    options = parse(_parser(), ["race", "--config", "race.toml", "--mu", "0.5", "--controller", "pure_pursuit"])
+    setup = setup_of(options)
+    assert [(entry.controller, entry.mu) for entry in setup.entries] == [("pure_pursuit", 0.5), ("wall_follow", 0.5)]

@@ -1,0 +1,278 @@
+"""Several cars in a world: what they see of each other, how they collide, and that nobody feels the others but so."""
+
+from __future__ import annotations
+
+import math
+from itertools import permutations
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from fg_mujoco import Entry, ModelError, SettingsError, World, race
+from fg_mujoco.course.open_ground import OpenGround
+from fg_mujoco.messages import FloatArray
+from fg_mujoco.racing.entries import check_starts, grid_starts
+from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, GREATEST_CARS, WorldCar, car_prefix
+from fg_mujoco.simulation.course_loading import load_track
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.settings import Start
+from fg_mujoco.vehicle.changes import CarChanges
+
+FRICTIONLESS = 1e-6
+
+
+def place_at_random(engine: Engine, rng: np.random.Generator) -> None:
+    """Put the cars of a world anywhere near each other: tilted, over the ground, wheels turned and sprung."""
+    world, qpos = engine.world, engine.qpos(0)
+    qpos[:] = world.model.qpos0
+    for joint in range(world.model.njnt):
+        kind, at = world.model.jnt_type[joint], world.model.jnt_qposadr[joint]
+        if kind == mujoco.mjtJoint.mjJNT_HINGE:
+            qpos[at] = rng.uniform(-0.4, 0.4)
+        elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
+            qpos[at] = rng.uniform(-0.01, 0.01)
+    for car in world.cars:
+        at = int(car.constants["free_qpos"][0])
+        x, y, _ = world.track.start_pose(rng.uniform(0.0, 5.0), rng.uniform(-0.9, 0.9))
+        turn, tilt, both = np.empty(4), np.empty(4), np.empty(4)
+        mujoco.mju_axisAngle2Quat(turn, np.array((0.0, 0.0, 1.0)), rng.uniform(-math.pi, math.pi))
+        mujoco.mju_axisAngle2Quat(tilt, _unit(rng.normal(size=3) * (1.0, 1.0, 0.0)), rng.normal(scale=0.1))
+        mujoco.mju_mulQuat(both, turn, tilt)
+        qpos[at : at + 3] = x, y, rng.uniform(0.04, 0.12)
+        qpos[at + 3 : at + 7] = both
+
+
+def _unit(vector: FloatArray) -> FloatArray:
+    return vector / np.linalg.norm(vector)
+
+
+def rays_of_mujoco(world: World, data: mujoco.MjData, car: int) -> FloatArray:
+    """Return what MuJoCo's own single rays measure from a car's LiDAR, its own geoms left out. Shape (beams,) [m]."""
+    model, beams = world.model, world.lidar.beams
+    body = model.body(f"{car_prefix(car)}lidar/hokuyo").id
+    own = np.flatnonzero(model.body_rootid[model.geom_bodyid] == model.body_rootid[body])
+    rgba, material = model.geom_rgba[own].copy(), model.geom_matid[own].copy()
+    model.geom_rgba[own, 3], model.geom_matid[own] = 0.0, -1
+    directions = beams.directions @ data.xmat[body].reshape(3, 3).T
+    geom = np.empty(1, np.int32)
+    found = np.array([mujoco.mj_ray(model, data, data.xpos[body], way, None, 1, -1, geom) for way in directions])
+    model.geom_rgba[own], model.geom_matid[own] = rgba, material
+    return beams.readings(np.where(found < 0.0, math.inf, found))
+
+
+def differences(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return by how much two scans differ, 0 where both have the same infinity [m]."""
+    apart = np.zeros(len(one))
+    np.subtract(one, other, out=apart, where=one != other)
+    return np.abs(apart)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "placements"), [(2, 30), (4, 12), (8, 6)])
+def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(count: int, placements: int) -> None:
+    world = World("oval", others=[WorldCar(vehicle=("nuc2", "f1tenth")[i % 2]) for i in range(count - 1)])
+    engine, data, rng = Engine(world), mujoco.MjData(world.model), np.random.default_rng(count)
+    engine.place([Start(s=1.2 * i) for i in range(count)])
+    on_cars = 0
+    for _ in range(placements):
+        place_at_random(engine, rng)
+        engine.sense(np.ones(count, np.bool_))
+        mujoco.mj_setState(world.model, data, engine.state(0), int(STATE))
+        mujoco.mj_kinematics(world.model, data)
+        for car in range(count):
+            wanted = rays_of_mujoco(world, data, car)
+            assert differences(engine.ranges[car], wanted).max() < 1e-6
+            alone = world.make_lidar(car).ranges(data)
+            assert differences(alone, wanted).max() < 1e-6
+        on_cars += int((differences(engine.ranges[0], empty_scan(world, engine)) > 0.0).sum())
+    assert on_cars > 20 * placements
+
+
+def empty_scan(world: World, engine: Engine) -> FloatArray:
+    """Return the scan of car 0 with the others far away."""
+    data = mujoco.MjData(world.model)
+    mujoco.mj_setState(world.model, data, engine.state(0), int(STATE))
+    for car in world.cars[1:]:
+        data.qpos[int(car.constants["free_qpos"][0])] += 500.0
+    mujoco.mj_kinematics(world.model, data)
+    return world.lidar.ranges(data)
+
+
+def test_both_back_ends_see_another_car_alike() -> None:
+    scans = []
+    for backend in ("raycast", "rangefinder"):
+        engine = Engine(World("oval", lidar=backend, others=[WorldCar()]))
+        engine.place([Start(), Start(s=1.4, offset=0.2, heading=0.3)])
+        engine.sense(np.ones(2, np.bool_))
+        scans.append(engine.ranges.copy())
+    assert differences(scans[0].ravel(), scans[1].ravel()).max() < 1e-6
+
+
+def test_a_box_makes_a_car_visible_at_the_heights_that_the_rules_name() -> None:
+    world = World("oval", others=[WorldCar()])
+    data = mujoco.MjData(world.model)
+    mujoco.mj_forward(world.model, data)
+    for car in world.cars:
+        geom = world.model.geom(f"{car.prefix}{BOX}")
+        centre, half = data.geom_xpos[geom.id], world.model.geom_size[geom.id]
+        assert tuple(2.0 * half[:2]) == (BOX_SIDE, BOX_SIDE)
+        assert (centre[2] - half[2], centre[2] + half[2]) == pytest.approx(BOX_HEIGHTS, abs=1e-6)
+    assert World("oval").model.geom("car/chassis").id >= 0
+    with pytest.raises(KeyError):
+        World("oval").model.geom(f"car/{BOX}")
+
+
+def meet(speeds: tuple[float, float], *, head_on: bool, offset: float = 0.0) -> tuple[float, float, float, bool]:
+    """Let two cars meet on ground without friction.
+
+    Returns:
+      The greatest change of momentum over what both had without sign, the greatest gain of energy over what there was,
+      the least distance of their rear axles along x [m], and whether they touched.
+    """
+    world = World(OpenGround(seconds=60.0), mu=FRICTIONLESS, others=[WorldCar(mu=FRICTIONLESS)])
+    engine, data, model = Engine(world, own_model=True), mujoco.MjData(world.model), world.model
+    heading = math.pi if head_on else 0.0
+    engine.place([Start(speed=speeds[0]), Start(s=1.6, offset=offset, heading=heading, speed=speeds[1])])
+    momenta, energies, distances = [], [], []
+    bases = [model.body(f"{car.prefix}base_link").id for car in world.cars]
+    for _ in range(50):
+        engine.read(0, data)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        momenta.append(sum(model.body_subtreemass[base] * data.subtree_linvel[base, :2] for base in bases))
+        energies.append(float(data.energy.sum()))
+        distances.append(float(engine.free_joint(1)[0][0] - engine.free_joint(0)[0][0]))
+        engine.monitor.running[:] = True
+        engine.commands[:] = [(0.0, speed) for speed in speeds]
+        engine.drive()
+    mass = world.cars[0].parameters.mass
+    change = np.abs(np.array(momenta) - momenta[0]).max() / (mass * sum(speeds))
+    gain = (max(energies) - energies[0]) / (0.5 * mass * (speeds[0] ** 2 + speeds[1] ** 2))
+    return float(change), gain, min(distances), bool(engine.statistics["touches"].all())
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("head_on", [True, False])
+def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed: float, head_on: bool) -> None:
+    change, gain, _, touched = meet((speed, speed) if head_on else (speed + 2.0, 1.0), head_on=head_on)
+    assert touched
+    assert change < 1e-3
+    assert gain < 1e-3
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_nothing_passes_through_anything_at_8_metres_a_second(offset: float) -> None:
+    _, _, nearest, touched = meet((4.0, 4.0), head_on=True, offset=offset)
+    front = World("oval").car.parameters
+    noses = 2.0 * (front.length - front.rear_overhang)
+    assert touched
+    assert nearest > noses - (0.05 if offset == 0.0 else noses)  # a glancing car turns aside, and is not past the other
+
+
+def test_a_car_does_not_feel_how_many_others_there_are() -> None:
+    paths = []
+    for count in (2, 3):
+        engine = Engine(World("oval", others=[WorldCar(changes=CarChanges(mass=4.0))] * (count - 1)))
+        engine.place([Start(s=9.0 * i) for i in range(count)])
+        engine.commands[:] = 0.05, 2.0
+        for _ in range(60):
+            engine.drive()
+        paths.append([np.concatenate(engine.free_joint(row)) for row in range(2)])
+    assert np.allclose(paths[0], paths[1], rtol=0.0, atol=1e-6)  # when the solver is content depends on the whole model
+
+
+@pytest.mark.slow
+def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact() -> None:
+    entries = [
+        Entry(name="gap", controller="gap_finder", max_speed=4.0, start=Start(s=4.0)),
+        Entry(name="wall", controller="wall_follow", max_speed=3.0, start=Start(s=2.0, offset=0.2)),
+        Entry(name="line", controller="pure_pursuit", max_speed=2.0, start=Start(s=0.0, offset=-0.2)),
+    ]
+    lines = []
+    for order in permutations(entries):
+        result = race("oval", entries=order, laps=1, time_limit=4.0)
+        assert result.contacts == ()
+        lines.append({car.name: np.column_stack((car.column("x_m"), car.column("y_m"))) for car in result.cars})
+    for other in lines[1:]:
+        for name, line in lines[0].items():
+            assert np.abs(other[name] - line).max() < 1e-6
+
+
+@pytest.mark.parametrize("tires", [None, "forzaeth_nuc2"])
+def test_cars_of_one_world_have_tires_of_their_own(tires: str | None) -> None:
+    world = World("oval", tires=tires, others=[WorldCar(tires="slipx_reference", mu=0.7), WorldCar()])
+    engine = Engine(world)
+    engine.place([Start(s=2.0 * i) for i in range(3)])
+    alone = Engine(World("oval", tires="slipx_reference", mu=0.7, others=[WorldCar()]))
+    alone.place([Start(s=2.0), Start(s=9.0)])
+    engine.commands[:] = alone.commands[:] = 0.2, 3.0
+    for _ in range(40):
+        engine.drive()
+        alone.drive()
+    assert np.allclose(engine.free_joint(1)[0], alone.free_joint(0)[0], atol=1e-9)
+    assert not np.allclose(engine.free_joint(1)[1], engine.free_joint(2)[1], atol=1e-3)
+
+
+def test_the_grids_are_those_of_the_rules() -> None:
+    course, car = load_track("oval"), World("oval").car.parameters
+    staggered = grid_starts(course, [car] * 3)
+    assert [start.s for start in staggered] == [0.0, -0.8, -1.6]
+    assert abs(staggered[0].offset - staggered[1].offset) == pytest.approx(0.3)
+    first, second, third = grid_starts(course, [car] * 3, "side_by_side")
+    assert first.s == second.s == 0.0
+    assert first.offset - second.offset == pytest.approx(car.width + 0.3)
+    assert third.s == pytest.approx(-(car.length + 0.8))
+    behind = grid_starts(course, [car] * 3, "behind")
+    assert [start.s for start in behind] == pytest.approx([0.0, 1.6, 0.8])
+    open_course = load_track("scene:dead_end:1")
+    assert min(start.s for start in grid_starts(open_course, [car] * 3)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("starts", "message"),
+    [
+        ((Start(), Start(s=0.3)), "'a' and 'b' start in one place|'b' and 'a' start in one place"),
+        ((Start(), Start(s=0.8, offset=5.0)), "'b' does not fit on 'oval' at s = 0.8 m, 5 m to the left"),
+    ],
+)
+def test_starts_in_one_place_or_in_a_wall_are_refused(starts: tuple[Start, Start], message: str) -> None:
+    course, car = load_track("oval"), World("oval").car.parameters
+    with pytest.raises(SettingsError, match=message):
+        check_starts(course, starts, [car, car], ["a", "b"])
+    check_starts(course, (Start(), Start(s=0.8)), [car, car], ["a", "b"])
+
+
+def test_cars_that_cannot_be_in_one_world_are_refused() -> None:
+    with pytest.raises(SettingsError, match=f"up to {GREATEST_CARS}"):
+        World("oval", others=[WorldCar()] * GREATEST_CARS)
+    with pytest.raises(SettingsError, match="vehicle 'tram' is not known"):
+        World("oval", others=[WorldCar(vehicle="tram")])
+
+
+def test_another_timestep_is_refused(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "models" / "f1tenth.xml").read_text("utf-8")
+    path = tmp_path / "slow.xml"
+    path.write_text(text.replace('timestep="0.005"', 'timestep="0.0025"'), encoding="utf-8")
+    with pytest.raises(ModelError, match="has timestep"):
+        World("oval", others=[WorldCar(vehicle=path)])
+
+
+def test_four_planners_finish_a_lap_unless_another_pushes_them_out() -> None:
+    names = ("overtaker", "gap_finder", "pure_pursuit", "disparity_extender")
+    marks: list[int] = []
+    result = race(
+        "oval", entries=[Entry(controller=name, name=name) for name in names], laps=1,
+        watch=lambda progress: marks.append(progress.racing),
+    )  # fmt: skip
+    assert len(marks) == len(result.ctrl) and marks[0] == 4 and marks[-1] == 0
+    assert sorted(car.position for car in result.cars) == [1, 2, 3, 4]
+    for car in result.cars:  # it finishes, unless another has pushed it out
+        pushed = [contact for contact in result.contacts if car.name in contact.cars and not contact.blames(car.name)]
+        assert (car.finished and car.collisions_wall == 0) or pushed, (car.name, car.end)
+        assert len(car.telemetry) == len(result.ctrl)
+    assert result.winner == min(result.cars, key=lambda car: car.position).name

@@ -1,0 +1,187 @@
+"""Where a car may start: beyond the walls, in one or in an obstacle is refused where it is set, a crash where drawn."""
+
+import warnings
+
+import numpy as np
+import pytest
+from map_oracles import draw_map, ring
+
+import fg_mujoco as fg
+from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.standing import off_course, stands_in_something
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+CAR = fg.Vehicle.load("f1tenth").parameters
+BEYOND, IN_WALL = fg.Start(offset=3.0), fg.Start(offset=1.1)  # the oval is 2.2 m wide
+BOX = fg.Box(x=0.0, y=0.0, length=0.3, width=0.3)
+LARGE = fg.Box(x=0.0, y=0.0, length=1.6, width=1.6)  # the car stands within it and touches no side
+FAULTS = [
+    (BEYOND, (), "beyond the walls"),
+    (fg.Start(s=20.0, offset=-40.0), (), "beyond the walls"),
+    (IN_WALL, (), "in a wall"),
+    (fg.Start(), (BOX,), "an obstacle"),
+    (fg.Start(), (LARGE,), "an obstacle"),
+]
+
+
+def found(course, points):
+    return np.array([off_course(course, point, point) for point in points])
+
+
+@pytest.mark.parametrize("name", ["oval", "hairpins", "random:3"])
+def test_a_place_is_off_a_track_where_no_corridor_has_it(name):
+    """The oracle is the projection: a place has an offset from the line, and the line has room to both sides."""
+    course, rng = fg.load_track(name), np.random.default_rng(1)
+    low, high = course.bounds
+    points = rng.uniform(low - 2.0, high + 2.0, (400, 2))
+    s, offset = course.project(points)
+    room = [
+        np.interp(s, course.arc_length, side, period=course.length)
+        for side in (course.corridor_right, course.corridor_left)
+    ]
+    spare = np.minimum(offset + room[0], room[1] - offset)
+    clear = np.abs(spare) > 0.05
+    off = found(course, points)
+    assert (off[clear] == (spare[clear] < 0.0)).all()
+    assert off.any() and not off.all()
+
+
+def test_a_place_is_off_a_map_where_its_image_is_not_free(tmp_path):
+    free = ring()
+    free[40:50, 145:155] = False  # an island
+    course, rng = fg.load_track(draw_map(tmp_path, free)), np.random.default_rng(2)
+    rows, columns = (rng.integers(3, size - 3, 600) for size in free.shape)
+    shares = [free[r - 2 : r + 3, c - 2 : c + 3].mean() for r, c in zip(rows, columns, strict=True)]
+    same = np.isin(shares, (0.0, 1.0))
+    off = found(course, 0.05 * np.column_stack((columns + 0.5, rows + 0.5)))
+    assert (off[same] == ~free[rows, columns][same]).all()
+    assert off_course(course, (7.5, 2.25), course.start_pose())  # in the island
+
+
+def test_in_a_scene_a_wall_between_the_way_and_the_place_tells():
+    scene = fg.load_track("scene:corridor_sparse:0", car=CAR)
+    assert not off_course(scene, scene.start_pose(1.0, 0.3), scene.start_pose(1.0))
+    assert off_course(scene, scene.start_pose(1.0, 9.0), scene.start_pose(1.0))
+
+
+def test_a_moving_obstacle_is_in_the_way_where_it_is_at_the_beginning():
+    scene = fg.load_track("scene:crossing_box:1", car=CAR)
+    at = scene.moving[0].position(0.0)
+    assert stands_in_something(scene, (*at, 0.0), CAR)
+    assert not stands_in_something(scene, scene.start_pose(), CAR)
+
+
+# -- set
+
+
+@pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
+def test_a_race_refuses_it(start, obstacles, said):
+    with pytest.raises(SettingsError, match=f"the car does not fit on 'oval' at s = .*{said}.*; accepted: a start"):
+        fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
+
+
+def test_a_race_starts_close_to_a_wall_and_beside_an_obstacle():
+    near = fg.race("oval", start=fg.Start(offset=1.1 - 0.5 * CAR.width - 0.02), time_limit=0.1)
+    beside = fg.race("oval", start=fg.Start(offset=0.6), obstacles=(BOX,), time_limit=0.1)
+    assert (near.car.end_reason, beside.car.end_reason) == ("time_limit", "time_limit")
+
+
+def test_a_scene_refuses_it():
+    with pytest.raises(SettingsError, match=r"does not fit on 'scene:corridor_sparse:0' at .*, beyond the walls"):
+        fg.race("scene:corridor_sparse:0", start=fg.Start(s=1.0, offset=9.0))
+
+
+@pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
+def test_several_cars_are_refused_with_the_name(start, obstacles, said):
+    entries = [fg.Entry(start=start), fg.Entry(start=fg.Start(s=9.0))]
+    with pytest.raises(SettingsError, match=f"'car_0' does not fit on 'oval' at s = .*{said}"):
+        fg.race("oval", entries=entries, obstacles=obstacles, time_limit=0.1)
+
+
+def test_several_cars_may_start_beside_an_obstacle():
+    entries = [fg.Entry(start=fg.Start(offset=0.6)), fg.Entry(start=fg.Start(s=9.0))]
+    assert fg.race("oval", entries=entries, obstacles=(BOX,), time_limit=0.1).car.end_reason == "time_limit"
+
+
+@pytest.mark.parametrize("start", [BEYOND, IN_WALL])
+def test_a_rollout_and_the_live_view_refuse_it(start):
+    with pytest.raises(SettingsError, match="the car does not fit on "):
+        fg.rollout("oval", n=2, start=start, time_limit=0.1)
+    with pytest.raises(SettingsError, match="the car does not fit on "):
+        LiveSession(Setup.of(start=start))
+
+
+@pytest.mark.parametrize("start", [BEYOND, IN_WALL])
+def test_an_environment_refuses_it_in_its_settings_and_in_a_reset(start):
+    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+
+    with pytest.raises(SettingsError, match="the car touches a wall or an obstacle, or is beyond the walls"):
+        F1TenthEnv(track="oval", start=start).reset()
+    env = F1TenthEnv(track="oval")
+    with pytest.raises(SettingsError, match="beyond the walls"):
+        env.reset(options={"start": {"offset": start.offset}})
+
+
+def test_a_simulation_that_is_stepped_by_hand_says_that_it_has_crashed():
+    simulation = fg.Simulation(fg.World("oval"))
+    for offset, crashed in ((3.0, True), (1.1, True), (0.0, False)):
+        simulation.reset(offset=offset)
+        assert simulation.crashed is crashed
+
+
+# -- drawn
+
+
+def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
+    result = fg.rollout("oval", n=40, randomize={"start_offset": (-3.0, 3.0)}, time_limit=0.5)
+    aside = np.abs(result["start_offset"])
+    beyond, clear = aside > 1.1, aside < 1.1 - 0.5 * CAR.width - 0.05
+    assert beyond.any() and clear.any()
+    assert (result["end_reason"][beyond] == "crash").all() and (result["collisions"][beyond] == 1).all()
+    assert (result["sim_time_s"][aside > 1.1 - 0.5 * CAR.width] == 0.0).all()
+    assert (result["end_reason"][clear] == "time_limit").all()
+    assert (result["collisions"][clear] == 0).all()
+
+
+def test_among_opponents_too():
+    drawn = {"start_offset": [-3.0, 0.0]}
+    result = fg.rollout("oval", n=8, randomize=drawn, time_limit=0.5, opponents=["gap_finder"])
+    beyond = result["start_offset"] < -1.0
+    assert beyond.any() and not beyond.all()
+    assert (result["end_reason"] == np.where(beyond, "crash", "time_limit")).all()
+
+
+def test_other_worlds_are_the_same_bits():
+    result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, time_limit=0.5, record="states")
+    own = int(np.flatnonzero(result["start_offset"] == 0.0)[0])
+    alone = fg.race(result.setup(own))
+    assert (alone.states == result.states(own)).all()
+    assert len(result.states(int(np.flatnonzero(result["start_offset"] == 3.0)[0]))) == 1
+
+
+def test_the_command_line_counts_what_is_drawn(capsys):
+    assert main(["rollout", "--n", "20", "--time-limit", "0.1", "--randomize", "start_offset=1.5"]) == 0
+    assert "20: 20 crash" in capsys.readouterr().out
+
+
+# -- scripts of f1tenth_gym
+
+
+def steps(env, pose, count=20):
+    env.reset(np.array([pose]))
+    return [env.step(np.array([[0.0, 1.0]]))[0]["collisions"][0] for _ in range(count)]
+
+
+def test_a_gym_script_goes_on_beyond_the_walls_with_a_warning(tmp_path):
+    env = f110.make(map=str(draw_map(tmp_path, ring()).with_suffix("")), map_ext=".png", num_agents=1)
+    with pytest.warns(UserWarning, match=r"pose of car 0 is \[-20.0, 5.0, 0.0\], beyond the walls of 'drawn'"):
+        assert not any(steps(env, (-20.0, 5.0, 0.0)))
+    with pytest.warns(UserWarning, match=r"pose of car 0 is .*, in a wall of 'drawn': it collides at once"):
+        assert steps(env, (7.5, 1.5, 0.0), 1) == [1.0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not any(steps(env, (7.5, 2.25, 0.0)))

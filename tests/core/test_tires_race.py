@@ -1,0 +1,246 @@
+"""Tires with a curve at every door: races, replays, rollouts, environments, scenes, the live view, the command line."""
+
+import json
+from copy import copy
+
+import mujoco
+import numpy as np
+import pytest
+from refusals import refused
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.racing.replay import replay
+from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.vehicle.changes import CarChanges
+from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.vehicle.tire_slip import slides_above
+from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
+
+NUC2 = "forzaeth_nuc2"
+
+
+@pytest.fixture(scope="module")
+def lap():
+    return fg.race("oval", laps=1, tires=NUC2)
+
+
+def same_bits(first, second):
+    return first.shape == second.shape and first.tobytes() == second.tobytes()
+
+
+def test_a_planner_that_is_told_the_least_peak_laps_and_no_tire_is_past_its_peak(lap):
+    car = lap.car
+    assert car.finished and car.collisions_wall == 0 and car.slide_time_fraction == 0.0 and car.max_slide_m_s == 0.0
+    assert (car.tires, car.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
+    assert car.planner_mu == Tires.load(NUC2).least_peak
+    use = np.array([car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
+    assert 0.7 < np.nanmax(use) <= 1.0 + 1e-9
+
+
+def test_a_planner_that_is_told_more_than_the_tires_have_slides():
+    result = fg.race("oval", laps=1, tires=NUC2, mu=0.7, planner_mu=1.2307)
+    assert result.car.mu == 0.7 and result.car.slide_time_fraction > 0.0 and result.car.max_slide_m_s > 0.05
+    assert (result.car.column("sliding_steps") > 0).any()
+
+
+def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
+    fg.write_run(lap, tmp_path / "run", picture=False)
+    report = replay(tmp_path / "run")
+    assert report.identical and report.trajectory_sha256 == lap.trajectory_sha256
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (summary["tires"], summary["tires_model"]) == (NUC2, "magic_formula")
+    assert summary["tires_sha256"] == Tires.load(NUC2).sha256
+    # steps from Python, hooks in between, are those of the compiled tick
+    engine = Engine(lap.world)
+    engine.load(lap.states[100])
+    engine.after_substep.append(lambda engine, worlds: None)
+    engine.drive(controls=lap.ctrl[100:101])
+    assert same_bits(engine.state(0), lap.states[101])
+
+
+def test_plain_mujoco_with_the_forces_of_the_tires_gives_the_same_bits(lap):
+    model, data = lap.world.model, mujoco.MjData(lap.world.model)
+    mujoco.mj_setState(model, data, lap.states[200], STATE)
+    forces, state = TireForces(copy(model), CAR_PREFIX), np.empty(lap.states.shape[1])
+    for tick in (200, 201, 202):
+        data.ctrl[:] = lap.ctrl[tick]
+        for _ in range(5):
+            forces.step(data)
+        mujoco.mj_getState(model, data, state, STATE)
+        assert same_bits(state, lap.states[tick + 1])
+
+
+SCENARIOS = (
+    Scenario(tires=NUC2),
+    Scenario(tires=NUC2, mu=0.8),
+    Scenario(tires=NUC2, changes=CarChanges(mu=0.9123456, mass=4.2, center_of_gravity_height=0.08)),
+    Scenario(tires="slipx_reference", start=Start(s=7.0, speed=2.0)),
+    Scenario(tires="contact"),
+    Scenario(tires="coulomb", changes=CarChanges(mass=4.2, mu=0.7)),
+    Scenario(tires=NUC2, obstacles=(fg.Box(x=6.0, y=0.3, length=0.3, width=0.3),), seed=4),
+    Scenario(tires=NUC2, changes=CarChanges(command_delay=0.02)),
+)
+
+
+def test_a_world_of_a_batch_is_that_world_raced_alone():
+    together = drive_worlds(SCENARIOS, "gap_finder", time_limit=1.5, record="states")
+    assert len({states[-1].tobytes() for states in together.states}) == len(SCENARIOS)
+    for i, scenario in enumerate(SCENARIOS):
+        raced = fg.race(
+            scenario.track, laps=100, time_limit=1.5, seed=scenario.seed, obstacles=scenario.obstacles, mu=scenario.mu,
+            changes=scenario.changes, start=scenario.start, tires=scenario.tires,
+        )  # fmt: skip
+        assert same_bits(together.states[i], raced.states), i
+        assert same_bits(together.telemetry[i], raced.car.telemetry), i
+        assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
+
+
+def test_a_rollout_draws_the_peak_of_the_tires():
+    result = fg.rollout("oval", n=4, tires=NUC2, randomize={"mu": (0.5, 0.9)}, time_limit=1.0, workers=1)
+    assert len({row["mu"] for row in result.worlds}) == 4
+    with pytest.raises(fg.SettingsError, match="tires 'nuc3' are not known"):
+        fg.rollout("oval", n=1, tires="nuc3", time_limit=1.0)
+
+
+def test_scenes_obstacles_that_move_and_environments():
+    scene = next(name for name in fg.scene_names() if fg.load_track(f"scene:{name}:1").moving)
+    result = fg.race(f"scene:{scene}:1", tires="slipx_reference", time_limit=3.0)
+    again = fg.race(f"scene:{scene}:1", tires="slipx_reference", time_limit=3.0)
+    assert result.trajectory_sha256 == again.trajectory_sha256 and result.sim_time_s > 1.0
+    world = EnvironmentSettings(tires=NUC2).make_world()
+    assert world.tires == Tires.load(NUC2) and world.model.nuserdata == 32
+
+
+def test_the_live_view_keeps_the_tires_and_changes_their_peak():
+    session = LiveSession(Setup.of(tires=NUC2))
+    for _ in range(20):
+        assert session.tick()
+    before = session.simulation.state
+    session.change("mu", 0.6)
+    session.tick()
+    assert session.message == "" and session.world.car.mu == 0.6 and session.world.tires.model == "magic_formula"
+    assert len(session.simulation.state) == len(before)
+
+
+def test_settings_are_described_and_read_back():
+    settings = DriveSettings(tires="forzaeth_nuc6", mu=0.5)
+    again = DriveSettings.of(json.loads(json.dumps(settings.described())))
+    assert again == settings and again.tire_set.name == "forzaeth_nuc6"
+    assert CarSettings().tire_set.model == "coulomb" and "tires" not in CarSettings().described()
+
+
+def test_a_vehicle_names_its_own_tires(tmp_path):
+    text = (fg.vehicle.vehicle.files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
+    path = tmp_path / "own.xml"
+    path.write_text(text.replace("<custom>", '<custom><text name="tires" data="forzaeth_nuc6"/>'))
+    vehicle = fg.Vehicle.load(path)
+    assert vehicle.tires == Tires.load("forzaeth_nuc6") and vehicle.nominal_mu == vehicle.tires.least_peak
+    assert fg.World("oval", vehicle).car.mu == pytest.approx(vehicle.tires.peak, rel=1e-5)
+    assert fg.World("oval", vehicle, tires="contact").xml != fg.World("oval", vehicle).xml
+    assert fg.World("oval", vehicle, tires="contact").car.mu == 1.0489
+    path.write_text(text.replace("<custom>", '<custom><text name="tires" data="nuc6"/>'))
+    with pytest.raises(fg.ModelError, match=r"own.xml: text 'tires': tires 'nuc6' are not known; accepted: contact"):
+        fg.Vehicle.load(path)
+
+
+@pytest.mark.slow
+def test_the_command_line(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    options = ["--tires", NUC2, "--mu", "1.0", "--planner-mu", "0.7", "--out", "run"]
+    assert main(["race", "--track", "oval", "--laps", "1", *options]) == 0
+    capsys.readouterr()
+    assert main(["replay", "run"]) == 0 and "bit-identical" in capsys.readouterr().out
+    assert main(["race", "--config", "run", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["trajectory_sha256"] == json.loads((tmp_path / "run/summary.json").read_text())["trajectory_sha256"]
+    assert (again["tires"], again["mu"]) == (NUC2, 1.0)
+    line = refused(tmp_path, capsys, "race", "--tires", "forzaeth_nuc3")
+    assert "tires 'forzaeth_nuc3' are not known" in line and "did you mean 'forzaeth_nuc" in line
+    (tmp_path / "bad.toml").write_text('model = "magic_formula"\n[front]\nB = 1.0\n')
+    assert "[front]: has no C" in refused(tmp_path, capsys, "race", "--tires", "bad.toml")
+
+
+@pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
+def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(tires, lap):
+    lap = lap if tires == NUC2 else fg.race("oval", laps=1, tires=tires)
+    wheels = fg.vehicle.car.WHEELS
+    load, fx, fy, angle, ratio = (
+        np.array([lap.car.column(name.format(wheel)) for wheel in wheels])
+        for name in ("load_{}_N", "fx_{}_N", "fy_{}_N", "slip_angle_{}_rad", "slip_ratio_{}")
+    )
+    car = lap.world.parameters
+    assert np.median(load.sum(axis=0)) == pytest.approx(car.mass * 9.81, rel=0.01)
+    rolling = np.abs(lap.car.column("speed_m_s")) > 1.0
+    assert np.isfinite(angle[:, rolling]).all() and np.isfinite(ratio[:, rolling]).all()
+    # Newton: the car's mass times its lateral acceleration v r, by the tires' forces turned by the steering
+    steering = lap.car.column("steering_angle_rad")
+    side = fy[2:].sum(axis=0) + fy[:2].sum(axis=0) * np.cos(steering) + fx[:2].sum(axis=0) * np.sin(steering)
+    needed = car.mass * lap.car.column("speed_m_s") * lap.car.column("yaw_rate_rad_s")
+    assert np.corrcoef(side[rolling], needed[rolling])[0, 1] > 0.98
+    assert (np.sign(angle) == np.sign(fy))[:, np.abs(fy).min(axis=0) > 2.0].mean() > 0.99
+    engine = Engine(lap.world)
+    engine.load(lap.states[150])
+    engine.drive(controls=lap.ctrl[150:151])
+    slip = engine.slip()
+    again = [engine.telemetry[0][fg.TELEMETRY.index(f"load_{wheel}_N")] for wheel in wheels]
+    assert again == slip[2, 0].tolist() == load[:, 150].tolist()
+
+
+ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.15)
+
+
+@pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
+@pytest.mark.slow
+def test_patches_are_part_of_any_world(tires, tmp_path):
+    """Raced, replayed, and in a batch beside another friction; a tire on a patch has that of the patch."""
+    raced = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=1.05)
+    assert (
+        raced.trajectory_sha256
+        != fg.race("oval", laps=100, time_limit=4.0, tires=tires, planner_mu=1.05).trajectory_sha256
+    )
+    assert raced.car.max_slide_m_s > slides_above(raced.car.tires_model) and raced.car.slide_time_fraction > 0.0
+    fg.write_run(raced, tmp_path / "run", picture=False)
+    assert replay(tmp_path / "run").identical
+    scenarios = [Scenario(tires=tires, patches=(ICE,), planner_mu=1.05, mu=mu) for mu in (None, 0.5)]
+    together = drive_worlds(scenarios, "gap_finder", time_limit=4.0, record="states")
+    assert same_bits(together.states[0], raced.states) and same_bits(together.telemetry[0], raced.car.telemetry)
+    alone = fg.race("oval", laps=100, time_limit=4.0, tires=tires, patches=(ICE,), planner_mu=1.05, mu=0.5)
+    assert same_bits(together.states[1], alone.states) and same_bits(together.telemetry[1], alone.car.telemetry)
+    # by hand, on a model of its own: the same
+    simulation = fg.Simulation(fg.World("oval", tires=tires, patches=(ICE,)))
+    simulation.reset(s=5.0, speed=3.0)
+    simulation.drive(0.0, 3.0)
+    own = simulation.engine.floor_friction()
+    under = [ICE.mu] * 4 if tires != NUC2 else [ICE.mu, ICE.mu, *2 * [ICE.mu * 0.96465 / 1.2307]]
+    np.testing.assert_allclose(own[-1], under, rtol=1e-4)
+    if tires == "contact":
+        pairs = [simulation.world.model.pair(f"{CAR_PREFIX}{wheel}_tire").id for wheel in fg.vehicle.car.WHEELS]
+        assert simulation.world.model.pair_friction[pairs, 0].tolist() == own[-1].tolist()
+
+
+def test_settings_with_patches_are_described_and_read_back():
+    settings = DriveSettings(patches=(ICE,))
+    assert DriveSettings.of(json.loads(json.dumps(settings.described()))) == settings
+    with pytest.raises(fg.SettingsError, match=r"Patch\.mu is 0; accepted"):
+        DriveSettings(patches=({"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0},))
+
+
+def test_pictures_read_the_forces_of_such_tires(lap):
+    model, data = lap.world.model, mujoco.MjData(lap.world.model)
+    tick = 1 + int(np.abs(lap.car.column("fy_front_left_N")[:-1]).argmax())
+    mujoco.mj_setState(model, data, lap.states[tick], STATE)
+    TireForces(copy(model), CAR_PREFIX).forward(data)
+    forces = TireForceMeter(model).read(data)
+    recorded = np.array([lap.car.column(f"friction_use_{wheel}")[tick] for wheel in fg.vehicle.car.WHEELS])
+    np.testing.assert_allclose(forces.use, recorded, atol=0.05)
+    assert forces.use.max() > 0.3

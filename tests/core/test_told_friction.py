@@ -1,0 +1,220 @@
+"""The friction that planners are told: what `mu` sets, unless `planner_mu` says otherwise; nothing that is drawn."""
+
+import json
+import math
+import socket
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.cli.config import parse
+from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.cli.options import setup_of
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.envs.worlds import Worlds
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.settings import DriveSettings
+from fg_mujoco.simulation.telemetry import COMMAND
+from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
+from fg_mujoco.lab.lab_laps import drive_laps
+from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
+from fg_mujoco.addons.look.live.live_session import LiveSession
+
+TELLS = """
+from fg_mujoco.messages import DriveCommand
+
+
+class Tells:  # the friction coefficient that it is told, as a speed
+    def __init__(self, *, mu):
+        self.mu = mu
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return DriveCommand(steering_angle=0.0, speed=min(self.mu, 9.0))
+"""
+TOLD = "tells.py:Tells"
+OWN = fg.Vehicle.load().nominal_mu
+SPEED = COMMAND + 1
+
+SETTINGS = [
+    ({}, OWN),
+    ({"mu": 0.6}, 0.6),
+    ({"changes": fg.CarChanges(mu=0.6)}, 0.6),
+    ({"mu": 0.6, "planner_mu": 0.9}, 0.9),
+    ({"mu": 0.6, "planner_mu": math.inf}, 9.0),
+    ({"mu": 0.6, "patches": (fg.Patch(x=0.0, y=0.0, length=9.0, width=9.0, mu=0.3),)}, 0.6),
+]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tells.py").write_text(TELLS)
+    return tmp_path
+
+
+def told(telemetry):
+    return telemetry[0, SPEED]
+
+
+@pytest.mark.parametrize(("settings", "expected"), SETTINGS)
+def test_a_race_a_rollout_and_the_live_view_tell_what_is_set(settings, expected):
+    race = fg.race("oval", TOLD, time_limit=0.02, **settings)
+    assert told(race.car.telemetry) == expected
+    assert min(race.car.planner_mu, 9.0) == expected
+    rollout = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", **settings)
+    assert told(rollout.telemetry(0)) == expected
+    session = LiveSession(Setup.of(controller=TOLD, **settings))
+    session.tick()
+    assert session.simulation.engine.commands[0, 1] == expected
+
+
+def test_tires_with_a_curve_tell_their_least_peak_by_as_much_less():
+    plain, tires = fg.race("oval", TOLD, tires="forzaeth_nuc2", time_limit=0.02), fg.Tires.load("forzaeth_nuc2")
+    scaled = fg.race("oval", TOLD, tires="forzaeth_nuc2", mu=0.5 * tires.peak, time_limit=0.02)
+    assert told(plain.car.telemetry) == tires.least_peak
+    assert told(scaled.car.telemetry) == pytest.approx(0.5 * tires.least_peak)
+
+
+def test_each_of_several_cars_is_told_its_own():
+    entries = [fg.Entry(controller=TOLD, mu=0.6), fg.Entry(controller=TOLD), fg.Entry(controller=TOLD, planner_mu=0.5)]
+    race = fg.race("oval", entries=entries, time_limit=0.02)
+    assert [told(car.telemetry) for car in race.cars] == [0.6, OWN, 0.5]
+    assert [car.planner_mu for car in race.cars] == [0.6, OWN, 0.5]
+
+
+def test_an_opponent_in_a_car_like_the_learning_one_is_told_what_that_is_set_to():
+    worlds = Worlds(EnvironmentSettings(mu=0.6, opponents=(TOLD, {"controller": TOLD, "mu": 0.8})))
+    worlds.begin(np.ones(1, np.bool_), [fg.Start(s=4.0), fg.Start(s=2.0), fg.Start(s=0.0)], [0, 0, 0])
+    worlds.drive(np.zeros((1, 2)))
+    assert worlds.engine.commands[1:, 1].tolist() == [0.6, 0.8]
+
+
+def test_a_comparison_and_a_duel_tell_what_is_set(here):
+    grid = {"track": ["oval"], "seed": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
+    for planner_mu, expected in ((None, 0.6), (0.9, 0.9)):
+        result = fg.compare([TOLD], out=f"out{planner_mu}", planner_mu=planner_mu, **grid)
+        race = fg.race("oval", TOLD, laps=1, time_limit=1.0, mu=0.6, planner_mu=expected)
+        assert result.rows[0].figures.trajectory_sha256 == race.trajectory_sha256
+        assert DuelSettings(mu=0.6, planner_mu=planner_mu).drive().assumed_mu == expected
+
+
+def test_a_file_of_settings_tells_what_it_sets(here, capsys):
+    (here / "race.toml").write_text(f'mu = 0.6\ncontroller = "{TOLD}"\ntime-limit = 0.02\njson = true\n')
+    main(["race", "--config", "race.toml"])
+    assert json.loads(capsys.readouterr().out)["planner_mu"] == 0.6
+
+
+def test_the_friction_lab_tells_the_mu_of_its_world_and_its_own_where_it_says_so():
+    for world, planner_mu, expected in ((fg.World("oval", mu=0.6), None, 0.6), (fg.World("oval", mu=0.6), 0.9, 0.9)):
+        race = fg.race("oval", laps=1, mu=0.6, planner_mu=expected)
+        assert drive_laps(world, laps=1, planner_mu=planner_mu).trajectory_sha256 == race.trajectory_sha256
+
+
+def test_what_is_drawn_is_not_told():
+    result = fg.rollout("oval", TOLD, n=4, time_limit=0.02, record="telemetry", randomize={"mu": (0.5, 0.7)})
+    assert (result["mu"] < 0.7).all()
+    assert [told(result.telemetry(i)) for i in range(4)] == [OWN] * 4
+    alone = fg.race(result.setup(0))
+    assert told(alone.car.telemetry) == OWN and alone.car.mu == pytest.approx(result["mu"][0], rel=1e-5)
+
+
+def test_what_is_drawn_for_the_planner_stays_what_it_assumes():
+    randomize = {"mu": (0.5, 0.7), "planner_mu": [0.8]}
+    result = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", randomize=randomize)
+    assert told(result.telemetry(0)) == 0.8
+    given = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", mu=0.6, randomize={"planner_mu": [0.8]})
+    assert told(given.telemetry(0)) == 0.8
+
+
+def test_a_live_view_whose_tires_change_tells_the_planner_until_it_was_given_another():
+    session = LiveSession(Setup.of(controller=TOLD))
+    for name, value, expected in (("mu", 0.5, 0.5), ("planner_mu", 0.7, 0.7), ("mu", 0.4, 0.7)):
+        session.change(name, value)
+        session.tick()
+        assert session.simulation.engine.commands[0, 1] == expected and session.message == ""
+
+
+def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_untouched():
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    from fg_mujoco.addons.look.live.browser import LiveView
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    session = LiveSession(Setup.of(mu=0.6))
+    with LiveView(session, port=port) as view:
+        for name, value, text, slider in (
+            ("max_speed", 5.0, "mu 0.6; the planner assumes 0.6", 0.6),
+            ("mu", 0.4, "mu 0.4; the planner assumes 0.4", 0.4),
+            ("planner_mu", 0.9, "mu 0.4; the planner assumes 0.9", 0.4),  # not by the slider
+        ):
+            session.change(name, value)
+            session.tick()
+            view._show_texts()
+            assert text in view._status.content and view._planner_mu.value == slider
+    assert session.settings.planner_mu == 0.9  # what the slider shows is no wish
+
+
+# -- what was written before planners were told
+
+
+@pytest.mark.parametrize("kind", [DriveSettings, ComparisonSettings])
+def test_settings_of_an_earlier_version_keep_their_meaning(kind):
+    def made(**own):
+        return kind(**own) if kind is DriveSettings else kind(base=Setup.of(**own))
+
+    def assumed(settings):
+        return settings.assumed_mu if kind is DriveSettings else settings.drive().assumed_mu
+
+    write = kind.described if kind is DriveSettings else kind.manifest
+    for settings in (made(mu=0.6), made(mu=0.6, planner_mu=math.inf), made(), made(planner_mu=0.9)):
+        described = json.loads(json.dumps(write(settings), allow_nan=False))
+        assert assumed(kind.of(described)) == assumed(settings)
+    assert assumed(kind.of({"mu": 0.6})) == OWN
+    assert assumed(kind.of({"mu": 0.6, "planner_mu": None})) == OWN
+
+
+def test_a_run_of_an_earlier_version_is_raced_again_as_it_was(here, without_pictures):
+    main(["race", "--controller", TOLD, "--mu", "0.6", "--time-limit", "0.02", "--out", "new"])
+    path = here / "new" / "summary.json"
+    summary = json.loads(path.read_text())
+
+    def raced_again(*options):
+        first = setup_of(parse(_parser(), ["race", "--config", "new", "--trust", *options])).first
+        return first.mu, first.planner_mu
+
+    assert raced_again() == (0.6, None)
+    path.write_text(json.dumps(summary | {"planner_mu": OWN}))
+    assert raced_again() == (0.6, OWN)
+    assert raced_again("--planner-mu", "0.7") == (0.6, 0.7)
+
+
+# -- where both are shown
+
+
+@pytest.mark.parametrize(
+    ("told_mu", "text"), [((), "0.6"), (("--planner-mu", "0.8"), "0.8"), (("--planner-mu", "off"), "off")]
+)
+@pytest.mark.slow
+def test_table_and_report_show_both(told_mu, text, here, capsys):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+    main(["race", "--mu", "0.6", *told_mu, "--time-limit", "0.3", "--out", "run"])
+    said = {"off": "has no limit"}.get(text, f"assumes {text}")
+    assert f"  friction          mu 0.6; the planner {said}\n" in capsys.readouterr().out
+    page = (here / "run" / "report.html").read_text()
+    assert "<b>0.6</b><span>μ of the tires</span>" in page
+    assert f"<b>{text}</b><span>μ that the planner assumes</span>" in page
+
+
+def test_tables_of_studies_show_both(here, capsys):
+    main(["rollout", "--n", "1", "--time-limit", "0.1", "--mu", "0.6", "--planner-mu", "0.8"])
+    assert "  friction          mu 0.6; the planner assumes 0.8\n" in capsys.readouterr().out
+    main(["rollout", "--n", "1", "--time-limit", "0.1", "--randomize", "mu=0.5:0.6"])
+    assert f"  friction          mu as drawn; the planner assumes {OWN:.4g}\n" in capsys.readouterr().out
+    grid = ["--track", "oval", "--laps", "1", "--time-limit", "0.1", "--workers", "1", "--out", "out", "--seed", "0"]
+    main(["compare", "--controller", "gap_finder", *grid, "--mu", "0.6"])
+    assert "mu 0.6; the planner assumes 0.6" in capsys.readouterr().out

@@ -1,0 +1,254 @@
+"""A tick of one compiled call has the bits of sense, decide, drive and judge one by one, and fails as they do."""
+
+import math
+
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.compiled.kernels import call_at, kernel
+from fg_mujoco.racing.decision_times import DecisionClock
+from fg_mujoco.racing.result import History
+from fg_mujoco.simulation.clock import HAS_CLOCK, seconds
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.planner_adapter import adapt
+from fg_mujoco.simulation.planner_failure import DecisionLimitReached
+from fg_mujoco.simulation.settings import Scenario
+from fg_mujoco.simulation.world import World
+from fg_mujoco.rollouts.drive_worlds import make_engine
+
+pytestmark = pytest.mark.skipif(not HAS_CLOCK, reason="this Python has no clock that kernels can read")
+
+SCENARIOS = [Scenario(seed=seed, max_speed=4.0 + seed, mu=0.6 + 0.1 * seed) for seed in range(3)]
+TICKS = 120
+
+
+def engine_of(controller, scenarios=SCENARIOS, **settings):
+    return make_engine(World("oval"), scenarios, controller, laps=1, time_limit=60.0, **settings)
+
+
+def verbs(engine, clock, history):
+    engine.sense()
+    clock.time(engine.decide)
+    engine.drive()
+    history.append()
+    engine.judge()
+
+
+def at_once(engine, clock, history):
+    driven = engine.running.copy()
+    assert (engine.tick(clock=clock, history=history) == driven).all()
+    assert engine._calls is not None, "the tick was not one compiled call"
+
+
+def driven(controller, tick, scenarios=SCENARIOS):
+    """What is known after some ticks, all of it but how long they took."""
+    engine, clock = engine_of(controller, scenarios), DecisionClock()
+    history = History(engine)
+    with clock:
+        for _ in range(TICKS):
+            tick(engine, clock, history)
+    assert len(clock.seconds) == history.ticks == TICKS and min(clock.seconds) > 0.0
+    arrays = {name: getattr(engine, name).copy() for name in vars(engine) if name in SENSED_AND_DRIVEN}
+    states = {f"state {i}": engine.state(i).copy() for i in range(engine.count)}
+    races = {name: getattr(engine.monitor, name).copy() for name in ("running", "reasons", "lap_times", "timers")}
+    return arrays | states | races | history.arrays()
+
+
+SENSED_AND_DRIVEN = ("odometry", "ranges", "commands", "crashed", "failed", "telemetry", "statistics", "touched_at")
+
+
+def assert_same_bits(found, expected):
+    assert found.keys() == expected.keys() and len(found) > 12
+    for name in found:
+        assert found[name].tobytes() == expected[name].tobytes(), name
+
+
+@pytest.mark.parametrize("controller", ["gap_finder", "pure_pursuit", "follow_the_gap"])
+def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
+    expected = driven(controller, verbs)
+    assert_same_bits(driven(controller, at_once), expected)
+    alone = driven(controller, at_once, SCENARIOS[1:2])
+    assert alone["ranges"][0].tobytes() == expected["ranges"][1].tobytes()
+    assert alone["state 0"].tobytes() == expected["state 1"].tobytes()
+
+
+def test_verbs_and_ticks_of_one_call_follow_each_other():
+    def by_turns(engine, clock, history):
+        (verbs if history.ticks % 3 else at_once)(engine, clock, history)
+
+    assert_same_bits(driven("gap_finder", by_turns), driven("gap_finder", verbs))
+
+
+def test_a_history_of_ticks_of_one_call_grows():
+    engine = engine_of("pure_pursuit")
+    history = History(engine, capacity=5)
+    for _ in range(TICKS):
+        engine.tick(history=history)
+    assert history.ticks == TICKS
+    expected = driven("pure_pursuit", verbs)
+    assert_same_bits(expected | history.arrays(), expected)
+
+
+@pytest.mark.parametrize("attribute", ["before_substep", "after_substep"])
+def test_hooks_are_called(attribute):
+    engine, called = engine_of("pure_pursuit"), []
+    engine.tick()
+    getattr(engine, attribute).append(lambda engine, worlds: called.append(worlds.tolist()))
+    engine.tick()
+    assert called == [[0, 1, 2]] * engine.substeps
+    getattr(engine, attribute).clear()
+    engine.tick()
+    assert len(called) == engine.substeps and engine.time(0) == pytest.approx(3 * engine.period)
+
+
+def test_effects_and_drifts_have_their_part():
+    noisy = [Scenario(seed=seed, effects=fg.LidarEffects(range_noise_std=0.05)) for seed in range(2)]
+    drifting = [Scenario(odometry_drift=0.1)] * 2
+    for scenarios in (noisy, drifting):
+        engines = [engine_of("gap_finder", scenarios) for _ in range(2)]
+        for _ in range(20):
+            verbs(engines[0], DecisionClock(), History(engines[0]))
+            engines[1].tick()
+            assert engines[0].ranges.tobytes() == engines[1].ranges.tobytes()
+            assert engines[0].odometry.tobytes() == engines[1].odometry.tobytes()
+
+
+def planner_that(fails):
+    """A class of planners that fail after 0.1 s: those with a pursuit distance of more than 2 m."""
+
+    @kernel
+    def reference(scan, ranges, odometry, car, settings, memory, line):
+        if odometry.stamp > 0.09 and settings.pursuit_distance > 2.0:
+            if fails:
+                raise ValueError("late", odometry.stamp)
+            return 0.0, math.nan, 0.0
+        return 0.0, 1.0, 0.0
+
+    settings = {"Settings": DrivingSettings, "reference": staticmethod(reference)}
+    return type("Failing", (Planner,), settings)
+
+
+def failing_engine(count, fails, raises):
+    world = World("oval")
+    engine = Engine(world, count, laps=1)
+    kind = planner_that(fails)
+    chosen = [DrivingSettings(pursuit_distance=3.0 if i == 0 else 1.0) for i in range(count)]
+    planners = [kind(world.car.parameters, math.inf, settings=own) for own in chosen]
+    engine.planners = adapt(planners, raises=raises)
+    engine.place([fg.Start()] * count)
+    return engine
+
+
+def how_it_fails(tick, count, raises):
+    engine, clock = failing_engine(count, True, raises), DecisionClock()
+    history = History(engine)
+    with pytest.raises(fg.PlannerError) as failed:
+        for _ in range(10):
+            tick(engine, clock, history)
+    failure = failed.value.failure
+    assert "ValueError: ('late', 0.1" in str(failed.value) and failure.line is not None
+    return (
+        str(failed.value),
+        failure.error,
+        failure.time_s,
+        failure.line,
+        history.ticks,
+        len(clock.seconds),
+        engine.times,
+    )
+
+
+@pytest.mark.parametrize(("count", "raises"), [(1, True), (3, True), (3, False)])
+def test_what_a_planner_raises_is_its_failure(count, raises):
+    found, expected = (how_it_fails(tick, count, raises) for tick in (at_once, verbs))
+    assert found[:-1] == expected[:-1] and found[-1].tolist() == expected[-1].tolist()
+    assert found[4:6] == (4, 5)
+
+
+@pytest.mark.parametrize("raises", [True, False])
+def test_a_command_that_is_no_number_ends_the_race_of_its_car_alone(raises):
+    found = []
+    for tick in (verbs, lambda engine, clock, history: engine.tick(clock=clock, history=history)):
+        engine, clock = failing_engine(3, False, raises), DecisionClock()
+        history, said = History(engine), ""
+        try:
+            for _ in range(7):
+                tick(engine, clock, history)
+        except fg.PlannerError as error:
+            said = str(error)
+        failures = {row: str(error) for row, error in engine.planners.failures.items()}
+        assert (said != "") == raises and (list(failures) == [0]) == (not raises)
+        assert "numbers" in said + failures.get(0, "")
+        known = engine.running.tolist(), engine.monitor.reasons.tolist(), engine.times.tolist()
+        found.append((said, failures, history.ticks, len(clock.seconds), *known))
+    assert found[0] == found[1] and found[0][2:4] == ((4, 5) if raises else (7, 7))
+
+
+def test_a_decision_over_its_limit_leaves_the_cars_as_they_are():
+    engine, clock = engine_of("gap_finder"), DecisionClock(1e-9)
+    history, state = History(engine), engine.state(0).copy()
+    with pytest.raises(DecisionLimitReached):
+        engine.tick(clock=clock, history=history)
+    assert history.ticks == 0 and len(clock.seconds) == 1 and clock.seconds[0] > 0.0
+    assert engine.state(0).tobytes() == state.tobytes()
+
+
+def test_the_clock_of_kernels_is_that_of_python():
+    import time
+
+    before = time.perf_counter()
+    now = seconds()
+    assert before <= now <= time.perf_counter()
+
+
+@kernel
+def refuses_odd_numbers(number):
+    if number % 2:
+        raise ValueError("odd", number)
+
+
+@kernel
+def calls(address, number):
+    call_at(address, number)
+    return number + 1
+
+
+def test_code_at_an_address_is_called_and_raises():
+    address = refuses_odd_numbers.address(0)
+    assert calls(address, 4) == 5
+    with pytest.raises(ValueError, match="odd"):
+        calls(address, 3)
+
+
+FAILING = """
+from fg_mujoco.controllers.control.driving import DrivingSettings
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.compiled.kernels import kernel
+
+
+@kernel
+def reference(scan, ranges, odometry, car, settings, memory, line):
+    if odometry.stamp > 0.09:
+        raise ValueError("too late")
+    return 0.0, 1.0, 0.0
+
+
+class Failing(Planner):
+    Settings = DrivingSettings
+    reference = staticmethod(reference)
+"""
+
+
+def test_a_planner_that_was_compiled_in_another_folder_fails_in_its_own(tmp_path):
+    """What numba compiled is kept by its text, and says the file of then."""
+    for folder in ("first", "second"):
+        file = tmp_path / folder / "failing_planner.py"
+        file.parent.mkdir()
+        file.write_text(FAILING)
+        with pytest.warns(UserWarning, match="too late"):
+            failure = fg.race("oval", f"{file}:Failing", laps=1).car.planner_failure
+        line = FAILING.splitlines().index('        raise ValueError("too late")') + 1
+        assert (failure.file, failure.line) == (str(file), line)
+        assert f'"{file}", line {line}' in failure.traceback

@@ -1,0 +1,269 @@
+"""A race ends when the car has come back by five metres from its greatest progress, and tells where it turned."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import fg_mujoco as fg
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.settings import Scenario
+from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+
+TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
+WORLDS = {name: fg.World(name) for name in ("oval", "hairpins", "scene:dead_end:0")}
+
+TURNER = """
+import fg_mujoco as fg
+
+class Reverser:
+    \"\"\"Drives forward, and from a time on backward.\"\"\"
+
+    def __init__(self, car, mu, max_speed):
+        pass
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        return fg.DriveCommand(steering_angle=0.0, speed=1.5 if odometry.stamp < 1.0 else -3.0)
+"""
+
+
+def there_and_back(start, furthest, back):
+    """Places along the line [m]: from `start` to `furthest`, and back by `back`; and the index of the furthest."""
+    forth = np.append(np.arange(start, furthest, STEP), furthest)
+    return np.concatenate((forth, np.append(np.arange(furthest - STEP, furthest - back, -STEP), furthest - back))), (
+        len(forth) - 1
+    )
+
+
+def judged(world, places, *, offset=0.0, laps=3):
+    """The engine after its car was put at places along the line [m], one a tick, and judged until its race was over."""
+    engine = Engine(world, laps=laps, time_limit=1e4)
+    engine.place([fg.Start(s=places[0], offset=offset)])
+    for tick, s in enumerate(places[1:], start=1):
+        x, y, heading = world.track.start_pose(s, offset)
+        engine.qpos(0)[:2] = x, y
+        engine.qpos(0)[3:7] = math.cos(0.5 * heading), 0.0, 0.0, math.sin(0.5 * heading)
+        engine.state(0)[0] = tick * TICK  # mjSTATE_TIME comes first
+        engine.judge()
+        if not engine.running[0]:
+            break
+    return engine
+
+
+def reason(engine):
+    return END_REASONS[engine.monitor.reasons[0]]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize(("back", "expected"), ((4.9, ""), (5.1, "wrong_way"), (12.0, "wrong_way")))
+def test_five_metres_back_from_the_greatest_progress_end_the_race(name, back, expected):
+    world = WORLDS[name]
+    places, turn = there_and_back(0.5, 5.7, back)
+    engine = judged(world, places, offset=0.1)
+    assert reason(engine) == expected
+    timer = engine.monitor.timers[0]
+    if expected:  # it ended with the first tick that was so far back, and not with a later one
+        fallen = places[turn] - places
+        assert engine.time(0) == TICK * int(np.argmax((np.arange(len(places)) > turn) & (fallen >= WRONG_WAY_LIMIT)))
+    where = WrongWay.of(timer, world.track.length, 1, 1.0)
+    x, y, _ = world.track.start_pose(5.7, 0.1)
+    begun = 0.5 if world.track.closed else 0.0  # a scene counts from its own start
+    assert (where.x_m, where.y_m) == pytest.approx((x, y))
+    assert (where.time_s, where.lap) == (pytest.approx(turn * TICK), 1)
+    assert where.s_m == pytest.approx(5.7 - begun, abs=1e-3)
+
+
+@given(backs=st.lists(st.floats(0.2, 4.8), min_size=1, max_size=6))
+@pytest.mark.slow
+def test_manoeuvres_of_less_than_five_metres_never_end_a_race(backs):
+    """However often the car reverses: what counts is the distance from the greatest progress, not their sum."""
+    places, at = [np.array([0.0])], 0.0
+    for back in backs:
+        leg, _ = there_and_back(at, at + back + 0.1, back)
+        places.append(leg)
+        at += 0.1
+    assert reason(judged(WORLDS["oval"], np.concatenate(places))) == ""
+
+
+def test_short_moves_forward_on_the_way_back_do_not_count_anew():
+    places = np.concatenate((np.arange(0.0, 6.1, 0.2), np.arange(6.0, 2.0, -0.2), np.arange(2.0, 4.1, 0.2)))
+    places = np.concatenate((places, np.arange(4.0, 0.75, -0.2)))
+    engine = judged(WORLDS["oval"], places)
+    assert reason(engine) == "wrong_way"
+    assert WrongWay.of(engine.monitor.timers[0], 100.0, 1, 1.0).s_m == pytest.approx(6.0, abs=0.01)
+
+
+def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
+    world = WORLDS["oval"]
+    length, start = world.track.length, 7.0
+    places, turn = there_and_back(start, start + length + 1.5, 5.1)  # back over the line
+    engine = judged(world, places)
+    where = WrongWay.of(engine.monitor.timers[0], length, 3, 1.0)
+    assert (reason(engine), where.lap) == ("wrong_way", 2)
+    assert where.s_m == pytest.approx(1.5, abs=0.01) and where.time_s == pytest.approx(turn * TICK)
+    assert (where.x_m, where.y_m) == pytest.approx(world.track.start_pose(start + 1.5)[:2], abs=1e-6)
+
+
+def test_a_course_shorter_than_five_metres_is_followed_round():
+    angles = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
+    width = np.full(80, 0.3)
+    track = fg.Track(
+        name="small", centreline=0.7 * np.column_stack((np.cos(angles), np.sin(angles))), width_right=width,
+        width_left=width,
+    )  # fmt: skip
+    assert track.length < WRONG_WAY_LIMIT
+    timer = LapTimer(track)
+    places, _ = there_and_back(0.0, 2.0, 9.0)
+    for tick, s in enumerate(places):
+        timer.update(tick * TICK, track.position(s, 0.0))
+    (memory,) = timer.memory
+    assert memory["furthest"] - memory["progress"] == pytest.approx(9.0, abs=0.01)
+    assert (memory["furthest_x"], memory["furthest_y"]) == pytest.approx(tuple(track.position(2.0, 0.0)))
+
+
+def test_beside_the_next_arm_of_a_hairpin_nothing_is_lost():
+    """Lanes that run back beside each other are close together in space and far apart in progress."""
+    track = WORLDS["hairpins"].track
+    places = np.arange(0.0, 0.9 * track.length, STEP)
+    for offset in (0.7, -0.7):
+        assert reason(judged(WORLDS["hairpins"], places, offset=offset)) == ""
+
+
+class Driver:
+    """Does what a function of the odometry says."""
+
+    def __init__(self, law):
+        self.law = law
+
+    def reset(self):
+        pass
+
+    def __call__(self, scan, odometry):
+        steering, speed = self.law(odometry)
+        return fg.DriveCommand(steering_angle=steering, speed=speed)
+
+
+def wide(half_width=3.0):
+    """A round track of 30 m radius, wide enough to turn on, driven counterclockwise from (30, 0)."""
+    angles = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    width = np.full(400, half_width)
+    line = 30.0 * np.column_stack((np.cos(angles), np.sin(angles)))
+    return fg.Track(name="wide", centreline=line, width_right=width, width_left=width)
+
+
+def test_a_car_that_turns_round_is_told_of():
+    """It turns left at full lock at 1.5 m/s: its greatest progress is where its heading is across the course."""
+
+    def law(odometry):
+        turned = odometry.pose[2] - 0.5 * math.pi
+        return (0.4, 1.5) if odometry.stamp > 2.0 and 0.0 <= turned % (2.0 * math.pi) < math.pi else (0.0, 1.5)
+
+    result = fg.race(wide(), Driver(law), laps=1, start=fg.Start(offset=-0.5))
+    assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("wrong_way", False, 0)
+    turn, progress = result.car.wrong_way, result.car.column("progress_m")
+    tick = int(progress.argmax())
+    assert turn.s_m == progress[tick] and turn.time_s == result.car.column("time_s")[tick]
+    assert (turn.x_m, turn.y_m) == (result.car.column("x_m")[tick], result.car.column("y_m")[tick])
+    # the heading [rad] from that of the course there, which is across the circle's radius
+    across = result.car.column("heading_rad")[tick] - (math.atan2(turn.y_m, turn.x_m) + 0.5 * math.pi)
+    assert across % (2.0 * math.pi) == pytest.approx(0.5 * math.pi, abs=0.1)
+    assert progress[-1] > turn.s_m - WRONG_WAY_LIMIT >= progress[-1] - 1.5 * TICK - 0.01
+
+
+def test_a_car_that_starts_facing_backwards_turned_at_its_start():
+    result = fg.race("oval", laps=1, start=fg.Start(s=3.0, heading=math.pi))
+    assert result.car.end_reason == "wrong_way"
+    assert result.car.wrong_way.time_s < 0.1 and result.car.wrong_way.s_m == pytest.approx(0.0, abs=0.01)
+    assert (result.car.wrong_way.x_m, result.car.wrong_way.y_m) == pytest.approx(
+        result.world.track.start_pose(3.0)[:2], abs=0.01
+    )
+
+
+def test_a_race_that_reverses_two_metres_goes_on():
+    def law(odometry):
+        return 0.0, -1.0 if 1.5 <= odometry.stamp < 3.5 else 1.0
+
+    result = fg.race("oval", Driver(law), laps=1, time_limit=5.0)
+    fallen = np.maximum.accumulate(result.car.column("progress_m")) - result.car.column("progress_m")
+    assert 1.5 < fallen.max() < 2.5
+    assert (result.car.end_reason, result.car.wrong_way) == ("time_limit", None)
+    assert result.summary()["wrong_way"] is None
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "turner.py").write_text(TURNER)
+    return tmp_path
+
+
+def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, monkeypatch):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+    drawn = []
+    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
+    monkeypatch.setattr("fg_mujoco.addons.look.report.report_page.make_clip", lambda *_: None)
+    assert main(["race", "--controller", "turner.py:Reverser", "--out", "runs/back"]) == 1
+    table = capsys.readouterr().out
+    summary = json.loads((here / "runs/back/summary.json").read_text())
+    assert summary["end_reason"] == "wrong_way"
+    turn = summary["wrong_way"]
+    run = fg.read_run("runs/back")
+    tick = int(run.column("progress_m").argmax())
+    assert turn == {
+        "time_s": run.column("time_s")[tick], "x_m": run.column("x_m")[tick], "y_m": run.column("y_m")[tick],
+        "lap": 1, "s_m": run.column("progress_m")[tick], "speed_m_s": run.column("vx_m_s")[tick:].mean(),
+    }  # fmt: skip
+    assert turn["s_m"] > 1.0 and turn["time_s"] > 1.0
+    place = f"({turn['x_m']:.2f}, {turn['y_m']:.2f}) m, {turn['s_m']:.1f} m into lap 1"
+    said = f"reversed from {place}, t = {turn['time_s']:.2f}"
+    assert f"  wrong way         {said} s\n" in table
+    assert "0 of 5, wrong way\n" in table
+    page = (here / "runs/back/report.html").read_text()
+    assert f"Wrong way: {said} s." in page
+    assert '"name":"wrong_way"' in page
+    axes = drawn[0].axes[0]
+    assert (turn["x_m"], turn["y_m"]) in [tuple(line.get_xydata()[0]) for line in axes.lines if len(line.get_xdata())]
+    assert main(["replay", "runs/back"]) == 0
+
+
+def test_a_rollout_ends_for_the_same_reason(here):
+    raced = fg.race("oval", "turner.py:Reverser", laps=1)
+    both = (Scenario(track="oval"), Scenario(track="oval", start=fg.Start(s=1.0)))
+    results = drive_worlds(both, "turner.py:Reverser", laps=1)
+    assert results.rows["end_reason"].tolist() == ["wrong_way"] * 2
+    assert results.rows["sim_time_s"][0] == raced.sim_time_s
+
+
+def test_an_environment_is_truncated(here):
+    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
+
+    env = F1TenthEnv(beam_step=540, start="line")
+    env.reset(seed=0)
+    ended = False
+    while not ended:
+        _, _, terminated, truncated, info = env.step(np.array([0.0, -3.0]))
+        ended = terminated or truncated
+    assert (terminated, truncated, info["end_reason"]) == (False, True, "wrong_way")
+    assert info["progress_m"] == pytest.approx(-5.0, abs=0.1)
+
+
+def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
+    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
+    from fg_mujoco.addons.look.report.recorded import read_recorded
+
+    folder = fg.write_run(lap, tmp_path / "run", picture=False)
+    path = folder / "summary.json"
+    summary = json.loads(path.read_text())
+    assert summary.pop("wrong_way", "missing") is None
+    path.write_text(json.dumps(summary))
+    assert read_recorded(folder).wrong_way is None

@@ -1,0 +1,85 @@
+"""Bags for the tests: messages as a robot's driver would fill them, and files of them by a library of their own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from fg_mujoco.addons.ros.bag_messages import type_store
+
+SECOND = 1_000_000_000
+
+
+def make(kind, **values):
+    return type_store().types[kind](**values)
+
+
+def header(time, frame):
+    stamp = make("builtin_interfaces/msg/Time", sec=time // SECOND, nanosec=time % SECOND)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+
+def robot_scan(ranges, *, first=-2.0, step=0.1, time=0, frame="laser", **others):
+    """A sensor_msgs/LaserScan; float32 in the file, whatever it is here."""
+    values = {
+        "angle_min": first, "angle_max": first + step * (len(ranges) - 1), "angle_increment": step,
+        "time_increment": 0.0, "scan_time": 0.1, "range_min": 0.1, "range_max": 12.0,
+    }  # fmt: skip
+    return make(
+        "sensor_msgs/msg/LaserScan", header=header(time, frame), ranges=np.asarray(ranges, np.float32),
+        intensities=np.empty(0, np.float32), **(values | others),
+    )  # fmt: skip
+
+
+def vector(x=0.0, y=0.0, z=0.0):
+    return make("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=float(z))
+
+
+def rotation(yaw=0.0, roll=0.0):
+    """Roll, then yaw."""
+    (s, c), (sr, cr) = ((math.sin(0.5 * angle), math.cos(0.5 * angle)) for angle in (yaw, roll))
+    return make("geometry_msgs/msg/Quaternion", x=c * sr, y=s * sr, z=s * cr, w=c * cr)
+
+
+def robot_odometry(time, *, x=0.0, y=0.0, yaw=0.0, speed=0.0, yaw_rate=0.0, frame="odom"):
+    point = make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+    pose = make("geometry_msgs/msg/Pose", position=point, orientation=rotation(yaw))
+    twist = make("geometry_msgs/msg/Twist", linear=vector(speed), angular=vector(z=yaw_rate))
+    return make(
+        "nav_msgs/msg/Odometry", header=header(time, frame), child_frame_id="base_link",
+        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
+        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+    )  # fmt: skip
+
+
+def transforms(time, *links):
+    """A tf2_msgs/TFMessage of (parent, child, translation, rotation)."""
+    return make(
+        "tf2_msgs/msg/TFMessage",
+        transforms=[
+            make(
+                "geometry_msgs/msg/TransformStamped", header=header(time, parent), child_frame_id=child,
+                transform=make("geometry_msgs/msg/Transform", translation=translation, rotation=turned),
+            )
+            for parent, child, translation, turned in links
+        ],
+    )  # fmt: skip
+
+
+def write_bag(folder, entries, *, storage="MCAP"):
+    """Write (topic, time [ns], message) by rosbags' own writer, as a folder with metadata.yaml, and return it.
+
+    They are in the file in their order here.
+    """
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    store, connections = type_store(), {}
+    with Writer(Path(folder), version=9, storage_plugin=StoragePlugin[storage]) as writer:
+        for topic, time, message in entries:
+            kind = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], time, store.serialize_cdr(message, kind))
+    return Path(folder)

@@ -1,0 +1,20 @@
+"""Another experiment of the friction lab, so that there are two."""
+
+from fg_mujoco.lab.experiment import Section
+
+
+class Cubes:
+    name = "cubes"
+    title = "Cubes"
+
+    def cells(self, settings):
+        return [{"number": number} for number in range(2)]
+
+    def measure(self, cell):
+        return {"volumes": [{"side_m": 1.0 * cell["number"], "volume_m3": 1.0 * cell["number"] ** 3}] * 20}
+
+    def section(self, tables):
+        return Section(sentences=(f"{len(tables['volumes'])} cubes.",), columns={"volumes": ("side_m", "volume_m3")})
+
+
+EXPERIMENT = Cubes()
