@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
-.PHONY: help race test quick unit fuzz lint bench figures friction docs picture dist release clean
+.PHONY: help race test quick unit fuzz lint house bench figures friction docs picture dist release clean
 .DEFAULT_GOAL := help
 
 help:
@@ -48,10 +48,17 @@ fuzz: $(READY)
 	    -n auto --dist loadfile $(ARGS); do seed=$$((seed + 1)); done
 
 ## make lint    ruff, mypy, and the layers of the rooms
-lint: $(READY)
+lint: $(READY) house
 	$(BIN)/ruff check
-	$(BIN)/mypy
-	test ! -x $(BIN)/lint-imports || $(BIN)/lint-imports --no-cache --no-logo  # needs Python 3.11
+	cd $(HOUSE) && $(abspath $(BIN))/mypy --config-file $(CURDIR)/pyproject.toml --cache-dir $(CURDIR)/.mypy_cache
+	test ! -x $(BIN)/lint-imports || (cd $(HOUSE) && \
+	    $(abspath $(BIN))/lint-imports --config $(CURDIR)/pyproject.toml --no-cache --no-logo)  # needs Python 3.11
+
+# The packages as they lie once installed, so that types and imports are checked across the top-level folders.
+HOUSE := build/house
+house:
+	@rm -rf $(HOUSE) && mkdir -p $(HOUSE)/fg_mujoco
+	@ln -s $(CURDIR)/fg_mujoco/* $(foreach part,models tracks controllers addons,$(CURDIR)/$(part)) $(HOUSE)/fg_mujoco/
 
 ## make bench   how fast it is, on an idle machine; some ten minutes
 bench: $(READY)

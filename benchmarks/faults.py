@@ -24,7 +24,7 @@ from common import parser, report, table
 from fg_mujoco.compiled.kernels import cache_folder
 
 ROOT = Path(__file__).parent.parent
-INSIDE = ("controllers", "models", "tracks")
+INSIDE = ("addons", "controllers", "models", "tracks")
 """Folders of the repository that are installed inside fg_mujoco."""
 LINKED = ("benchmarks", "docs", "examples", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "mkdocs.yml",
           "pyproject.toml", "constraints.txt")  # fmt: skip

@@ -23,13 +23,13 @@ from common import parser, report, stay_on_cores, table
 from numpy.typing import ArrayLike
 
 import fg_mujoco as fg
-from fg_mujoco.lab.manoeuvres import GrowingSlalom
-from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.addons.realcar.identification.identification import Identification, identify_drives
 from fg_mujoco.addons.realcar.identification.problem import PARAMETERS, DriveProblem
 from fg_mujoco.addons.realcar.identification.steering_response import Steering
+from fg_mujoco.lab.manoeuvres import GrowingSlalom
+from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.vehicle.tires import AxleTires, MagicFormula
 
 DRIVES = (

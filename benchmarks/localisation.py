@@ -34,8 +34,8 @@ import fg_mujoco as fg
 from fg_mujoco.addons.drivers.localisation.distance_field import DistanceField, Distances, distance_at
 from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
 from fg_mujoco.addons.drivers.localisation.particle_filter import ParticleFilter, costs_of
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.addons.realcar.mapping.driven_map import Recorder
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 from fg_mujoco.simulation.settings import DriveSettings
 

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from common import parser, report, table
 
+from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, pace
+from fg_mujoco.addons.arena.overtaking.slower_opponents import Blocking, make_opponent
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.entries import grid_starts
@@ -32,8 +34,6 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import PlannersOfEach, adapt
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.simulation.world import World
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, pace
-from fg_mujoco.addons.arena.overtaking.slower_opponents import Blocking, make_opponent
 
 OPPONENTS = "reactive,centreline,blocking"
 RATIOS = (0.3, 0.8)  # least and greatest share of the planner's pace

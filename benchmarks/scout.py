@@ -21,13 +21,13 @@ import numpy as np
 from common import parser, report, table
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.planner import Planner
-from fg_mujoco.errors import FgMujocoError
-from fg_mujoco.racing.entries import entry_planner
-from fg_mujoco.racing.setup import Setup
-from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import GripLimits, make_raceline
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.errors import FgMujocoError
+from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
+from fg_mujoco.racing.entries import entry_planner
+from fg_mujoco.racing.setup import Setup
 
 SIX = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 SETTINGS = {"levine_slam": "[close=1.5]"}  # what a map needs that cannot be driven as it is

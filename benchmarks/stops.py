@@ -22,8 +22,8 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.slip import steered
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import held_on_circle
-from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.lab.lab_ground import LabGround
+from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle

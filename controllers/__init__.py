@@ -2,7 +2,6 @@
 
 - control: the base classes of planners, from a reference to a command, steering, speed laws, settings;
 - perception: filters of a scan, gaps in it, and where its beams point;
-- localisation: where the car is on a map, in place of the true pose;
 - safety: braking trajectories, the safety filter, recovery and the friction limiter.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package
@@ -14,9 +13,7 @@ CONTROLLERS = {
     "disparity_selection": "disparity_selection:DisparitySelection",
     "follow_the_gap": "follow_the_gap:FollowTheGap",
     "gap_finder": "gap_finder:GapFinder",
-    "overtaker": "overtaker:Overtaker",
     "pure_pursuit": "pure_pursuit:PurePursuit",
-    "scout": "scout:Scout",
     "threshold_gap": "threshold_gap:ThresholdGap",
     "wall_follow": "wall_follow:WallFollow",
     "weighted_gap": "weighted_gap:WeightedGap",

@@ -33,15 +33,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fg_mujoco.course.line_csv import require_closed
-from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
-
-from .control.driving import DrivingSettings, SpeedLaw, refer
 from fg_mujoco.addons.drivers.line_mpc import MPC, SOLVED, plan_steering
 from fg_mujoco.addons.drivers.line_optimizer import limited_grip, optimize_line, room_beside, walls_beside
 from fg_mujoco.addons.drivers.line_trackers import lqr_steering, map_steering, stanley_steering
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.course.line_csv import require_closed
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
+
+from .control.driving import DrivingSettings, SpeedLaw, refer
 from .control.planner import Planner
 from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
 from .control.racelines import (

@@ -248,8 +248,8 @@ def save(weights: Weights, path: Path) -> None:
     if path.suffix == ".npz":
         np.savez(path, **weights)
         return
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
     from fg_mujoco.addons.learn.policy_files import save_policy
+    from fg_mujoco.envs.gym_environment import F1TenthEnv
 
     env = F1TenthEnv(observation="scan,speed", beam_step=STEP, speed_range=(0.0, FASTEST))
     torch, beams = require_torch(), env.observation_space["scan"].shape[0]

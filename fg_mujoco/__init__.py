@@ -19,10 +19,14 @@ from .simulation import mujoco_import as _mujoco_import  # noqa: F401  # first: 
 from .arguments import explained as _explained
 from .envs.registration import register_once_imported as _register_once_imported
 from .errors import nearest as _nearest
-from .racing.planner_texts import SCHEMES as _SCHEMES
-from fg_mujoco.addons.realcar.drives import READERS as _READERS
+from .registry import added as _added
 
 if TYPE_CHECKING:
+    from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
+    from fg_mujoco.addons.learn.parallel import parallel_env
+    from fg_mujoco.addons.look.debug import debug
+    from fg_mujoco.addons.realcar.bag_drive import identify
+
     from .course.centreline_csv import read_centreline, write_centreline
     from .course.course import Course
     from .course.formats import track_names
@@ -35,7 +39,6 @@ if TYPE_CHECKING:
     from .course.scene import Scene
     from .course.scenes.catalogue import scene_names
     from .course.track import Track
-    from fg_mujoco.addons.learn.parallel import parallel_env
     from .errors import (
         BagError,
         ControllerError,
@@ -49,12 +52,14 @@ if TYPE_CHECKING:
         TrackError,
     )
     from .intermediate_values import show
-    from .lidar.effects import LidarEffects
-    from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
     from .lab.commands import Commands
     from .lab.drive import drive
-    from .racing.entries import Entry
     from .lab.handling import handling
+    from .lidar.effects import LidarEffects
+    from .messages import STOP, CarParameters, Controller, DriveCommand, LaserScan, Odometry
+    from .pictures.plots import trace_picture, track_picture, write_run
+    from .pictures.rendering import Film, Renderer, render, write_video
+    from .racing.entries import Entry
     from .racing.planner_loading import make_controller
     from .racing.planner_sources import controller_names
     from .racing.race import race
@@ -64,23 +69,18 @@ if TYPE_CHECKING:
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, read_run
     from .racing.setup import Setup
-    from fg_mujoco.addons.realcar.bag_drive import identify
+    from .rollouts.dataset import Dataset, read_dataset
+    from .rollouts.rollout_result import RolloutResult, read_rollout
+    from .rollouts.rollouts import Executor, rollout
     from .simulation.course_loading import load_track
     from .simulation.settings import Start
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
-    from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
-    from .rollouts.dataset import Dataset, read_dataset
-    from .rollouts.rollout_result import RolloutResult, read_rollout
-    from .rollouts.rollouts import Executor, rollout
     from .vehicle.changes import CarChanges
     from .vehicle.friction_patches import Patch
     from .vehicle.tires import Tires, tire_names
     from .vehicle.vehicle import Vehicle, vehicle_names
-    from fg_mujoco.addons.look.debug import debug
-    from .pictures.plots import trace_picture, track_picture, write_run
-    from .pictures.rendering import Film, Renderer, render, write_video
 
     __version__: str
 
@@ -180,15 +180,14 @@ _PLACES = {
     "course.scene": "Scene",
     "course.scenes.catalogue": "scene_names",
     "course.track": "Track",
-    "envs.parallel": "parallel_env",
     "errors": "BagError ControllerError EngineError FgMujocoError MissingExtraError "
     "ModelError PlannerError RunFolderError SettingsError TrackError",
     "lidar.effects": "LidarEffects",
     "messages": "STOP CarParameters Controller DriveCommand LaserScan Odometry",
-    "racing.commands": "Commands",
-    "racing.drive": "drive",
+    "lab.commands": "Commands",
+    "lab.drive": "drive",
     "racing.entries": "Entry",
-    "racing.handling": "handling",
+    "lab.handling": "handling",
     "racing.planner_loading": "make_controller",
     "racing.planner_sources": "controller_names",
     "racing.race": "race",
@@ -198,29 +197,27 @@ _PLACES = {
     "racing.result": "CarResult RaceResult",
     "racing.setup": "Setup",
     "racing.run_folder": "Run read_run",
-    "ros.bag_drive": "identify",
     "intermediate_values": "show",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Start",
     "simulation.simulation": "Simulation",
     "simulation.telemetry": "TELEMETRY",
     "simulation.world": "World",
-    "studies.comparison.comparison": "Comparison compare",
-    "studies.rollout.dataset": "Dataset read_dataset",
-    "studies.rollout.rollout_result": "RolloutResult read_rollout",
-    "studies.rollout.rollouts": "Executor rollout",
+    "rollouts.dataset": "Dataset read_dataset",
+    "rollouts.rollout_result": "RolloutResult read_rollout",
+    "rollouts.rollouts": "Executor rollout",
     "vehicle.changes": "CarChanges",
     "vehicle.friction_patches": "Patch",
     "vehicle.tires": "Tires tire_names",
     "vehicle.vehicle": "Vehicle vehicle_names",
-    "viz.debug": "debug",
-    "viz.plots": "trace_picture track_picture write_run",
-    "viz.rendering": "Film Renderer render write_video",
+    "pictures.plots": "trace_picture track_picture write_run",
+    "pictures.rendering": "Film Renderer render write_video",
 }
 """Module -> what of it is public."""
 
-_HOMES = {name: module for module, names in _PLACES.items() for name in names.split()}
-_MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"controllers", "f110", "kernels", "models"}
+_HOMES = {name: f"fg_mujoco.{module}:{name}" for module, names in _PLACES.items() for name in names.split()}
+_HOMES |= _added("NAMES")
+_MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"addons", "compiled", "controllers", "models"}
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
@@ -237,7 +234,7 @@ _ELSEWHERE = {
 def __getattr__(name: str) -> _Any:
     """Import what is public when it is first used; refuse another name with the one that was probably meant."""
     if name in _HOMES:
-        found = getattr(_import_module(f".{_HOMES[name]}", __name__), name)
+        found = getattr(_import_module(_HOMES[name].partition(":")[0]), name)
         if isinstance(found, _FunctionType):
             found = _explained(found)
             found.__module__ = __name__  # by which it is pickled
@@ -258,7 +255,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-_SCHEMES["policy"] = "fg_mujoco.addons.learn.policy_planner:POLICIES"
-_READERS["bag"] = "fg_mujoco.addons.realcar.bag_drive:read_bag_drive"
-_SCHEMES["ros"] = "fg_mujoco.addons.ros.node_host.ros_planner:NODES"
 _register_once_imported()

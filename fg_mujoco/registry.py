@@ -4,8 +4,8 @@
     SCENES["dead_end"] = "fg_mujoco.course.scenes.corners:dead_end"
     make = SCENES.find("dead_end")
 
-A room that needs things of upper rooms holds a registry. `fg_mujoco/__init__.py`, which is above all rooms, fills it
-with texts, so that no room imports from an upper one. Other packages register theirs as entry points of the group:
+The core imports no add-on. `addons/__init__.py` has a table of what add-ons provide, as texts, and `added` reads it, so
+that an add-on is imported when something of it is used. Other packages register theirs as entry points of the group:
 
     [project.entry-points."fg_mujoco.scenes"]
     my_scene = "my_package.my_module:my_scene"
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from .errors import FgMujocoError, accepted_names
 
@@ -23,6 +23,19 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
+
+ADDONS = "fg_mujoco.addons"
+
+
+def added(kind: str) -> dict[str, str]:
+    """Return what add-ons provide of a kind: name -> "module:attribute"; nothing where there are no add-ons."""
+    try:
+        table = import_module(ADDONS)
+    except ModuleNotFoundError as error:
+        if error.name != ADDONS:
+            raise
+        return {}
+    return {name: f"{ADDONS}.{place}" for name, place in getattr(table, kind).items()}
 
 
 class Registry(Generic[T]):
@@ -86,8 +99,7 @@ class Registry(Generic[T]):
         if name in self._own:
             thing = self._own[name]
             if isinstance(thing, str):
-                module, _, attribute = thing.partition(":")
-                self._own[name] = thing = getattr(import_module(module), attribute)
+                self._own[name] = thing = self._imported(name, thing)
             return thing
         point = self.entry_point(name, others)
         origin = f"{self.kind} {name!r} of {package_of(point)}, {point.value}"
@@ -98,6 +110,26 @@ class Registry(Generic[T]):
             raise self.error(f"{origin}: {said}") from error
         if not isinstance(found, self._class):
             raise self.error(f"{origin} is a {type(found).__name__}; accepted: a {self._class.__name__}")
+        return found
+
+    def _imported(self, name: str, place: str) -> T:
+        """Return what "module:attribute" names.
+
+        Raises:
+          FgMujocoError: it is of an add-on that cannot be imported; an extra that is missing names itself.
+        """
+        module, _, attribute = place.partition(":")
+        try:
+            found: T = getattr(import_module(module), attribute)
+        except FgMujocoError:
+            raise
+        except Exception as error:
+            if not module.startswith(f"{ADDONS}."):
+                raise
+            said = " ".join(f"{type(error).__name__}: {error}".split())
+            addon = module.removeprefix(f"{ADDONS}.").partition(".")[0]
+            origin = f"{self.kind} {name!r} is of the add-on {addon}"
+            raise self.error(f"{origin}, which cannot be imported: {said}") from error
         return found
 
     def entry_point(self, name: str, others: str = "") -> EntryPoint:
@@ -117,3 +149,7 @@ class Registry(Generic[T]):
 def package_of(point: EntryPoint) -> str:
     """Return the name and the version of the package that registers an entry point; of an unnamed one its text."""
     return point.value if point.dist is None else f"{point.dist.name} {point.dist.version}"
+
+
+PARTS: Registry[Any] = Registry("part", FgMujocoError, own=added("PARTS"))
+"""What add-ons provide and rooms of the core use where somebody asks for it, such as a residual policy's planner."""

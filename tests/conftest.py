@@ -103,7 +103,7 @@ def import_share(session):
     here = Path(__file__).parent
     worker, count = os.environ.get("PYTEST_XDIST_WORKER"), os.environ.get("PYTEST_XDIST_WORKER_COUNT")
     if worker and count and here in (Path(arg).resolve() for arg in session.config.args):
-        for path in sorted(here.glob("test_*.py"))[int(worker.removeprefix("gw")) :: int(count)]:
+        for path in sorted(here.rglob("test_*.py"))[int(worker.removeprefix("gw")) :: int(count)]:
             with contextlib.suppress(Exception, pytest.skip.Exception):  # it is imported again when it is collected
                 importlib.import_module(path.stem)
 

@@ -13,14 +13,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from fg_mujoco.errors import EngineError
-from fg_mujoco.rollouts.grid_study import StudyProgress
-from .labs.grading import grade
-from .labs.lab_file import read_lab
-from fg_mujoco.rollouts.store import as_json
 from fg_mujoco.cli.options import whole
 from fg_mujoco.cli.out import STUDY, add_out_options
 from fg_mujoco.cli.progress import shown_as, to_go
+from fg_mujoco.errors import EngineError
+from fg_mujoco.rollouts.grid_study import StudyProgress
+from fg_mujoco.rollouts.store import as_json
+
+from .labs.grading import grade
+from .labs.lab_file import read_lab
 
 _PASSED, _NOT_PASSED = 0, 1
 

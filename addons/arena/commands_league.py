@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .league.league import DECISION_LIMIT, DEFAULT_RULES, DEFAULT_TRACKS, PAGE, League, league
 from fg_mujoco.cli.drive_study import add_study_options, drive_study, seeds_in
 from fg_mujoco.cli.options import CAR, add_setup_options, names_in, setup_of, whole
+
+from .league.league import DECISION_LIMIT, DEFAULT_RULES, DEFAULT_TRACKS, PAGE, League, league
 
 _NOT_HERE = ("start_s", "start_offset", "start_heading", "start_speed")
 

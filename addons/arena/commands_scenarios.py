@@ -6,10 +6,11 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from .overtaking.scenario_suite import SuiteResult, drive_suite
 from fg_mujoco.cli.drive_study import add_study_options, drive_study
 from fg_mujoco.cli.options import add_setup_options, names_in, setup_of, whole
+
 from .commands_overtake import DRIVE
+from .overtaking.scenario_suite import SuiteResult, drive_suite
 
 
 def add_scenarios(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:

@@ -22,14 +22,15 @@ from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import brief, quoted
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import shown
-from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.settings import FASTEST
 from fg_mujoco.pictures.pages.table import Table
-from .comparison.comparison import USABLE, Comparison, compare
-from .comparison.run import RunRow
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.grid_study import StudyProgress
 from fg_mujoco.rollouts.intervals import per_cent, varied, wilson
 from fg_mujoco.rollouts.run_grid import as_axis
+from fg_mujoco.simulation.settings import FASTEST
+
+from .comparison.comparison import USABLE, Comparison, compare
+from .comparison.run import RunRow
 
 EVERY_MU = "all"
 """Of the rows over all coefficients."""

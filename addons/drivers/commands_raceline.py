@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.cli.options import add_setup_options, number, setup_of
 from fg_mujoco.cli.out import require_new
+from fg_mujoco.errors import SettingsError
 
 _DONE = 0
 _SETTINGS = ("vehicle", "tires", "mu", "floor", "max_speed", "obstacles", "obstacle_seed")
@@ -40,8 +40,9 @@ def add_raceline(add_command: Callable[..., argparse.ArgumentParser], commands: 
 
 
 def _raceline(options: argparse.Namespace) -> int:
-    from .racelines.raceline import make_raceline
     from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
+
+    from .racelines.raceline import make_raceline
 
     for path, ending in ((options.out, ".csv"), (options.picture, ".png")):
         if path is not None:

@@ -40,10 +40,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
-
-from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Settings, record_type, record_values, setting
+from fg_mujoco.controllers.control.planner_settings import (
+    FROM_ZERO,
+    POSITIVE,
+    SHARE,
+    Record,
+    Settings,
+    record_type,
+    record_values,
+    setting,
+)
 from fg_mujoco.controllers.control.slip import slip_angle, slip_row
+from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
 
 _RATIO = 1.06  # of neighbours in the bank
 _BELOW = 5  # of the bank lie below the start

@@ -33,14 +33,14 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
-
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.steering import arc_through, late_by, saturate
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
-from .lap_map import FAR, LAP_MAP, PLACES, tell_sides, wall_points
 from fg_mujoco.controllers.perception.scan_geometry import nearest_place, sees
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER, longitudinal_share
+from fg_mujoco.messages import FloatArray
+
+from .lap_map import FAR, LAP_MAP, PLACES, tell_sides, wall_points
 from .least_time import quicken
 
 RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]

@@ -30,10 +30,9 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
-
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.perception.scan_geometry import looks_ahead, nearest_place, period_of, sees
+from fg_mujoco.messages import FloatArray
 
 PLACES = 2048  # at most
 SPACING = 0.25  # [m] of places

@@ -13,10 +13,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.controllers.control.planner_settings import CAR
-from .friction_learning import LEARNED, learn, learning_row
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.planner_settings import CAR
 from fg_mujoco.messages import CarParameters
+
+from .friction_learning import LEARNED, learn, learning_row
 
 
 class LearnedFriction:

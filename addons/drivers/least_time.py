@@ -21,12 +21,12 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.planner_settings import Record
+from fg_mujoco.controllers.safety.friction_limiter import longitudinal_share
 from fg_mujoco.messages import FloatArray
 
 from .band_program import least_on_ring_into
 from .line_optimizer import fastest_lap
-from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.safety.friction_limiter import longitudinal_share
 
 _ENTRIES = 33  # of the tables of what cornering leaves
 _SMOOTHED = 3  # times that the derivative by the curvature is averaged over neighbours: .3 m for points .25 m apart

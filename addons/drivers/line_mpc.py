@@ -36,15 +36,15 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
-
-from .line_trackers import curvature_at, direction_at
-from .ltv_program import COUPLED, FIRST, HIGH, INPUT, LAST, LOW, MOST_ITERATIONS, SOFTNESS, solve_program
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, SPEED, STEP, X, Y, next_point
 from fg_mujoco.controllers.control.slip import arc_angle, course_angle, slip_angle, steady_arc, steered, tightest_arc
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
 from fg_mujoco.controllers.control.steering import late_by, saturate
+from fg_mujoco.messages import FloatArray
+
+from .line_trackers import curvature_at, direction_at
+from .ltv_program import COUPLED, FIRST, HIGH, INPUT, LAST, LOW, MOST_ITERATIONS, SOFTNESS, solve_program
 
 STEPS, DT = 20, 0.05  # of the horizon, and [s] of each
 SOLVED, LAST_PLAN, NO_PLAN = range(3)

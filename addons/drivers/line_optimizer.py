@@ -31,11 +31,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from .band_program import least_on_ring
 
 Objective = Literal["time", "curvature"]

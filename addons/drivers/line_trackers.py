@@ -28,13 +28,12 @@ from __future__ import annotations
 import math
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
-
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.racelines import X, Y, moved_along
 from fg_mujoco.controllers.control.slip import course_angle, steady_arc
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
+from fg_mujoco.messages import FloatArray
 
 _SPAN = 0.2  # [m] to either side of a point, for the direction of the line
 _BEND_SPAN = 0.4  # [m] the same for its curvature

@@ -24,17 +24,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray, Reading
-
 from fg_mujoco.controllers.control.driving import refer_to_goal
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
-from .other_cars import MOST_CARS, WIDEST, follow_told, is_told, read_told, watch_cars
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges
 from fg_mujoco.controllers.perception.scan_geometry import sees
-from .passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
 from fg_mujoco.controllers.safety.predictions import draw_disc, place_of, separate, track, write_predictions
+from fg_mujoco.messages import FloatArray, Reading
+
+from .other_cars import MOST_CARS, WIDEST, follow_told, is_told, read_told, watch_cars
+from .passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it
 _STEPS = 24  # of a stop

@@ -19,16 +19,16 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import FloatArray
-
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.slip import late_on_path
 from fg_mujoco.controllers.control.steering import late_by, saturate
 from fg_mujoco.controllers.control.tracking import steer_along
 from fg_mujoco.controllers.perception.corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
-from .other_cars import MOST_CARS, OTHER_CARS, TOLD
 from fg_mujoco.controllers.perception.scan_geometry import period_of
 from fg_mujoco.controllers.safety import predictions as rows
+from fg_mujoco.messages import FloatArray
+
+from .other_cars import MOST_CARS, OTHER_CARS, TOLD
 
 FOLLOWS, PASSES, DROPS_BACK = 0, 1, 2
 

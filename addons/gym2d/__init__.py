@@ -29,6 +29,7 @@ from __future__ import annotations
 from typing import Any
 
 from fg_mujoco.errors import SettingsError
+
 from .installing import install
 from .old_api import F110Env, GymEnv
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.errors import SettingsError, accepted_names
+
 from .gym_functions import get_vertices
 from .gym_world import Driving
 

@@ -22,6 +22,7 @@ from fg_mujoco.simulation.planner_failure import one_line
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+
 from .drawing import EnvRenderer, View, require_mode
 from .gym_track import Track
 from .gym_world import LAPS, Driving

@@ -15,6 +15,7 @@ from typing import Any
 from fg_mujoco.arguments import unknown_argument
 from fg_mujoco.errors import ArgumentError, SettingsError
 from fg_mujoco.messages import shown
+
 from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1FIFTH, F1TENTH, FULL_SCALE
 from .simulator import DynamicModel, Integrator

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.errors import SettingsError, accepted_names
+
 from .gym_stub import spaces
 
 _LARGE = 1e30  # of a number without limits, as in the gym

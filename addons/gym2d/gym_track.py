@@ -24,6 +24,7 @@ from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.simulation.course_loading import default_car, load_track
+
 from .maps import find_file, find_map
 
 _SPACING = 0.1  # [m] of the points of a line without a raceline's file, as in the gym

@@ -25,6 +25,7 @@ from typing import Any
 from fg_mujoco.errors import accepted_names
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .environment import TIRES, VEHICLE
 from .gym_stub import Registry, really_installed
 from .maps import FOLDER

@@ -24,6 +24,7 @@ from fg_mujoco.messages import FloatArray, shown
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_config import EnvConfig, VehicleParameters, plain_config
 from .gym_functions import deep_update

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_stub import installed_base
 from .gym_world import BEAMS, FIELD_OF_VIEW

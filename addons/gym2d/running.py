@@ -19,6 +19,7 @@ import numpy as np
 
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.simulation.old_numpy import BEFORE_1_24, BEFORE_2, advice
+
 from .installing import install, is_of_the_script
 
 _HERE = str(Path(__file__).parent)

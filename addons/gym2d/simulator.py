@@ -28,6 +28,7 @@ from fg_mujoco.messages import FloatArray, shown
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+
 from .gym_track import Track
 from .gym_world import BEAMS, FIELD_OF_VIEW, Driving, shifted
 from .maps import find_map

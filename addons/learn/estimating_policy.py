@@ -25,6 +25,7 @@ except ImportError as error:
     raise missing_extra("training needs Stable-Baselines3", "train") from error
 
 from fg_mujoco.envs.observer import PRIVILEGED
+
 from .stable_baselines3_env import AsymmetricPolicy
 
 _WIDTHS = (128, 64)  # of the estimator's hidden layers

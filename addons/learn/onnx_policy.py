@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.course.documents import read_json
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError, missing_extra
 from fg_mujoco.simulation.planner_failure import one_line
+
 from .perceptron import Perceptron
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from .policy_shapes import ACTION_SIZE, Act, Values, observed_shapes, parts_of, require_shapes
 
 METADATA = "fg_mujoco_policy"

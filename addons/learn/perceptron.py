@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import shown
 
 Values = NDArray[np.float32]

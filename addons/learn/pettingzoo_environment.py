@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Remade
 from fg_mujoco.display import brief
-from fg_mujoco.errors import MessageError, SettingsError, accepted_names, missing_extra
-from fg_mujoco.messages import require_whole, shown
-from fg_mujoco.simulation.cars import GREATEST_CARS
 from fg_mujoco.envs.actions import one_action
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.episode_draws import read_options
 from fg_mujoco.envs.episodes import Episodes
 from fg_mujoco.envs.rendering import WorldViews
 from fg_mujoco.envs.worlds import Worlds
+from fg_mujoco.errors import MessageError, SettingsError, accepted_names, missing_extra
+from fg_mujoco.messages import require_whole, shown
+from fg_mujoco.simulation.cars import GREATEST_CARS
 
 try:
     import gymnasium

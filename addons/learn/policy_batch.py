@@ -8,31 +8,21 @@ of one file are evaluated in one call.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import PlannerError
-from fg_mujoco.messages import Controller
-from fg_mujoco.simulation.planner_adapter import Cars, Reasons
-from .policy_files import Policy
 from fg_mujoco.envs.policy_interface import OwnState
-from .policy_planner import PolicyPlanner
+from fg_mujoco.errors import PlannerError
+from fg_mujoco.simulation.planner_adapter import Cars, Reasons
+
+from .policy_files import Policy
+
+if TYPE_CHECKING:
+    from .policy_planner import PolicyPlanner
 
 Mask = NDArray[np.bool_]
-
-
-def batch_key(planner: Controller) -> str | None:
-    """Return a text that is the same for planners that can be asked together; None: this one cannot.
-
-    It can where its policy is a network of ours that takes a flat observation of LiDAR, odometry and its commands, and
-    corrects no planner.
-    """
-    if not isinstance(planner, PolicyPlanner) or planner.sensors or planner.policy.network is None:
-        return None
-    interface = planner.policy.interface
-    return str(interface.described()) if interface.observation.flat and interface.residual is None else None
 
 
 class PolicyBatch:

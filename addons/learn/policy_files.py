@@ -31,13 +31,14 @@ from fg_mujoco.course.documents import read_json
 from fg_mujoco.course.files import is_folder, read_bytes
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import brief, quoted
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import shown
 from fg_mujoco.racing.planner_texts import POLICY_ENDINGS, POLICY_FILE
 from fg_mujoco.racing.run_folder import remember_made
 from fg_mujoco.simulation.planner_failure import one_line
+
 from .perceptron import Perceptron
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes, shapes_text
 
 FORMAT = "fg_mujoco policy 1"

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.envs.observations import Observed
 from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.errors import SettingsError
 
 Values = NDArray[np.float32]
 Act = Callable[[Any], Values]

@@ -99,6 +99,10 @@ class Residual:
         """Return the fields as JSON takes them."""
         return asdict(self)
 
+    def planners(self, context: PlannerContext, beams: Beams, count: int) -> BasePlanners:
+        """Return the base planners of so many cars, which decide beside a policy; arguments and errors as there."""
+        return BasePlanners(self, context, beams, count)
+
     def make(self, context: PlannerContext) -> Controller:
         """Return a new base planner.
 

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.course.writing import write_file
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require, require_whole, shown
 from fg_mujoco.racing.planner_choice import ControllerChoice, Value
 from fg_mujoco.racing.planner_sources import find_controller
 from fg_mujoco.racing.randomization import Choice, Randomization
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 
 SNAPSHOTS = "opponents"
 """Folder of a training with the earlier versions of its policy."""

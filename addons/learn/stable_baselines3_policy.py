@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.course.documents import read_json
-from fg_mujoco.errors import SettingsError, missing_extra
-from fg_mujoco.simulation.planner_failure import one_line
 from fg_mujoco.envs.observations import Observed
 from fg_mujoco.envs.observer import PRIVILEGED
-from .perceptron import Layer, Normaliser, Perceptron
 from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.errors import SettingsError, missing_extra
+from fg_mujoco.simulation.planner_failure import one_line
+
+from .perceptron import Layer, Normaliser, Perceptron
 from .policy_shapes import Act, Values, observed_shapes, parts_of, require_shapes
 
 MEMBER = "fg_mujoco.json"

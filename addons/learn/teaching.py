@@ -26,12 +26,13 @@ try:
 except ImportError as error:
     raise missing_extra("training needs Stable-Baselines3", "train") from error
 
+from fg_mujoco.envs.observer import FLAT, PRIVILEGED
 from fg_mujoco.messages import Controller, FloatArray, PlannerContext, Reading
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, Surroundings, adapt
 from fg_mujoco.simulation.planner_adapter import start as start_planner
-from fg_mujoco.envs.observer import FLAT, PRIVILEGED
+
 from .stable_baselines3_env import F1TenthVecEnv
 from .training_settings import Teacher, TrainingProgress
 

@@ -27,12 +27,13 @@ from typing import TYPE_CHECKING, Any
 from fg_mujoco.course.documents import read_json
 from fg_mujoco.course.files import is_file, read_text
 from fg_mujoco.display import brief, quoted
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError, missing_extra
 from fg_mujoco.messages import shown
 from fg_mujoco.racing.run_folder import check_run_folder, was_made_here
 from fg_mujoco.simulation.settings import known_settings
+
 from .policy_files import read_content
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from .self_play import Snapshots
 from .stable_baselines3_policy import load_model, restore_normalize, zip_description
 from .training_settings import CHECKPOINTS, LOG, MAY_CHANGE, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings

@@ -15,8 +15,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, TensorBoardOutputFormat
 
 from fg_mujoco.course.writing import write_file
-from .policy_files import policy_content, save_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
+
+from .policy_files import policy_content, save_policy
 from .self_play import Snapshots
 from .stable_baselines3_env import EpisodeLog, F1TenthVecEnv
 from .training_settings import CHECKPOINTS, LOG, PROGRESS, SCHEMA, SETTINGS, TrainingProgress, TrainingSettings

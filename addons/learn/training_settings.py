@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.course.files import is_file
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import require, require_whole, shown
 from fg_mujoco.simulation.settings import as_part
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
+
 from .self_play import USUAL_RACE, SelfPlay
 
 SETTINGS, PROGRESS, CHECKPOINTS, LOG = "training.json", "progress.jsonl", "checkpoints", "log"

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.cli.options import add_trust_option, number
+from fg_mujoco.errors import SettingsError
 
 PAGE = "debug.html"
 """Name of the page in a run folder."""
@@ -32,8 +32,9 @@ def add_debug(add_command: Callable[..., argparse.ArgumentParser], commands: Any
 
 
 def _debug(options: argparse.Namespace) -> int:
-    from .debug import debug
     from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
+
+    from .debug import debug
 
     path, picture = options.out, options.picture
     if path is None and picture is None:

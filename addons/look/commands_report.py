@@ -9,12 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.errors import MissingExtraError, SettingsError
 from fg_mujoco.cli.options import add_trust_option, number
+from fg_mujoco.cli.out import PAGE
 from fg_mujoco.cli.progress import ProgressLine, to_go
-
-PAGE = "report.html"
-"""Name of the report in a run folder."""
+from fg_mujoco.errors import MissingExtraError, SettingsError
+from fg_mujoco.registry import PARTS
 
 _DONE = 0
 _USUAL_CLIP = 8.0  # [s]
@@ -34,6 +33,7 @@ def add_report(add_command: Callable[..., argparse.ArgumentParser], commands: An
 def report_race(folder: str | Path) -> None:
     """Write the report of a race into its run folder, without video, where there is what it takes; else say how."""
     from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
+
     from .report import write_report
 
     try:
@@ -45,7 +45,7 @@ def report_race(folder: str | Path) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from fg_mujoco.addons.arena.comparison.pages import is_comparison, write_comparison_report
+
     from .report import write_report
 
     if not 0.0 < options.clip <= 600.0:
@@ -58,10 +58,11 @@ def _report(options: argparse.Namespace) -> int:
                 left = (time.perf_counter() - began) / max(done, 1) * (of - done)
                 line.write(f"{what} {done}/{of}{to_go(left)}")
 
-        if is_comparison(options.folder):
+        if "is comparison" in PARTS and PARTS.find("is comparison")(options.folder):
             if options.out is not None:
                 raise SettingsError("--out is of the page of a run; accepted: without, pages go to DIR/report/")
-            page, pages = write_comparison_report(options.folder, watch, trust=options.trust), "and a page for each run"
+            write = PARTS.find("comparison report")
+            page, pages = write(options.folder, watch, trust=options.trust), "and a page for each run"
         else:
             path = options.out or Path(options.folder) / PAGE
             if path.suffix.lower() not in (".html", ".htm"):

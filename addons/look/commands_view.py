@@ -32,6 +32,7 @@ def add_view(add_command: Callable[..., argparse.ArgumentParser], commands: Any)
 
 def _view(options: argparse.Namespace) -> int:
     from fg_mujoco.errors import SettingsError
+
     from .live.browser import HOST, PORT, LiveView, check_port, require_viser
     from .live.desktop import require_display, run_desktop
     from .live.live_session import LiveSession

@@ -22,19 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.course.files import file_sha256
-from fg_mujoco.errors import BagError, SettingsError
-from fg_mujoco.messages import CarParameters
-from .drives.channels import Channel
-from .drives.drive_checks import check_drive
-from .drives.drive_columns import DriveColumns
-from .drives.drive_recording import RecordedDrive
-from .drives.reading import kind_of, read_measured_run, refuse_for_kind
-from .drives.reading import read_drive as recorded_drive
-from .identification.drive_log import Drive
-from .identification.fit import require_scipy
-from .identification.identification import BUDGET, Identification, check_front_drive, identify_drives
-from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from fg_mujoco.addons.ros.bag_messages import (
     DRIVE,
     IMU,
@@ -50,6 +37,20 @@ from fg_mujoco.addons.ros.bag_messages import (
 from fg_mujoco.addons.ros.bag_reader import POSES, Clock, pose_of
 from fg_mujoco.addons.ros.bag_recording import Recording, Topic
 from fg_mujoco.addons.ros.composed_topics import SPEED_TO_ERPM
+from fg_mujoco.course.files import file_sha256
+from fg_mujoco.errors import BagError, SettingsError
+from fg_mujoco.messages import CarParameters
+from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
+
+from .drives.channels import Channel
+from .drives.drive_checks import check_drive
+from .drives.drive_columns import DriveColumns
+from .drives.drive_recording import RecordedDrive
+from .drives.reading import kind_of, read_measured_run, refuse_for_kind
+from .drives.reading import read_drive as recorded_drive
+from .identification.drive_log import Drive
+from .identification.fit import require_scipy
+from .identification.identification import BUDGET, Identification, check_front_drive, identify_drives
 
 ACCEPTED = (
     f"steering by {DRIVE} or {JOINTS}, wheel speed by {JOINTS}, {ODOMETRY} or {MOTOR}, yaw rate by {IMU} or {ODOMETRY}"

@@ -11,29 +11,29 @@ from os.path import abspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
+from fg_mujoco.cli.options import add_setup_options, in_one_line, number, setup_of
+from fg_mujoco.cli.out import RUN, require_new, write_page
+from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.course.course import describe_course
-from fg_mujoco.course.maps.map_server import require_maps_extra
+from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
 from fg_mujoco.course.writing import temporary_folder
 from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
-from .mapping.ray_model import RESOLUTION
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.run_folder import check_run_folder, read_run
-from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from fg_mujoco.simulation.course_loading import load_track
+
 from .drives.reading import kind_of, read_drive, refuse_for_kind
-from fg_mujoco.cli.options import add_setup_options, in_one_line, number, setup_of
-from fg_mujoco.cli.out import RUN, require_new
-from fg_mujoco.cli.progress import ProgressLine
-from fg_mujoco.addons.look.commands_report import report_race
 
 if TYPE_CHECKING:
-    from fg_mujoco.course.course import Course
-    from .mapping.recorded_map import RecordedMap
-    from .mapping.sweeps import Sweeps
     from fg_mujoco.addons.ros.bag_recording import Recording
     from fg_mujoco.addons.ros.bag_replay import PlannedCommand
+    from fg_mujoco.course.course import Course
     from fg_mujoco.vehicle.vehicle import Vehicle
+
+    from .mapping.recorded_map import RecordedMap
+    from .mapping.sweeps import Sweeps
 
 FORMATS = ("mcap",)
 
@@ -42,8 +42,8 @@ _COLUMNS = "which columns of a CSV file are what; default: a layout that is reco
 _ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
 
 
-def add_bags(add: Any, commands: Any) -> None:
-    """Add the commands; `add` makes a command."""
+def add_export(add: Any, commands: Any) -> None:
+    """Add the command; `add` is the one that adds the others."""
     command = add(commands, "export", _export, "write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags")
     command.add_argument("folder", metavar="DIR", help="written by race --out")
     command.add_argument("--format", default="mcap", metavar="NAME", help=f"{', '.join(FORMATS)}, the default")
@@ -55,6 +55,9 @@ def add_bags(add: Any, commands: Any) -> None:
         help="run the planner once more: what it shows by fg.show, and what nodes publish, is written, too",
     )
 
+
+def add_bag(add: Any, commands: Any) -> None:
+    """Add the command; `add` is the one that adds the others."""
     command = add(commands, "bag", _bag, "say what a robot's bag holds, and make a map of it that --track takes")
     command.add_argument("bag", metavar="BAG", help=_BAG)
     command.add_argument(
@@ -82,6 +85,9 @@ def add_bags(add: Any, commands: Any) -> None:
     add_setup_options(command, "vehicle")
     command.add_argument("--force", action="store_true", help="replace files that exist, and the run that DIR has")
 
+
+def add_replay_scans(add: Any, commands: Any) -> None:
+    """Add the command; `add` is the one that adds the others."""
     command = add(commands, "replay-scans", _replay_scans, "run a planner over the scans of a robot's bag")
     command.add_argument("bag", metavar="BAG", help=_BAG)
     add_setup_options(command, "controller")
@@ -120,9 +126,10 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _bag(options: argparse.Namespace) -> int:
-    from .mapping.recorded_map import make_map, map_files, write_map
     from fg_mujoco.addons.ros.bag_recording import Recording
+
     from .bag_mapping.poses import read_sweeps
+    from .mapping.recorded_map import make_map, map_files, write_map
 
     if _is_csv(options):
         if options.map is not None or options.out is not None:
@@ -174,7 +181,7 @@ def _write_run(
 
     with contextlib.redirect_stdout(sys.stderr):
         write_recorded_run(bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic)
-        report_race(options.out)
+        write_page(options.out)
     print(f"written to {options.out}: {read_run(options.out)!r}")
 
 
@@ -200,6 +207,7 @@ def _is_csv(options: argparse.Namespace) -> bool:
 def _replay_scans(options: argparse.Namespace) -> int:
     from fg_mujoco.addons.ros.bag_reader import ScanBag
     from fg_mujoco.addons.ros.bag_replay import check_commands_file, planned
+
     from .drives.drive_scans import deliveries
 
     from_csv = _is_csv(options)

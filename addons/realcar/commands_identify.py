@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.cli.options import number
 from fg_mujoco.cli.out import require_new
 from fg_mujoco.cli.progress import shown_as
+from fg_mujoco.errors import SettingsError
 
 _DONE = 0
 
@@ -58,14 +58,15 @@ def add_identify(add_command: Callable[..., argparse.ArgumentParser], commands: 
 
 
 def _identify(options: argparse.Namespace) -> int:
+    from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
+    from fg_mujoco.vehicle.vehicle import Vehicle
+
     from .bag_drive import identify
     from .identification.fit import require_scipy
     from .identification.identification import BUDGET
     from .identification.identification_page import write_identification_report
     from .identification.tire_file import check_tire_file, write_tires
     from .identification.vehicle_file import write_vehicle
-    from fg_mujoco.vehicle.vehicle import Vehicle
-    from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
 
     require_scipy()
     folder = None if options.out.suffix else options.out

@@ -9,14 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.course.maps.map_server import require_maps_extra
-from fg_mujoco.errors import SettingsError
-from .mapping.ray_model import RESOLUTION
 from fg_mujoco.cli.config import add_config
 from fg_mujoco.cli.options import CAR, add_setup_options, number, setup_of
 from fg_mujoco.cli.out import require_new
 from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.cli.race import RaceWatch
+from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
+from fg_mujoco.errors import SettingsError
 
 _LAPS = 2
 _DONE, _NOT_DONE = 0, 1

@@ -7,13 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from fg_mujoco.cli.options import add_setup_options, setup_of, whole
+from fg_mujoco.cli.out import require_new
+from fg_mujoco.cli.progress import shown_as
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.pictures.pages.page import writing
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.cli.options import add_setup_options, setup_of, whole
-from fg_mujoco.cli.out import require_new
-from fg_mujoco.cli.progress import shown_as
+
 from .commands_validate_beams import add_beam_options, validate_beams
 
 _DONE = 0
@@ -40,10 +41,11 @@ def add_validate(add_command: Callable[..., argparse.ArgumentParser], commands: 
 
 def _validate(options: argparse.Namespace) -> int:
     from fg_mujoco.messages import require_whole
+    from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
+
     from .validation.scoreboard import scoreboard
     from .validation.validation import validate
     from .validation.validation_page import write_validation_page
-    from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
 
     if options.beams:
         for name in ("scoreboard", "report", "csv"):

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.course.writing import write_file
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.cli.out import require_new
 from fg_mujoco.cli.progress import shown_as
+from fg_mujoco.course.writing import write_file
+from fg_mujoco.errors import SettingsError
 
 
 def add_beam_options(add: Callable[..., Any]) -> None:
@@ -31,6 +31,7 @@ def validate_beams(options: argparse.Namespace) -> str:
       TrackError: a map that cannot be read.
     """
     from fg_mujoco.course.maps.wall_rays import MapWalls
+
     from .drives.beam_comparison import compare_beams
     from .drives.beam_text import comparison_text
     from .drives.reading import read_drive

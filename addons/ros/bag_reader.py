@@ -35,6 +35,7 @@ import numpy as np
 
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, Odometry
+
 from .bag_frames import FrameTree, flat, is_world, plain, planar
 from .bag_messages import (
     DRIVE,

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.course.files import read_text
 from fg_mujoco.errors import BagError, FgMujocoError
+
 from .bag_messages import USUAL, require_ros_extra, type_store
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
 from .composed_topics import composed_topics

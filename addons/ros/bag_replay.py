@@ -17,6 +17,7 @@ from fg_mujoco.course.writing import staged_file
 from fg_mujoco.errors import BagError, SettingsError
 from fg_mujoco.messages import Controller, DriveCommand
 from fg_mujoco.simulation.planner_adapter import plan, start
+
 from .bag_messages import drive_message
 from .bag_reader import Delivery
 from .bag_writer import KEPT, BagWriter

@@ -21,6 +21,7 @@ import numpy as np
 
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import FloatArray, LaserScan
+
 from .bag_messages import nanoseconds, stamp_of
 
 _FLAT = math.cos(math.radians(5.0))  # of a mount that counts as level

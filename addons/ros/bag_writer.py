@@ -68,6 +68,7 @@ from fg_mujoco.simulation.telemetry import COMMAND
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.car import car_parameters, element_id
 from fg_mujoco.vehicle.sensors import Sensor
+
 from .bag_messages import (
     BASE_FRAME,
     DRIVE,

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import DriveCommand, Odometry
+
 from .bag_messages import (
     DRIVE,
     IMU,

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from fg_mujoco.course.track import LONGEST
 from fg_mujoco.errors import ModelError
-from fg_mujoco.addons.realcar.mapping.ray_model import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from fg_mujoco.messages import FloatArray
 
 _MARGIN = 5  # [cells] round the walls

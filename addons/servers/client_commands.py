@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from fg_mujoco.messages import DriveCommand, shown
 from fg_mujoco.addons.ros.bag_messages import DRIVE, heading_of
 from fg_mujoco.addons.ros.node_host.drive_topics import steering_of_twist
+from fg_mujoco.messages import DriveCommand, shown
 
 ACKERMANN, TWIST = "ackermann_msgs/msg/AckermannDrive", "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"

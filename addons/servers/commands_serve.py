@@ -9,17 +9,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fg_mujoco.errors import ControllerError
-from fg_mujoco.messages import STOP
 from fg_mujoco.cli.config import add_config
 from fg_mujoco.cli.options import CAR, add_setup_options, add_trust_option, number, setup_of, whole
 from fg_mujoco.cli.out import RUN, add_out_options
 from fg_mujoco.cli.race import RaceWatch, check_out, race_table
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.messages import STOP
 
 if TYPE_CHECKING:
     from fg_mujoco.racing.race import RaceProgress
     from fg_mujoco.racing.result import RaceResult
     from fg_mujoco.racing.setup import Setup
+
     from .autodrive.devkit import DevKit
 
 _DONE, _NOT_DONE = 0, 1
@@ -80,8 +81,9 @@ def _add_live_options(command: argparse.ArgumentParser, port: int, **texts: str)
 
 
 def _foxglove(options: argparse.Namespace) -> int:
-    from .foxglove_server import HOST, PORT, FoxgloveServer, require_foxglove
     from fg_mujoco.addons.look.live.live_session import LiveSession
+
+    from .foxglove_server import HOST, PORT, FoxgloveServer, require_foxglove
 
     require_foxglove()
     host, port = options.host or HOST, PORT if options.port is None else options.port
@@ -96,9 +98,10 @@ def _foxglove(options: argparse.Namespace) -> int:
 
 
 def _rosbridge(options: argparse.Namespace) -> int:
+    from fg_mujoco.addons.look.live.live_session import LiveSession
+
     from .rosbridge.network import require_rosbridge
     from .rosbridge.server import HOST, PORT, RosbridgeServer
-    from fg_mujoco.addons.look.live.live_session import LiveSession
 
     require_rosbridge()
     host, port = options.host or HOST, PORT if options.port is None else options.port
@@ -146,8 +149,8 @@ def _with_devkits(setup: Setup, devkits: Sequence[DevKit]) -> Setup:
 
 def _race_on(setup: Setup, devkits: Sequence[DevKit], out: str | None, picture: bool) -> int:
     """Race, and once more whenever a DevKit asks for the simulation to begin anew."""
+    from fg_mujoco.cli.out import write_page
     from fg_mujoco.pictures.plots import write_run
-    from fg_mujoco.addons.look.commands_report import report_race
 
     number, again = 0, True
     while again:
@@ -155,7 +158,7 @@ def _race_on(setup: Setup, devkits: Sequence[DevKit], out: str | None, picture: 
         again = any(devkit.reset_asked for devkit in devkits)
         folder = None if out is None else f"{out}/{number}" if again or number > 1 else out
         if folder is not None:
-            write_run(result, folder, picture=picture, add=report_race)
+            write_run(result, folder, picture=picture, add=write_page)
         print(race_table(result, folder), flush=True)
         if again and number == _MOST_RACES:
             raise ControllerError(f"a DevKit has asked for a reset {number} times; accepted: fewer in one command")

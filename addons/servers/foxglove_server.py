@@ -37,9 +37,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, missing_extra
-from fg_mujoco.messages import STOP, DriveCommand, shown
-from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.addons.look.live.browser import check_port
 from fg_mujoco.addons.look.live.browser_shapes import Shape, world_shapes
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -64,8 +61,12 @@ from fg_mujoco.addons.ros.bag_messages import (
     transform_message,
 )
 from fg_mujoco.addons.ros.bag_writer import LATCHED, car_mounts
-from .client_commands import HELD, TWIST, command_of, pose_of
 from fg_mujoco.addons.ros.occupancy_grid import grid_of
+from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, missing_extra
+from fg_mujoco.messages import STOP, DriveCommand, shown
+from fg_mujoco.simulation.physics import STATE
+
+from .client_commands import HELD, TWIST, command_of, pose_of
 
 HOST, PORT = "127.0.0.1", 8765
 

@@ -28,14 +28,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray, require
-
-from fg_mujoco.addons.drivers.lap_map import see_lap
-from ..perception.scan_filters import widen_all
-from ..perception.scan_geometry import beams_between, period_of
-from ..safety.braking_trajectories import safe_speed
 from fg_mujoco.addons.drivers.friction_learning import (
     LEARNED,
     LEARNING,
@@ -45,9 +37,17 @@ from fg_mujoco.addons.drivers.friction_learning import (
     true_steering,
     use_friction,
 )
+from fg_mujoco.addons.drivers.known_line import AWAY, ON, follow_line, forget_line, shape_line
+from fg_mujoco.addons.drivers.lap_map import see_lap
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import CarParameters, FloatArray, require
+
+from ..perception.scan_filters import widen_all
+from ..perception.scan_geometry import beams_between, period_of
+from ..safety.braking_trajectories import safe_speed
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
-from fg_mujoco.addons.drivers.known_line import AWAY, ON, follow_line, forget_line, shape_line
 from ..safety.predictions import MOST_LATE, PREDICTIONS, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, least_cornering, passing_steering, safe_steering

@@ -34,10 +34,12 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.addons.drivers.friction_learning import levels
+from fg_mujoco.addons.drivers.known_line import REMEMBERED
 from fg_mujoco.arguments import Remade
 from fg_mujoco.compiled.array_table import ArrayTable, flags, matrix, read_only, rows, table_at
-from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import (
     ODOMETRY,
     CarParameters,
@@ -54,10 +56,8 @@ from ..perception.intermediate_scans import IntermediateScans, keep
 from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN, scan_values, sees
 from ..safety.braking_trajectories import TRAJECTORIES, BrakingTrajectories, trajectories_of
-from fg_mujoco.addons.drivers.friction_learning import levels
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
-from fg_mujoco.addons.drivers.known_line import REMEMBERED
 from ..safety.predictions import foresee
 from ..safety.safety_filter import EVASIVE
 from .driving import (

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.course.line_csv import read_line_csv
 from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..safety.friction_limiter import FrictionLimiter, longitudinal_share

@@ -40,8 +40,8 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, DriveCommand, Odometry, require
 
 from ..control.planner_settings import (

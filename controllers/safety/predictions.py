@@ -27,12 +27,12 @@ import math
 
 import numpy as np
 
+from fg_mujoco.addons.drivers.other_cars import MOST_CARS
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, FloatArray
 
 from ..control.planner_settings import Record
 from ..control.slip import course_angle
-from fg_mujoco.addons.drivers.other_cars import MOST_CARS
 from ..perception.scan_geometry import nearest_place, sees
 from ..perception.targets import MOST_TARGETS, TARGETS, track_targets
 

@@ -15,14 +15,13 @@ from ..errors import SettingsError
 from ..lab.commands import COLUMNS
 from ..lab.drive import drive
 from ..lab.handling import handling
-from ..racing.hints import clamped_hint
 from ..lab.manoeuvres import MANOEUVRES
-from ..racing.run_folder import check_run_folder, summary_json
 from ..pictures.plots import write_run
+from ..racing.hints import clamped_hint
+from ..racing.run_folder import check_run_folder, summary_json
 from .config import add_config
 from .options import add_setup_options, add_trust_option, can_draw, number, setup_of
-from .out import RUN, add_out_options
-from fg_mujoco.addons.look.commands_report import PAGE, report_race
+from .out import PAGE, RUN, add_out_options, write_page
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
@@ -77,7 +76,7 @@ def _drive(options: argparse.Namespace) -> int:
         result = drive(options.commands, speed=options.speed, setup=setup_of(options))
     if options.out is not None:
         write_run(result, options.out, picture=picture)
-        report_race(options.out)
+        write_page(options.out)
     print(_json(result) if options.json else _table(result, options.out))
     hint = clamped_hint(result.car.telemetry, result.world.parameters)
     if hint:

@@ -1,4 +1,4 @@
-"""The command `fg-mujoco`: race, replay, make and show tracks; `rollout` is in rollout_cli.
+"""The command `fg-mujoco`: its parser, its exit codes, and the registry of its commands.
 
 Exit codes: 0 all went well, 1 a race that was not driven to its end or a replay that differs, 2 input that cannot be
 used, or a file that cannot be written (one line on stderr, nothing written).
@@ -15,14 +15,13 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from importlib import import_module
 from typing import Any, NoReturn
 
 from ..course.formats import track_names
-from ..errors import FgMujocoError, FinalWarning, accepted_names, nearest
+from ..errors import FgMujocoError, FinalWarning, SettingsError, accepted_names, nearest
 from ..racing.planner_sources import controller_names
 from ..racing.planner_texts import scheme_of
-from ..racing.replay import decisions_again, replay
+from ..registry import Registry, added
 from .config import parse
 from .options import (
     in_one_line,
@@ -31,7 +30,7 @@ from .options import (
 from .out import chosen_folder
 from .words import command_for
 
-_DONE, _NOT_DONE, _BAD_INPUT = 0, 1, 2
+_NOT_DONE, _BAD_INPUT = 1, 2
 _INTERRUPTED, _TERMINATED = 130, 143  # what shells call a command that Ctrl-C, and one that SIGTERM has ended
 
 
@@ -182,57 +181,66 @@ _MEANS = {"--track": _names_a_course, "--controller": _names_a_planner}
 """Option -> whether a word is a value of it."""
 
 
-_COMMANDS = (
-    "race", "replay", "drive", "track", "controllers", "vehicles", "rollout", "compare", "overtake", "scenarios",
-    "league", "grade", "train", "evaluate", "render", "report", "debug", "view", "serve", "friction", "map",
-    "raceline", "identify", "validate", "bags",
+COMMANDS: Registry[Callable[..., None]] = Registry(
+    "command",
+    SettingsError,
+    own={
+        name: f"fg_mujoco.cli.{module}:add_{name}"
+        for name, module in (
+            ("race", "race"), ("replay", "replay"), ("drive", "drive"), ("track", "track"),
+            ("controllers", "controllers"), ("vehicles", "vehicles"), ("rollout", "rollout"), ("render", "render"),
+            ("friction", "friction"),
+        )
+    } | added("COMMANDS"),
 )  # fmt: skip
-"""In the order in which the help lists them."""
-
-
-_MODULES = {"evaluate": "train"}
-"""Module of a command that is not called as the command is."""
+"""Commands in the order of the help: nine of the core, then those of add-ons -> the function that adds one."""
 
 
 class _Version(argparse.Action):
     """Prints the version, which takes a while to look up."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from .. import __version__
+        from importlib.metadata import version
 
-        print(f"fg-mujoco {__version__}")
+        print(f"fg-mujoco {version('fg-mujoco')}")
         parser.exit()
 
 
 def _first(arguments: Sequence[str] | None) -> str | None:
     """Return the command of a command line, if the shell does not ask what it may become."""
     given = sys.argv[1:] if arguments is None else arguments
-    return given[0] if given and given[0] in _COMMANDS and "_ARGCOMPLETE" not in os.environ else None
+    return given[0] if given and given[0] in COMMANDS and "_ARGCOMPLETE" not in os.environ else None
 
 
 @cache
 def _parser(only: str | None = None) -> argparse.ArgumentParser:
     """Return the parser of one command, or of all: their options name what there is, which takes a while to import."""
-    parser = _Parser(prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False)
+    parser = _Parser(
+        prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False,
+        epilog=_addons_text(), formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
-    commands = parser.add_subparsers(title="commands", required=True)
-    for name in _COMMANDS if only is None else (only,):
-        if name == "replay":
-            command = _add(commands, name, _replay, "simulate a run folder again and compare it bit for bit")
-            command.add_argument("folder", metavar="DIR", help="written by race --out")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    of_addons, completes = added("COMMANDS"), "_ARGCOMPLETE" in os.environ
+    for name in COMMANDS if only is None else (only,):
+        if only is None and name in of_addons and not completes:
+            commands.add_parser(name, add_help=False)  # known by its name; its options are added where it is called
         else:
-            getattr(import_module(f".{_MODULES.get(name, name)}", __package__), f"add_{name}")(_add, commands)
+            COMMANDS.find(name)(_add, commands)
     return parser
+
+
+def _addons_text() -> str:
+    """Return the lines of the help that name the commands of each add-on."""
+    of_addons: dict[str, list[str]] = {}
+    for name, place in added("COMMANDS").items():
+        of_addons.setdefault(place.split(".")[2], []).append(name)
+    width = max(map(len, of_addons), default=0)
+    lines = [f"  {addon:<{width}}  {', '.join(names)}" for addon, names in of_addons.items()]
+    return "\n".join(["commands of add-ons:", *lines, "", "fg-mujoco COMMAND --help says what a command does."])
 
 
 def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
     command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
     command.set_defaults(run=run, command=command)
     return command
-
-
-def _replay(options: argparse.Namespace) -> int:
-    report = replay(options.folder)
-    again = decisions_again(options.folder) if report.first_difference is None else ""
-    print(f"{options.folder}: {report}", *(f"  {line}" for line in (*report.lines, again) if line), sep="\n")
-    return _DONE if report.holds else _NOT_DONE

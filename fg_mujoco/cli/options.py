@@ -14,6 +14,7 @@ from ..course.random_moving import KINDS
 from ..errors import MissingExtraError, SettingsError
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..lidar.measured_errors import effect_names
+from ..pictures.pages.figure_kit import require_matplotlib
 from ..racing.entries import GRIDS
 from ..racing.planner_choice import read_settings_text
 from ..racing.race_control import RULES
@@ -23,7 +24,6 @@ from ..vehicle.floors import floor_names
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
 from ..vehicle.vehicle import DEFAULT_VEHICLE, vehicle_names
-from ..pictures.pages.figure_kit import require_matplotlib
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
 

@@ -21,7 +21,11 @@ from pathlib import Path
 from ..course.files import is_file, is_folder, read_text
 from ..errors import RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
+from ..registry import PARTS
 from .options import OUTPUT, group
+
+PAGE = "report.html"
+"""Name of a run's page in its folder."""
 
 RUN, STUDY = "run", "study"
 """Kinds of folders that commands write."""
@@ -42,6 +46,12 @@ def add_out_options(command: argparse.ArgumentParser, kind: str, text: str, *, r
     add("--out", metavar="DIR", required=required, help=f"{text}; DIR/ numbers itself: DIR/001")
     add("--force", action="store_true", help=f"replace the {kind} that DIR has")
     command.set_defaults(folder_kind=kind)
+
+
+def write_page(folder: str | Path) -> None:
+    """Write the page of a run into its folder, where the add-on is there that makes one."""
+    if "report" in PARTS:
+        PARTS.find("report")(folder)
 
 
 @contextmanager

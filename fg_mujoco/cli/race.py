@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import FgMujocoError, RunFolderError
+from ..pictures.plots import write_run
 from ..racing.decision_times import decision_limit_text
 from ..racing.fault import NO_FAULT
 from ..racing.hints import race_hints
@@ -23,13 +24,11 @@ from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
-from ..pictures.plots import write_run
 from .config import add_config
 from .options import CAR, OUTPUT, add_setup_options, add_trust_option, can_draw, group, in_one_line, setup_of
-from .out import RUN, add_out_options
+from .out import PAGE, RUN, add_out_options, write_page
 from .progress import ProgressLine
 from .render import check_film, film_race
-from fg_mujoco.addons.look.commands_report import PAGE, report_race
 
 _DONE, _NOT_DONE = 0, 1
 
@@ -63,7 +62,7 @@ def _race(options: argparse.Namespace) -> int:
         print(failure.whole_traceback if options.traceback else failure.traceback, end="", file=sys.stderr)
     try:
         if options.out is not None:
-            write_run(result, options.out, picture=picture, add=report_race)
+            write_run(result, options.out, picture=picture, add=write_page)
     except RunFolderError:  # of a race that is driven already; `main` says why
         print(summary_json(result) if options.json else race_table(result, None))
         raise

@@ -16,8 +16,8 @@ from .options import add_trust_option, number, whole
 from .progress import ProgressLine, to_go
 
 if TYPE_CHECKING:
-    from ..racing.result import RaceResult
     from ..pictures.rendering import Film
+    from ..racing.result import RaceResult
 
 _DONE = 0
 _USUAL_SIZE = (1280, 720)

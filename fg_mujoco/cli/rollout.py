@@ -17,11 +17,11 @@ from ..errors import EngineError, SettingsError
 from ..messages import require_whole
 from ..racing.planner_sources import bundled_names
 from ..racing.setup import Setup
-from ..simulation.settings import friction_text
 from ..rollouts.recording import RECORDS, Record
 from ..rollouts.rollout_result import RolloutResult
 from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProgress, rollout_setup
 from ..rollouts.store import as_json
+from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
 from .config import add_config
 from .options import CAR, add_setup_options, add_trust_option, setup_of, whole

@@ -17,8 +17,8 @@ from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
 from ..course.writing import write_file
 from ..errors import SettingsError
-from ..simulation.course_loading import load_track
 from ..pictures.plots import track_picture
+from ..simulation.course_loading import load_track
 from .options import number
 from .out import require_new
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..errors import SettingsError
 from ..compiled.kernels import kernel
+from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require
 from .clearance import outline
 from .track import Track, follow

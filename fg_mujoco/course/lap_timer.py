@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
-from ..display import brief
 from ..compiled.kernels import kernel
+from ..display import brief
 from ..messages import FloatArray
 from .course import Course
 from .track import follow

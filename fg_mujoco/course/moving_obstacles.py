@@ -20,9 +20,9 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import SettingsError
-from ..compiled.kernels import kernel
 from ..messages import FloatArray, require
 from .obstacles import Box
 from .track_mesh import WALL_HEIGHT

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ArgumentError, SettingsError, accepted_names
 from ..compiled.kernels import kernel
+from ..errors import ArgumentError, SettingsError, accepted_names
 from ..messages import CarParameters, FloatArray, shown
 from .clearance import outline, rectangle_distance
 from .course import Course, wall_outlines

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
-from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import default_time_limit
 from .line_csv import MOST_POINTS

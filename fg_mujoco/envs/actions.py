@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MessageError, SettingsError
 from ..messages import CarParameters, FloatArray, shown
-from fg_mujoco.addons.learn.residual import Residual
 from .reward_kernels import read_actions
 
 ACTIONS = (("steering", "steering_rate"), ("speed", "acceleration"))
@@ -73,7 +72,7 @@ class ActionBounds:
       action: what its parts are, as `as_action` takes it.
       smoothing: time constant of the filter [s]; 0: there is none.
       period: of a tick [s].
-      residual: whose planner the actions correct; None: they are the commands.
+      residual: a Residual, whose planner the actions correct; None: they are the commands.
 
     Attributes:
       low: (2,) float32, least.
@@ -96,7 +95,7 @@ class ActionBounds:
         action: str = DEFAULT_ACTION,
         smoothing: float = 0.0,
         period: float = 0.025,
-        residual: Residual | None = None,
+        residual: Any = None,
     ) -> None:
         self.parts = as_action(action).split(",")
         slowest, fastest = checked_speeds(car, speed_range)

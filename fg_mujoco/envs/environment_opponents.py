@@ -28,9 +28,7 @@ from ..simulation.settings import CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action
 from .observer import Observer
-from fg_mujoco.addons.learn.policy_batch import PolicyBatch, batch_key
 from .policy_interface import Policy, PolicyInterface, row_of
-from fg_mujoco.addons.learn.residual import BasePlanners
 from .tick_state import SensedState, TickStates
 
 _ACCEPTED = (
@@ -126,7 +124,7 @@ class Opponents:
                 cars = PolicyCars(entry.controller, number, interface, observer, state, planners)  # type: ignore[arg-type]
                 self._policies.append((rows, cars))
         self._adapted: dict[int, Planners] = {}
-        self._batches: dict[str, PolicyBatch] = {}  # of policy files, of all opponents each
+        self._batches: dict[str, Any] = {}  # of policy files, of all opponents each
         self._of_each = PlannersOfEach([])
 
     def check(self, entries: Sequence[Entry]) -> None:
@@ -198,7 +196,7 @@ class Opponents:
         together: dict[str, dict[int, Any]] = {}
         for row in begun:
             planner, own = self._planners[row], int(self._places[row])
-            key = batch_key(planner)
+            key = getattr(planner, "batch_key", None)
             self._adapted.pop(row, None)
             for batch in self._batches.values():
                 batch.leave([own])
@@ -208,7 +206,7 @@ class Opponents:
                 together.setdefault(key, {})[own] = planner
         for key, planners in together.items():
             if key not in self._batches:
-                self._batches[key] = PolicyBatch(next(iter(planners.values())).policy, self.rows.size)
+                self._batches[key] = next(iter(planners.values())).new_batch(self.rows.size)
             self._batches[key].begin(planners)
         of_planners = [(np.array([row]), planners) for row, planners in self._adapted.items()]
         rows, batches = self.rows.ravel(), [batch for batch in self._batches.values() if batch]
@@ -244,7 +242,7 @@ class PolicyCars:
         interface: PolicyInterface,
         observer: Observer,
         state: SensedState | None,
-        planners: BasePlanners | None,
+        planners: Any,
     ) -> None:
         count = observer.count
         self._policy, self._number, self._interface, self._observer = policy, number, interface, observer

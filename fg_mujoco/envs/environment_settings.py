@@ -37,7 +37,6 @@ from .environment_opponents import as_entries
 from .observation_description import DEFAULT_OBSERVATION, Observation, as_privileged
 from .observations import ObservationTerm
 from .policy_interface import check_actions
-from fg_mujoco.addons.learn.residual import Residual
 from .rewards import Rewards
 from .starts import GRID_ORDERS, StartGrid
 
@@ -77,7 +76,7 @@ class EnvironmentSettings(CarSettings):
     normalised_actions: bool = False  # both parts of an action are from -1 to 1
     action_repeat: int = 1  # ticks of an environment's step
     smoothing: float = 0.0  # [s] time constant of a filter of the commands
-    residual: Residual | str | None = None  # a planner whose commands the actions correct; a mapping of its fields, too
+    residual: Any = None  # a planner whose commands the actions correct; a mapping of its fields, too
     rewards: Rewards = field(default_factory=Rewards)  # weights of the terms, by name
     end_conditions: Sequence[str | EndCondition] = ()  # that end an episode besides the race's own reasons
     observation: Any = DEFAULT_OBSERVATION  # in any way that Observation.of takes

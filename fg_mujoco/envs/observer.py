@@ -15,11 +15,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SettingsError
 from ..compiled.kernels import kernel
+from ..errors import SettingsError
 from ..messages import ODOMETRY, CarParameters, FloatArray, Reading
+from ..registry import PARTS
 from .actions import CarLimits
-from fg_mujoco.addons.drivers.learned_friction import LearnedFriction
 from .observation_description import Observation, Part, even_beams
 from .observations import ACCELEROMETER_RANGE, SCALES, Bounds, ObservationTerm, Observed
 from .reward_kernels import read_sensors
@@ -114,7 +114,7 @@ class Observer:
         commands = np.array(list(zip(angles, speed_range or (car.min_speed, car.max_speed), strict=True)), np.float32)
         of_commands = {"previous_action": actions, "planner_command": (commands[0], commands[1])}
         self._parts: dict[str, slice | ObservationTerm | SensorSize | None] = {}  # None: see `_read`
-        self._friction: LearnedFriction | None = None
+        self._friction: Any = None  # of the add-on drivers
         raw: dict[str, Bounds] = {}
         columns: list[int] = []
         for part in observation.parts:
@@ -125,9 +125,9 @@ class Observer:
                 self._range_max = min(self._range_max, part.greatest or math.inf)
                 raw[name], self._parts[name] = _bounds(0.0, self._range_max, len(self._beams)), None
             elif name == "friction":
-                raw[name], self._parts[name] = _bounds(0.0, _MOST_FRICTION, LearnedFriction.SIZE), None
                 assert parameters is not None
-                self._friction = LearnedFriction(parameters, count, period)
+                self._friction = PARTS.find("learned friction")(parameters, count, period)
+                raw[name], self._parts[name] = _bounds(0.0, _MOST_FRICTION, self._friction.SIZE), None
             else:
                 columns += _COLUMNS[name]
                 self._parts[name] = slice(first, len(columns))

@@ -34,6 +34,7 @@ from ..messages import (
     require,
     require_whole,
 )
+from ..registry import PARTS
 from ..simulation.planner_adapter import plan
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import as_part
@@ -50,7 +51,6 @@ from .actions import (
 from .observation_description import Observation
 from .observations import ON_BOARD, ObservationTerm
 from .observer import Observer, ScanBeams, Seen, SensorSize
-from fg_mujoco.addons.learn.residual import BasePlanners, Residual
 
 Policy = Callable[[Any], ArrayLike]
 """A function of an observation of one car that returns an action."""
@@ -113,7 +113,7 @@ class PolicyInterface:
     period: float  # [s] of a tick
     beams: LidarBeams
     car: CarLimits
-    residual: Residual | None = None  # whose planner the actions correct
+    residual: Any = None  # a Residual of the add-on learn, whose planner the actions correct
     parameters: CarParameters | None = None  # of the car, where it observes `friction` or has a residual; else None
 
     def __post_init__(self) -> None:
@@ -213,13 +213,13 @@ class PolicyInterface:
             latency=self.residual.latency or 0.0,
         )  # fmt: skip
 
-    def base_planners(self, beams: Beams, count: int) -> BasePlanners | None:
-        """Return the planners of so many cars whose commands the actions correct; None: they correct none.
+    def base_planners(self, beams: Beams, count: int) -> Any:
+        """Return the BasePlanners of so many cars whose commands the actions correct; None: they correct none.
 
         Raises:
           SettingsError: they cannot be built.
         """
-        return None if self.residual is None else BasePlanners(self.residual, self.planner_context, beams, count)
+        return None if self.residual is None else self.residual.planners(self.planner_context, beams, count)
 
     def observer(
         self,
@@ -373,7 +373,8 @@ class OwnState:
 def check_actions(settings: Any) -> None:
     """Raise SettingsError unless the fields that say what an action is are accepted."""
     object.__setattr__(settings, "action", as_action(settings.action))
-    object.__setattr__(settings, "residual", Residual.of(settings.residual))
+    if settings.residual is not None:
+        object.__setattr__(settings, "residual", PARTS.find("residual").of(settings.residual))
     if settings.residual is not None and settings.action != DEFAULT_ACTION:
         said = f"action is {settings.action!r}, with a residual"
         raise SettingsError(f"{said}; accepted: {DEFAULT_ACTION!r}, which are corrections of a planner's commands")
@@ -390,7 +391,7 @@ def check_actions(settings: Any) -> None:
         raise SettingsError(f"normalised_actions is {value!r}; {accepted_names(value, ('True', 'False'))}")
 
 
-def _knows_parameters(observation: Observation, residual: Residual | None) -> bool:
+def _knows_parameters(observation: Observation, residual: Any) -> bool:
     """Return whether a policy needs the parameters of its car."""
     return residual is not None or any(part.name == "friction" for part in observation.parts)
 

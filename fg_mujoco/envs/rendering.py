@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..simulation.engine import Engine
-from ..simulation.world import World
 from ..pictures.display_check import can_open_window
 from ..pictures.rendering import Renderer
+from ..simulation.engine import Engine
+from ..simulation.world import World
 
 WIDTH, HEIGHT = 640, 480  # [px]
 

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Suggesting
+from ..compiled.kernels import kernel
 from ..course.clearance import clearances, outline
 from ..course.course import wall_outlines
-from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import TELEMETRY

@@ -22,10 +22,10 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ..messages import DriveCommand, FloatArray, Odometry
+from ..pictures.pages.figure_kit import column
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES, Tires
-from ..pictures.pages.figure_kit import column
 from .braking_figures import draw_gg, draw_splits, draw_stops
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround

@@ -10,10 +10,10 @@ import numpy as np
 
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
-from ..vehicle.car import WHEELS
-from ..vehicle.vehicle import Vehicle
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
+from ..vehicle.car import WHEELS
+from ..vehicle.vehicle import Vehicle
 from .experiment import Row, Tables
 
 if TYPE_CHECKING:

@@ -27,6 +27,8 @@ import numpy as np
 
 from ..errors import ModelError
 from ..messages import FloatArray
+from ..pictures.pages import figure_kit as style
+from ..pictures.pages.figure_kit import column
 from ..simulation.settings import Start
 from ..simulation.world import World
 from ..vehicle.car import WHEELS, car_parameters, element_id
@@ -34,8 +36,6 @@ from ..vehicle.tire_forces import steps_within, tire_rows
 from ..vehicle.tire_slip import SLIDING_SPEED, slides_above
 from ..vehicle.tires import CONTACT, CONTACT_TIMESTEP, DEFAULT_TIRES, Tires
 from ..vehicle.vehicle import Vehicle
-from ..pictures.pages import figure_kit as style
-from ..pictures.pages.figure_kit import column
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import Engine
 from .lab_laps import drive_laps

@@ -19,12 +19,12 @@ import numpy as np
 
 from ..course.open_ground import OpenGround
 from ..errors import SettingsError
-from ..simulation.settings import GREATEST_SPEED, CarSettings, Start
-from .commands import SUFFIX, CommandPlayer, Commands
-from .manoeuvres import Manoeuvre, find_manoeuvre
 from ..racing.race import RaceProgress, race_setup
 from ..racing.result import RaceResult
 from ..racing.setup import OF_A_CAR, Setup, SetupKeywords
+from ..simulation.settings import GREATEST_SPEED, CarSettings, Start
+from .commands import SUFFIX, CommandPlayer, Commands
+from .manoeuvres import Manoeuvre, find_manoeuvre
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from ..errors import SettingsError
 from ..messages import require_whole
+from ..pictures.pages.figure_kit import render
 from ..vehicle.changes import GREATEST_MU
 from ..vehicle.tires import CONTACT, DEFAULT_TIRES, Tires
-from ..pictures.pages.figure_kit import render
 
 if TYPE_CHECKING:
     import matplotlib.figure

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray
-from .manoeuvres import AT_ONCE, Brake, Circle, Manoeuvre, RampSteer, StepSteer, find_manoeuvre, is_driven_by_commands
 from ..racing.resimulation import load_world
 from ..racing.result import RaceResult
 from ..racing.run_folder import Run
+from .manoeuvres import AT_ONCE, Brake, Circle, Manoeuvre, RampSteer, StepSteer, find_manoeuvre, is_driven_by_commands
 
 Column = Callable[[str], FloatArray]
 """Returns a column of the telemetry by its name."""

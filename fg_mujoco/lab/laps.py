@@ -18,11 +18,11 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 
 from ..messages import FloatArray
+from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured, theory
 from ..racing.race import race
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES
-from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured, theory
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables, no_number
 from .lap_line import best_flying_lap, driven_lap
 from .lap_time_bound import (

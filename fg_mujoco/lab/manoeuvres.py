@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
 from ..messages import CarParameters, FloatArray, require
+from ..racing.planner_choice import ControllerChoice, with_settings
 from ..simulation.settings import known_settings
 from .commands import SUFFIX, Commands
-from ..racing.planner_choice import ControllerChoice, with_settings
 
 TICK = 0.025
 """[s] Commands are sampled once a tick, at the LiDAR's rate of 40 Hz, as a planner's are."""

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..messages import FloatArray
+from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured
 from ..simulation.world import World
 from ..vehicle.car import WHEELS
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES
 from ..vehicle.vehicle import Vehicle
-from ..pictures.pages.figure_kit import COLOURS, column, finish, limit, measured
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
 

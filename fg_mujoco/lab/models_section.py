@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..vehicle.single_track import SingleTrack
 from ..pictures.pages.figure_kit import COLOURS, column, finish, measured, theory
+from ..vehicle.single_track import SingleTrack
 from .experiment import Figure, Row, Section, Tables
 
 if TYPE_CHECKING:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..messages import FloatArray
+from ..pictures.course_drawing import draw_course
+from ..pictures.pages.figure_kit import COLOURS, column, finish, measured, theory
 from ..simulation.course_loading import load_track
 from ..simulation.world import World
 from ..vehicle.car import WHEELS
@@ -19,8 +21,6 @@ from ..vehicle.friction_patches import Patch, random_patches, read_patches
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES
 from ..vehicle.vehicle import Vehicle
-from ..pictures.course_drawing import draw_course
-from ..pictures.pages.figure_kit import COLOURS, column, finish, measured, theory
 from .experiment import Cell, Figure, LabSettings, Row, Section, Tables
 from .lab_laps import LabLaps, drive_laps
 from .patch_manoeuvres import WAYS, brake_onset, circle, edge_load, onset, sliding_sideways

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from ..pictures.pages import figure_kit as style
+from ..pictures.pages.figure_kit import column
 from ..vehicle.car import WHEELS, car_parameters
 from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import DEFAULT_TIRES, Tires
 from ..vehicle.vehicle import Vehicle
-from ..pictures.pages import figure_kit as style
-from ..pictures.pages.figure_kit import column
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .rigid_car import grip_onset, onset, sliding_onset, tire_loads
 from .steady_circle import CircleReading, SteadyCircle, UnreachableError

@@ -19,10 +19,10 @@ import mujoco
 import numpy as np
 
 from ..messages import FloatArray
+from ..pictures.pages import figure_kit as style
 from ..vehicle.tire_forces import FORCE_ACROSS, FORCE_ALONG, LOAD, TireForces, put_on
 from ..vehicle.tires import AxleTires, Law, Tires, tire_names
 from ..vehicle.vehicle import Vehicle
-from ..pictures.pages import figure_kit as style
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 
 if TYPE_CHECKING:

@@ -26,10 +26,10 @@ import numpy as np
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 
 from ..messages import CarParameters, Odometry
-from ..vehicle.tires import CONTACT, Tires, tire_names
-from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
+from ..vehicle.tires import CONTACT, Tires, tire_names
+from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .curve_onset import curve_onset
 from .experiment import Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import Engine, LabGround

@@ -17,10 +17,10 @@ import numpy as np
 from fg_mujoco.controllers.control.speed import friction_speed
 
 from ..messages import DriveCommand, Odometry
-from ..vehicle.tire_slip import slides_above
-from ..vehicle.tires import DEFAULT_TIRES, Tires
 from ..pictures.pages import figure_kit as style
 from ..pictures.pages.figure_kit import column
+from ..vehicle.tire_slip import slides_above
+from ..vehicle.tires import DEFAULT_TIRES, Tires
 from .experiment import LAW_TIRES, Cell, Experiment, Figure, LabSettings, Row, Section, Tables
 from .lab_ground import LabGround
 from .reference_steering import CURVATURE, MANOEUVRES, Manoeuvre

@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
+from ..compiled.kernel_files import cache_folder, read_kept, source_digest, write_kept
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
-from ..compiled.kernel_files import cache_folder, read_kept, source_digest, write_kept
 from ..messages import FloatArray, LaserScan, ScanGeometry, read_only
 
 DEFAULT_LIDAR = "hokuyo_ust10lx.xml"

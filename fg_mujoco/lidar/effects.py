@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
-from ..errors import SettingsError, accepted_names
 from ..compiled.kernels import kernel
+from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, LaserScan, require
 from .beams import NO_RETURN_READINGS, Beams
 from .body_poses import rotated

@@ -23,9 +23,9 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError, SettingsError, accepted_names
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays

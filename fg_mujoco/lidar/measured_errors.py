@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..course.documents import read_toml_table
 from ..course.files import read_setting
 from ..display import brief
 from ..errors import SettingsError, accepted_names
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
 
 MOST_KNOTS = 32

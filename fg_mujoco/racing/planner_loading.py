@@ -11,17 +11,15 @@ import inspect
 import os
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import ControllerError, SettingsError, accepted_names
 from ..messages import CarParameters, Controller, MapLine, PlannerContext
+from ..registry import PARTS
 from ..simulation.course_loading import load_track
 from ..simulation.planner_adapter import short, short_text, wanted_sensors
 from ..simulation.planner_failure import error_text, file_of, is_of_planner, one_line, without_exit
 from .planner_sources import A_PLANNER, find_controller, planner_of
-
-if TYPE_CHECKING:
-    from fg_mujoco.addons.drivers.localisation.localiser import Localiser
 
 POSE_SETTINGS = frozenset({"pose", "pose_start", "pose_map", "particles"})
 """Settings that every planner has besides its own, unless it has one of that name: see PoseSettings."""
@@ -110,7 +108,7 @@ def build_controller(
 
 def _with_pose(
     factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any]
-) -> tuple[Any, Mapping[str, Any], PlannerContext, Localiser | None]:
+) -> tuple[Any, Mapping[str, Any], PlannerContext, Any]:
     """Return the class to be built, its own settings, its context, and what finds its pose; None: it has the true one.
 
     Raises:
@@ -124,18 +122,15 @@ def _with_pose(
     chosen = {name: value for name, value in settings.items() if name in POSE_SETTINGS - own_names}
     if not chosen:
         return factory, settings, context, None
-    from fg_mujoco.addons.drivers.localisation.localised import localised
-    from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
-
     origin, own = f"controller {source!r}", {name: settings[name] for name in settings if name not in chosen}
     try:
-        pose = PoseSettings(**chosen)
+        pose = PARTS.find("pose settings")(**chosen)
         if pose.pose_map:
             context = replace(context, map_line=load_track(pose.pose_map).map_line)
         if pose.pose == "truth":
             return factory, own, context, None
-        localiser = Localiser.of(pose, context.map_line, context.car, context.seed)
-        return localised(factory), own, context, localiser
+        localiser = PARTS.find("localiser").of(pose, context.map_line, context.car, context.seed)
+        return PARTS.find("localised")(factory), own, context, localiser
     except SettingsError as error:
         raise ControllerError(f"{origin}: {str(error).removeprefix('PoseSettings.')}") from error
 

@@ -20,10 +20,11 @@ from types import ModuleType
 from typing import Any
 
 from fg_mujoco.controllers import CONTROLLERS
+
 from ..course.files import is_file
 from ..errors import ControllerError, accepted_names
 from ..messages import DriveCommand, LaserScan, Odometry
-from ..registry import Registry, package_of
+from ..registry import Registry, added, package_of
 from ..simulation.planner_adapter import short
 from ..simulation.planner_failure import error_text, is_of_planner, one_line, without_exit
 from .planner_texts import SCHEMES, file_in, scheme_of
@@ -32,7 +33,7 @@ PLANNERS: Registry[Any] = Registry(
     "controller",
     ControllerError,
     "fg_mujoco.controllers",
-    {name: f"fg_mujoco.controllers.{place}" for name, place in CONTROLLERS.items()},
+    {name: f"fg_mujoco.controllers.{place}" for name, place in CONTROLLERS.items()} | added("PLANNERS"),
 )
 
 A_PLANNER = "one with __call__(scan, odometry) and reset(), or a function of (scan, odometry)"

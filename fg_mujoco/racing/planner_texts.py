@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fg_mujoco.controllers import CONTROLLERS
+
 from ..course.files import is_file
 from ..errors import ControllerError
-from ..registry import Registry
+from ..registry import Registry, added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +27,7 @@ class PlannerScheme:
     code: Callable[[str], bytes]  # returns the code that the text names, unexecuted
 
 
-SCHEMES: Registry[PlannerScheme] = Registry("scheme", ControllerError)
+SCHEMES: Registry[PlannerScheme] = Registry("scheme", ControllerError, own=added("SCHEMES"))
 """Upper rooms have the planners of schemes; `fg_mujoco/__init__.py`, which is above all rooms, registers them here."""
 
 POLICY = "policy"

@@ -41,13 +41,13 @@ import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
+from ..compiled.kernels import own_folder
 from ..course.documents import read_json
 from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_text, require_regular
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
 from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
-from ..compiled.kernels import own_folder
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant

@@ -29,8 +29,8 @@ from ..course.writing import write_file
 from ..errors import RunFolderError
 from ..messages import require_whole
 from ..simulation.course_loading import reload_course
-from .store import WRITABLE, StudyFolder, as_json, blame, digest, sealed, unsealed, warn_damaged
 from .job import Arrays
+from .store import WRITABLE, StudyFolder, as_json, blame, digest, sealed, unsealed, warn_damaged
 
 TRACES = ("telemetry", "states", "ctrl", "scans")
 """Arrays of a chunk that are long, and are read only where they are asked for."""

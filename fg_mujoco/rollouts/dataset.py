@@ -33,9 +33,9 @@ from ..errors import RunFolderError, SettingsError, accepted_names, missing_extr
 from ..messages import FloatArray
 from ..racing.randomization import Randomization
 from ..simulation.settings import DriveSettings
-from .store import blame
 from .chunk_store import ChunkStore, FolderStore
 from .recording import FAILED, NO_RETURN, TOO_CLOSE, ScanLayout
+from .store import blame
 
 TERMINATED = ("finished", "crash", "rolled_over")
 """Reasons after which there is no next state; worlds that end by any other are truncated."""

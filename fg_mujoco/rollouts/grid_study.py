@@ -27,8 +27,8 @@ from ..arguments import Suggesting, explain_class
 from ..course.writing import write_file
 from ..display import Shown, brief, escaped, paragraph, quoted
 from ..errors import ControllerError
-from ..simulation.planner_failure import one_line, without_exit
 from ..pictures.pages.table import Table
+from ..simulation.planner_failure import one_line, without_exit
 from .differences import Differences
 from .job import versions
 from .run_grid import time_left

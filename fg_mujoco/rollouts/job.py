@@ -20,11 +20,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.kernels import package_files
 from ..course.course import Course, Sites, laps_to_drive
 from ..course.definitions import course_sha256
 from ..course.obstacles import Obstacle, described_obstacles
 from ..errors import ControllerError, SettingsError
-from ..compiled.kernels import package_files
 from ..messages import require_whole
 from ..racing.entries import check_starts
 from ..racing.opponents import Opponents, entry_of

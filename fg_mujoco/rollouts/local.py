@@ -16,8 +16,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 
-from .workers import completed, usable_cores, work_off
 from .job import TICK, Arrays, RolloutJob, joined
+from .workers import completed, usable_cores, work_off
 
 
 def drive_in_threads(

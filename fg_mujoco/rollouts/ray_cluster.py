@@ -24,8 +24,8 @@ import numpy as np
 from ..errors import ControllerError, EngineError, FgMujocoError, missing_extra
 from ..racing.planner_files import changed_file, changed_text
 from ..racing.planner_texts import file_in, moved_to
-from .workers import completed, usable_cores
 from .job import Arrays, RolloutJob, versions
+from .workers import completed, usable_cores
 
 RETRIES = 5
 """Number of times that a chunk is driven again after its worker was lost."""

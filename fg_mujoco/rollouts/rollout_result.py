@@ -18,18 +18,18 @@ from ..course.writing import write_file
 from ..display import Shown, brief, paragraph, quoted, table
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray
+from ..pictures.pages.table import Table
 from ..racing.entries import Entry
 from ..racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ..racing.randomization import Randomization
 from ..racing.setup import Setup
 from ..simulation.settings import GREATEST_LAPS, DriveSettings
-from ..pictures.pages.table import Table
-from .intervals import wilson
-from .store import blame
 from .chunk_store import ChunkStore, FolderStore
 from .dataset import Dataset
 from .drive_worlds import laps_within
+from .intervals import wilson
 from .job import Arrays, RolloutJob
+from .store import blame
 
 _WORLDS_SHOWN = 10  # in a notebook
 

@@ -28,14 +28,14 @@ from ..racing.planner_choice import split_controller
 from ..racing.randomization import Randomization, world_seeds
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
 from ..simulation.course_loading import load_track
-from .run_grid import time_left
-from .store import claimed
-from .workers import usable_cores
 from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
 from .ray_cluster import drive_on_ray, require_ray
 from .rollout_result import RolloutResult, gather
+from .run_grid import time_left
+from .store import claimed
+from .workers import usable_cores
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -29,10 +29,10 @@ from ..compiled.array_table import (
     whole_matrix,
     whole_numbers,
 )
+from ..compiled.kernels import c_function, call_at, kernel
 from ..course.course import Course
 from ..course.lap_timer import LAP_TIMER
 from ..course.moving_obstacles import obstacle_position
-from ..compiled.kernels import c_function, call_at, kernel
 from ..lidar.body_poses import mounted_pose
 from ..lidar.links import LINK, place_links
 from ..lidar.scanline import scan

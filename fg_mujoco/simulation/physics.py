@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Uncopied
-from ..errors import EngineError
 from ..compiled.kernels import kernel, library_function
+from ..errors import EngineError
 from ..messages import FloatArray
 from ..vehicle.stages import library_path
 

@@ -8,8 +8,8 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SettingsError, accepted_names, nearest, with_unit
 from ..compiled.kernels import kernel
+from ..errors import SettingsError, accepted_names, nearest, with_unit
 from ..messages import DriveCommand, FloatArray
 from ..vehicle.car import WHEELS
 from ..vehicle.motion import CarArray, body_velocity, ground_speed, planar_pose, sideslip_angle

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.lap_timer import fresh_timers, time_lap
 from ..compiled.kernels import kernel
+from ..course.lap_timer import fresh_timers, time_lap
 from ..messages import FloatArray
 from ..vehicle.motion import CarArray, is_rolled_over, planar_pose
 from .physics import BAD_WARNINGS, StateLayout

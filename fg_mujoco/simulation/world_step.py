@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..course.moving_obstacles import obstacle_position
 from ..compiled.kernels import kernel
+from ..course.moving_obstacles import obstacle_position
 from ..messages import FloatArray
 from ..vehicle import stages
 from ..vehicle.friction_patches import look_at_floor

@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..course.obstacles import Box
 from ..course.track import Track
 from ..errors import SettingsError
-from ..compiled.kernels import kernel
 from ..messages import FloatArray, require, shown
 from .car import WHEELS, Car, element_id
 from .motion import planar_pose

@@ -26,8 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SettingsError
 from ..compiled.kernels import inlined, kernel
+from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require
 
 FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.array_table import carray, pointer
-from ..errors import EngineError
 from ..compiled.interpreted import word_at
 from ..compiled.kernels import kernel, library_function, numbas
+from ..errors import EngineError
 
 
 @cache

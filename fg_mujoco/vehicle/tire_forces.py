@@ -47,8 +47,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Suggesting
-from ..errors import ModelError
 from ..compiled.kernels import inlined, kernel
+from ..errors import ModelError
 from ..messages import FloatArray
 from . import stages
 from .arithmetic import add_scaled_4, add_scaled_16, unlikely

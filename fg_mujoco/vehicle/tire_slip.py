@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import explain_class
+from ..compiled.kernels import kernel
 from ..display import brief
 from ..errors import ModelError
-from ..compiled.kernels import kernel
 from ..messages import FloatArray
 from .car import WHEELS, element_id, sensor_slice
 from .tire_forces import (

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.safety.braking_trajectories import TRAJECTORIES, BrakingSettings, BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
 TOP_SPEED = 8.0
 LIMITER = FrictionLimiter(CAR, MU)

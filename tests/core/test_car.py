@@ -6,11 +6,11 @@ from importlib.resources import files
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run, tire_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from car_worlds import flat_world, run, tire_pairs
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters

@@ -5,9 +5,9 @@ import math
 import mujoco
 import numpy as np
 import pytest
+
 from car_worlds import flat_world as flat_world_of
 from car_worlds import forward, run, step
-
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.simulation.engine import Engine

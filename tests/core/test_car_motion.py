@@ -5,10 +5,10 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from car_worlds import flat_world, run
 from fg_mujoco.messages import ODOMETRY, DriveCommand
 from fg_mujoco.vehicle import motion as car_motion
 from fg_mujoco.vehicle.car import WHEELS, Car

@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from refusals import contents, refused
-from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
@@ -18,6 +16,8 @@ from fg_mujoco.cli.options import GROUPS, OUTPUT
 from fg_mujoco.course.tight import generate_tight_track
 from fg_mujoco.errors import SettingsError, install_command
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
+from refusals import contents, refused
+from terminals import read_to_the_end
 
 SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """

@@ -4,7 +4,6 @@ import math
 import textwrap
 
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of
 
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
@@ -12,6 +11,7 @@ from fg_mujoco.messages import DriveCommand, PlannerContext
 from fg_mujoco.racing.planner_loading import build_controller, make_controller
 from fg_mujoco.racing.planner_sources import controller_names, find_controller
 from fg_mujoco.simulation.planner_adapter import plan
+from scan_worlds import CAR, MU, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 GOOD = """

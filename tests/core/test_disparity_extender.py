@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.disparity_extender import DisparityExtender, DisparityExtenderSettings
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 

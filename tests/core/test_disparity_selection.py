@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.disparity_selection import (
@@ -20,6 +19,7 @@ from fg_mujoco.controllers.disparity_selection import (
     widest_opening,
 )
 from fg_mujoco.controllers.perception.gaps import middle_of
+from scan_worlds import CAR, INCREMENT, MU, scan_of
 
 DIAGRAM = np.array([0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5])
 

@@ -10,21 +10,21 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from conftest import Straight
 
 import fg_mujoco as fg
+from conftest import Straight
+from fg_mujoco.addons.gym2d import F110Env
 from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.tight import TightSettings
 from fg_mujoco.display import LONGEST, Drawing, brief, changed, quoted, table
-from fg_mujoco.addons.gym2d import F110Env
-from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.lab.manoeuvres import find_manoeuvre
+from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.race import RaceProgress
 from fg_mujoco.racing.randomization import Choice, Uniform
-from fg_mujoco.simulation.planner_failure import PlannerFailure
 from fg_mujoco.rollouts.grid_study import StudyProgress
 from fg_mujoco.rollouts.rollouts import RolloutProgress
+from fg_mujoco.simulation.planner_failure import PlannerFailure
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -11,13 +11,13 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
-from browsers import page_of  # noqa: F401 - a fixture
-from rendered import needs_gl
 
 import fg_mujoco as fg
+from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.errors import MissingExtraError
+from rendered import needs_gl
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -180,7 +180,7 @@ def test_a_name_that_is_not_there_is_found():
 @pytest.mark.parametrize("page", ["README.md", *PAGES])
 def test_files_named_on_a_page_are_there(page):
     text = without_old_names(page)
-    named = set(re.findall(r"`((?:fg_mujoco|controllers|models|tracks|tests|docs|benchmarks|examples)/[\w/.]*)`", text))
+    named = set(re.findall(r"`((?:fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples)/[\w/.]*)`", text))
     assert [name for name in sorted(named) if "NAME" not in name and not (ROOT / name).exists()] == []
 
 

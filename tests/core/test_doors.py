@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import refused
-from vehicle_worlds import F1TENTH, made_file
 
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.addons.arena.overtaking.overtaking import overtake
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import CAR as CAR_OPTIONS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
@@ -17,8 +17,8 @@ from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from fg_mujoco.addons.arena.overtaking.overtaking import overtake
-from fg_mujoco.addons.look.live.live_session import LiveSession
+from refusals import refused
+from vehicle_worlds import F1TENTH, made_file
 
 TICKS = 60
 START = Start(s=2.0, offset=0.15, heading=0.1, speed=1.0)

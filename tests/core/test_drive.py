@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lab.manoeuvres import MANOEUVRES, find_manoeuvre
 from fg_mujoco.lab.straight_line_limits import stopping_distance
+from refusals import refused
 
 TICK = 0.025
 CAR = fg.Vehicle.load().parameters

@@ -10,10 +10,10 @@ from mujoco.batch import Batch
 import fg_mujoco as fg
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.result import trajectory_sha256
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Scenario, Start
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.vehicle.changes import CarChanges, change_worlds
 
 NOISY = LidarEffects(range_noise_std=0.01, dropout_probability=0.01, latency=0.025, no_return="range_max")

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
@@ -16,6 +15,7 @@ from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectorie
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 TOP = 8.0
 LAWS = ("minimum", "forward_distance", "range_ratio", "friction", "stopping")

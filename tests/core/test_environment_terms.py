@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.comparison.ground import course_ground
 from fg_mujoco.envs import rewards
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
 from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
 from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
 from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
-from fg_mujoco.addons.arena.comparison.ground import course_ground
 
 gymnasium = pytest.importorskip("gymnasium")
 

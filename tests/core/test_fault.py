@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fault_cases import CAR, CASES, GRIP, Case, Drive, incident, staged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fault_cases import CAR, CASES, GRIP, Case, Drive, incident, staged
 from fg_mujoco import SettingsError
 from fg_mujoco.racing import fault
 from fg_mujoco.racing.fault import Approach, Incident, judge

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Straight
-from refusals import refused
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.errors import ArgumentError, MessageError
 from fg_mujoco.simulation.telemetry import TELEMETRY
+from refusals import refused
 
 SHORT = {"laps": 1, "time_limit": 0.1}
 

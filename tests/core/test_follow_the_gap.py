@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, corridor, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.follow_the_gap import (
@@ -20,6 +19,7 @@ from fg_mujoco.controllers.follow_the_gap import (
     mask_points,
 )
 from fg_mujoco.controllers.perception.gaps import longest_run
+from scan_worlds import CAR, INCREMENT, MU, corridor, scan_of
 
 SLIDES = np.array([4.8, 3.1, 4.3, 4.5, 6.0, 10.1, 8.3])  # for ".." one reading of 6 m
 

@@ -7,13 +7,13 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.comparison.run import RunRow
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planner_trust import require_trusted
-from fg_mujoco.racing.replay import replay
-from fg_mujoco.addons.arena.comparison.run import RunRow
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
+from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.racing.replay import replay
 
 PLANNER = """
 from pathlib import Path

@@ -10,15 +10,15 @@ import time
 from pathlib import Path
 
 import pytest
-from lab_experiments import COUNT, DIES, FAILS, SLOW
-from refusals import refused
-from terminals import read_to_the_end
 
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.errors import install_command
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import run_lab
+from lab_experiments import COUNT, DIES, FAILS, SLOW
+from refusals import refused
+from terminals import read_to_the_end
 
 SAID = """\
 Squares of <numbers>
@@ -49,7 +49,7 @@ def command(*arguments):
     return [sys.executable, "-c", code, *arguments]
 
 
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "worlds")}
 
 
 def refusal(here, capsys, *arguments):

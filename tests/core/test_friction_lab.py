@@ -13,7 +13,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 import fg_mujoco as fg
 from fg_mujoco.course.writing import claimed_folder
@@ -22,6 +21,7 @@ from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import EXPERIMENTS, load_experiment, run_lab
 from fg_mujoco.lab.lab_report import heading
+from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 REAL = tuple(EXPERIMENTS)
 
@@ -124,7 +124,7 @@ def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):
         "lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
         f"lab.run_lab(['squares'], out='out', workers=2, settings=LabSettings(seed={SLOW}), pictures=False)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "worlds")}
     process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment, start_new_session=True)
     cells = tmp_path / "out/cells/squares.jsonl"
     until = time.monotonic() + 60

@@ -5,11 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from car_worlds import flat_world, forward, step
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, MU, odometry_of
 
+from car_worlds import flat_world, forward, step
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
@@ -26,6 +25,7 @@ from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
+from scan_worlds import CAR, MU, odometry_of
 
 TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 PERIOD = 0.025  # [s] of the LiDAR

@@ -5,8 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from drawn_worlds import Driven, box, cell, lines, middles
 
+from drawn_worlds import Driven, box, cell, lines, middles
 from fg_mujoco.controllers.perception.frontiers import (
     AT_WALL,
     FAR,

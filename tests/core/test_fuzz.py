@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+
 from fuzzing.harness import Limits, knock
 from fuzzing.target import Target
 from fuzzing.targets import TARGETS

@@ -6,12 +6,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 SEEDS = range(20)
 

@@ -5,7 +5,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.disparity_selection import DisparitySelection
@@ -14,6 +13,7 @@ from fg_mujoco.controllers.threshold_gap import ThresholdGap
 from fg_mujoco.controllers.weighted_gap import WeightedGap
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 PLANNERS = {
     "disparity_selection": DisparitySelection,

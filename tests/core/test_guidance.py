@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
@@ -19,6 +18,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 OFF = {"guidance": False}
 

@@ -4,7 +4,6 @@ import os
 
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco.cli.options import in_one_line
@@ -13,6 +12,7 @@ from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
 from fg_mujoco.errors import TrackError
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.randomization import Randomization
+from refusals import refused
 
 LINE = [(0.0, 0.0), (5.0, 0.0), (10.0, 1.0), (10.0, 5.0), (5.0, 6.0), (0.0, 5.0)]
 LONG = "a" * 5000

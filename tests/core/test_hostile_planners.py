@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
 from fg_mujoco.simulation.settings import Scenario
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 PLANNER = """import ctypes, os, signal, sys, time
 import numpy as np

@@ -8,9 +8,6 @@ from copy import copy
 
 import numpy as np
 import pytest
-from forging import without_checksums
-from refusals import refused
-from vehicle_worlds import made_file
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
@@ -18,6 +15,9 @@ from fg_mujoco.course.files import read_arrays
 from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS
 from fg_mujoco.racing.run_checks import check_summary, checked_scene
 from fg_mujoco.racing.run_folder import read_summary
+from forging import without_checksums
+from refusals import refused
+from vehicle_worlds import made_file
 
 DOORS = {
     "replay": ("replay", "run"),

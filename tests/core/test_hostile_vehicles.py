@@ -7,14 +7,14 @@ import zlib
 import mujoco
 import numpy as np
 import pytest
-from refusals import refused
-from vehicle_worlds import F1TENTH
 
 import fg_mujoco as fg
 from fg_mujoco.course import mjcf
 from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS, checked_mjcf
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
+from refusals import refused
+from vehicle_worlds import F1TENTH
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import subprocess
 import sys
 
 import pytest
-from installed_package import install_into
 
 from fg_mujoco.compiled.kernel_keys import identity
+from installed_package import install_into
 
 OTHER = """
 from fg_mujoco.compiled.kernels import kernel, inlined

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from installed_package import install_into
-from scan_worlds import CAR, odometry_of, scan_of
 
 import fg_mujoco as fg
+from fg_mujoco.compiled.kernel_files import made_once
+from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.compiled.kernel_files import made_once
-from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
+from installed_package import install_into
+from scan_worlds import CAR, odometry_of, scan_of
 
 FOLDER = "from fg_mujoco.compiled.kernels import cache_folder; print(cache_folder())"
 REASON = (
@@ -360,7 +360,7 @@ def test_names_are_the_same_in_a_checkout_and_installed(installed):
 
 def test_every_source_is_hashed_once_under_its_path_in_the_package():
     paths = [path for path, _ in package_files(".py")]
-    assert {"kernels.py", "viz/rendering/gl.py", "controllers/perception/gaps.py", "models/__init__.py"} <= set(paths)
+    assert {"compiled/kernels.py", "pictures/rendering/gl.py", "controllers/perception/gaps.py", "models/__init__.py"} <= set(paths)
     assert len(paths) == len(set(paths)) and sorted(paths) == paths
     assert not [path for path in paths if path.startswith("fg_mujoco/") or "__pycache__" in path]
 

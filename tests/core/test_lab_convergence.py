@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from fg_mujoco.messages import DriveCommand
 from fg_mujoco.lab.convergence import EXPERIMENT, GROUPS, soften
 from fg_mujoco.lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.lab.lab_ground import Engine, LabGround
 from fg_mujoco.lab.rigid_car import creep
 from fg_mujoco.lab.steady_circle import SteadyCircle
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tires import Tires
 
 

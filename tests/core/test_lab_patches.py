@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.simulation.cars import CAR_PREFIX
-from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.simulation import Simulation, complete_state
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab_laps import drive_laps
 from fg_mujoco.lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.lab.patches import EXPERIMENT
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.simulation import Simulation, complete_state
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
 from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE

@@ -5,20 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from refusals import refused
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import DriveCommand
 from fg_mujoco.lab.curve_onset import axle_factor, curve_onset
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import run_lab
 from fg_mujoco.lab.lab_ground import Engine, LabGround
 from fg_mujoco.lab.steady_circle import SteadyCircle
 from fg_mujoco.lab.tire_law import EXPERIMENT, passes_peak
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
 from fg_mujoco.vehicle.tires import AxleTires, MagicFormula, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
+from refusals import refused
 
 CAR = Vehicle.load().parameters
 FLAT = CarChanges(center_of_gravity_height=0.002)  # hardly any load moves

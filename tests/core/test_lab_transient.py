@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import DriveCommand
 from fg_mujoco.lab.experiment import LAW_TIRES, LabSettings
 from fg_mujoco.lab.lab_ground import Engine, LabGround
 from fg_mujoco.lab.reference_steering import CURVATURE, MANOEUVRES
 from fg_mujoco.lab.speed_laws import LAWS
 from fg_mujoco.lab.transient import EXPERIMENT, drive
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 from fg_mujoco.vehicle.tires import Tires
 

@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.lidar.beams import LidarModel
+from fg_mujoco.lidar.embree_rays import RayScene
+from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 from lidar_worlds import (
     GEOM,
     PREFIX,
@@ -22,11 +27,6 @@ from lidar_worlds import (
     rig_spec,
     room,
 )
-
-from fg_mujoco.errors import ModelError, SettingsError
-from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.lidar.embree_rays import RayScene
-from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, lidar_spec, make_lidar
 
 BEAMS = LidarModel.load().beams
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import GREATEST_NOISE, EffectsOfRows, LidarEffects, PoseHistory, ScanPipeline, add_noise
 from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
+from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 PERIOD, STEP = 0.025, 0.0025
 

@@ -12,12 +12,12 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from lidar_worlds import EYE, disagreements, mujoco_rays
 
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.obstacles import Box, Cylinder
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.simulation.world import World
+from lidar_worlds import EYE, disagreements, mujoco_rays
 
 POSES = 20
 TOLERANCE = 1e-9  # [m]

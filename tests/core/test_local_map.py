@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
-from scan_worlds import CAR
 
+from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
 from fg_mujoco.controllers.perception.local_map import (
     ALONG,
     CELL,
@@ -26,6 +25,7 @@ from fg_mujoco.controllers.perception.local_map import (
     in_window,
     move,
 )
+from scan_worlds import CAR
 
 ROOM = lines(box(-2.05, -1.55, 4.05, 2.05))
 OPEN = np.full(len(BEARINGS), 30.0)

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.distinct import distinct, distinct_rows
 from fg_mujoco.compiled.kernels import cache_folder, kernel
 from fg_mujoco.compiled.machine_code import kinds, text_of
+from fg_mujoco.distinct import distinct, distinct_rows
 
 Pair = namedtuple("Pair", ["first", "second"])
 Other = namedtuple("Other", ["first", "second"])

@@ -8,7 +8,6 @@ import warnings
 
 import numpy as np
 import pytest
-from map_oracles import box_room, building, draw_map, march, real_map, ring
 from PIL import Image
 from scipy import ndimage
 
@@ -19,6 +18,7 @@ from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.maps.map_track import MapTrack, load_map, map_loops, read_map
 from fg_mujoco.course.maps.region import encloses
 from fg_mujoco.errors import TrackError
+from map_oracles import box_room, building, draw_map, march, real_map, ring
 
 PIXEL = 0.05
 LENGTHS = {

@@ -9,7 +9,6 @@ import resource
 import numpy as np
 import pytest
 import trimesh
-from map_oracles import draw_map, loop_difference, ring
 from PIL import Image
 
 import fg_mujoco as fg
@@ -19,6 +18,7 @@ from fg_mujoco.course.maps.export import export_track, occupancy_image
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS
 from fg_mujoco.errors import MissingExtraError, SettingsError, TrackError, install_command
+from map_oracles import draw_map, loop_difference, ring
 
 
 def own_settings(path):

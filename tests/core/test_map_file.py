@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from map_oracles import box_room, draw_map
 from PIL import Image
 
 from fg_mujoco.course.maps import map_server as map_file
 from fg_mujoco.course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from fg_mujoco.errors import MissingExtraError, TrackError, install_command
+from map_oracles import box_room, draw_map
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
 

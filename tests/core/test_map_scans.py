@@ -12,10 +12,10 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from map_oracles import draw_map, march, real_map, ring
 
 import fg_mujoco as fg
 from fg_mujoco.course.maps.map_server import read_map_file
+from map_oracles import draw_map, march, real_map, ring
 
 POSES = 100
 EVERY = 4  # of the 1081 beams

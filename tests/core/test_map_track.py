@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
 
 import fg_mujoco as fg
 from fg_mujoco.course.centreline_csv import write_centreline
@@ -16,6 +15,7 @@ from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, is_map, load_m
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.errors import TrackError
+from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
 
 PIXEL = 0.05
 LAPS = ("maps/aut", "maps/esp", "maps/gbr", "maps/mco", "circuits/Monza_map")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
-from map_oracles import box_room, loop_difference, ring
 
 from fg_mujoco.course.maps.walls import TOLERANCE, outlines, trace
 from fg_mujoco.course.polyline import enclosed_area, self_crossings, step_lengths
+from map_oracles import box_room, loop_difference, ring
 
 
 def middles_of_edges(region):

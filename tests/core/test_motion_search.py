@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU
 
 from fg_mujoco.controllers.perception.frontiers import AT_WALL, FAR, FRONTIER_SEARCH, NEAR_WALL
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.controllers.safety.motion_search import MOTION, _sorted_ends, _touches, search_motion, touches
+from scan_worlds import CAR, MU
 
 LIMITER = FrictionLimiter(CAR, MU)
 TIGHTEST = math.tan(CAR.max_steering_angle) / CAR.wheelbase

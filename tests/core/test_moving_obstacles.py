@@ -8,16 +8,16 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import Straight
 from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.course.moving_obstacles import Mover, moving_obstacles
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, walls_round
-from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.simulation.settings import Scenario
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)

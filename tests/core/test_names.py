@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco import controllers
@@ -13,14 +12,15 @@ from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.recipes import write_bundled
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
+from fg_mujoco.lab.lab import load_experiment
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_sources import find_controller
-from fg_mujoco.simulation.settings import as_part
-from fg_mujoco.lab.lab import load_experiment
 from fg_mujoco.pictures.rendering.cameras import find_camera
 from fg_mujoco.pictures.rendering.overlays import find_overlays
 from fg_mujoco.pictures.rendering.presets import find_quality
+from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.simulation.settings import as_part
+from refusals import refused
 
 PACKAGE = Path(fg.__file__).parent
 PLANNERS = """

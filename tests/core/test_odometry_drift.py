@@ -6,8 +6,8 @@ from test_wrong_way import Driver
 
 import fg_mujoco as fg
 from fg_mujoco.racing.resimulation import load_world, resimulate
-from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.simulation.settings import Scenario
 
 DRIFT = 0.05
 

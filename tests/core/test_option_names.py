@@ -1,13 +1,13 @@
 """Nonsense is refused before anything runs, in one line that names the option which asked for it, and a bound."""
 
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import GREATEST_NOISE, LONGEST_LATENCY
 from fg_mujoco.simulation.settings import GREATEST_LAPS, GREATEST_SPEED, LONGEST_RACE
 from fg_mujoco.vehicle.changes import GREATEST_MU
+from refusals import refused
 
 RACE = {
     "--mu": ("-1", "0", "50", "nan", "inf"),

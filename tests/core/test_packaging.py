@@ -13,7 +13,7 @@ import pytest
 import fg_mujoco as fg
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("fg_mujoco", "models", "tracks", "controllers")
+FOLDERS = ("fg_mujoco", "models", "tracks", "controllers", "addons")
 BESIDE = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "CHANGELOG.md", "CITATION.cff", "constraints.txt")
 PYPROJECT = (ROOT / "pyproject.toml").read_text() if (ROOT / "pyproject.toml").exists() else ""
 
@@ -58,7 +58,7 @@ def built(tmp_path_factory):
     for name in BESIDE:
         shutil.copy(ROOT / name, source)
     (source / "tests").mkdir()
-    shutil.copy(ROOT / "tests" / "test_packaging.py", source / "tests")  # of which nothing belongs into either
+    shutil.copy(Path(__file__), source / "tests")  # of which nothing belongs into either
     build = "from setuptools import build_meta as b; b.build_sdist({0!r}); b.build_wheel({0!r})".format(str(folder))
     made = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
     assert made.returncode == 0, made.stderr[-2000:]

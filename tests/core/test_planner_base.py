@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
+from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
 from fg_mujoco.controllers.control.planner_settings import (
@@ -21,8 +21,8 @@ from fg_mujoco.controllers.control.planner_settings import (
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
 from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 TWICE_AS_LONG = replace(CAR, wheelbase=2.0 * CAR.wheelbase)
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, fields
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.errors import ControllerError, MessageError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.messages import PlannerContext
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation import settings as settings_module
 from fg_mujoco.vehicle.changes import CarChanges
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 PLANNER = """
 import json

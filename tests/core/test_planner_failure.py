@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
-from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.simulation.settings import Scenario
 
 PLANNER = """import numpy as np
 import fg_mujoco as fg

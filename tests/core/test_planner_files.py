@@ -7,19 +7,19 @@ import shutil
 from dataclasses import replace
 
 import pytest
-from refusals import refused
-from rollout_worlds import stand_in
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
+from fg_mujoco.addons.arena.comparison.run import RunKey, RunRow
+from fg_mujoco.addons.arena.overtaking.duel import DuelKey
+from fg_mujoco.addons.arena.overtaking.overtaking import DuelSettings, plan_duels
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_files import MOST_FILES, changed_file, planner_files
 from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
-from fg_mujoco.addons.arena.comparison.run import RunKey, RunRow
-from fg_mujoco.addons.arena.overtaking.duel import DuelKey
-from fg_mujoco.addons.arena.overtaking.overtaking import DuelSettings, plan_duels
+from refusals import refused
+from rollout_worlds import stand_in
 
 PLANNER = """
 from dataclasses import dataclass

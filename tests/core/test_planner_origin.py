@@ -5,14 +5,14 @@ import sys
 from importlib.metadata import version
 
 import pytest
-from conftest import Straight
-from scan_worlds import CAR, MU
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_origin import _distributions, describe, origin, source_code
 from fg_mujoco.racing.planner_sources import find_controller
+from scan_worlds import CAR, MU
 
 PLANNER = """
 \"\"\"A planner of another package.\"\"\"

@@ -5,9 +5,9 @@ from dataclasses import replace
 import matplotlib.image
 import numpy as np
 import pytest
-from conftest import Straight
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.course.course import describe_course
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib

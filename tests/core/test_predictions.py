@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers import CONTROLLERS
@@ -18,6 +16,8 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scenes.corridors import straight
 from fg_mujoco.messages import MapLine
 from fg_mujoco.racing.planner_loading import make_controller
+from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 LIMITER = FrictionLimiter(CAR, 1.0489)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY, MapLine
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 OPEN = corridor(5.0, 5.0)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)

@@ -10,9 +10,9 @@ import signal
 import mujoco
 import numpy as np
 import pytest
-from conftest import Straight
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row

@@ -8,9 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from map_oracles import draw_map, ring
 
 import fg_mujoco as fg
+from map_oracles import draw_map, ring
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "race_maps.py"
 if not SCRIPT.exists():

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from conftest import Straight
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD
 from fg_mujoco.simulation.course_loading import default_car

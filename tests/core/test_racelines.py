@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, MU
 
 from fg_mujoco.controllers.control.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, MU
 
 LIMITER = FrictionLimiter(CAR, MU)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 400, endpoint=False)

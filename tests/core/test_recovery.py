@@ -5,7 +5,6 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.driving import DrivingSettings
@@ -21,6 +20,7 @@ from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 PERIOD = 0.025
 WHEELBASE = 0.33

@@ -6,16 +6,16 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from rendered import inside, needs_gl, pixel
 
 import fg_mujoco as fg
-from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, find_overlays, render
 from fg_mujoco.pictures.rendering.cameras import View
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import wall_chains
 from fg_mujoco.pictures.rendering.scenery import SUN
+from fg_mujoco.vehicle.car import WHEELS
+from rendered import inside, needs_gl, pixel
 
 pytestmark = needs_gl
 

@@ -3,21 +3,21 @@
 import mujoco
 import numpy as np
 import pytest
-from field_races import shunt, three_cars
 from PIL import Image
-from rendered import needs_gl, pixel
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.simulation.cars import BOX_HEIGHTS, BOX_SIDE, car_colour
-from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, Renderer
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import box_faces
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
 from fg_mujoco.pictures.rendering.textures import car_number
+from fg_mujoco.simulation.cars import BOX_HEIGHTS, BOX_SIDE, car_colour
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from field_races import shunt, three_cars
+from rendered import needs_gl, pixel
 
 SIZE = (480, 320)
 CAR = LABELS.index("car")

@@ -10,10 +10,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import wall_prisms
-from fg_mujoco.simulation.cars import CAR_PREFIX
-from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.pictures.rendering import car_meshes
 from fg_mujoco.pictures.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.pictures.rendering.colours import friction_colour
@@ -24,6 +20,10 @@ from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import road, wall_chains
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
 from fg_mujoco.pictures.rendering.telemetry_strip import _Strip, law_limit
+from fg_mujoco.simulation.cars import CAR_PREFIX
+from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_forces import TireForces
 
 
 @pytest.fixture(scope="module")

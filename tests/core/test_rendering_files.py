@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rendered import needs_gl
-from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import install_command
-from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.pictures.rendering import video
 from fg_mujoco.pictures.rendering.gl import INSTALL_COMMAND
 from fg_mujoco.pictures.rendering.video import write_picture, write_video
+from fg_mujoco.racing.run_folder import write_run
+from rendered import needs_gl
+from terminals import read_to_the_end
 
 Image = pytest.importorskip("PIL.Image", reason="pip install -e '.[render]'")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install -e '.[render]'")

@@ -7,18 +7,18 @@ import signal
 
 import numpy as np
 import pytest
-from conftest import plain_runs
-from forging import without_checksums
-from map_oracles import draw_map, ring
-from vehicle_worlds import made_file
 
 import fg_mujoco as fg
+from conftest import plain_runs
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.racing.result import EVENTS
 from fg_mujoco.racing.run_folder import read_summary
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.vehicle.car import WHEELS
+from forging import without_checksums
+from map_oracles import draw_map, ring
+from vehicle_worlds import made_file
 
 TELLTALE = (
     "max_slide_m_s", "max_lateral_slide_m_s", "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "collisions",

@@ -62,7 +62,7 @@ def test_the_container_has_a_python_that_is_accepted_and_copies_what_there_is():
     assert version_of(re.search(r"^FROM python:([\d.]+)-", text, re.MULTILINE)[1]) >= LEAST_PYTHON
     copied = {name for line in re.findall(r"^COPY (.*) \S+$", text, re.MULTILINE) for name in line.split()}
     assert all((ROOT / name).exists() for name in copied)
-    assert {"fg_mujoco", "models", "tracks", "controllers", "pyproject.toml", "README.md", "LICENSE"} <= copied
+    assert {"fg_mujoco", "models", "tracks", "controllers", "addons", "pyproject.toml", "README.md", "LICENSE"} <= copied
     extras = re.search(r"/source\[([\w,]+)\]", text)[1].split(",")
     assert set(extras) <= set(PROJECT["optional-dependencies"])
 
@@ -78,6 +78,7 @@ def test_the_container_installs_the_libraries_that_messages_ask_for():
 def test_the_security_page_names_options_and_files_that_there_are():
     text = (ROOT / "SECURITY.md").read_text("utf-8")
     code = "".join(path.read_text("utf-8") for path in (ROOT / "fg_mujoco").rglob("*.py"))
+    code += "".join(path.read_text("utf-8") for path in (ROOT / "addons").rglob("*.py"))
     for name in ("outside_folder", "controller.py", "states.npz", "scene.xml", "--host", "--config"):
         assert name in text and name in code
     assert "allow_pickle=True" not in code

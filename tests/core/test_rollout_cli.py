@@ -10,14 +10,14 @@ import sys
 import time
 
 import pytest
-from refusals import refused
-from rollout_worlds import stand_in
-from terminals import read_to_the_end
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, install_command
 from fg_mujoco.rollouts.intervals import wilson
+from refusals import refused
+from rollout_worlds import stand_in
+from terminals import read_to_the_end
 
 SLOW = """
 import time

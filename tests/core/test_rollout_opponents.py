@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from comparison_worlds import PLANNERS, files
 
 import fg_mujoco as fg
+from comparison_worlds import PLANNERS, files
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.entries import Entry

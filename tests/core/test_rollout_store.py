@@ -6,12 +6,12 @@ import threading
 
 import numpy as np
 import pytest
-from rollout_worlds import stand_in
 
 import fg_mujoco as fg
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.rollouts.chunk_store import FolderStore, MemoryStore, TemporaryFolderStore
+from rollout_worlds import stand_in
 
 ROLLOUT = {"track": ["oval", "tight"], "n": 21, "seed": 5, "executor": fg.Executor(chunk=4), "workers": 1, "laps": 2}
 ROLLOUT["randomize"] = {"mu": (0.6, 1.2), "planner_mu": ["off", 1.0], "obstacles": "0:2"}

@@ -8,12 +8,12 @@ import time
 
 import numpy as np
 import pytest
-from rollout_worlds import stand_in
 
 import fg_mujoco as fg
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.workers import usable_cores
+from rollout_worlds import stand_in
 
 RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
 MANY = {"randomize": RANDOMIZE, "time_limit": 0.5}

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import Straight
 
 import fg_mujoco as fg
+from conftest import Straight
 
 
 class Listener(Straight):

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import INCREMENT, scan_of
 
-from fg_mujoco.controllers.perception import scan_filters as filters
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.perception import scan_filters as filters
+from scan_worlds import INCREMENT, scan_of
 
 filters_extend, filters_widen = filters.extend_disparities, filters.widen_all
 RADIUS = 0.3  # [m]

@@ -13,6 +13,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from fg_mujoco.lidar import lidar as lidar_module
+from fg_mujoco.lidar.beams import Beams, LidarModel
+from fg_mujoco.lidar.body_poses import mounted_pose
+from fg_mujoco.lidar.clusters import CLUSTER_TRIANGLES, make_clusters
+from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
+from fg_mujoco.lidar.scanline import scan
+from fg_mujoco.lidar.visible_surfaces import ScanlineScene, is_scanline
+from fg_mujoco.simulation.world import World
 from lidar_worlds import (
     EYE,
     GEOM,
@@ -27,15 +36,6 @@ from lidar_worlds import (
     rig_spec,
     room,
 )
-
-from fg_mujoco.lidar import lidar as lidar_module
-from fg_mujoco.lidar.beams import Beams, LidarModel
-from fg_mujoco.lidar.body_poses import mounted_pose
-from fg_mujoco.lidar.clusters import CLUSTER_TRIANGLES, make_clusters
-from fg_mujoco.lidar.lidar import RaycastLidar, lidar_spec
-from fg_mujoco.lidar.scanline import scan
-from fg_mujoco.lidar.visible_surfaces import ScanlineScene, is_scanline
-from fg_mujoco.simulation.world import World
 
 INCREMENT = LidarModel.load().beams.angle_increment
 

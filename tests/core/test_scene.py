@@ -5,17 +5,17 @@ import math
 
 import numpy as np
 import pytest
-from conftest import Straight
 from matplotlib.path import Path
-from scene_search import Clearances, disc_gets_through
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
-from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.simulation.settings import Scenario
+from scene_search import Clearances, disc_gets_through
 
 TICK = 0.025
 

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.simulation.course_loading import default_car
+from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
 
 SEEDS = range(3)
 CAR = default_car()

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.overtaking.overtaking import overtake
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
 from fg_mujoco.messages import NO_READINGS, MessageError, Reading
@@ -19,9 +21,7 @@ from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import DriveSettings, Start
-from fg_mujoco.addons.arena.overtaking.overtaking import overtake
 from fg_mujoco.vehicle.sensors import SENSORS, Sampler, Sensor, as_sensors
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 MIXED = (
     "imu", {"sensor": "pose", "rate": 100, "delay": 0.013, "noise_std": (0.02, 0.02, 0.01)},

@@ -12,19 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.cli.config import parse
-from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import setup_of
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
-from fg_mujoco.addons.gym2d.environment import simulator_of
-from fg_mujoco.racing.entries import Entry
-from fg_mujoco.racing.randomization import PARAMETERS
-from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
 from fg_mujoco.addons.arena.evaluation import evaluate
 from fg_mujoco.addons.arena.league.league import league
 from fg_mujoco.addons.arena.overtaking.overtaking import overtake
 from fg_mujoco.addons.arena.overtaking.scenario_suite import drive_suite
+from fg_mujoco.addons.gym2d.environment import simulator_of
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.config import parse
+from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.cli.options import setup_of
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.randomization import PARAMETERS
+from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
 
 SUITE = Path(__file__).parents[2] / "examples/scenarios/overtaking.toml"
 

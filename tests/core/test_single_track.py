@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from car_worlds import flat_world
 from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from car_worlds import flat_world
 from fg_mujoco.lab.models import (
     EXPERIMENT,
     creep_stiffness,

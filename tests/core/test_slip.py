@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scan_worlds import scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.control.slip import arc_angle, held_arc, slip_row, steered
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
-from fg_mujoco.messages import DriveCommand
 from fg_mujoco.lab.lab_ground import LabGround
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
+from scan_worlds import scan_of
 
 CAR = Vehicle.load().parameters
 BLIND = scan_of(np.zeros(1081))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import MU
 
 from fg_mujoco.controllers.control.speed import (
     forward_distance_speed,
@@ -15,6 +14,7 @@ from fg_mujoco.controllers.control.speed import (
     range_ratio_speed,
 )
 from fg_mujoco.controllers.control.steering import pursue, saturate
+from scan_worlds import MU
 
 WHEELBASE, GRAVITY, LIDAR_OFFSET = 0.3302, 9.81, 0.275
 unhurried = settings(deadline=None)  # the first call compiles

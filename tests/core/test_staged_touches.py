@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from fault_cases import CASES, MIDDLE, Case, Drive, staged
 
 import fg_mujoco as fg
+from fault_cases import CASES, MIDDLE, Case, Drive, staged
 from fg_mujoco.racing import fault
 from fg_mujoco.racing.race_control import RULES, RaceControl
 from fg_mujoco.simulation.cars import WorldCar

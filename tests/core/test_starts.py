@@ -4,15 +4,15 @@ import warnings
 
 import numpy as np
 import pytest
-from map_oracles import draw_map, ring
 
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.addons.look.live.live_session import LiveSession
+from map_oracles import draw_map, ring
 
 CAR = fg.Vehicle.load("f1tenth").parameters
 BEYOND, IN_WALL = fg.Start(offset=3.0), fg.Start(offset=1.1)  # the oval is 2.2 m wide

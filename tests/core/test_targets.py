@@ -8,11 +8,11 @@ import time
 
 import numpy as np
 import pytest
+
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from moving_worlds import GEOMETRY, PERIOD, WALLS, box, moving, odometry_row, ranges_of, watched
 from scan_worlds import CAR
-
-from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
-from fg_mujoco.compiled.kernels import kernel
 
 
 def crossing(time, speed=0.8):

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, odometry_of, scan_of
 from test_gaps import SLIDES, runs_where
 
 import fg_mujoco as fg
@@ -16,6 +15,7 @@ from fg_mujoco.controllers.perception.gaps import runs_beyond
 from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP
+from scan_worlds import CAR, INCREMENT, MU, odometry_of, scan_of
 
 
 @cache

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scene_search import Clearances, car_gets_through
 
 import fg_mujoco as fg
 from fg_mujoco.course.chicanes import Block, with_boxes
@@ -21,6 +20,7 @@ from fg_mujoco.course.lanes import outline as outline_of
 from fg_mujoco.course.polyline import enclosed_area, segments, self_crossings, step_lengths
 from fg_mujoco.course.tight import TightSettings, generate_tight_track
 from fg_mujoco.simulation.course_loading import default_car
+from scene_search import Clearances, car_gets_through
 
 CAR = default_car()
 BUNDLED = ("u_turns", "serpentine", "spiral", "elbow", "boxes", "maze")

@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
-from car_worlds import flat_world, run, tire_pairs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from car_worlds import flat_world, run, tire_pairs
 from fg_mujoco.errors import ModelError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car

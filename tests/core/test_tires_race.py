@@ -6,25 +6,25 @@ from copy import copy
 import mujoco
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.tires import Tires
-from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
+from refusals import refused
 
 NUC2 = "forzaeth_nuc2"
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
+from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import setup_of
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
+from fg_mujoco.lab.lab_laps import drive_laps
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND
-from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
-from fg_mujoco.lab.lab_laps import drive_laps
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 TELLS = """
 from fg_mujoco.messages import DriveCommand

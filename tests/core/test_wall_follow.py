@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.wall_follow import WallFollow, WallFollowSettings
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, room, scan_of
 
 LEFT, RIGHT = math.pi / 2, -math.pi / 2
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_worlds import CAR, INCREMENT, MU, scan_of
 
 from fg_mujoco.controllers.weighted_gap import WeightedGap, WeightedGapSettings, blended, gap_centre
 from fg_mujoco.errors import SettingsError
+from scan_worlds import CAR, INCREMENT, MU, scan_of
 
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 HALF = 0.5 * CAR.width

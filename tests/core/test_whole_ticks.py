@@ -5,18 +5,18 @@ import math
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
-from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.racing.decision_times import DecisionClock
 from fg_mujoco.racing.result import History
+from fg_mujoco.rollouts.drive_worlds import make_engine
 from fg_mujoco.simulation.clock import HAS_CLOCK, seconds
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.world import World
-from fg_mujoco.rollouts.drive_worlds import make_engine
 
 pytestmark = pytest.mark.skipif(not HAS_CLOCK, reason="this Python has no clock that kernels can read")
 

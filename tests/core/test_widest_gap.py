@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 import fg_mujoco as fg
 from fg_mujoco.controllers.widest_gap import WidestGap, WidestGapSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import Odometry
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
 
 
 def planner(**changes):

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.lap_timer import LapTimer
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
 WORLDS = {name: fg.World(name) for name in ("oval", "hairpins", "scene:dead_end:0")}

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from numpy.random import Generator
-from small_policies import FLAT, PARTS, interface_of, network_for
 
-from fg_mujoco.course.documents import read_toml, toml_text
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
+from fg_mujoco.course.documents import read_toml, toml_text
 from fg_mujoco.simulation.settings import known_settings
+from small_policies import FLAT, PARTS, interface_of, network_for
 
 from .folder_targets import any_json
 from .mutations import mutated, one_of

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from forging import without_checksums
 from numpy.random import Generator
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -23,12 +22,13 @@ from websockets.typing import Subprotocol
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d.new_api import F110Env as NewEnv
-from fg_mujoco.racing.run_folder import write_run
-from fg_mujoco.racing.setup import Setup
-from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
-from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
+from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
+from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.racing.setup import Setup
+from forging import without_checksums
 
 from .course_targets import ring
 from .folder_targets import any_json_file, changed_arrays, read

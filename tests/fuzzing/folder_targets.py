@@ -13,12 +13,12 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from forging import without_checksums
 from numpy.random import Generator
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
+from forging import without_checksums
 
 from .mutations import WORDS, mutated, mutated_binary, one_of
 from .target import SHORT, Attempt, Target, command

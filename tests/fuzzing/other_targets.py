@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from numpy.random import Generator
 
 import fg_mujoco as fg
+from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.gym_environment import F1TenthEnv
-from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
 
 from .folder_targets import run

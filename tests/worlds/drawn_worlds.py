@@ -4,12 +4,12 @@ import itertools
 import math
 
 import numpy as np
-from scan_worlds import CAR, INCREMENT
 
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH, search_frontier
 from fg_mujoco.controllers.perception.local_map import CELL, RING, SIZE
 from fg_mujoco.controllers.perception.scan_geometry import SCAN
 from fg_mujoco.messages import ODOMETRY
+from scan_worlds import CAR, INCREMENT
 
 PERIOD = 0.025
 BEAMS = 1081

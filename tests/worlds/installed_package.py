@@ -3,7 +3,7 @@
 import shutil
 from importlib.resources import files
 
-PACKAGES = ("fg_mujoco", "fg_mujoco.controllers", "fg_mujoco.models", "fg_mujoco.tracks")
+PACKAGES = ("fg_mujoco", "fg_mujoco.addons", "fg_mujoco.controllers", "fg_mujoco.models", "fg_mujoco.tracks")
 
 
 def install_into(site):

@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
-from scan_worlds import CAR, INCREMENT, odometry_of, scan_of
 
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.messages import ODOMETRY
+from scan_worlds import CAR, INCREMENT, odometry_of, scan_of
 
 PERIOD = 0.025
 BEARINGS = INCREMENT * (np.arange(1081) - 540)

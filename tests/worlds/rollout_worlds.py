@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.rollouts.drive_worlds import RESULT, WorldResults
+from fg_mujoco.simulation.telemetry import TELEMETRY
 
 STATE = 5
 

@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 
 import fg_mujoco as fg
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.addons.learn.perceptron import Layer, Normaliser, Perceptron
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.envs.policy_interface import PolicyInterface
 
 FLAT = {
     "observation": "beams:54:max=10,speed,steering,previous_action,history:2,normalised,flat",

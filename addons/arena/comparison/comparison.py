@@ -19,16 +19,17 @@ from fg_mujoco.arguments import explain_class
 from fg_mujoco.course.scenes.catalogue import PREFIX, scene_names
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require_whole, shown
+from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.opponents import Opponents
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_files import files_sha256
 from fg_mujoco.racing.planner_sources import controller_names
 from fg_mujoco.racing.setup import OF_A_CAR, Setup, StudyKeywords
-from fg_mujoco.simulation.settings import FASTEST
-from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
-from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.grid_study import Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
+from fg_mujoco.simulation.settings import FASTEST
+
 from .comparison_tables import DIFFERENCES, Cell, cells_table, make_cells
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures

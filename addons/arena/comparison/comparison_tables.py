@@ -19,11 +19,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fg_mujoco.racing.opponents import FIRST
 from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.racing.opponents import FIRST
 from fg_mujoco.rollouts.differences import ALL, Differences
 from fg_mujoco.rollouts.grid_study import GridCell
 from fg_mujoco.rollouts.intervals import per_cent, quantile, quartiles, varied, wilson
+
 from .run import RunFigures, RunRow
 
 DIFFERENCES = Differences(

@@ -25,14 +25,15 @@ from fg_mujoco.course.scenes.catalogue import PREFIX
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.errors import ControllerError, FgMujocoError, RunFolderError
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
-from fg_mujoco.racing.planner_trust import require_trusted
 from fg_mujoco.pictures.pages.bokeh_plots import library, require_bokeh
 from fg_mujoco.pictures.pages.page import LIBRARY, note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.addons.look.report.report_page import write_report
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planner_files import files_sha256
+from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.store import WRITABLE, blame
+
 from .comparison_tables import DIFFERENCES, cells_table, make_cells
 from .ground import ground_sha256
 from .run import ComparisonSettings, Run, RunKey, RunRow
@@ -124,7 +125,7 @@ def _run_page(row: RunRow, settings: ComparisonSettings, out: Path, *, trust: bo
     same = result.trajectory_sha256 == row.figures.trajectory_sha256
     said = "the same run, bit for bit" if same else "another run than that in the table, which another version drove"
     note = f'Driven again for this page: {said}. <a href="index.html">All runs</a>'
-    write_report(result, out / name, clip_seconds=None, share_library=True, notes=(note,))
+    PARTS.find("run page")(result, out / name, clip_seconds=None, share_library=True, notes=(note,))
     return _Page(name=name, remark="" if same else said)
 
 

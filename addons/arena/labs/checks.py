@@ -20,6 +20,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, require
 from fg_mujoco.racing.fault import NO_FAULT
 from fg_mujoco.racing.result import RaceResult
+
 from ..comparison.ground import Ground
 from ..comparison.run import driven_poses
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fg_mujoco.display import Html, element, html
 from fg_mujoco.pictures.pages.page import boxes, note, result, scroll, write_page
+
 from .grades import Grade, checks_table
 from .lab_file import Lab
 

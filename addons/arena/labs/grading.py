@@ -27,15 +27,16 @@ from typing import Any
 from fg_mujoco.arguments import explain_class
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require_whole
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.driven_line_svg import driven_line
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.grid_study import GridFolder, GridKey, GridRow, Study, StudyProgress, drive_grid, why_failed
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.rollouts.store import as_json, digest, of_kind
+
 from .checks import Drive
 from .grade_page import page_names, write_grade_page
 from .grades import Checked, Grade, checks_table, grades_table

@@ -34,6 +34,7 @@ from fg_mujoco.racing.entries import check_starts, grid_starts
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.setup import SETUP_KEYWORDS, Setup
 from fg_mujoco.simulation.settings import Start
+
 from ..comparison.ground import Ground
 from .checks import CHECKS, Check
 

@@ -25,18 +25,19 @@ from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import quoted
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import require_whole, shown
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_files import files_sha256
 from fg_mujoco.racing.race_control import find_rules
 from fg_mujoco.racing.setup import OF_A_CAR, Setup, StudyKeywords
-from fg_mujoco.simulation.cars import GREATEST_CARS
-from fg_mujoco.simulation.course_loading import load_track
-from fg_mujoco.simulation.settings import Start
-from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.rollouts.store import digest
+from fg_mujoco.simulation.cars import GREATEST_CARS
+from fg_mujoco.simulation.course_loading import load_track
+from fg_mujoco.simulation.settings import Start
+
 from .heat import BETWEEN, Heat, HeatKey, HeatRow, LeagueSettings
 from .league_page import write_league_page
 from .league_tables import Standing, beaten_table, make_standings, standings_table

@@ -18,6 +18,7 @@ import numpy as np
 
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.grid_study import GridCell
+
 from .heat import CarFigures, HeatRow, beaten
 from .ratings import ratings
 

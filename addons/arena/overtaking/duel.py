@@ -26,6 +26,7 @@ from fg_mujoco.messages import CarParameters
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
@@ -33,7 +34,7 @@ from fg_mujoco.simulation.planner_adapter import Cars, Planners, PlannersOfEach,
 from fg_mujoco.simulation.settings import FASTEST, CarSettings, DriveSettings, Start, require_laps
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.simulation.world import World
-from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
+
 from .slower_opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]

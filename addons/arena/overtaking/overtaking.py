@@ -15,14 +15,15 @@ from typing import Any
 
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import require_whole
+from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_files import files_sha256
 from fg_mujoco.racing.setup import OF_A_CAR, Setup
-from fg_mujoco.simulation.course_loading import load_track
-from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
-from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
+from fg_mujoco.simulation.course_loading import load_track
+
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .overtaking_tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, ratio_picture
 from .slower_opponents import OPPONENTS

@@ -32,15 +32,16 @@ import numpy as np
 from fg_mujoco.course.documents import read_toml
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import CarParameters, require_whole, shown
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.fault import BOTH
 from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.racing.planner_files import files_sha256
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.differences import ALL
 from fg_mujoco.rollouts.grid_study import GridCell, GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.intervals import wilson
 from fg_mujoco.rollouts.run_grid import as_axis
+
 from .duel import DuelSettings, closed_track
 from .overtaking import USABLE
 from .scenario import LANES, Scenario, ScenarioKey, ScenarioRow

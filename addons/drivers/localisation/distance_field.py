@@ -22,8 +22,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, MapLine
 
 RESOLUTION = 0.05

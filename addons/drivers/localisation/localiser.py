@@ -17,11 +17,11 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.planner_settings import Accepted, Settings, setting
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan, MapLine, Odometry, read_only
 
-from fg_mujoco.controllers.control.planner_settings import Accepted, Settings, setting
 from .distance_field import DistanceField
 from .map_matching import ScanMatching
 from .odometry import predicted, step_errors

@@ -21,11 +21,12 @@ import math
 
 import numpy as np
 
-from ..line_optimizer import Grip
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.vehicle.tires import Tires
+
+from ..line_optimizer import Grip
 
 _ENTRIES = 65  # of the tables
 _HALVINGS = 50

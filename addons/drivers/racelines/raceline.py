@@ -21,7 +21,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..line_optimizer import Grip, Objective, Walls, optimize_line
 from fg_mujoco.course.clearance import clearances, outline
 from fg_mujoco.course.course import Course
 from fg_mujoco.course.obstacles import Obstacle
@@ -29,9 +28,11 @@ from fg_mujoco.course.track import Track
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import brief, quoted
 from fg_mujoco.errors import SettingsError, TrackError, accepted_names
+from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
+
+from ..line_optimizer import Grip, Objective, Walls, optimize_line
 from .grip import acceleration_left, double_track_grip
 
 COLUMNS = ("s_m", "x_m", "y_m", "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2")

@@ -6,6 +6,7 @@ import numpy as np
 
 from fg_mujoco.pictures.course_drawing import draw_course, draw_line, draw_obstacles, extent
 from fg_mujoco.pictures.pages.figure_kit import Target, picture
+
 from .raceline import Raceline
 
 _WIDTH, _HEIGHT = 10.5, (4.4, 8.0)  # [in]

@@ -15,11 +15,12 @@ import numpy as np
 
 from fg_mujoco.display import Html, element, html
 from fg_mujoco.messages import FloatArray
+from fg_mujoco.pictures.pages.page import resource, result, scroll, switch, write_page
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.simulation.telemetry import recorded_command
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import slides_above
-from fg_mujoco.pictures.pages.page import resource, result, scroll, switch, write_page
-from fg_mujoco.pictures.pages.table import Table
+
 from .decision_colours import DRIVEN, hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
 from .window import Moving, Window

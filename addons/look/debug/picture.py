@@ -12,6 +12,7 @@ import numpy as np
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.pages.figure_kit import picture
 from fg_mujoco.pictures.pages.page import writing
+
 from .decision_colours import COMMAND, DRIVEN, GOAL, MOTION, hex_colour, law_colours, scan_colours
 from .decisions import Decision
 from .window import AHEAD, Moving, Window

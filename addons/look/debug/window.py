@@ -11,6 +11,7 @@ import numpy as np
 from fg_mujoco.display import brief, quoted
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.vehicle.car import WHEELS
+
 from ..report.recorded import RecordedRun
 from .decisions import Decision
 

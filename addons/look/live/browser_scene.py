@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.pictures.rendering.scenery import MOVING_COLOUR, OBSTACLE_COLOUR
+from fg_mujoco.simulation.physics import STATE
+
 from .browser_shapes import world_shapes
 from .live_session import LiveSession
 

@@ -6,8 +6,9 @@ import sys
 import time
 
 from fg_mujoco.errors import FgMujocoError, SettingsError
-from fg_mujoco.simulation.settings import friction_text
 from fg_mujoco.pictures.display_check import can_open_window
+from fg_mujoco.simulation.settings import friction_text
+
 from .hand_driver import KEYS
 from .live_session import LiveSession
 

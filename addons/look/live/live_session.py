@@ -35,6 +35,7 @@ from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.world import LIDAR_PREFIX, World
 from fg_mujoco.vehicle.motion import is_rolled_over
+
 from .hand_driver import HandDriver
 
 _TRACE_STEP = 0.2  # [m] from one point of the trace to the next

@@ -9,9 +9,10 @@ from typing import Any
 
 from fg_mujoco.course.writing import temporary_folder
 from fg_mujoco.errors import MissingExtraError
+from fg_mujoco.pictures.pages.page import data_url
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import Run
-from fg_mujoco.pictures.pages.page import data_url
+
 from .laps_and_slides import SlideEvent
 
 SIZE = (640, 360)  # [px]

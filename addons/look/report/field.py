@@ -13,14 +13,15 @@ import numpy as np
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.errors import MissingExtraError
 from fg_mujoco.messages import FloatArray
+from fg_mujoco.pictures.pages.bokeh_plots import ALERT, mark, new_panel, put_legend_above, stacked
+from fg_mujoco.pictures.pages.page import data_url, note, scroll
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import Run
 from fg_mujoco.racing.standings import Standings, standings
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.telemetry import TELEMETRY
-from fg_mujoco.pictures.pages.bokeh_plots import ALERT, mark, new_panel, put_legend_above, stacked
-from fg_mujoco.pictures.pages.page import data_url, note, scroll
-from fg_mujoco.pictures.pages.table import Table
+
 from .clip import followed
 from .recorded import RecordedRun
 from .sections import missing

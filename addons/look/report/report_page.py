@@ -11,10 +11,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from fg_mujoco.display import Html, html
-from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import RECORDED, Run
 from fg_mujoco.pictures.pages.bokeh_plots import embed, require_bokeh
 from fg_mujoco.pictures.pages.page import resource, switch, write_page
+from fg_mujoco.racing.result import RaceResult
+from fg_mujoco.racing.run_folder import RECORDED, Run
+
 from . import sections
 from .clip import clip_of_several, clip_start, make_clip
 from .field import Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said

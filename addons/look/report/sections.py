@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.display import Html, element, escaped, html
+from fg_mujoco.lab.manoeuvres import is_driven_by_commands
+from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, result, scroll
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.decision_times import decision_limit_text
 from fg_mujoco.racing.hints import clamped_hint, late_hint
-from fg_mujoco.lab.manoeuvres import is_driven_by_commands
 from fg_mujoco.racing.run_folder import RECORDED
 from fg_mujoco.simulation.planner_failure import place
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
-from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, result, scroll
-from fg_mujoco.pictures.pages.table import Table
+
 from .clip import Clip
 from .laps_and_slides import SECTORS, Lap, SlideEvent
 from .recorded import RecordedRun

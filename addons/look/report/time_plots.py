@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 from fg_mujoco.pictures.pages.bokeh_plots import (
     ALERT,
     CAR,
@@ -25,6 +23,8 @@ from fg_mujoco.pictures.pages.bokeh_plots import (
     speed_palette,
     stacked,
 )
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource, UIElement

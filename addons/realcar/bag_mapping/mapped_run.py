@@ -18,10 +18,18 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from fg_mujoco.addons.ros.bag_messages import (
+    DRIVE,
+    drive_message,
+    nanoseconds,
+    odometry_message,
+    scan_message,
+    transform_message,
+)
+from fg_mujoco.addons.ros.bag_recording import Recording
+from fg_mujoco.addons.ros.bag_writer import BagWriter
 from fg_mujoco.course.course import Course
 from fg_mujoco.errors import BagError
-from ..mapping.recorded_map import RecordedMap
-from ..mapping.sweeps import Sweeps, interpolated
 from fg_mujoco.messages import STOP, DriveCommand, FloatArray, LaserScan, Odometry
 from fg_mujoco.racing.decision_times import DecisionTimes
 from fg_mujoco.racing.race import race
@@ -32,9 +40,9 @@ from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.vehicle.car import Car, element_id
 from fg_mujoco.vehicle.vehicle import Vehicle
-from fg_mujoco.addons.ros.bag_messages import DRIVE, drive_message, nanoseconds, odometry_message, scan_message, transform_message
-from fg_mujoco.addons.ros.bag_recording import Recording
-from fg_mujoco.addons.ros.bag_writer import BagWriter
+
+from ..mapping.recorded_map import RecordedMap
+from ..mapping.sweeps import Sweeps, interpolated
 
 RECORDING = "recording.mcap"
 """The bag in the folder: the scans, the poses and the commands, from the first scan on."""

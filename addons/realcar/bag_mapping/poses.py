@@ -22,14 +22,23 @@ from typing import Any
 
 import numpy as np
 
-from fg_mujoco.errors import BagError
-from ..mapping.sweeps import Sweeps, interpolated
-from fg_mujoco.messages import CarParameters, FloatArray, LaserScan
 from fg_mujoco.addons.ros.bag_frames import FrameTree, flat, plain, planar
 from fg_mujoco.addons.ros.bag_messages import MAP_FRAME, ODOMETRY, SCAN, stamp_of
-from fg_mujoco.addons.ros.bag_reader import POSES, Clock, ScanFaults, mount_of, mounting_frames, pose_of, transform_topics
+from fg_mujoco.addons.ros.bag_reader import (
+    POSES,
+    Clock,
+    ScanFaults,
+    mount_of,
+    mounting_frames,
+    pose_of,
+    transform_topics,
+)
 from fg_mujoco.addons.ros.bag_recording import Heard, Recording, Topic
 from fg_mujoco.addons.ros.bag_scans import to_scan
+from fg_mujoco.errors import BagError
+from fg_mujoco.messages import CarParameters, FloatArray, LaserScan
+
+from ..mapping.sweeps import Sweeps, interpolated
 
 _APART = 500_000_000  # [ns] between the clocks of two topics, above which the recorder's counts for both
 _LATE = 0.5  # [s] before the first pose and after the last, within which a scan counts

@@ -11,11 +11,3 @@ other, `driven_runs` makes the drive of a run folder, and `reading` reads any dr
 `recorded_beams` casts the LiDAR's beams in a map and finds where the LiDAR sits, `beam_comparison` says how far
 recorded and cast beams are apart and why, and `beam_text` writes it.
 """
-
-from typing import Any
-
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.registry import Registry
-
-READERS: Registry[Any] = Registry("reader of drives", SettingsError)
-"""Readers of drives in upper rooms: "bag", a function of a path, a vehicle and topics, which the package registers."""

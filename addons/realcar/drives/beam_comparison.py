@@ -38,6 +38,7 @@ from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.measured_errors import MeasuredErrors
 from fg_mujoco.messages import FloatArray
+
 from .recorded_beams import FittedPoses, LidarMount, RecordedBeams, cast_beams, fit_mount, fit_poses
 
 if TYPE_CHECKING:

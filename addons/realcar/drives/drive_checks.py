@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.messages import FloatArray
+
 from .channels import Channel
 
 WINDOW = 0.6

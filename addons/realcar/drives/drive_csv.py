@@ -13,6 +13,7 @@ import numpy as np
 from fg_mujoco.course.files import file_sha256, read_bytes
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import FloatArray, shown
+
 from .channels import LONGEST_PAUSE, MOST, PAUSE, Beams, Channel
 from .drive_checks import DriveChecks, check_drive
 from .drive_columns import LAYOUTS, MEASURED, QUANTITIES, REQUIRED, UNITS, Column, DriveColumns, recognised

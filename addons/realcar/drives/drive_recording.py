@@ -13,6 +13,7 @@ import numpy as np
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, read_only
+
 from .channels import LONGEST, LONGEST_PAUSE, MOST, PART, PAUSE, SHORTEST, Beams, Channel, Measured
 from .drive_checks import DriveChecks
 

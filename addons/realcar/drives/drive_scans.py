@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fg_mujoco.addons.ros.bag_reader import Delivery
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, LaserScan, Odometry
+
 from .drive_recording import RecordedDrive
-from fg_mujoco.addons.ros.bag_reader import Delivery
 
 _RANGE_MIN, _RANGE_MAX = 0.02, 30.0
 """[m] of a UST-10LX (source: Hokuyo, UST-10LX specification): CSV files say nothing of their LiDAR's limits."""

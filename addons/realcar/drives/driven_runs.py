@@ -11,6 +11,7 @@ from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.racing.run_folder import Run
 from fg_mujoco.simulation.world import World
+
 from .channels import Beams, Channel
 from .drive_checks import check_drive
 from .drive_recording import RecordedDrive

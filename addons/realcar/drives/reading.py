@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from fg_mujoco.course.files import is_folder
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.run_folder import RECORDED, SUMMARY, Run, read_run
-from . import READERS
+from fg_mujoco.registry import PARTS
+
 from .drive_columns import DriveColumns, recognised
 from .drive_csv import header_of, read_csv_drive
 from .drive_recording import RecordedDrive
@@ -50,7 +51,7 @@ def read_drive(
     if kind == "csv":
         return read_csv_drive(path, None if columns is None else DriveColumns.of(columns))
     if kind == "bag":
-        found: RecordedDrive = READERS.find("bag")(path, vehicle=vehicle, **topics)
+        found: RecordedDrive = PARTS.find("bag drive")(path, vehicle=vehicle, **topics)
         return found
     from .driven_runs import drive_of_run  # loads MuJoCo
 

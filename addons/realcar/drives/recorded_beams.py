@@ -26,6 +26,7 @@ from fg_mujoco.messages import FloatArray
 
 if TYPE_CHECKING:
     from fg_mujoco.course.maps.wall_rays import MapWalls, RayHits
+
     from .drive_recording import RecordedDrive
 
 BoolArray = NDArray[np.bool_]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .channels import PAUSE
 
 _GREATEST_STEERING = 1.05  # [rad] no car of this kind steers further than 60 degrees

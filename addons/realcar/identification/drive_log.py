@@ -11,6 +11,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.run_folder import Run
+
 from ..drives.channels import LONGEST, SHORTEST, Channel, Measured
 from ..drives.drive_recording import RecordedDrive
 from ..drives.driven_runs import drive_of_run

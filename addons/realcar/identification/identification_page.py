@@ -15,6 +15,7 @@ from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.pages.bokeh_plots import ALERT, CAR, LAW, embed, mark, new_plot, put_legend_above, require_bokeh
 from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, write_page
 from fg_mujoco.pictures.pages.table import Table
+
 from .fit import force_points
 from .identification import Estimate, Identification, held_back
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .drive_log import Drive
 
 STEP = .00625

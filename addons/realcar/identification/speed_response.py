@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .problem import DriveProblem
 from .smoothed_motion import STEP
 

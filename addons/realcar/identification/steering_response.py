@@ -11,6 +11,7 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import inlined, kernel
 from fg_mujoco.messages import FloatArray
+
 from ..drives.channels import Channel
 
 

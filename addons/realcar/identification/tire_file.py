@@ -7,6 +7,7 @@ from pathlib import Path
 
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import SettingsError
+
 from .identification import Axle, Estimate, Identification
 
 _SEEN_BEHIND = 2.0  # times the slip of the peak, that a drive must exceed to say how the force falls behind it

@@ -24,6 +24,7 @@ from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.command_response import ACCELERATION_MAP, STEERING_MAP
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .identification import Identification
 from .tire_file import comment
 

@@ -22,12 +22,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fg_mujoco.course.course import Course, wall_outlines
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from fg_mujoco.racing.entries import entry_planner
 from fg_mujoco.racing.race import RaceProgress, race_setup
+
 from .pose_graph import PoseGraph, write_graph
-from .ray_model import FREE, OCCUPIED, RESOLUTION
 from .recorded_map import RecordedMap, make_map, map_files, require_resolution, write_map
 from .sweeps import Sweeps, interpolated
 

@@ -25,6 +25,7 @@ import numpy as np
 from fg_mujoco.course.writing import write_files
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
+
 from .scan_matching import Walls, key_scans, step_between, stepped, walls_seen
 from .sweeps import Sweeps
 

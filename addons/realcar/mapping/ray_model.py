@@ -20,14 +20,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import BagError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
+from fg_mujoco.errors import BagError
 from fg_mujoco.messages import FloatArray
-
-FREE, OCCUPIED, UNKNOWN = 0, 100, -1
-"""Of a cell, as nav_msgs/OccupancyGrid has them."""
-RESOLUTION = 0.05
-"""[m] Side of a cell: that of most maps of F1TENTH courses."""
 
 HIT, MISS = math.log(0.7 / 0.3), math.log(0.4 / 0.6)
 _LEAST, _GREATEST = -4.0, 4.0  # of log odds

@@ -19,11 +19,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION, UNKNOWN
 from fg_mujoco.course.writing import write_files
 from fg_mujoco.errors import BagError, SettingsError
 from fg_mujoco.messages import FloatArray
+
 from .pose_graph import PoseGraph, close_loops
-from .ray_model import FREE, OCCUPIED, RESOLUTION, UNKNOWN, LogOdds
+from .ray_model import LogOdds
 from .scan_matching import match_scans, standing
 from .sweeps import Sweeps
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
+
 from .sweeps import Sweeps
 
 _REACH = 20.0  # [m] of beams that are matched

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .car_model import BEFORE, Task
 from .windows import HOLD_SPEED, PERIOD, STEADY_SECONDS, DriveMotion, SteadyState, Window
 

@@ -20,6 +20,7 @@ from fg_mujoco.vehicle.command_response import CommandResponse
 from fg_mujoco.vehicle.motion import surface_speed
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .windows import ACCELERATE, HOLD_SPEED, PERIOD
 
 SIGNALS = ("x", "y", "heading", "forward_speed", "lateral_speed", "yaw_rate")

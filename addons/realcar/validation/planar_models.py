@@ -19,14 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.vehicle.command_response import CommandResponse
 from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, axle_loads, friction_used, linear_rates
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
 from fg_mujoco.vehicle.vehicle import Vehicle
+
 from .car_model import BEFORE, SIGNALS, Task
 from .windows import ACCELERATE, HOLD_SPEED, PERIOD
 

@@ -9,10 +9,11 @@ from typing import Any
 
 from fg_mujoco.display import brief
 from fg_mujoco.messages import CarParameters
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.vehicle.command_response import CommandResponse
 from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from fg_mujoco.pictures.pages.table import Table
+
 from ..drives.drive_recording import RecordedDrive
 from .car_model import CarModel
 from .planar_models import PlanarModel

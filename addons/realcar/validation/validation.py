@@ -13,10 +13,11 @@ import numpy as np
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.vehicle.command_response import CommandResponse
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from fg_mujoco.pictures.pages.table import Table
+
 from ..drives.drive_recording import RecordedDrive
 from ..drives.reading import read_drives
 from ..identification.fit import require_scipy

@@ -27,6 +27,7 @@ from fg_mujoco.pictures.pages.bokeh_plots import (
     stacked,
 )
 from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, scroll, write_page
+
 from .agreement import UNITS, recorded_signals, signals_of
 from .validation import COMMANDS, HELD, STEADY, Validation
 from .windows import PERIOD

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.vehicle.command_response import CommandResponse
+
 from ..drives.drive_recording import RecordedDrive
 from ..identification.drive_log import Drive
 from ..identification.smoothed_motion import Motion, smooth

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import FloatArray, Sketch
+
 from ..bag_messages import MAP_FRAME, type_store
 from .graph import Graph
 from .message_classes import full_name

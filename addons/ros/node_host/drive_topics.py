@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import CarParameters
+
 from ..bag_messages import DRIVE_TOPICS
 from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, VESC, steering_of_servo
 from .graph import Graph, NodeError, Publication

@@ -21,6 +21,7 @@ from typing import Any
 
 from fg_mujoco.errors import ControllerError, accepted_names
 from fg_mujoco.simulation.old_numpy import OLD_NAMES
+
 from .graph import Graph
 from .message_classes import SERVICE_PACKAGES, Definitions
 from .reconfigure import configurations

@@ -19,6 +19,7 @@ from typing import Any
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import ControllerError, accepted_names
 from fg_mujoco.simulation.planner_failure import one_line
+
 from .graph import Graph
 from .launch_objects import Context, Lacking, LaunchImports, Made, executed, refusal
 from .source import data_file

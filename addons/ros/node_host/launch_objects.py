@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any, ClassVar
 
 from fg_mujoco.errors import ControllerError
+
 from .graph import Graph
 from .imports import Imports, Overlay, StandIn
 from .message_classes import ROS2, Definitions

@@ -22,6 +22,7 @@ import numpy as np
 
 from fg_mujoco.errors import ControllerError, accepted_names, missing_extra
 from fg_mujoco.simulation.old_numpy import one_element_advice
+
 from ..bag_messages import type_store, vesc_definitions
 from .graph import THREAD
 from .rospy_times import RosDuration, RosTime

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fg_mujoco.errors import accepted_names
+
 from .graph import BEGIN, Graph, Subscription, next_message
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.simulation.old_numpy import BEFORE_1_24, BEFORE_2
+
 from .imports import Overlay, StandIn, package_folder
 from .node_session import Session
 from .reconfigure import Config, client_of, server_of

@@ -26,6 +26,7 @@ from typing import Any
 
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import ControllerError, accepted_names, missing_extra
+
 from .graph import Graph
 from .imports import read_node
 from .launch_files import flat, launched

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from fg_mujoco.errors import accepted_names
+
 from .graph import Publication, Subscription
 from .message_classes import full_name
 from .node_session import NodeLogger, Session

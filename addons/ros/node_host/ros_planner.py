@@ -33,6 +33,7 @@ from fg_mujoco.racing.planner_sources import READ
 from fg_mujoco.racing.planner_texts import PlannerScheme
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.planner_failure import one_line
+
 from ..bag_messages import nanoseconds
 from .drawings import Drawings, for_bag
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving

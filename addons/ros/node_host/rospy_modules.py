@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.simulation.planner_failure import one_line
+
 from .graph import Graph, NodeError, Publication, Subscription
 from .imports import LackingError, StandIn
 from .message_classes import Message1

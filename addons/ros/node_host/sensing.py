@@ -20,6 +20,7 @@ import numpy as np
 from fg_mujoco.messages import CarParameters, LaserScan, Odometry
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
+
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, cars_in
 from ..occupancy_grid import Grid, grid_of

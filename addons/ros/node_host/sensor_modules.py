@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .imports import StandIn, to_install
 from .message_classes import ROS1, message_class
 from .transform_modules import matrix

@@ -18,6 +18,7 @@ from types import CodeType
 from typing import TypeVar
 
 from fg_mujoco.course.files import is_file
+
 from .workspace import module_folders
 
 _DATA = {

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.messages import FloatArray
+
 from .graph import Graph
 from .imports import StandIn
 from .message_classes import ROS1, ROS2, Message, made, message_class

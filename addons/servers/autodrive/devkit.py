@@ -24,6 +24,7 @@ from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.errors import ControllerError, EngineError, SettingsError
 from fg_mujoco.messages import STOP, DriveCommand, LaserScan, Odometry, shown
 from fg_mujoco.simulation.planner_adapter import Surroundings
+
 from .packets import EVENT, Answer, LapTimes, packet, read_answer
 from .socket_io import open_client
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.addons.ros.composed_topics import STEERING, THROTTLE
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, shown
-from fg_mujoco.addons.ros.composed_topics import STEERING, THROTTLE
 
 EVENT = "Bridge"
 

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.addons.ros.node_host.message_classes import ROS2, Message, full_name, made, message_class
 from fg_mujoco.errors import MessageError, accepted_names
 from fg_mujoco.messages import shown
-from fg_mujoco.addons.ros.node_host.message_classes import ROS2, Message, full_name, made, message_class
 
 _TIMES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 _HEADER = "std_msgs/msg/Header"

@@ -16,8 +16,6 @@ import time
 from collections.abc import Callable, Collection
 from typing import Any
 
-from fg_mujoco.errors import MessageError
-from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import (
     BASE_FRAME,
@@ -33,11 +31,14 @@ from fg_mujoco.addons.ros.bag_messages import (
     transform_message,
 )
 from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, car_mounts
-from ..client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
 from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
 from fg_mujoco.addons.ros.node_host.message_classes import ROS2, message_class
 from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
+from fg_mujoco.errors import MessageError
+from fg_mujoco.messages import STOP, DriveCommand
+
+from ..client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
 from .json_messages import to_json
 
 TRIGGER = "std_srvs/srv/Trigger"

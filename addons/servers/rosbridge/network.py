@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from fg_mujoco.errors import SettingsError, missing_extra
+
 from .client import Client
 
 _MOST_UNREAD = 64  # texts of a client that wait for the race; then no more are read from it

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from fg_mujoco.errors import MessageError
-from fg_mujoco.messages import shown
 from fg_mujoco.addons.ros.bag_messages import definition, type_store
 from fg_mujoco.addons.ros.node_host.message_classes import ROS2, Definitions, Message, full_name, message_class
+from fg_mujoco.errors import MessageError
+from fg_mujoco.messages import shown
+
 from .json_messages import fields_of, kind_of
 
 RACE, BRIDGE, ROSAPI = "/fg_mujoco", "/rosbridge_websocket", "/rosapi"

@@ -17,9 +17,10 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any
 
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.errors import FgMujocoError, MessageError, accepted_names
 from fg_mujoco.messages import shown
-from fg_mujoco.addons.look.live.live_session import LiveSession
+
 from .client import LEVELS, Client, Subscription
 from .json_messages import from_json, kind_of, to_json
 from .live_race import SERVICES, STANDING, TAKEN, TRIGGER, LiveRace

@@ -22,12 +22,11 @@ from ..polyline import enclosed_area
 from ..track import Track
 from ..track_mesh import wall_mesh
 from ..writing import write_files
-from .map_server import require_maps_extra
+from .map_server import RESOLUTION, require_maps_extra
 from .walls import outlines
 
 SUFFIXES = (".yaml", ".csv", ".obj", ".stl", ".glb")
-RESOLUTION = 0.05
-"""[m] of a pixel, unless another is asked for: that of most maps of F1TENTH courses."""
+"""Endings of the files that are written."""
 
 _MARGIN = 10  # [pixel] round the walls
 _FREE, _OCCUPIED = 254, 0  # as map_server's map_saver writes them

@@ -32,6 +32,11 @@ from ..files import is_file, read_text, require_regular
 
 BoolArray = NDArray[np.bool_]
 
+FREE, OCCUPIED, UNKNOWN = 0, 100, -1
+"""Of a cell, as nav_msgs/OccupancyGrid has them."""
+RESOLUTION = 0.05
+"""[m] Side of a cell: that of most maps of F1TENTH courses."""
+
 MOST_PIXELS = 4096**2
 """Images of more pixels are refused."""
 

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import TrackError
 from ...compiled.kernels import kernel
+from ...errors import TrackError
 from ...messages import FloatArray
 from .map_server import read_map_file
 from .walls import outlines, trace

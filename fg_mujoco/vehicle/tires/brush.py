@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...errors import SettingsError
 from ...compiled.kernels import kernel
+from ...errors import SettingsError
 from ...messages import FloatArray, require
 from .law import Law, with_sign
 

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...errors import SettingsError
 from ...compiled.kernels import kernel
+from ...errors import SettingsError
 from ...messages import FloatArray, require
 from .law import Law
 

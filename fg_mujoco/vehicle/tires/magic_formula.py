@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...errors import SettingsError
 from ...compiled.kernels import kernel
+from ...errors import SettingsError
 from ...messages import FloatArray, require
 from .law import GREATEST_SLIP, Law, with_sign
 

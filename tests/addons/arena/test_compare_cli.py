@@ -10,14 +10,14 @@ import sys
 import time
 
 import pytest
-from comparison_worlds import PLANNERS, files
-from refusals import refused
-from terminals import read_to_the_end
 
 import fg_mujoco as fg
+from comparison_worlds import PLANNERS, files
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.scenes.catalogue import scene_names
 from fg_mujoco.errors import install_command
+from refusals import refused
+from terminals import read_to_the_end
 
 SHORT = ["--track", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 

@@ -7,13 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparison_worlds import PLANNERS, files
 
 import fg_mujoco as fg
-from fg_mujoco.course.moving_obstacles import MovingObstacle
-from fg_mujoco.course.scene import Scene
-from fg_mujoco.course.writing import claimed_folder
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from comparison_worlds import PLANNERS, files
 from fg_mujoco.addons.arena.comparison.comparison_tables import DIFFERENCES, cells_table, make_cells
 from fg_mujoco.addons.arena.comparison.ground import Ground, course_ground
 from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
@@ -25,6 +21,10 @@ from fg_mujoco.addons.arena.comparison.run import (
     driven_poses,
     wrong_way_time,
 )
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.course.writing import claimed_folder
+from fg_mujoco.racing.planner_choice import ControllerChoice
 from fg_mujoco.rollouts.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters

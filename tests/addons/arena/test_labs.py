@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from refusals import refused
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.course.clearance import outline
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.addons.arena.labs import recorded_commands
 from fg_mujoco.addons.arena.labs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.labs.grading import grade
 from fg_mujoco.addons.arena.labs.lab_file import read_lab
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.clearance import outline
+from fg_mujoco.errors import SettingsError
+from refusals import refused
 
 LABS = Path(__file__).parents[3] / "examples/labs"
 PLANNERS = """

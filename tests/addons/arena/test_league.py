@@ -9,20 +9,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from comparison_worlds import files
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import refused
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
-from fg_mujoco.racing.setup import Setup
+from comparison_worlds import files
 from fg_mujoco.addons.arena.league.heat import CarFigures, HeatFigures, HeatKey, HeatRow, beaten
 from fg_mujoco.addons.arena.league.league import PAGE, league, plan_heats
 from fg_mujoco.addons.arena.league.league_tables import make_standings
 from fg_mujoco.addons.arena.league.ratings import MEAN, POINTS, ratings
 from fg_mujoco.addons.arena.turn import Turn, read_turn, stuck
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
+from fg_mujoco.racing.setup import Setup
+from refusals import refused
 
 PLANNERS = """
 import os, signal, time

@@ -6,17 +6,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from comparison_worlds import files
-from refusals import refused
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import RunFolderError, SettingsError, TrackError
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.planner_adapter import adapt
-from fg_mujoco.simulation.settings import Start
-from fg_mujoco.rollouts.intervals import wilson
+from comparison_worlds import files
 from fg_mujoco.addons.arena.overtaking.duel import (
     AHEAD_FOR,
     Duel,
@@ -30,6 +22,14 @@ from fg_mujoco.addons.arena.overtaking.duel import (
 from fg_mujoco.addons.arena.overtaking.overtaking import overtake
 from fg_mujoco.addons.arena.overtaking.overtaking_tables import DIFFERENCES, make_cells
 from fg_mujoco.addons.arena.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import RunFolderError, SettingsError, TrackError
+from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.rollouts.intervals import wilson
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.planner_adapter import adapt
+from fg_mujoco.simulation.settings import Start
+from refusals import refused
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
+from fg_mujoco.addons.arena.overtaking.scenario import LANES, Scaled, Scenario, ScenarioKey, lane_line, start_on
+from fg_mujoco.addons.arena.overtaking.scenario_suite import Suite, drive_suite, plan_suite
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
-from fg_mujoco.addons.arena.overtaking.scenario import LANES, Scaled, Scenario, ScenarioKey, lane_line, start_on
-from fg_mujoco.addons.arena.overtaking.scenario_suite import Suite, drive_suite, plan_suite
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 _CAR = fg.Vehicle.load().parameters

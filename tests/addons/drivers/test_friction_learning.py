@@ -5,11 +5,8 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.addons.drivers.friction_learning import (
     LEARNED,
     FrictionLearningSettings,
@@ -20,8 +17,11 @@ from fg_mujoco.addons.drivers.friction_learning import (
     true_steering,
     use_friction,
 )
+from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.messages import ODOMETRY
+from scan_worlds import CAR, MU, corridor, odometry_of
 
 PERIOD, AGE, LOAD_LAG = 0.025, 0.0025, 0.006  # [s]
 STIFFNESS = 120.0  # [1/rad] of the set coulomb

@@ -4,16 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
-from scan_worlds import CAR
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.driving import REFERENCE
-from fg_mujoco.controllers.control.planner import PlannerBatch
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.addons.drivers.lap_map import see_lap
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
+from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
 from fg_mujoco.addons.drivers.known_line import (
     DEMAND,
     RADIUS,
@@ -25,9 +18,16 @@ from fg_mujoco.addons.drivers.known_line import (
     shape_line,
     speed_on,
 )
+from fg_mujoco.addons.drivers.lap_map import see_lap
 from fg_mujoco.addons.drivers.least_time import quicken
 from fg_mujoco.addons.drivers.scout import Scout
+from fg_mujoco.controllers.control.driving import REFERENCE
+from fg_mujoco.controllers.control.planner import PlannerBatch
+from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
+from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.messages import ODOMETRY
+from scan_worlds import CAR
 
 RADIUS_DRIVEN = 3.0  # [m] of the circle that is driven in the ring
 RING = lines(box(-4.4, -4.4, 4.4, 4.4), box(-1.5, -1.5, 1.5, 1.5))

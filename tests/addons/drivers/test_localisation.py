@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, odometry_of
 from scipy.stats import chi2
 
 import fg_mujoco as fg
@@ -26,6 +25,7 @@ from fg_mujoco.errors import ControllerError, MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, MapLine
 from fg_mujoco.racing.planner_loading import build_controller
 from fg_mujoco.simulation.settings import DriveSettings
+from scan_worlds import CAR, odometry_of
 
 METHODS = ("particle_filter", "scan_matching")
 CORNERS = np.array([[-4.0, -2.5], [6.0, -2.5], [6.0, 3.5], [1.0, 3.5], [1.0, 2.0], [-4.0, 2.0]])  # no symmetry

@@ -7,9 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
-from fg_mujoco.addons.drivers.overtaker import Overtaker
 from fg_mujoco.addons.drivers.other_cars import (
     OTHER_CARS,
     TOLD,
@@ -19,9 +17,11 @@ from fg_mujoco.addons.drivers.other_cars import (
     read_told,
     watch_cars,
 )
+from fg_mujoco.addons.drivers.overtaker import Overtaker
 from fg_mujoco.controllers.perception.scan_filters import noise_of
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
 from fg_mujoco.messages import ODOMETRY, Reading, columns_of_others
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 HALF = 0.06  # [m] of a box
 PERIOD = 0.025

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor, odometry_of
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
 from fg_mujoco.addons.drivers.overtaker import Overtaker, OvertakerSettings
+from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
+from scan_worlds import CAR, MU, corridor, odometry_of
 
 
 def duel(track, opponent, seed, ratio=0.5, laps=1):

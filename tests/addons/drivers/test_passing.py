@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, MU, corridor
 
-from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.addons.drivers.overtaker import Overtaker
+from fg_mujoco.addons.drivers.passing import DROPS_BACK, FOLLOWS, PASSES, RACING, choose, predict_cars, take_lane
+from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.controllers.perception.corridor import (
     HEADING,
     LEFT,
@@ -24,8 +24,8 @@ from fg_mujoco.controllers.perception.corridor import (
     walk,
 )
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
-from fg_mujoco.addons.drivers.passing import DROPS_BACK, FOLLOWS, PASSES, RACING, choose, predict_cars, take_lane
 from fg_mujoco.controllers.safety.predictions import CURVATURE, PREDICTIONS, along_arc, meets
+from scan_worlds import CAR, MU, corridor
 
 PLANNER = Overtaker(CAR, MU)
 SETTINGS, DRIVER = PLANNER.settings_row[0], PLANNER.driver[0]

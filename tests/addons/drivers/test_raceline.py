@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
 from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
-from fg_mujoco.controllers.control.racelines import read_line
-from fg_mujoco.course.clearance import clearances, outline
-from fg_mujoco.errors import ControllerError, SettingsError, TrackError
-from fg_mujoco.racing.entries import Entry
-from fg_mujoco.racing.setup import Setup
-from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.addons.drivers.racelines import raceline
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
+from fg_mujoco.cli.main import main
+from fg_mujoco.controllers.control.racelines import read_line
+from fg_mujoco.course.clearance import clearances, outline
+from fg_mujoco.errors import ControllerError, SettingsError, TrackError
+from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
+from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

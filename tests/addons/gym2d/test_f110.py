@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from map_oracles import draw_map, real_map, ring
 
 from fg_mujoco.addons import gym2d as f110
+from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
+from map_oracles import draw_map, real_map, ring
 
 KEYS = {
     "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",

@@ -8,16 +8,16 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
-from map_oracles import draw_map, ring
 
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
-from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
 from fg_mujoco.addons.gym2d import gym_functions
 from fg_mujoco.addons.gym2d.gym_track import Track
 from fg_mujoco.addons.gym2d.gym_world import LapCount
 from fg_mujoco.addons.gym2d.old_api import GymEnv
 from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
+from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
+from map_oracles import draw_map, ring
 
 POSE = np.array([[7.5, 2.25, 0.0]])
 

@@ -9,9 +9,9 @@ import textwrap
 
 import numpy as np
 import pytest
-from map_oracles import draw_map, ring
 
 from fg_mujoco.course.maps.map_track import read_map
+from map_oracles import draw_map, ring
 
 HIDDEN = """
 import importlib.machinery

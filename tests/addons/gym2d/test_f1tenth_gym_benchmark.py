@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+
 from map_oracles import draw_map, ring
 
 SCRIPT = Path(__file__).parents[3] / "benchmarks" / "f1tenth_gym.py"

@@ -5,9 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from refusals import refused
-from scan_worlds import corridor, odometry_of, scan_of
-from small_policies import FLAT, PARTS, interface_of, network_for
 
 import fg_mujoco as fg
 from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
@@ -15,6 +12,9 @@ from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.planner_trust import recorded_planner
+from refusals import refused
+from scan_worlds import corridor, odometry_of, scan_of
+from small_policies import FLAT, PARTS, interface_of, network_for
 
 WORLD = fg.World("oval")
 CAR, BEAMS = WORLD.parameters, WORLD.vehicle.lidar.beams

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import refused
-from small_policies import network_for
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.addons.learn import policy_files
-from fg_mujoco.envs.actions import ActionBounds, ActionReader
 from fg_mujoco.addons.learn.policy_files import description_of, read_policy, save_policy
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.addons.learn.residual import Residual
+from fg_mujoco.controllers.gap_finder import GapFinder
+from fg_mujoco.envs.actions import ActionBounds, ActionReader
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
+from refusals import refused
+from small_policies import network_for
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 from fg_mujoco.envs.gym_environment import F1TenthEnv

@@ -5,20 +5,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from refusals import refused
-from small_policies import FLAT, network_for
 
 import fg_mujoco as fg
-from fg_mujoco.envs import environment_opponents
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.addons.learn.policy_planner import find_policy
 from fg_mujoco.addons.learn.self_play import SelfPlay, Snapshots
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
+from fg_mujoco.envs import environment_opponents
+from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.simulation.planner_adapter import MessagePlanners
+from refusals import refused
+from small_policies import FLAT, network_for
 
 
 def snapshot(path, settings, seed, **network):

@@ -12,10 +12,10 @@ from stable_baselines3.common.env_checker import check_env  # noqa: E402
 from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
 
-from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy  # noqa: E402
 from fg_mujoco.addons.learn.stable_baselines3_env import EpisodeLog, F1TenthVecEnv  # noqa: E402
+from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 FLAT = {
     "track": "hairpins", "observation": "beams:54:max=10,speed,steering,previous_action,normalised,flat",

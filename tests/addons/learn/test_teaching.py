@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from refusals import refused
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.planner_settings import CAR
 from fg_mujoco.addons.drivers.friction_learning import LEARNED, learn, learning_row
+from fg_mujoco.addons.learn.policy_files import read_policy
+from fg_mujoco.controllers.control.planner_settings import CAR
 from fg_mujoco.envs.actions import ActionBounds, ActionReader
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
-from fg_mujoco.addons.learn.policy_files import read_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.messages import ODOMETRY
+from refusals import refused
 
 PARAMETERS = fg.Vehicle.load("f1tenth").parameters
 ANGLES, SPEEDS = st.floats(-0.5, 0.5), st.floats(-2.0, 9.0)

@@ -4,16 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from refusals import refused
-from small_policies import FLAT, network_for
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.evaluation import evaluate
+from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
+from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
-from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from fg_mujoco.addons.learn.training_settings import TrainingSettings
-from fg_mujoco.addons.arena.evaluation import evaluate
+from refusals import refused
+from small_policies import FLAT, network_for
 
 SMALL = {
     "environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 1.0},

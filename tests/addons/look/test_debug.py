@@ -11,10 +11,10 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from browsers import WRITTEN, outside_or_over_another, page_of  # noqa: F401 - a fixture
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 import fg_mujoco as fg
+from browsers import WRITTEN, outside_or_over_another, page_of  # noqa: F401 - a fixture
+from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
@@ -25,7 +25,7 @@ from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import RunFolderError, SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.addons.look.debug.decisions import Witness
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
 LAW = {"speed_law": "minimum", "guidance": False}

@@ -8,18 +8,18 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from field_races import shunt, three_cars
 from PIL import Image
-from rendered import needs_gl
 
 import fg_mujoco as fg
-from fg_mujoco.errors import MissingExtraError, RunFolderError
-from fg_mujoco.racing.standings import standings
-from fg_mujoco.simulation.cars import car_colour, car_colour_hex
-from fg_mujoco.pictures.rendering import Film, Overlays
 from fg_mujoco.addons.look.report.clip import clip_of_several
 from fg_mujoco.addons.look.report.field import PICTURE_SIZE, Field
 from fg_mujoco.addons.look.report.recorded import read_recorded
+from fg_mujoco.errors import MissingExtraError, RunFolderError
+from fg_mujoco.pictures.rendering import Film, Overlays
+from fg_mujoco.racing.standings import standings
+from fg_mujoco.simulation.cars import car_colour, car_colour_hex
+from field_races import shunt, three_cars
+from rendered import needs_gl
 
 TICK = 0.025
 SVG = "{http://www.w3.org/2000/svg}"

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.browser_shapes import world_shapes
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
-from fg_mujoco.addons.look.live.browser_shapes import world_shapes
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 RIVALS = (fg.Entry(controller="disparity_extender", max_speed=2.0), fg.Entry(max_speed=3.0, vehicle="nuc2"))
 

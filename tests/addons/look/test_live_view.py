@@ -10,19 +10,19 @@ import types
 
 import numpy as np
 import pytest
-from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError, SettingsError, install_command
-from fg_mujoco.racing.setup import Setup
-from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.addons.look.live.browser_shapes import world_shapes
 from fg_mujoco.addons.look.live.hand_driver import HandDriver
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import EngineError, SettingsError, install_command
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.vehicle.car import WHEELS
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 TICK = 0.025  # [s]
 

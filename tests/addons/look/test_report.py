@@ -8,13 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.racing.result import tires_model
-from fg_mujoco.vehicle.car import WHEELS, car_parameters
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.addons.look.report.clip import clip_start
 from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_length, lap_table, slide_events
 from fg_mujoco.addons.look.report.map_shapes import map_shapes
-from fg_mujoco.addons.look.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed, read_recorded, tick_columns
+from fg_mujoco.addons.look.report.recorded import (
+    SPEED_FAR_ABOVE,
+    accelerations,
+    limit_speed,
+    read_recorded,
+    tick_columns,
+)
+from fg_mujoco.racing.result import tires_model
+from fg_mujoco.vehicle.car import WHEELS, car_parameters
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 TICK = 0.025  # [s]
 

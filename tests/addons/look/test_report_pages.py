@@ -9,9 +9,9 @@ import shutil
 from html.parser import HTMLParser
 
 import pytest
-from browsers import page_of  # noqa: F401 - a fixture
 
 import fg_mujoco as fg
+from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
 from fg_mujoco.racing.run_folder import summary_json

@@ -7,20 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 from scipy.spatial import cKDTree
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.course.polyline import subdivide
-from fg_mujoco.errors import BagError
+from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
 from fg_mujoco.addons.realcar.mapping import recorded_map
-from fg_mujoco.addons.realcar.mapping.ray_model import FREE, OCCUPIED, UNKNOWN, LogOdds
+from fg_mujoco.addons.realcar.mapping.ray_model import LogOdds
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map, write_map
 from fg_mujoco.addons.realcar.mapping.scan_matching import match_scans, step_between, stepped
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.bag_writer import export_bag
-from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
+from fg_mujoco.course.polyline import subdivide
+from fg_mujoco.errors import BagError
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 

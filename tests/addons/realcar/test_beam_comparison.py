@@ -9,16 +9,16 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from map_oracles import draw_map, ring
 
 import fg_mujoco as fg
+from fg_mujoco.addons.realcar.drives.beam_comparison import compare_beams, pose_jumps
+from fg_mujoco.addons.realcar.drives.beam_text import comparison_text
+from fg_mujoco.addons.realcar.drives.recorded_beams import LidarMount, RecordedBeams, cast_beams
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.wall_rays import MapWalls
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.addons.realcar.drives.beam_comparison import compare_beams, pose_jumps
-from fg_mujoco.addons.realcar.drives.beam_text import comparison_text
-from fg_mujoco.addons.realcar.drives.recorded_beams import LidarMount, RecordedBeams, cast_beams
+from map_oracles import draw_map, ring
 
 BEARINGS = np.radians(np.arange(-125.0, 120.0, 6.25))
 MOUNT = LidarMount(ahead=0.27, left=0.012, yaw=-0.006, delay=0.004, wall_depth=0.0)

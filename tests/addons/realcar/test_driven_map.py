@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.addons.realcar.mapping.driven_map import driven_files, map_course, mapped_walls, write_driven
 from fg_mujoco.addons.realcar.mapping.pose_graph import laid_out
-from fg_mujoco.addons.realcar.mapping.ray_model import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.addons.realcar.mapping.scan_matching import step_between, stepped
+from fg_mujoco.cli.main import main
+from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
+from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.racing.planner_files import planner_files
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import DriveSettings

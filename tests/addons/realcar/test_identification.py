@@ -7,18 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
+from refusals import refused
 
 pytest.importorskip("scipy")
 
 import single_track_drives as car
 from bag_worlds import SECOND, header, make, robot_odometry, vector, write_bag
 from browsers import page_of  # noqa: F401
-
-from fg_mujoco.cli.main import main
-from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification import fit, identification
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
@@ -30,6 +27,8 @@ from fg_mujoco.addons.realcar.identification.speed_response import speed_respons
 from fg_mujoco.addons.realcar.identification.steering_response import Steering
 from fg_mujoco.addons.realcar.identification.tire_file import tire_text, write_tires
 from fg_mujoco.addons.realcar.identification.vehicle_file import write_vehicle
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.vehicle.single_track import friction_curve
 from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
 

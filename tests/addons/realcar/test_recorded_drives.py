@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from refusals import refused
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
 from fg_mujoco.addons.realcar.drives.drive_columns import LAYOUTS, DriveColumns
 from fg_mujoco.addons.realcar.drives.reading import read_drive, read_drives
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
+from fg_mujoco.cli.main import main
+from refusals import refused
 
 SHARED = Path(__file__).resolve().parent.joinpath("../../../../shared/data/real_drives").resolve()
 WHEELBASE, OFFSET = 0.32, 0.02

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from browsers import page_of  # noqa: F401
 from refusals import refused
 
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
 from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.drives.reading import read_drive
 from fg_mujoco.addons.realcar.validation.agreement import of_center
@@ -27,6 +27,7 @@ from fg_mujoco.addons.realcar.validation.windows import (
     steady_states_of,
     windows_of,
 )
+from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle

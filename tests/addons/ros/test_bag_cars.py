@@ -4,15 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from field_races import shunt, three_cars
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 import fg_mujoco as fg
-from fg_mujoco.messages import LaserScan
 from fg_mujoco.addons.ros.bag_messages import heading_of
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
+from fg_mujoco.messages import LaserScan
+from field_races import shunt, three_cars
 
 OF_A_CAR = ("odom", "imu", "joint_states")
 

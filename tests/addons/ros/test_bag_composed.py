@@ -5,18 +5,18 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.addons.realcar.mapping.recorded_map import make_map
+from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
 from fg_mujoco.addons.realcar.bag_drive import read_drives
+from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
+from fg_mujoco.addons.realcar.mapping.recorded_map import make_map
 from fg_mujoco.addons.ros.bag_messages import DRIVE, JOINTS, MOTOR, ODOMETRY, USUAL, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
-from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
 from fg_mujoco.addons.ros.node_host.sensing import TOPICS
+from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

@@ -7,13 +7,13 @@ import re
 
 import numpy as np
 import pytest
-from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 
+from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from fg_mujoco.addons.ros.bag_messages import drive_message
+from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError, MissingExtraError, install_command
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.addons.ros.bag_messages import drive_message
-from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

@@ -7,16 +7,16 @@ import math
 
 import numpy as np
 import pytest
-from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from rosbags.highlevel import AnyReader
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_sources import controller_names
+from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_replay import COLUMNS
 from fg_mujoco.addons.ros.bag_writer import export_bag
+from fg_mujoco.cli.main import main
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.racing.planner_sources import controller_names
 from fg_mujoco.simulation.settings import Start
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m

@@ -8,11 +8,11 @@ import shutil
 
 import numpy as np
 import pytest
-from bag_worlds import robot_odometry, robot_scan, write_bag
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
+from bag_worlds import robot_odometry, robot_scan, write_bag
 from fg_mujoco.addons.ros.bag_writer import export_bag
+from fg_mujoco.cli.main import main
 from fg_mujoco.simulation.course_loading import load_track
 
 

@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from bag_worlds import robot_scan, rotation
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fg_mujoco.errors import BagError
-from fg_mujoco.lidar.beams import LidarModel
+from bag_worlds import robot_scan, rotation
 from fg_mujoco.addons.ros.bag_frames import rotation as _rotation
 from fg_mujoco.addons.ros.bag_messages import scan_message, to_cdr, type_store
 from fg_mujoco.addons.ros.bag_scans import Mount, to_scan
+from fg_mujoco.errors import BagError
+from fg_mujoco.lidar.beams import LidarModel
 
 DISTANCE = 0.125 * np.arange(1, 96)  # exact in float32, all of them different, within 0.1 to 12 m
 

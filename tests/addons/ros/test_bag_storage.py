@@ -9,12 +9,12 @@ import warnings
 from pathlib import Path
 
 import pytest
-from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import BagError
+from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 from fg_mujoco.addons.ros.bag_messages import type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import BagError
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

@@ -14,13 +14,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 import fg_mujoco as fg
+from fg_mujoco.addons.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
+from fg_mujoco.addons.ros.occupancy_grid import FREE, OCCUPIED, grid_of
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.export import occupancy_image
 from fg_mujoco.errors import BagError, RunFolderError, SettingsError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
-from fg_mujoco.addons.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
-from fg_mujoco.addons.ros.occupancy_grid import FREE, OCCUPIED, grid_of
 
 ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
 

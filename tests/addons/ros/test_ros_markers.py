@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from browsers import page_of  # noqa: F401 - a fixture
 from rosbags.highlevel import AnyReader
 from test_ros_surroundings import DRIVES, NODE, commands, make
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.racing.setup import Setup
+from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
 
 SHOWS = """
         from visualization_msgs.msg import Marker, MarkerArray

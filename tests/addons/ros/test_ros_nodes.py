@@ -15,17 +15,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, corridor, odometry_of
 
 import fg_mujoco as fg
+from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_class
+from fg_mujoco.addons.ros.node_host.transform_modules import euler_from_quaternion, quaternion_from_euler
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing import planner_choice
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_origin import source_code
 from fg_mujoco.racing.planner_trust import require_trusted
-from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_class
-from fg_mujoco.addons.ros.node_host.transform_modules import euler_from_quaternion, quaternion_from_euler
+from scan_worlds import CAR, corridor, odometry_of
 
 NODES = Path(__file__).parent / "ros_nodes"
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)

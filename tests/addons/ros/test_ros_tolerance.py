@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scan_worlds import CAR, corridor, odometry_of
 
-from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.addons.ros.node_host.graph import NodeError
+from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.simulation.old_numpy import advice
 from fg_mujoco.simulation.planner_failure import one_line
+from scan_worlds import CAR, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 HEAD1 = """

@@ -13,14 +13,14 @@ import time
 
 import numpy as np
 import pytest
-from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
 
 import fg_mujoco as fg
+from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
+from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
+from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError, MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, Odometry
-from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
-from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
 
 pytest.importorskip("PIL")
 from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.messages import DriveCommand
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import drive_message, from_cdr, to_cdr
 from fg_mujoco.addons.ros.bag_writer import TOPICS
-from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.main import main
+from fg_mujoco.messages import DriveCommand
 
 pytest.importorskip("foxglove")
 pytest.importorskip("rosbags")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.addons.look.live.live_session import LiveSession
 
 pytest.importorskip("rosbags")
 from websockets.sync.client import connect

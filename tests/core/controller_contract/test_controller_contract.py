@@ -25,16 +25,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
-from small_policies import FLAT, network_for
 
+from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
-from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_sources import controller_names
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+from small_policies import FLAT, network_for
 
 TOP_SPEED = 6.0
 TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)

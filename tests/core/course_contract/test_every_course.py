@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from conftest import Straight
-from map_oracles import draw_map, ring
 from own_course import Yard
-from scene_search import ray_distances
 
 import fg_mujoco as fg
+from conftest import Straight
 from fg_mujoco.course.course import MEMBERS, require_course, wall_outlines
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.simulation.course_loading import default_car, reload_course
+from map_oracles import draw_map, ring
+from scene_search import ray_distances
 
 CAR = default_car()
 RANDOM = ("random:4", "random:4:tight", "random:8:tight")

@@ -7,10 +7,10 @@ import math
 import matplotlib.image
 import numpy as np
 import pytest
-from scene_search import Clearances, disc_gets_through
 
 import fg_mujoco as fg
 from fg_mujoco.course.course import SLOWEST_RACE
+from scene_search import Clearances, disc_gets_through
 
 CELL = 0.025
 SEEDS = (0, 1)

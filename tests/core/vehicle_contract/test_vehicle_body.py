@@ -5,11 +5,11 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from vehicle_worlds import load
 
 import fg_mujoco as fg
 from fg_mujoco.vehicle.bodywork import FRICTION, HULL, RESTITUTION, solref
 from fg_mujoco.vehicle.car import Car
+from vehicle_worlds import load
 
 every_vehicle = pytest.mark.parametrize("name", (*fg.vehicle_names(), "made"))
 STEP = 0.005

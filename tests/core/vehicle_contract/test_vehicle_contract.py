@@ -10,7 +10,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from vehicle_worlds import drive, load
 
 import fg_mujoco as fg
 from fg_mujoco.vehicle.bodywork import add_hull
@@ -20,6 +19,7 @@ from fg_mujoco.vehicle.fitting import ackermann_angle, fit
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter, slides_above
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires, tire_names
+from vehicle_worlds import drive, load
 
 every_vehicle = pytest.mark.parametrize("name", (*fg.vehicle_names(), "made"))
 

@@ -5,11 +5,11 @@ import warnings
 
 import mujoco
 import pytest
-from vehicle_worlds import F1TENTH, made_file
 
 import fg_mujoco as fg
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.vehicle.contract import PARTS
+from vehicle_worlds import F1TENTH, made_file
 
 
 def edited(*changes):

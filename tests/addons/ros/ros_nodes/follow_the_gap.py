@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
-import rclpy
-from rclpy.node import Node
-
 import numpy as np
+import rclpy
+from ackermann_msgs.msg import AckermannDrive, AckermannDriveStamped
+from rclpy.node import Node
 from sensor_msgs.msg import LaserScan
-from ackermann_msgs.msg import AckermannDriveStamped, AckermannDrive
 
 
 class ReactiveFollowGap(Node):

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
+import numpy as np
 import rclpy
+from ackermann_msgs.msg import AckermannDriveStamped
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-import numpy as np
 # TODO: include needed ROS msg type headers and libraries
 from sensor_msgs.msg import LaserScan
-from nav_msgs.msg import Odometry
-from ackermann_msgs.msg import AckermannDriveStamped
 
 
 class SafetyNode(Node):
@@ -48,7 +48,7 @@ class SafetyNode(Node):
         closing = range_rate > 0
         ittc[closing] = ranges[closing] / range_rate[closing]
         if np.min(ittc) < self.ttc_threshold and not self.braking:
-            self.get_logger().info('emergency brake engaged at {:.2f} m/s'.format(self.speed))
+            self.get_logger().info(f'emergency brake engaged at {self.speed:.2f} m/s')
             self.braking = True
         if self.braking:
             drive_msg = AckermannDriveStamped()

@@ -1,12 +1,12 @@
 #!/usr/bin/env python
 # F1TENTH lab 3, ROS 1: follow the left wall with PID
-import sys
 import math
-import numpy as np
+import sys
 
+import numpy as np
 import rospy
-from sensor_msgs.msg import Image, LaserScan
-from ackermann_msgs.msg import AckermannDriveStamped, AckermannDrive
+from ackermann_msgs.msg import AckermannDriveStamped
+from sensor_msgs.msg import LaserScan
 
 # PID CONTROL PARAMS
 kp = 1.0

@@ -1,0 +1,72 @@
+"""Add-ons: what a testbed does not need, each in a folder of its own that the core does not import.
+
+    ros       nodes of ROS as planners, and the bags of runs
+    servers   Foxglove, rosbridge and AutoDRIVE's bridge
+    gym2d     scripts that were written for f1tenth_gym
+    learn     training, and policies from files
+    arena     compare, overtake, scenarios, league, grade, evaluate
+    realcar   drives and bags of real cars: identify, validate, map, bags
+    look      the report of a run, its debug page, the live view
+    drivers   planners that remember, learn, localise themselves, follow lines or overtake; racelines
+
+The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
+imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
+"""
+
+COMMANDS = {
+    "compare": "arena.commands_compare:add_compare",
+    "overtake": "arena.commands_overtake:add_overtake",
+    "scenarios": "arena.commands_scenarios:add_scenarios",
+    "league": "arena.commands_league:add_league",
+    "grade": "arena.commands_grade:add_grade",
+    "evaluate": "arena.commands_evaluate:add_evaluate",
+    "train": "learn.commands_train:add_train",
+    "identify": "realcar.commands_identify:add_identify",
+    "validate": "realcar.commands_validate:add_validate",
+    "map": "realcar.commands_map:add_map",
+    "export": "realcar.commands_bags:add_export",
+    "bag": "realcar.commands_bags:add_bag",
+    "replay-scans": "realcar.commands_bags:add_replay_scans",
+    "raceline": "drivers.commands_raceline:add_raceline",
+    "report": "look.commands_report:add_report",
+    "debug": "look.commands_debug:add_debug",
+    "view": "look.commands_view:add_view",
+    "serve": "servers.commands_serve:add_serve",
+}
+"""Commands of `fg-mujoco` that add-ons have, in the order of the help -> the function that adds one."""
+
+NAMES = {
+    "Comparison": "arena.comparison.comparison:Comparison",
+    "compare": "arena.comparison.comparison:compare",
+    "debug": "look.debug:debug",
+    "identify": "realcar.bag_drive:identify",
+    "parallel_env": "learn.parallel:parallel_env",
+}
+"""Public names of `fg_mujoco` that add-ons have."""
+
+PLANNERS = {
+    "overtaker": "drivers.overtaker:Overtaker",
+    "scout": "drivers.scout:Scout",
+}
+"""Planners by name."""
+
+SCHEMES = {
+    "policy": "learn.policy_planner:POLICIES",
+    "ros": "ros.node_host.ros_planner:NODES",
+}
+"""What stands before a colon in the text of a planner -> what loads such planners."""
+
+PARTS = {
+    "bag drive": "realcar.bag_drive:read_bag_drive",
+    "comparison report": "arena.comparison.pages:write_comparison_report",
+    "is comparison": "arena.comparison.pages:is_comparison",
+    "learned friction": "drivers.learned_friction:LearnedFriction",
+    "localised": "drivers.localisation.localised:localised",
+    "localiser": "drivers.localisation.localiser:Localiser",
+    "policy batch": "learn.policy_batch:PolicyBatch",
+    "pose settings": "drivers.localisation.localiser:PoseSettings",
+    "report": "look.commands_report:report_race",
+    "residual": "learn.residual:Residual",
+    "run page": "look.report.report_page:write_report",
+}
+"""Parts that the core uses where somebody asks for them."""

@@ -1,0 +1,1 @@
+"""Planners and stages beyond the gap planners: they remember, learn, localise themselves, follow lines, or overtake."""

@@ -1,0 +1,1 @@
+"""Looking at runs: `report` makes the page of a run, `debug` the page of its decisions, `live` a race as it goes."""

@@ -1,0 +1,5 @@
+"""Real cars: what they recorded, and what follows from it.
+
+`drives` reads drives, `identification` finds tires and steering of a car, `validation` says how well a vehicle agrees
+with its drives, and `mapping` and `bag_mapping` make a map of its scans.
+"""
