@@ -5,12 +5,12 @@
 PATH is your own checkout of f1tenth_gym 0.2.1, its main branch. Only its simulator is imported, which needs numba,
 scipy, pillow and PyYAML, but neither gym nor pyglet. The map's image must have the name of its YAML file.
 
-f1tenth_gym and `fg_mujoco.addons.gym2d` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
+f1tenth_gym and our `gym2d` advance one car by 10 ms a step and measure 1080 noisy beams after each; `Simulation`
 advances it by 25 ms and measures 1081. One pure pursuit planner follows the map's centreline in all three. They take
 turns of one simulated second on one core, and only the time inside `step` counts: a ratio is the median over the turns.
 After each lap, `race` drives one by gap_finder, and its times real time counts the planner too: its ratio is the median
 over the laps. With `--agents` several cars follow each other in both, and only these two are compared; so they are with
-another `--timestep`, of which the gym makes one step of its integrator and `fg_mujoco.addons.gym2d` one physics step for each
+another `--timestep`, of which the gym makes one step of its integrator and our `gym2d` one physics step for each
 5 ms.
 """
 

@@ -7,7 +7,7 @@ drives. Pure pursuit follows the map's centreline by the law of the gym's own ex
 constant speeds, and by a speed profile that corners with a given lateral acceleration and gathers and loses speed with
 5 m/s^2. A wall follower balances what a few beams to the left and to the right measure.
 
-Times are of the second lap, which begins rolling, by progress along the centreline. `fg_mujoco.addons.gym2d` drives with its
+Times are of the second lap, which begins rolling, by progress along the centreline. Our `gym2d` drives with its
 default tires, contacts that let go, and with the linear ones of the gym's single-track model.
 """
 

@@ -38,7 +38,7 @@ class Fault:
     file: str
     old: str  # once in the file
     new: str
-    tests: str  # files in tests/, between blanks
+    tests: str  # names of files below tests/, between blanks
 
     @property
     def room(self) -> str:
@@ -677,7 +677,7 @@ def main() -> int:
         (Path(place) / "cache" / "fg_mujoco").chmod(0o700)  # as it is only used when nobody else may write there
         for name, fault in chosen.items():
             before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            tests = [] if options.whole else [f"tests/{name}" for name in fault.tests.split()]
+            tests = [] if options.whole else [str(next((folder / "tests").rglob(name))) for name in fault.tests.split()]
             failing: list[str] = []  # without a fault, too
             while True:
                 text = make(fault, folder)

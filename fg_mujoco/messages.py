@@ -525,7 +525,7 @@ class ControllerBatch(Protocol):
     worlds. Each must decide as the planner itself would, bit for bit, whatever the others see.
 
     It may have a method `compiled_calls` of the same arguments: it returns calls that decide for these arrays as often
-    as they are made, (k, 2) whole numbers, in each row the address of a kernel's code (`fg_mujoco.compiled.kernels.call_at`) and
+    as they are made, (k, 2) whole numbers, in each row the address of a kernel's code (`compiled.kernels.call_at`) and
     the number that it is called with. An engine then makes them within its own compiled call.
 
     It may have a method `take_readings(row, readings)`, which is called before each decision with the readings of each

@@ -29,8 +29,8 @@ acceleration that the tires can hold:
    car brakes without it, as its stops are planned.
 
 Sources: 1 is in the notes of the field's gap_finder_base. 3 and 4 are Newton's and Euler's laws for the rigid
-single-track car, and moments about its axles. The exponent is a fit; tests/core/test_friction_limiter.py compares it with
-the simulated car.
+single-track car, and moments about its axles. The exponent is a fit; tests/core/test_friction_limiter.py compares it
+with the simulated car.
 """
 
 from __future__ import annotations

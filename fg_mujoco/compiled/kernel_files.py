@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _PACKAGE = "fg_mujoco"
 _TEMPORARY = f"{_PACKAGE}-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
 _LOCKS = "locks"
-_ELSEWHERE = ("addons", "controllers", "models", "tracks")  # packages of ours that are top-level folders in the repository
+_ELSEWHERE = ("addons", "controllers", "models", "tracks")  # top-level folders of ours in the repository
 
 
 @cache

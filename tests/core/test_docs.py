@@ -180,7 +180,8 @@ def test_a_name_that_is_not_there_is_found():
 @pytest.mark.parametrize("page", ["README.md", *PAGES])
 def test_files_named_on_a_page_are_there(page):
     text = without_old_names(page)
-    named = set(re.findall(r"`((?:fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples)/[\w/.]*)`", text))
+    folders = "fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples"
+    named = set(re.findall(rf"`((?:{folders})/[\w/.]*)`", text))
     assert [name for name in sorted(named) if "NAME" not in name and not (ROOT / name).exists()] == []
 
 

@@ -109,7 +109,8 @@ def test_what_cannot_be_loaded_is_left_to_numba(program):
     broken = path.with_name("broken.py")
     broken.write_text(PROGRAM.replace("import json, sys", "import json, sys, broken_code"))
     path.with_name("broken_code.py").write_text(
-        "import fg_mujoco.compiled.machine_code as code\ndef refuse(*_): raise LookupError\ncode.MachineCode.load = refuse\n"
+        "import fg_mujoco.compiled.machine_code as code\n"
+        "def refuse(*_): raise LookupError\ncode.MachineCode.load = refuse\n"
     )
     for _ in range(2):
         assert run(broken, cache) == [False, ANSWERS]

@@ -178,7 +178,8 @@ def _forks() -> ForkServerContext:
     """Start the process of which those that try are forks: it has loaded what every target needs, and waits."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["fuzzing.warm"])
-    with patch.dict(os.environ, {"FG_MUJOCO_COMPILING": "in tests", "PYTHONPATH": os.pathsep.join(map(str, (_TESTS, _TESTS / "worlds")))}):
+    paths = os.pathsep.join(map(str, (_TESTS, _TESTS / "worlds")))
+    with patch.dict(os.environ, {"FG_MUJOCO_COMPILING": "in tests", "PYTHONPATH": paths}):
         forkserver.ensure_running()
     return context
 

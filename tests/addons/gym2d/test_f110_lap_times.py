@@ -1,4 +1,4 @@
-"""Lap times of `fg_mujoco.addons.gym2d` beside those of f1tenth_gym's model, which is written here from what is published.
+"""Lap times of `gym2d` beside those of f1tenth_gym's model, which is written here from what is published.
 
 The model is the single-track one of CommonRoad's vehicle models (Althoff and Wuersching), with f1tenth_gym's parameters
 and controller: steering goes at its greatest rate towards the angle commanded two steps before, and an acceleration is

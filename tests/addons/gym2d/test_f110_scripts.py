@@ -53,7 +53,10 @@ def run(folder, text, *arguments, name="script.py", hidden=(), options=(), where
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "FG_MUJOCO_MAPS")}
     environment["PYTHONPATH"] = str(folder)
     done = subprocess.run(
-        [sys.executable, "-m", "fg_mujoco.addons.gym2d", *options, str(name if where is None else folder / name), *arguments],
+        [
+            sys.executable, "-m", "fg_mujoco.addons.gym2d", *options,
+            str(name if where is None else folder / name), *arguments,
+        ],
         cwd=where or folder, env=environment, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     return done.stdout, done.stderr, done.returncode

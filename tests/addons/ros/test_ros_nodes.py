@@ -1,4 +1,4 @@
-"""Nodes of ROS as planners: those of tests/addons/ros/ros_nodes, unedited, on the oval; and what each mistake is told."""
+"""Nodes of ROS as planners: those of the folder ros_nodes, unedited, on the oval; and what each mistake is told."""
 
 import array
 import copy
@@ -424,7 +424,7 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
 
 @pytest.mark.parametrize("above", ["libs/deep", "../other/libs/deep"])
 def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch, above):
-    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # pytest's own folders are there, too
+    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest's own are there
     package = tmp_path / above / "race_msgs"
     (package / "msg").mkdir(parents=True)
     (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
