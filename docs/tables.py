@@ -18,10 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PAGES = (
-    "README.md", "docs/results.md", "docs/planners.md", "docs/howto/own_reward.md", "docs/howto/own_end_condition.md",
-    "docs/howto/own_observation.md",
-)  # fmt: skip
+PAGES = ("README.md", "docs/results.md", "docs/planners.md", "docs/howto/own_terms.md")
 
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 REAL = ("Spielberg", "Monza", "Zandvoort")

@@ -27,14 +27,17 @@ if not (ROOT / "mkdocs.yml").exists():
 READ = [path for path in DOCS.rglob("*.md") if "journal" not in path.parts]  # the journal is about older versions
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*READ, *ROOT.glob("C*.md")))
 CONFIG = (ROOT / "mkdocs.yml").read_text("utf-8")
-RUN_ELSEWHERE = {"docs/addons/learn/training.md": "tests/addons/learn/test_training_example.py"}
+RUN_ELSEWHERE = {
+    f"docs/{page}": "tests/addons/learn/test_training_example.py"
+    for page in ("environments.md", "addons/learn/training.md", "addons/learn/policies.md")
+}
 ONLY_IMPORTED = {
     "docs/rendering.md": "goes on from a run folder, a world and a simulation of the reader's, with OpenGL"
 }
 NEEDS = {
     "docs/maps.md": ("PIL", "yaml", "scipy"), "docs/api/tracks.md": ("PIL", "yaml", "scipy"),
-    "docs/api/environments.md": ("pettingzoo",), "docs/api/rendering.md": ("matplotlib", "PIL"),
-    "docs/api/races.md": ("matplotlib",),
+    "docs/addons/learn/api.md": ("pettingzoo",), "docs/api/rendering.md": ("matplotlib", "PIL"),
+    "docs/addons/arena/api.md": ("matplotlib",),
 }  # fmt: skip
 GREATEST_DIAGRAM = 60_000  # [bytes]
 
@@ -129,7 +132,7 @@ def test_shortest_planner_drives_a_lap(tmp_path, monkeypatch, capsys):
 def test_what_is_run_elsewhere_is():
     for page, test in RUN_ELSEWHERE.items():
         assert blocks(page, "python"), f"{page} has none any more"
-        assert f'"{Path(page).name}"' in (ROOT / test).read_text("utf-8")
+        assert f'"{page.removeprefix("docs/")}"' in (ROOT / test).read_text("utf-8")
 
 
 @pytest.mark.parametrize("page", ONLY_IMPORTED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,12 +29,15 @@ def test_the_verdict_of_a_staged_touch_whichever_car_is_first_and_on_whichever_s
             assert found.reason == case.reason
 
 
-def test_the_page_has_the_cases_with_the_verdicts_that_are_tested():
+def test_the_page_has_some_of_the_cases_with_the_verdicts_that_are_tested():
     page = (Path(__file__).parents[2] / "docs" / "race_control.md").read_text("utf-8")
     said = {"a": "A", "b": "B"}
-    for number, case in enumerate(CASES, start=1):
+    shown = re.findall(r"^\| (\d+) \| (.+?) \| (.+?) \| (.+?) \|$", page, re.MULTILINE)
+    assert len(shown) >= 15
+    for number, *verdict in shown:
+        case = CASES[int(number) - 1]
         name = f"{case.name}, in a bend" if case.bend else case.name
-        assert f"| {number} | {name} | {said.get(case.fault, case.fault)} | {case.reason} |\n" in page
+        assert verdict == [name, said.get(case.fault, case.fault), case.reason], number
 
 
 def touching(draw):

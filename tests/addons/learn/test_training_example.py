@@ -79,16 +79,16 @@ def gym_environment(example):
     )
 
 
-def test_python_in_the_docs_runs(capsys, tmp_path, monkeypatch):
+@pytest.mark.parametrize("page", ["environments.md", "addons/learn/training.md", "addons/learn/policies.md"])
+def test_python_in_the_docs_runs(page, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = (EXAMPLE.parent.parent / "docs" / "addons" / "learn" / "training.md").read_text("utf-8")
+    text = (EXAMPLE.parent.parent / "docs" / page).read_text("utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(blocks) >= 8
+    assert len(blocks) >= 2
     needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
     for block in blocks:  # ```py is not run, and says so
         if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
             exec(block, {})
-    assert "(16, 55)" in capsys.readouterr().out
 
 
 def test_policy_treats_left_and_right_alike(example):
