@@ -1,6 +1,6 @@
 """What mkdocs does beyond its plugins: pages of the planners from their files, and links that leave docs/.
 
-- planners/NAME.md is made of the docstring and the settings of controllers/NAME.py, with images/planners/NAME.png, and
+- planners/NAME.md is made of the docstring and the settings of a planner, with images/planners/NAME.png, and
   stands in the navigation under "Planners";
 - changelog.md and contributing.md are CHANGELOG.md and CONTRIBUTING.md of the repository;
 - a link to a file that is in the repository and not on the site is shown as the file's name. One to a file that is
@@ -24,13 +24,24 @@ CAPTION = (
 )
 
 
+def planner_files() -> dict[str, Path]:
+    """Return the files of the planners that have a page: those of controllers/ and of the add-ons."""
+    places = {name: f"controllers/{place}" for name, place in catalogue("controllers", "CONTROLLERS").items()}
+    for name, place in catalogue("addons", "PLANNERS").items():
+        places[name] = f"addons/{place.partition(':')[0].replace('.', '/')}"
+    return {name: ROOT / f"{place.partition(':')[0]}.py" for name, place in sorted(places.items())}
+
+
 def planner_names() -> list[str]:
-    """Return the names of the planners that have a page, which are the bundled ones."""
-    module = ast.parse((ROOT / "controllers" / "__init__.py").read_text("utf-8"))
-    (catalogue,) = (
-        n.value for n in module.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "CONTROLLERS"
-    )
-    return list(ast.literal_eval(catalogue))
+    """Return the names of the planners that have a page."""
+    return list(planner_files())
+
+
+def catalogue(folder: str, name: str) -> dict[str, str]:
+    """Return a table of names that stands in the __init__.py of a folder, without importing it."""
+    module = ast.parse((ROOT / folder / "__init__.py").read_text("utf-8"))
+    (table,) = (n.value for n in module.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == name)
+    return dict(ast.literal_eval(table))
 
 
 def planner_page(name: str) -> str:
@@ -64,14 +75,14 @@ Those that every planner has, with the defaults of `DrivingSettings` unless the 
 
 {settings_table(DrivingSettings)}
 
-How it fares beside the others: [the planners, and what breaks them](../planners.md). Its file is
-`controllers/{name}.py`.
+[The bundled planners](../planners.md) are compared on one page. The file of this one is
+`{planner_files()[name].relative_to(ROOT).as_posix()}`.
 """
 
 
 def parsed(name: str) -> tuple[str, ast.Module]:
-    """Return the source of a module of controllers/, and its tree."""
-    source = (ROOT / "controllers" / f"{name}.py").read_text("utf-8")
+    """Return the source of a planner's module, and its tree."""
+    source = planner_files()[name].read_text("utf-8")
     return source, ast.parse(source)
 
 

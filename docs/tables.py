@@ -38,6 +38,7 @@ SCENES = {  # heads of the columns
 }  # fmt: skip
 SUMMARY = ("| oval |", "| tight |", "| Spielberg |", "| ESP |", "| random:")  # rows of the circuits that come first
 WITH_A_MAP = ("pure_pursuit",)
+OF_ADDONS = ("overtaker.py", "scout.py")
 
 MARKED = re.compile(r"(<!-- table (\w+): made by make figures -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
@@ -54,7 +55,8 @@ def filled(page: str, figures: dict[str, Any]) -> str:
 def controllers(figures: dict[str, Any]) -> str:
     """Return the planners, with the first line of each one's docstring."""
     rows = []
-    for path in sorted((ROOT / "controllers").glob("*.py")):
+    files = [*(ROOT / "controllers").glob("*.py"), *(ROOT / "addons" / "drivers" / name for name in OF_ADDONS)]
+    for path in sorted(files, key=lambda path: path.stem):
         if path.stem != "__init__":
             line = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").partition("\n")[0]
             rows.append((f"`{path.stem}`", line))

@@ -119,7 +119,7 @@ def has_gl():
 def test_three_commands_are_shown_and_accepted():
     shown = commands(TEXT)
     assert [words[0] for words in shown] == ["make", "make", "fg-mujoco"]
-    _parser().parse_args(shown[2][1:])
+    _parser(shown[2][1]).parse_args(shown[2][1:])
 
 
 def test_options_shown_are_those_of_the_command():
