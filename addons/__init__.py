@@ -36,11 +36,13 @@ COMMANDS = {
 """Commands of `fg-mujoco` that add-ons have, in the order of the help -> the function that adds one."""
 
 NAMES = {
+    "Dataset": "learn.dataset:Dataset",
     "Comparison": "arena.comparison.comparison:Comparison",
     "compare": "arena.comparison.comparison:compare",
     "debug": "look.debug:debug",
     "identify": "realcar.bag_drive:identify",
     "parallel_env": "learn.parallel:parallel_env",
+    "read_dataset": "learn.dataset:read_dataset",
 }
 """Public names of `fg_mujoco` that add-ons have."""
 
@@ -57,6 +59,7 @@ SCHEMES = {
 """What stands before a colon in the text of a planner -> what loads such planners."""
 
 PARTS = {
+    "dataset": "learn.dataset:Dataset",
     "bag drive": "realcar.bag_drive:read_bag_drive",
     "comparison report": "arena.comparison.pages:write_comparison_report",
     "is comparison": "arena.comparison.pages:is_comparison",

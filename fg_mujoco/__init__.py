@@ -23,6 +23,7 @@ from .registry import added as _added
 
 if TYPE_CHECKING:
     from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
+    from fg_mujoco.addons.learn.dataset import Dataset, read_dataset
     from fg_mujoco.addons.learn.parallel import parallel_env
     from fg_mujoco.addons.look.debug import debug
     from fg_mujoco.addons.realcar.bag_drive import identify
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
         SettingsError,
         TrackError,
     )
-    from .intermediate_values import show
     from .lab.commands import Commands
     from .lab.drive import drive
     from .lab.handling import handling
@@ -69,10 +69,10 @@ if TYPE_CHECKING:
     from .racing.result import CarResult, RaceResult
     from .racing.run_folder import Run, read_run
     from .racing.setup import Setup
-    from .rollouts.dataset import Dataset, read_dataset
     from .rollouts.rollout_result import RolloutResult, read_rollout
     from .rollouts.rollouts import Executor, rollout
     from .simulation.course_loading import load_track
+    from .simulation.intermediate_values import show
     from .simulation.settings import Start
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
@@ -197,13 +197,12 @@ _PLACES = {
     "racing.result": "CarResult RaceResult",
     "racing.setup": "Setup",
     "racing.run_folder": "Run read_run",
-    "intermediate_values": "show",
+    "simulation.intermediate_values": "show",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Start",
     "simulation.simulation": "Simulation",
     "simulation.telemetry": "TELEMETRY",
     "simulation.world": "World",
-    "rollouts.dataset": "Dataset read_dataset",
     "rollouts.rollout_result": "RolloutResult read_rollout",
     "rollouts.rollouts": "Executor rollout",
     "vehicle.changes": "CarChanges",

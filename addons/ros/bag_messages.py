@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.errors import missing_extra
-from fg_mujoco.intermediate_values import IntermediateValue
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
+from fg_mujoco.simulation.intermediate_values import IntermediateValue
 from fg_mujoco.simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"

@@ -3,5 +3,5 @@
 `rollouts` has rollout, and `rollout_result` its RolloutResult. `randomization` draws the parameters of a world from its
 seed. `job` cuts the worlds into chunks, `drive_worlds` drives the worlds of a chunk by one engine, and `local` and
 `ray_cluster` say where chunks are driven. `chunk_store` keeps finished chunks, in memory or in a folder. `recording`
-has what is recorded of each tick, and `dataset` reads recorded scans.
+has what is recorded of each tick; the add-on learn reads recorded scans as data sets.
 """

@@ -23,9 +23,9 @@ from ..racing.entries import Entry
 from ..racing.opponents import AMONG_CARS, FIRST, Opponents, entry_of
 from ..racing.randomization import Randomization
 from ..racing.setup import Setup
+from ..registry import PARTS
 from ..simulation.settings import GREATEST_LAPS, DriveSettings
 from .chunk_store import ChunkStore, FolderStore
-from .dataset import Dataset
 from .drive_worlds import laps_within
 from .intervals import wilson
 from .job import Arrays, RolloutJob
@@ -150,7 +150,7 @@ class RolloutResult(Shown):
         """Return the controls of a world's actuators, as in RaceResult. Shape (ticks, 2), errors as `telemetry`."""
         return self._trace(world, "ctrl")
 
-    def dataset(self) -> Dataset:
+    def dataset(self) -> Any:
         """Return the recorded scans, odometry and commands, world by world.
 
         Raises:
@@ -158,7 +158,7 @@ class RolloutResult(Shown):
         """
         if "scan" not in self.settings:
             raise SettingsError("no scans were recorded; accepted: a rollout with record='scans'")
-        return Dataset.of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
+        return PARTS.find("dataset").of(self.chunks, sorted(set(self.places[:, 0].tolist())), self.settings)
 
     def summary(self) -> dict[str, Any]:
         """Return the figures, as they can stand in JSON."""

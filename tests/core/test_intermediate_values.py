@@ -15,8 +15,8 @@ from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved, show
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved, show
 from scan_worlds import CAR, corridor, odometry_of
 
 SCAN = corridor(1.0, 1.0, 5.0)

@@ -11,6 +11,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco import errors
+from fg_mujoco.addons.learn.dataset import require_h5py, require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
 from fg_mujoco.addons.look.live.browser import require_viser
 from fg_mujoco.addons.realcar.identification.fit import require_scipy
@@ -22,7 +23,6 @@ from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 from fg_mujoco.pictures.rendering.telemetry_strip import require_pillow
 from fg_mujoco.pictures.rendering.video import require_encoder
-from fg_mujoco.rollouts.dataset import require_h5py, require_minari
 from fg_mujoco.rollouts.ray_cluster import require_ray
 
 ROOT = Path(__file__).parents[2]

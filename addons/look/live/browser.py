@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.errors import EngineError, SettingsError, missing_extra
-from fg_mujoco.intermediate_values import NUMBER
+from fg_mujoco.simulation.intermediate_values import NUMBER
 from fg_mujoco.simulation.settings import friction_text
 
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view

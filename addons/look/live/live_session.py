@@ -21,13 +21,13 @@ import numpy as np
 
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.errors import FgMujocoError, PlannerError, SettingsError
-from fg_mujoco.intermediate_values import IntermediateValues
 from fg_mujoco.lidar.beams import lidar_body
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from fg_mujoco.racing.entries import check_starts, grid_starts
 from fg_mujoco.racing.planner_choice import split_controller
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
+from fg_mujoco.simulation.intermediate_values import IntermediateValues
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from fg_mujoco.simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
 from fg_mujoco.simulation.settings import DriveSettings, Start

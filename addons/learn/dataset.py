@@ -26,16 +26,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import Suggesting, explain_class
-from ..course.writing import staged_file
-from ..display import brief
-from ..errors import RunFolderError, SettingsError, accepted_names, missing_extra
-from ..messages import FloatArray
-from ..racing.randomization import Randomization
-from ..simulation.settings import DriveSettings
-from .chunk_store import ChunkStore, FolderStore
-from .recording import FAILED, NO_RETURN, TOO_CLOSE, ScanLayout
-from .store import blame
+from fg_mujoco.arguments import Suggesting, explain_class
+from fg_mujoco.course.writing import staged_file
+from fg_mujoco.display import brief
+from fg_mujoco.errors import RunFolderError, SettingsError, accepted_names, missing_extra
+from fg_mujoco.messages import FloatArray
+from fg_mujoco.racing.randomization import Randomization
+from fg_mujoco.rollouts.chunk_store import ChunkStore, FolderStore
+from fg_mujoco.rollouts.recording import FAILED, NO_RETURN, TOO_CLOSE, ScanLayout
+from fg_mujoco.rollouts.store import blame
+from fg_mujoco.simulation.settings import DriveSettings
 
 TERMINATED = ("finished", "crash", "rolled_over")
 """Reasons after which there is no next state; worlds that end by any other are truncated."""

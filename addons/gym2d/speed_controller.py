@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from ..messages import CarParameters
+from fg_mujoco.messages import CarParameters
 
 _FORWARD, _BACK = 10.0, 2.0  # [-] f1tenth_gym: times a_max over the greatest speed is the gain
 _LEARNED = 0.5  # [-] ours: share of what was missing that is added each time

@@ -1,6 +1,6 @@
 """Values that a planner shows of its work: numbers, points, polygons, and arrays of a scan's length.
 
-    from fg_mujoco.intermediate_values import show  # the same function as fg_mujoco.show
+    from fg_mujoco.simulation.intermediate_values import show  # the same function as fg_mujoco.show
 
     show("gap width", 0.8)                        # a number
     show("goal", (3.0, 0.4))                      # a point (2,) [m]
@@ -31,8 +31,8 @@ from typing import Any
 
 import numpy as np
 
-from .errors import SettingsError, accepted_names
-from .messages import FloatArray, LaserScan, Sketch, read_only, shown
+from ..errors import SettingsError, accepted_names
+from ..messages import FloatArray, LaserScan, Sketch, read_only, shown
 
 NUMBER, SCAN, POINTS = "number", "scan", "points"
 """Kinds of values."""
