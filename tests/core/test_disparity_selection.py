@@ -51,15 +51,6 @@ def test_between_two_disparities_may_be_a_box_and_that_is_no_free_space():
     assert middle_of(*best_opening(box, 0.01, 0.5)) == 2.0
 
 
-def test_the_first_two_disparities_are_not_the_ones_that_belong_together():
-    #                0    1    2    3    4    5    6
-    assert opening([3.0, 1.0, 1.0, 3.0, 3.0, 3.0, 1.0]) == (3, 6)
-
-
-def test_of_two_rises_the_second_begins_the_opening():
-    assert opening([1.0, 2.0, 2.0, 3.0, 3.0, 2.0, 1.0]) == (3, 5)
-
-
 def test_the_widest_opening_is_that_of_most_metres_not_of_most_beams():
     near = [0.5, 9.0, 9.0, 9.0, 9.0, 0.5]
     far = [6.0, 9.0, 9.0, 6.0]

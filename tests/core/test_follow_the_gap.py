@@ -110,12 +110,6 @@ def test_beyond_the_lookahead_all_is_as_far_and_it_takes_the_middle():
     assert far.find_goal(scan_of(ranges)) == pytest.approx((95 * INCREMENT, 9.0))
 
 
-def test_where_everything_is_in_the_bubble_there_is_no_goal():
-    near = corridor(0.3, 0.3, 0.3)
-    assert planner(bubble="points", bubble_radius=2.0).find_goal(near) is None
-    assert planner().find_goal(scan_of([])) is None
-
-
 def test_limit_only_the_nearest_obstacle_has_a_bubble():
     """The furthest point lies right past the inner corner, as near to it as no car can drive."""
     open_left = np.full(1081, 1.5)
@@ -144,8 +138,3 @@ def test_limit_the_square_corners_need_the_furthest_point_and_the_lookahead(sett
         "guidance": False,
     }  # held or led, it gets round all the same
     assert fg.race("l_corridor", "follow_the_gap", laps=1, planner_settings=alone).car.end_reason != "finished"
-
-
-def test_the_deepest_point_drives_the_circuits_too():
-    for circuit in ("oval", "l_corridor"):
-        assert fg.race(circuit, "follow_the_gap", laps=1, planner_settings={"point": "deepest"}).car.finished

@@ -12,14 +12,11 @@ from car_worlds import flat_world, forward, step
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
-    LIMITER_MEMORY,
     FrictionLimiter,
     FrictionLimiterSettings,
     braking_exponent,
     cornering_exponent,
     evasive,
-    limited,
-    longitudinal_share,
 )
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import SettingsError
@@ -144,18 +141,6 @@ def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_o
         assert command.speed == 5.0
 
 
-def test_in_a_batch_each_row_of_memory_is_a_limiter_of_its_own():
-    limiters = [FrictionLimiter(CAR, mu) for mu in (0.4, MU)]
-    memories = np.zeros(2, LIMITER_MEMORY)
-    for reference in ((0.1, 6.0), (0.3, 1.0), (-0.2, 8.0)):
-        for limiter, memory in zip(limiters, memories, strict=True):
-            command = limiter(*reference, odometry_of(3.0, 0.05), PERIOD)
-            least = limiter.settings.least_lateral_use
-            row = limited(limiter.record[0], memory, *reference, least, 0.05, 3.0, PERIOD, False)
-            assert row == (command.steering_angle, command.speed)
-    assert memories["acceleration"][0] != memories["acceleration"][1]
-
-
 @pytest.mark.parametrize(
     ("speed", "angle"), [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.1), (1.0, -math.inf), (1e200, 0.0)]
 )
@@ -167,36 +152,10 @@ def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle)
     assert settled(limiter, 0.2, 8.0, 2.0, ticks=1) == first
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    {
-        "lateral_use": 0.0,
-        "braking_use": 1.01,
-        "turn_in_use": math.nan,
-        "most_left": 0.0,
-        "overspeed": -1.0,
-        "load_transfer_time": 0.0,
-        "steering_response": math.inf,
-        "speed_response": "soon",
-    }.items(),
-)
-def test_a_setting_that_no_limiter_can_have_is_refused_by_name(field, value):
-    with pytest.raises(SettingsError, match=rf"FrictionLimiterSettings\.{field} is {value!r}; accepted: a "):
-        FrictionLimiterSettings(**{field: value})
-
-
 @pytest.mark.parametrize("mu", [0.0, -1.0, math.nan, math.inf])
 def test_a_friction_coefficient_that_no_tire_has_is_refused(mu):
     with pytest.raises(SettingsError, match="mu is"):
         FrictionLimiter(CAR, mu)
-
-
-def test_reset_forgets_the_last_command():
-    limiter = FrictionLimiter(CAR, MU)
-    first = settled(limiter, 0.2, 8.0, 2.0, ticks=1)
-    assert settled(limiter, 0.2, 8.0, 2.0, ticks=3) != first
-    limiter.reset()
-    assert settled(limiter, 0.2, 8.0, 2.0, ticks=1) == first
 
 
 @unhurried
@@ -287,21 +246,6 @@ MEASURED = {
 
 def measured_limit(mu, direction, use):
     return np.interp(use, (*USES, 1.0), (*MEASURED[mu, direction], 0.0))
-
-
-@pytest.mark.parametrize(("mu", "direction"), MEASURED)
-def test_the_share_that_cornering_leaves_is_at_most_the_measured_one(mu, direction):
-    uses = np.linspace(-0.1, 1.2, 131)
-    shares = np.array([longitudinal_share(use, 0.8) for use in uses])
-    assert (np.diff(shares) <= 0.0).all()
-    assert (longitudinal_share(0.0, 0.8), longitudinal_share(1.0, 0.8)) == (1.0, 0.0)
-    # of what the closed form says for straight ahead, .865 of which is used
-    limiter = FrictionLimiter(CAR, mu)
-    greatest, exponent = limiter.accelerating, limiter.exponent
-    if direction == "brake":
-        greatest, exponent = limiter.braking, limiter.braking_exponent
-    shares = [longitudinal_share(use, exponent) for use in USES]
-    assert all(greatest * share <= most for share, most in zip(shares, MEASURED[mu, direction], strict=True))
 
 
 @pytest.mark.parametrize("direction", ["brake", "accelerate"])

@@ -150,10 +150,6 @@ def test_the_shadow_of_a_box_is_no_frontier_and_the_ground_behind_a_wall_is():
     assert x > 4.7 and y < 1.0
 
 
-def test_a_closed_room_has_no_frontier():
-    assert not Driven(lines(box(-3.0, -2.0, 4.0, 3.0))).way["found"]
-
-
 def test_after_it_drove_into_a_pocket_the_frontier_is_that_next_to_the_pocket():
     """The branch straight ahead is closed at x = 10; the course leaves to the left, from 5 to 6.4 m."""
     walls = lines([(-30.0, 0.7), (5.0, 0.7), (5.0, 30.0)], [(6.4, 30.0), (6.4, 0.7), (10.0, 0.7), (10.0, -0.7)])

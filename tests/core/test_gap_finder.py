@@ -11,9 +11,7 @@ from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
-
-SEEDS = range(20)
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
 
 def rough_scan(seed):
@@ -62,23 +60,6 @@ def settled_steering(planner, scan, speed=1.0):
     return angle
 
 
-def test_in_the_middle_of_a_straight_corridor_it_goes_straight_on():
-    scan = corridor(1.0, 1.0)
-    bearing, _ = finder().find_goal(scan)
-    assert abs(bearing) <= INCREMENT
-    assert abs(settled_steering(finder(), scan)) < 0.01
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_it_heads_for_the_side_that_is_open(side):
-    left, right = (8.0, 0.8) if side > 0 else (0.8, 8.0)
-    scan = corridor(left, right, ahead=2.0)
-    bearing, distance = finder().find_goal(scan)
-    assert side * bearing > 0.3
-    assert distance > 2.0
-    assert side * settled_steering(finder(), scan) > 0.2
-
-
 @pytest.mark.parametrize("offset", [0.3, -0.3])
 def test_beside_the_middle_of_a_corridor_it_comes_back_to_it(offset):
     scan = corridor(1.0 - offset, 1.0 + offset, ahead=8.0)
@@ -94,26 +75,6 @@ def test_it_passes_an_obstacle_on_the_wider_side(side):
     assert side * bearing < 0.0
     # the goal's beam clears the box's near corner by half the car's width, and no less than by some of the clearance
     assert 3.0 * math.sin(abs(bearing - side * 0.05) - 0.12) > 0.5 * CAR.width
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_mirrored_scan_gets_the_mirrored_command(seed):
-    """Without guidance: the cells of its map have an orientation of their own."""
-    scan, motions = rough_scan(seed), ((0.0, 0.0), (3.0, 0.1), (6.0, -0.05))
-    planner = finder(guidance=False)
-    here = [planner(scan, odometry_of(speed, angle)) for speed, angle in motions]
-    planner.reset()
-    there = [planner(mirrored(scan), odometry_of(speed, -angle)) for speed, angle in motions]
-    for one, other in zip(here, there, strict=True):
-        assert one.steering_angle == pytest.approx(-other.steering_angle, abs=1e-9)
-        assert one.speed == pytest.approx(other.speed, abs=1e-9)
-
-
-def test_the_goal_lies_within_the_field_of_view():
-    scan = corridor(math.inf, 0.5, ahead=2.0)  # the longest beams point to the left and back
-    for width in (1.0, math.pi, 4.5):
-        bearing, _ = finder(field_of_view=width).find_goal(scan)
-        assert abs(bearing) <= 0.5 * width + 1e-6
 
 
 def test_what_lies_beyond_the_lookahead_does_not_draw_it_aside():
@@ -163,15 +124,6 @@ def test_it_takes_the_goal_round_a_dropout():
     assert holed[1] == pytest.approx(whole[1], rel=0.01)
 
 
-def test_reset_makes_it_as_new():
-    planner, drive = finder(), [(corridor(1.0, 1.0), odometry_of(speed)) for speed in (0.0, 0.2, 0.5)]
-    first = [planner(*seen) for seen in drive]
-    assert [planner(*seen) for seen in drive] != first  # it remembers how hard it last braked or accelerated
-    planner.reset()
-    assert [planner(*seen) for seen in drive] == first
-    assert GapFinder(CAR, MU, 8.0)(*drive[0]) == first[0]
-
-
 def test_it_stops_where_nothing_can_be_driven_along():
     assert finder()(scan_of(np.zeros(1081)), odometry_of(0.0)) == STOP
     braking = finder()(scan_of(np.zeros(1081)), odometry_of(3.0))  # within the grip: STOP at once would slide the car
@@ -190,17 +142,8 @@ def test_after_a_stop_it_is_as_new():
 
 @pytest.mark.parametrize("mu", [MU, math.inf])
 def test_without_odometry_it_stops(mu):
-    for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)):
+    for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (1e200, 0.0)):
         assert GapFinder(CAR, mu, 8.0)(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP
-
-
-def test_a_speed_beyond_all_reckoning_is_no_odometry():
-    assert finder()(corridor(1.0, 1.0), odometry_of(1e200, 0.0)) == STOP
-
-
-def test_it_does_not_drive_at_a_wall_that_is_too_near():
-    planner, scan = finder(), corridor(0.3, 0.3, 0.22)
-    assert planner(scan, odometry_of(0.0)).speed <= 0.0
 
 
 def test_that_believes_in_no_limit_has_none():
@@ -229,26 +172,6 @@ def test_no_gain_follows_the_friction_limit():
 
 
 # -- what it may be made with
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    {
-        "lookahead": math.inf,
-        "field_of_view": -1.0,
-        "disparity_threshold": -0.1,
-        "clearance": math.nan,
-        "nearest_bubble": 0.0,
-        "mean_radius": 0.0,
-        "edge_weight": 1.1,
-        "pursuit_distance": 0.0,
-        "front_width": -0.1,
-        "range_ratio_gain": "3",
-    }.items(),
-)
-def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(field, value):
-    with pytest.raises(SettingsError, match=rf"GapFinderSettings\.{field} is {value!r}; accepted: a "):
-        GapFinderSettings(**{field: value})
 
 
 @pytest.mark.parametrize(
@@ -285,24 +208,6 @@ def test_in_a_batch_each_has_settings_a_grip_and_a_top_speed_of_its_own():
     assert len(set(alone)) == len(planners)
     commands = decide_all(GapFinder.batch(planners), [scan] * 5, [odometry] * 5)
     assert commands == [(command.steering_angle, command.speed) for command in alone]
-
-
-def test_a_batch_starts_as_new_and_leaves_its_planners_as_they_are():
-    planner, scan, odometry = GapFinder(CAR, MU, 8.0), corridor(1.0, 1.0), odometry_of(0.0)
-    first = planner(scan, odometry)
-    batch = GapFinder.batch([planner])
-    assert decide_all(batch, [scan], [odometry]) == [(first.steering_angle, first.speed)]
-    second = planner(scan, odometry)
-    assert second != first
-    assert decide_all(batch, [scan], [odometry]) == [(second.steering_angle, second.speed)]
-    batch.reset()
-    assert decide_all(batch, [scan], [odometry]) == [(first.steering_angle, first.speed)]
-
-
-def test_planners_of_one_kind_share_the_table_of_braking_trajectories():
-    same = [GapFinder(CAR, MU, 8.0) for _ in range(3)]
-    assert all(np.shares_memory(planner.trajectories, same[0].trajectories) for planner in same)
-    assert not np.shares_memory(GapFinder(CAR, 0.9 * MU, 8.0).trajectories, same[0].trajectories)
 
 
 def test_a_batch_of_none_is_one():

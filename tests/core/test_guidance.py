@@ -1,21 +1,14 @@
 """Guidance: planners that would turn back, or stop in a pocket, are led to the frontier."""
 
-import dataclasses
-import json
 import math
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
-from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -72,90 +65,6 @@ def test_without_a_friction_limit_it_is_off():
         ends[mu] = [(len(race.car.column("speed_m_s")), *race.car.column("x_m")) for race in races]
     assert ends[math.inf][0] == ends[math.inf][1]
     assert ends[None][0] != ends[None][1]
-
-
-def test_it_is_a_setting_of_every_planner_that_follows_goals(capsys):
-    assert main(["controllers", "--json"]) == 0
-    told = {
-        each["name"]: {row["name"]: row for row in each["settings"]} for each in json.loads(capsys.readouterr().out)
-    }
-    for name in ("gap_finder", "follow_the_gap", "disparity_extender"):
-        assert told[name]["guidance"]["default"] is True and "way back" in told[name]["guidance"]["text"]
-
-
-def test_a_switch_that_is_none_is_refused():
-    with pytest.raises(SettingsError, match="guidance is 'no'; accepted: True, False"):
-        DrivingSettings(guidance="no")
-
-
-@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(GuidanceSettings)])
-def test_settings_that_make_no_sense_are_refused_by_name(name):
-    for value in (-1.0, math.nan, math.inf):
-        with pytest.raises(SettingsError, match=name):
-            GuidanceSettings(**{name: value})
-
-
-def odd_scans():
-    """Scans with nothing in them, or next to nothing."""
-    rng = np.random.default_rng(3)
-    full = corridor(1.0, 1.0, 4.0).ranges
-    for value in (math.nan, math.inf, -math.inf, 0.0, -1.0, 0.05, 1e300):
-        yield scan_of(np.full(1081, value))
-        yield scan_of(np.where(rng.random(1081) < 0.5, value, full))
-    for ranges in ([], [2.0], [math.nan], [1.0, 1.0], [math.nan, 3.0, math.inf]):
-        yield scan_of(ranges)
-    yield scan_of(full[:400], angle_min=0.3)  # it does not look ahead
-    yield scan_of(np.full(4000, 3.0), increment=math.radians(0.09))
-
-
-@pytest.mark.parametrize("name", ["gap_finder", "follow_the_gap", "disparity_extender"])
-@pytest.mark.parametrize("speed", [0.0, 3.0, -0.5, math.nan, math.inf])
-def test_scans_of_nothing_never_raise_and_what_is_commanded_is_finite(name, speed):
-    planner = make_controller(name, car=CAR, mu=MU, max_speed=8.0)
-    for scan in odd_scans():
-        for odd in (scan, corridor(1.0, 1.0, 4.0), scan):
-            command = planner(odd, odometry_of(speed, 0.1))
-            assert math.isfinite(command.steering_angle) and math.isfinite(command.speed)
-            assert abs(command.steering_angle) <= CAR.max_steering_angle + 1e-12
-
-
-def test_a_planner_that_is_used_again_after_a_reset_is_as_new():
-    scans = [corridor(0.8, 1.2, 6.0 - 0.05 * tick) for tick in range(80)]
-
-    def drive(planner):
-        commands = [planner(scan, odometry_of(2.0, 0.05)) for scan in scans]
-        return [(command.steering_angle, command.speed) for command in commands]
-
-    planner = finder()
-    first, second = drive(planner), drive(planner)
-    planner.reset()
-    assert drive(planner) == first and second != first
-
-
-def test_alone_and_in_a_batch_of_three_the_commands_have_the_same_bits():
-    """Scans and odometry of a guided race; in the batch, two other cars see other ticks of it."""
-    seen = []
-
-    class Listener(GapFinder):
-        def __call__(self, scan, odometry):
-            seen.append((scan, odometry))
-            return super().__call__(scan, odometry)
-
-    fg.race("scene:u_turn_trap:0", Listener(CAR, MU, 8.0), laps=1)
-    alone = GapFinder(CAR, MU, 8.0)
-    expected = [alone(*each) for each in seen]
-    batch = GapFinder.batch([GapFinder(CAR, MU, 8.0) for _ in range(3)])
-    got = []
-    for tick in range(len(seen)):
-        three = [seen[tick - 40], seen[tick], seen[tick // 2]]
-        rows, commands = np.zeros(3, ODOMETRY), np.zeros((3, 2))
-        for row, (_, odometry) in zip(rows, three, strict=True):
-            for name in ODOMETRY.names:
-                row[name] = getattr(odometry, name)
-        batch(seen[0][0], np.array([scan.ranges for scan, _ in three]), rows, np.ones(3, bool), commands)
-        got.append(tuple(commands[1].tolist()))
-    assert len(seen) > 100 and got == [(command.steering_angle, command.speed) for command in expected]
-    assert alone._alone._driven[0]["memory"]["guidance"]["way"]["ticks"] == len(seen)
 
 
 @pytest.mark.parametrize("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])

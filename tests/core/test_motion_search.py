@@ -211,20 +211,6 @@ def test_a_car_in_contact_leaves_the_wall_and_is_clear_after_that():
     assert in_walls(walls, way, poses(motion)[-3:]).min() > 2.0 * CELL
 
 
-@pytest.mark.parametrize("name", WORLDS)
-@pytest.mark.parametrize("reverses", [False, True])
-def test_the_same_question_has_the_same_answer_to_the_bit(name, reverses):
-    walls, goal, speed = WORLDS[name]
-    first, second = (search(world(walls, goal), speed, reverses=reverses) for _ in range(2))
-    assert first["count"] > 0 and first.tobytes() == second.tobytes()
-
-
-@pytest.mark.parametrize("nodes", [12, 50, 300])
-def test_a_search_that_may_not_look_far_ends_and_stays_within_its_nodes(nodes):
-    motion = search(world(u_turn(1.8), (-1.0, 1.9)), nodes=nodes, reverses=True)
-    assert not motion["found"] and motion["count"] <= nodes
-
-
 def test_ends_by_squares_are_touched_as_all_ends_are():
     """Ends of beams in the outline, looked up by squares and one by one, at places among and beside them."""
     rng = np.random.default_rng(5)

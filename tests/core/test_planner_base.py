@@ -154,11 +154,6 @@ def test_the_type_of_a_record_has_the_fields_of_the_dataclass():
     assert [(name, own[name]) for name in own.names] == [("patience", int), ("pace", float), ("backwards", bool)]
 
 
-def test_the_settings_of_another_planner_are_refused():
-    with pytest.raises(SettingsError, match=r"Patient\.settings is 3; accepted: a PatientSettings"):
-        Patient(CAR, MU, settings=3)
-
-
 # -- settings of the car
 
 

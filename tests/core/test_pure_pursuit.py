@@ -10,7 +10,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY, MapLine
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+from scan_worlds import CAR, MU, corridor, odometry_of
 
 OPEN = corridor(5.0, 5.0)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
@@ -136,10 +136,6 @@ def test_without_a_pose_it_brakes(pose):
     assert pursuer().find_goal(at(*pose)) is None
 
 
-def test_without_a_scan_it_brakes_too():
-    assert pursuer()(scan_of([]), at(1.0, 0.0, 0.0, 3.0)).speed < 3.0
-
-
 def test_it_does_not_see_obstacles_unless_its_law_does():
     """The limit of a map: what is not on it is not there."""
     blocked, here = corridor(5.0, 5.0, ahead=1.0), at(5.0, 0.0, 0.0, 2.0)
@@ -172,12 +168,6 @@ def test_a_raceline_against_the_course_is_refused_with_the_option_that_turns_the
         pursuer(circle(6.0, -direction), line=str(path))
 
 
-def test_planners_of_the_same_line_share_its_table():
-    assert pursuer().line is pursuer().line
-    assert pursuer().line is not pursuer(max_speed=3.0).line
-    assert not pursuer().line.flags.writeable
-
-
 def test_in_a_batch_each_follows_its_own_line_as_alone():
     lines = [circle(4.0), STRAIGHT, circle(4.0), circle(9.0, -1)]
     poses = [at(4.0, 0.1, 1.5, 1.0), at(3.0, 0.2, 0.0, 2.0), at(0.0, 4.0, 3.1, 3.0), at(9.0, 0.0, -1.5, 2.5)]
@@ -190,27 +180,6 @@ def test_in_a_batch_each_follows_its_own_line_as_alone():
         batch(OPEN, np.tile(OPEN.ranges, (4, 1)), rows, np.ones(4, bool), commands)
         alone = [planner(OPEN, pose) for planner, pose in zip(planners, poses, strict=True)]
         assert commands.tolist() == [[command.steering_angle, command.speed] for command in alone]
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({"line": 3}, r"PurePursuitSettings\.line is 3; accepted: centreline, raceline, or a path"),
-        ({"least_lookahead": 0.0}, r"PurePursuitSettings\.least_lookahead is 0\.0; accepted: a positive number"),
-        ({"reaction": -1.0}, r"PurePursuitSettings\.reaction is -1\.0; accepted: a number from 0"),
-        ({"braking_use": 1.1}, r"PurePursuitSettings\.braking_use is 1\.1; accepted: a share above 0, at most 1"),
-    ],
-)
-def test_a_setting_that_it_cannot_plan_with_is_refused_by_name(changes, said):
-    with pytest.raises(SettingsError, match=said):
-        PurePursuitSettings(**changes)
-
-
-def test_the_settings_of_another_planner_and_beliefs_that_are_none_are_refused():
-    with pytest.raises(SettingsError, match=r"PurePursuit\.settings is 3; accepted: a PurePursuitSettings"):
-        PurePursuit(CAR, MU, settings=3, map_line=STRAIGHT)
-    with pytest.raises(SettingsError, match=r"mu is 0\.0; accepted: a positive number"):
-        pursuer(mu=0.0)
 
 
 def test_a_race_with_a_line_that_is_not_there_is_refused_in_one_line():

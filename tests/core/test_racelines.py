@@ -90,11 +90,6 @@ def test_a_first_point_repeated_at_the_end_is_dropped():
     np.testing.assert_array_equal(table_of(square), table_of(np.vstack((square, square[:1]))))
 
 
-def test_a_line_without_length_is_refused():
-    with pytest.raises(SettingsError, match="a line of length"):
-        table_of([[1.0, 1.0], [1.0, 1.0]])
-
-
 @pytest.mark.parametrize("radius", [1.0, 3.0, 6.0])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_the_curvature_of_a_circle_is_one_over_its_radius(radius, direction):
@@ -153,10 +148,3 @@ def test_everywhere_the_tires_hold_it_and_no_speed_is_beyond_the_lines_own(seed,
     share = np.array([longitudinal_share(value / (mu * CAR.gravity), LIMITER.exponent) for value in lateral])
     assert (after <= 0.6 * limiter.accelerating * share + 1e-6).all()
     assert (-after <= 0.6 * limiter.braking * np.roll(share, -1) + 1e-6).all()
-
-
-def test_where_a_closed_line_begins_makes_no_difference():
-    squashed = circle(4.0) * (2.0, 0.6)
-    here, there = table_of(squashed), table_of(np.roll(squashed, -150, axis=0))
-    behind = np.argmin(np.hypot(*(here[:, :2] - there[0, :2]).T))
-    np.testing.assert_allclose(np.roll(here[:, SPEED], -behind), there[:, SPEED], rtol=0.02)

@@ -1,13 +1,11 @@
 """Recovery: the car reverses exactly along the path it came by, when it stands without a frontier, and not for ever."""
 
 import math
-from dataclasses import fields
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.safety.recovery import (
     PATH_HISTORY,
@@ -17,7 +15,6 @@ from fg_mujoco.controllers.safety.recovery import (
     reverses,
 )
 from fg_mujoco.course.random_obstacles import random_boxes
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -144,18 +141,6 @@ def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(see
         assert race.car.end_reason == expected and race.car.collisions_wall == 0
         assert race.car.max_slide_m_s <= SLIDING_SPEED
         assert (race.car.column("speed_m_s").min() < -0.5) == kept
-
-
-@pytest.mark.parametrize("name", [field.name for field in fields(RecoverySettings)])
-def test_settings_that_make_no_sense_are_refused_by_name(name):
-    for value in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(SettingsError, match=name):
-            RecoverySettings(**{name: value})
-
-
-def test_a_switch_that_is_none_is_refused():
-    with pytest.raises(SettingsError, match="recovery is 'no'; accepted: True, False"):
-        DrivingSettings(recovery="no")
 
 
 @pytest.mark.parametrize("name", ["gap_finder", "disparity_extender", "weighted_gap"])

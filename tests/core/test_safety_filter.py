@@ -17,7 +17,6 @@ from fg_mujoco.controllers.safety.safety_filter import (
     safe_steering,
 )
 from fg_mujoco.course.random_obstacles import random_boxes
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -161,9 +160,3 @@ def test_a_reading_is_the_nearest_beam_and_at_the_ends_the_last():
     ranges = np.arange(5.0)
     bearings = (-3.0, -0.2, -0.06, 0.04, 0.06, 9.0)
     assert [reading(ranges, -0.2, 0.1, bearing) for bearing in bearings] == [0.0, 0.0, 1.0, 2.0, 3.0, 4.0]
-
-
-@pytest.mark.parametrize(("name", "value"), [("margin", -0.1), ("fan_step", 0.0), ("crawl_speed", math.nan)])
-def test_settings_that_make_no_sense_are_refused_by_name(name, value):
-    with pytest.raises(SettingsError, match=name):
-        SafetyFilterSettings(**{name: value})

@@ -8,11 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.perception import scan_filters as filters
 from scan_worlds import INCREMENT, scan_of
 
-filters_extend, filters_widen = filters.extend_disparities, filters.widen_all
 RADIUS = 0.3  # [m]
 BEARINGS = INCREMENT * (np.arange(1081) - 540)
 
@@ -65,16 +63,6 @@ def test_a_filter_that_is_given_anything_answers_something(ranges, increment, ra
         lambda: filters.prioritise_centre(ranges, ranges, radius),
     ):
         assert shorten().shape == ranges.shape
-
-
-def test_a_filter_answers_the_same_inside_a_kernel():
-    @kernel
-    def chain(ranges, increment):
-        return filters_widen(filters_extend(ranges, increment, 0.3, 0.3), increment, 0.2)
-
-    ranges = np.random.default_rng(3).uniform(0.5, 12.0, 1081)
-    from_python = filters.widen_all(filters.extend_disparities(ranges, INCREMENT, 0.3, 0.3), INCREMENT, 0.2)
-    np.testing.assert_array_equal(chain(ranges, INCREMENT), from_python)
 
 
 # -- what a reading is
@@ -144,15 +132,6 @@ def test_a_nearest_point_at_an_end_is_masked_up_to_the_end_and_not_round_it(near
     np.testing.assert_array_equal(filters.mask_nearest(ranges, INCREMENT, RADIUS) == 0.0, expected)
 
 
-@pytest.mark.parametrize("beam", [0, 3, 540, 1080])
-def test_a_safety_bubble_holds_the_range_of_its_middle(beam):
-    ranges = np.full(1081, 8.0)
-    ranges[beam] = 3.0
-    width = math.ceil(RADIUS / (INCREMENT * 3.0))
-    result = filters.safety_bubbles(ranges, np.array([beam]), INCREMENT, RADIUS)
-    np.testing.assert_array_equal(result, np.where(np.abs(np.arange(1081) - beam) <= width, 3.0, 8.0))
-
-
 def bubbles_by_loop(ranges, beams, increment, radius):
     result = ranges.copy()
     for beam in beams:
@@ -181,49 +160,6 @@ def test_safety_bubbles_are_those_of_a_slow_loop(ranges, increment, radius, data
 def test_widening_all_is_a_safety_bubble_round_every_beam(ranges, increment, radius):
     result = filters.widen_all(ranges, increment, radius)
     np.testing.assert_array_equal(result, bubbles_by_loop(ranges, range(len(ranges)), increment, radius))
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_widening_all_of_a_room_is_a_safety_bubble_round_every_beam(seed):
-    rng = np.random.default_rng(seed)
-    corners = np.sort(rng.uniform(0.0, 1080.0, 12))
-    ranges = np.interp(np.arange(1081), corners, rng.uniform(0.1, 12.0, 12)) + rng.normal(0.0, 0.01, 1081)
-    ranges[rng.integers(0, 1081, 5)] = 0.0
-    expected = bubbles_by_loop(ranges, range(1081), INCREMENT, 0.19)
-    np.testing.assert_array_equal(filters.widen_all(ranges, INCREMENT, 0.19), expected)
-
-
-@unhurried
-@given(ranges_of_scans, increments, radii)
-def test_a_closer_reading_is_never_overwritten_by_a_farther_one(ranges, increment, radius):
-    for result in (
-        filters.extend_disparities(ranges, increment, 0.3, radius),
-        filters.widen_all(ranges, increment, radius),
-        filters.mask_nearest(ranges, increment, radius),
-    ):
-        assert (result <= ranges).all()
-
-
-@unhurried
-@given(ranges_of_scans, increments, radii)
-def test_filters_see_left_and_right_alike(ranges, increment, radius):
-    for widen in (
-        lambda r: filters.extend_disparities(r, increment, 0.3, radius),
-        lambda r: filters.widen_all(r, increment, radius),
-    ):
-        np.testing.assert_array_equal(widen(ranges)[::-1], widen(ranges[::-1]))
-    mean = filters.rolling_mean(ranges, increment, radius)
-    np.testing.assert_allclose(mean[::-1], filters.rolling_mean(ranges[::-1], increment, radius), atol=1e-12)
-
-
-def test_after_widening_a_point_that_is_free_has_nothing_within_the_radius():
-    # a post at 2 m: where the widened scan is longer than 2 m, its beam passes the post at the radius or more
-    ranges = np.full(1081, 9.0)
-    ranges[540] = 2.0
-    free = filters.widen_all(ranges, INCREMENT, RADIUS) > 2.0
-    passing = 2.0 * np.sin(np.abs(BEARINGS))
-    assert passing[free].min() >= 0.98 * RADIUS  # the arc is taken as straight: .3 m of arc is .2989 m of chord
-    assert passing[~free].max() < RADIUS + 2.0 * INCREMENT
 
 
 # -- disparities
@@ -282,17 +218,6 @@ def test_centre_priority_weighs_from_0_999_at_the_edges_to_1_in_the_middle():
     # 004.txt: a linspace of .999 to 1.000
     np.testing.assert_allclose(weights[:541], np.linspace(0.999, 1.0, 541), rtol=1e-14)
     np.testing.assert_allclose(weights[540:], np.linspace(1.0, 0.999, 541), rtol=1e-14)
-
-
-def test_equal_ranges_go_straight_on():
-    for distance in (0.1, 3.3, 10.0):
-        assert np.argmax(filters.prioritise_centre(np.full(1081, distance), BEARINGS)) == 540
-
-
-def test_centre_priority_does_not_outweigh_a_range_longer_by_more_than_it():
-    ranges = np.full(1081, 5.0)
-    ranges[0] = 5.0 / 0.9989
-    assert np.argmax(filters.prioritise_centre(ranges, BEARINGS)) == 0
 
 
 @unhurried

@@ -52,15 +52,6 @@ def test_what_crosses_slowly_is_found_from_a_fast_car():
     assert known * PERIOD < 0.7  # it is near enough to be tracked after 0.1 s
 
 
-def test_a_slow_thing_that_turns_back_is_measured_anew_within_0_2_s():
-    def turns_back(time):
-        return WALLS + box(5.0, 0.3 - 0.5 * abs(0.8 - time)), ()
-
-    memory, _ = watched(turns_back, 41)  # it turns in tick 32
-    (target,) = moving(memory)
-    assert target["vy"] == pytest.approx(-0.5, abs=0.15)
-
-
 def test_a_wall_that_slides_along_itself_does_not_move_nor_does_one_that_ends():
     """The aperture problem: the LiDAR cannot see that a long wall slides; its end, seen in passing, goes round it."""
 

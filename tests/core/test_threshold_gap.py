@@ -13,9 +13,7 @@ from test_gaps import SLIDES, runs_where
 import fg_mujoco as fg
 from fg_mujoco.controllers.perception.gaps import runs_beyond
 from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import STOP
-from scan_worlds import CAR, INCREMENT, MU, odometry_of, scan_of
+from scan_worlds import CAR, INCREMENT, MU, scan_of
 
 
 @cache
@@ -60,20 +58,6 @@ def test_a_sensor_that_sees_less_far_than_the_threshold_has_gaps_where_nothing_r
     bearing, distance = planner(threshold=5.0).find_goal(scan_of(ranges, range_max=4.0))
     assert bearing == pytest.approx(109.5 * INCREMENT)
     assert distance == 4.0
-
-
-def test_without_a_gap_it_brakes():
-    finder, scan = planner(threshold=2.0), scan_of(np.full(1081, 1.9))
-    finder.reset()
-    assert finder.find_goal(scan) is None
-    assert finder(scan, odometry_of(0.0)) == STOP
-    assert finder(scan, odometry_of(3.0)).speed < 3.0
-
-
-@pytest.mark.parametrize("count", [0, 2.5, 1e10, math.nan, True])
-def test_a_number_of_readings_is_a_whole_one(count):
-    with pytest.raises(SettingsError, match=r"least_readings is .*; accepted: a whole number from 1"):
-        ThresholdGapSettings(least_readings=count)
 
 
 def test_limit_it_does_not_consider_the_cars_width():

@@ -11,7 +11,6 @@ from fg_mujoco.addons.drivers.known_line import (
     DEMAND,
     RADIUS,
     REMEMBERED,
-    curvature_at,
     follow_line,
     free_on,
     place_on,
@@ -22,9 +21,7 @@ from fg_mujoco.addons.drivers.lap_map import see_lap
 from fg_mujoco.addons.drivers.least_time import quicken
 from fg_mujoco.addons.drivers.scout import Scout
 from fg_mujoco.controllers.control.driving import REFERENCE
-from fg_mujoco.controllers.control.planner import PlannerBatch
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR
@@ -161,12 +158,6 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def test_the_curvature_is_read_between_the_points():
-    points = np.zeros((4, 6))
-    points[:, CURVATURE] = 0.0, 0.2, 0.4, 0.4
-    assert [curvature_at(points, place) for place in (0.5, 1.25, 9.0)] == pytest.approx([0.1, 0.25, 0.4])
-
-
 def moved_in_ring(moves, weight=1.0):
     """How far the points of a circle of 3 m are moved within .5 m to either side, by moves for less lap time."""
     points, _ = circle(3.0, 75)
@@ -180,14 +171,6 @@ def moved_in_ring(moves, weight=1.0):
 def test_the_quickest_lap_of_a_ring_is_along_its_inner_wall():
     """At the cornering acceleration a the lap takes 2 pi sqrt(r / a): less for a smaller radius r."""
     assert moved_in_ring(40) == pytest.approx(0.5, abs=0.01)
-
-
-def test_a_move_that_makes_no_lap_shorter_is_not_made():
-    points, _ = circle(3.0, 75)
-    normals = np.column_stack((-np.sin(points[:, HEADING]), np.cos(points[:, HEADING])))
-    aside = np.tile([0.5, -0.5, 0.5], (len(points), 1))  # along the inner wall already
-    weight = quicken(points[:, :2].copy(), normals, aside, 1.0, LIMITER.record[0], 0.9, 0.95, 8.0)
-    assert aside[:, 0] == pytest.approx(0.5, abs=2e-3) and weight > 0.0
 
 
 def test_braking_on_the_line_takes_nothing_of_the_cornering():
@@ -215,24 +198,12 @@ def test_something_new_on_the_line_is_seen(away):
     assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
 
 
-def test_planners_that_do_not_remember_have_no_memory_of_laps():
-    assert len(PlannerBatch(GapFinder, [GapFinder(CAR, 0.66)]).remembered) == 0
-    remembers = GapFinder(CAR, 0.66, 8.0, GapFinderSettings(remember=True))
-    assert len(PlannerBatch(GapFinder, [remembers, GapFinder(CAR, 0.66)]).remembered) == 2
-
-
 def test_laps_after_the_first_are_faster_and_no_tire_slides():
     """Without `remember` laps 2 and 3 take 21.1 s."""
     car = fg.race("tight", "gap_finder[remember=true]", laps=3, mu=0.66).car
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01
-
-
-def test_odometry_that_is_off_by_two_percent_does_not_take_the_car_off_its_line():
-    """Left alone, the error takes 1 m/s^2 from braking, and the car leaves the line in lap 2."""
-    car = fg.race("chicanes", "scout", laps=2, mu=0.66, odometry_drift=0.02).car
-    assert car.finished and car.collisions_wall == 0
 
 
 def test_the_scout_is_the_gap_finder_that_remembers_and_its_line_is_closed():

@@ -177,19 +177,6 @@ def test_the_plan_turns_as_fast_as_the_friction_limiter_allows_and_no_faster(off
     assert math.copysign(1.0, command.steering_angle) == -math.copysign(1.0, offset)
 
 
-def test_before_a_bend_it_turns_in_ahead_of_the_regulator():
-    turns = np.linspace(0.0, 0.5 * math.pi, 60)[1:]
-    bend = np.column_stack((20.0 + 2.0 * np.sin(turns), 2.0 - 2.0 * np.cos(turns)))
-    line = MapLine(points=np.vstack(([[0.0, 0.0], [20.0, 0.0]], bend, [[22.0, 30.0]])), closed=False)
-    first = {}
-    for tracker in ("mpc", "lqr"):
-        planner = pursuer(line, tracker=tracker)
-        places = np.arange(17.0, 20.0, 0.05)
-        steered = [planner(OPEN, at(x, 0.0, 0.0, 4.2)).steering_angle for x in places]
-        first[tracker] = places[np.flatnonzero(np.array(steered) > 0.02)[0]]
-    assert first["mpc"] < first["lqr"] - 0.05
-
-
 def test_a_plan_that_does_not_converge_is_replaced_by_the_last_one_and_then_by_braking():
     planner = PurePursuit(SOFT, 1.0, 8.0, PurePursuitSettings(tracker="mpc"), map_line=STRAIGHT)
     planner(OPEN, at(10.0, 0.2, 0.0, 4.0))
@@ -232,11 +219,6 @@ def test_it_laps_faster_than_the_regulator_near_the_lock_with_the_same_bits_each
     assert first.end_reason == "finished" and first.max_slide_m_s < 0.01
     assert first.lap_times_s == again.lap_times_s and first.max_slide_m_s == again.max_slide_m_s
     assert first.lap_times_s[0] < regulator.lap_times_s[0]
-
-
-def test_it_drives_by_the_pose_of_the_particle_filter():
-    car = fg.race("oval", "pure_pursuit[line=raceline,tracker=mpc,pose=particle_filter]", laps=1).car
-    assert car.end_reason == "finished"
 
 
 @pytest.mark.parametrize("side", [1, -1])

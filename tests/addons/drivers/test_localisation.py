@@ -14,11 +14,9 @@ from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSetti
 from fg_mujoco.addons.drivers.localisation.odometry import STATES, predicted
 from fg_mujoco.addons.drivers.localisation.particle_filter import (
     LEAST,
-    ParticleFilter,
     costs_of,
     drawn_anew,
     kld_count,
-    moments,
     occupied_bins,
 )
 from fg_mujoco.errors import ControllerError, MessageError, SettingsError
@@ -128,18 +126,6 @@ def test_a_scan_is_laid_on_the_walls():
         assert np.sqrt(np.diag(inverse(information))).max() < 0.02
 
 
-def test_a_prior_holds_what_the_scan_does_not_say():
-    # two long walls: the place along them is that of the prior
-    corridor = np.array([[-50.0, -1.0], [50.0, -1.0], [50.0, 1.0], [-50.0, 1.0]])
-    field = DistanceField.of(MapLine(points=[[0.0, 0.0], [1.0, 0.0]], closed=False, walls=(corridor,)))
-    x = np.linspace(-5.0, 5.0, 30)
-    ends = np.concatenate([np.column_stack((x, np.full(30, side))) for side in (-1.0, 1.0)])
-    found, _, _ = match(
-        field.distances, field.origin, field.resolution, ends, np.array((3.0, 0.2, 0.05)), np.eye(3), 0.05, 0.3, 10
-    )  # fmt: skip
-    assert found == pytest.approx((3.0, 0.0, 0.0), abs=2e-3)
-
-
 def test_costs_are_those_of_the_likelihood_field():
     field, rng = DistanceField.of(ROOM), np.random.default_rng(3)
     particles = rng.uniform((-3.0, -2.0, -3.0), (5.0, 1.8, 3.0), (50, 3))
@@ -196,13 +182,6 @@ def test_a_prediction_has_the_moments_of_many_samples():
     samples[:, 3:] += rng.normal(0.0, 0.001, (200_000, 2))
     assert state == pytest.approx(samples.mean(axis=0), abs=5e-4)
     assert covariance == pytest.approx(np.cov(samples.T), abs=1.5e-5)
-
-
-def test_moments_average_headings_on_the_circle():
-    particles = np.zeros((2, STATES))
-    particles[:, 2] = math.pi - 0.1, -math.pi + 0.1
-    mean, covariance = moments(particles, np.array((0.5, 0.5)))
-    assert abs(mean[2]) == pytest.approx(math.pi) and covariance[2, 2] == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (0.13, 0.77), (0.9, 1.4), (-0.5, 0.2), (0.31, 0.33)])
@@ -304,11 +283,6 @@ def test_pure_pursuit_laps_on_the_pose_that_is_found(pose):
     assert found.lap_times_s[0] < 1.02 * truth.lap_times_s[0]
 
 
-def test_the_true_pose_by_name_has_the_bits_of_none():
-    named = fg.race("oval", "pure_pursuit[pose=truth]", laps=1, time_limit=2.0)
-    assert named.trajectory_sha256 == fg.race("oval", "pure_pursuit", laps=1, time_limit=2.0).trajectory_sha256
-
-
 def test_any_planner_is_given_the_pose_that_is_found():
     poses = []
 
@@ -334,20 +308,6 @@ def test_any_planner_is_given_the_pose_that_is_found():
     assert 0.0 < distance < 0.01
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"pose": "gps"}, "accepted: truth, particle_filter, scan_matching"),
-        ({"pose": "particle_filter", "particles": 10}, "particles is 10; accepted: a whole number from 500 to 100000"),
-        ({"pose": "particle_filter", "pose_start": "here"}, "accepted: given, unknown"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(settings, said):
-    context = DriveSettings().context(CAR, ROOM)
-    with pytest.raises(ControllerError, match=said):
-        fg.make_controller("gap_finder", context, settings=settings)
-
-
 def test_a_map_in_which_no_pose_can_be_found_is_refused():
     line = MapLine(points=ROOM.points, closed=False)
     for map_line, said in ((None, "there is no map"), (line, "the map has a line and no walls")):
@@ -359,10 +319,3 @@ def test_a_map_in_which_no_pose_can_be_found_is_refused():
         DistanceField.of(MapLine(points=[[0.1, 0.004], [0.2, 0.004]], closed=False, walls=(narrow,)))
     with pytest.raises(MessageError, match=r"walls\[0\] has shape"):
         MapLine(points=ROOM.points, closed=False, walls=(CORNERS[:2],))
-
-
-def test_a_filter_that_is_told_its_start_begins_with_as_many_particles_as_set():
-    started = ParticleFilter(DistanceField.of(ROOM), np.random.default_rng(1), 700)
-    started.start(np.zeros(3), (0.1, 0.05))
-    assert started.particles.shape == (700, STATES)
-    assert started.particles.std(axis=0) == pytest.approx((0.1, 0.1, 0.05, 0.06, 0.06), rel=0.15)

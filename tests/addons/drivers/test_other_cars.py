@@ -108,13 +108,6 @@ def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
     assert not memory["cars"]["moves"].any()
 
 
-def test_a_car_that_stops_stays_a_car():
-    memory, seen = watched(lambda time: (3.0 + 2.0 * min(time, 0.5), 0.3), 2.0, 60, 0.0)
-    assert seen
-    (car,) = [car for car in memory["cars"] if car["age"] > 0]
-    assert math.hypot(car["vx"], car["vy"]) < 0.3
-
-
 @pytest.mark.slow
 def test_a_car_that_is_gone_from_plain_view_is_forgotten_soon():
     memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
@@ -130,13 +123,6 @@ def test_a_car_that_was_passed_is_kept_for_a_while():
     assert memory["cars"]["moves"].any()
     (car,) = [car for car in memory["cars"] if car["moves"]]
     assert car["unseen"] > 0.0 and seen
-
-
-def test_odometry_that_is_none_forgets_all():
-    memory, _ = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
-    assert not watch_cars(memory, SCAN_ROW, np.array(WALLS.ranges), odometry_row(math.nan), CAR.lidar_offset)
-    assert (memory["cars"]["age"] == 0).all()
-    assert math.isfinite(memory["x"])
 
 
 # -- cars whose odometry is told
@@ -235,14 +221,6 @@ def test_what_is_told_too_late_or_without_a_pose_is_not_used():
     assert not is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.6))
     assert not is_told(told, own_row((math.nan, 0.0, 0.0)))
     assert not is_told(np.zeros(1, TOLD)[0], own_row((0.0, 0.0, 0.0), stamp=0.1))
-
-
-def test_a_reading_of_something_else_is_left_out():
-    told = np.zeros(1, TOLD)[0]
-    for values, columns in ((np.ones(5), ("a", "b", "c", "d", "e")), (np.ones(3), ("x_m", "y_m", "heading_rad"))):
-        stamps, samples = np.empty(0), np.empty((0, len(values)))
-        read_told(told, Reading(stamp=1.0, values=values, columns=columns, stamps=stamps, samples=samples))
-    assert told["stamp"] == 0.0
 
 
 def test_a_car_that_comes_back_does_not_take_the_place_of_another_one():

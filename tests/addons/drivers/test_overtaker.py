@@ -5,11 +5,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
-from fg_mujoco.addons.drivers.overtaker import Overtaker, OvertakerSettings
-from fg_mujoco.controllers.gap_finder import GapFinder
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planner_choice import ControllerChoice
-from scan_worlds import CAR, MU, corridor, odometry_of
 
 
 def duel(track, opponent, seed, ratio=0.5, laps=1):
@@ -56,24 +52,3 @@ def test_it_keeps_behind_where_there_is_none(tmp_path):
     figures = duel(path, "centreline", 0)
     assert figures.outcome == "behind", figures
     assert figures.message is None
-
-
-def test_a_batch_decides_as_each_does():
-    scans = [corridor(1.0, 1.4, 6.0), corridor(0.6, 0.9)]
-    planners = [Overtaker(CAR, MU), Overtaker(CAR, MU)]
-    batch, commands = Overtaker.batch(planners), np.zeros((2, 2))
-    odometry = np.zeros(2, fg.messages.ODOMETRY)
-    odometry["speed"] = 2.0, 3.0
-    for _ in range(3):
-        ranges = np.stack([scan.ranges for scan in scans])
-        batch(scans[0], ranges, odometry, np.ones(2, np.bool_), commands)
-        alone = [
-            planner(scan, odometry_of(speed)) for planner, scan, speed in zip(planners, scans, (2.0, 3.0), strict=True)
-        ]
-    assert commands.tolist() == [[command.steering_angle, command.speed] for command in alone]
-
-
-def test_it_has_the_settings_of_the_gap_finder():
-    with pytest.raises(SettingsError, match="braking"):
-        OvertakerSettings(braking=0.0)
-    assert set(vars(GapFinder.Settings())) < set(vars(OvertakerSettings()))
