@@ -190,7 +190,3 @@ def test_a_car_that_is_no_number_is_searched():
     assert is_clear(engine)
     engine.state(0)[1] = math.nan
     assert not is_clear(engine)
-
-
-def test_a_world_whose_model_its_owner_may_change_is_searched():
-    assert fg.Simulation(fg.World("fast")).engine._batches[0].clear.distances.size == 0

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.comparison.ground import Ground
 from fg_mujoco.course.clearance import least_clearance, outline, rectangle_distance
 
 CAR = fg.Vehicle.load().parameters
@@ -87,24 +86,3 @@ def test_what_moves_is_met_where_it_is_at_that_time():
     assert least_clearance(poses, square + shifts * (1, 0, 1, 0), CAR) == pytest.approx(2.0 - FRONT)
     with pytest.raises(ValueError, match="at each of the 2"):
         least_clearance(poses[:2], square + shifts * (1, 0, 1, 0), CAR)
-
-
-def test_nothing_there_is_infinitely_far():
-    assert least_clearance(np.zeros((4, 3)), np.empty((0, 4)), CAR) == math.inf
-    assert least_clearance(np.empty((0, 3)), np.zeros((1, 4)), CAR) == math.inf
-
-
-def test_an_outline_is_closed():
-    sides = outline(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-    assert sides.tolist() == [[0, 0, 1, 0], [1, 0, 0, 1], [0, 1, 0, 0]]
-
-
-def test_beside_the_wall_of_a_track_the_clearance_is_what_the_corridor_leaves():
-    track = fg.load_track("oval")
-    poses = np.array([track.start_pose(s, 0.2) for s in np.linspace(0.0, 4.0, 9)])  # along the straight
-    expected = track.corridor_left[0] - 0.2 - HALF
-    assert Ground(track).least_clearance(np.zeros(9), poses, CAR) == pytest.approx(expected, abs=1e-3)
-    box = fg.Box(x=float(poses[-1, 0]) + FRONT + 0.25, y=float(poses[-1, 1]), length=0.3, width=0.3)
-    assert abs(poses[-1, 2]) < 1e-9
-    near = Ground(track, (box,)).least_clearance(np.zeros(9), poses, CAR)
-    assert near == pytest.approx(0.25 - 0.15, abs=1e-6)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 
 import numpy as np
 import pytest
@@ -83,18 +82,6 @@ def test_every_other_loop_is_listed_with_what_it_goes_round_and_can_be_chosen(tm
         load_map(f"{path}[loop=0]")
 
 
-def test_track_show_lists_the_other_loops(tmp_path, capsys):
-    path = draw_map(tmp_path, building())
-    assert main(["track", "show", str(path), "--out", str(tmp_path / "x.png")]) == 0
-    printed = capsys.readouterr().out.splitlines()
-    assert len(printed) == len(map_loops(str(path)))
-    assert any("round (25.00, 10.00), with the setting loop=" in line for line in printed[1:])
-
-
-def test_a_map_with_one_loop_lists_no_other(tmp_path):
-    assert [loop.driven for loop in map_loops(str(draw_map(tmp_path, ring())))] == [True]
-
-
 @pytest.mark.parametrize("hole", [6, 12, 20])
 def test_a_hole_is_refused_with_the_option_that_closes_it(tmp_path, hole):
     whole = read_map(draw_map(tmp_path, double_wall(), name="whole"), direction="clockwise")
@@ -163,13 +150,6 @@ def test_grey_of_unknown_ground_that_counts_as_free_is_named_with_the_setting_th
         load_map(f"{path}[border=wall]")
 
 
-def test_a_hole_of_a_hundred_pixels_is_closed(tmp_path):
-    path = draw_map(tmp_path, np.kron(double_wall(20), np.ones((5, 5), bool)), resolution=0.011)
-    with pytest.raises(TrackError, match=r"a hole, 1.10 m wide, .*close=1.2\]"):
-        read_map(path)
-    assert load_map(f"{path}[close=1.1]").length == pytest.approx(1.1 * (2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
-
-
 def test_the_images_border_is_a_wall_on_request(tmp_path):
     free = np.ones((200, 300), dtype=bool)
     free[60:140, 60:240] = False
@@ -202,12 +182,6 @@ def test_a_start_in_the_file_is_the_start_of_the_course(tmp_path):
     assert asked.start_pose()[:2] == pytest.approx((7.5, 2.25), abs=0.03)
 
 
-def test_a_starting_angle_gives_the_direction(tmp_path):
-    for angle, expected in ((0.3, 0.0), (2.9, math.pi)):
-        track = read_map(draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0), starting_angle=angle))
-        assert abs(track.start_pose()[2]) == pytest.approx(expected, abs=0.03)
-
-
 def test_a_start_in_the_file_that_is_not_free_is_ignored_with_a_warning(tmp_path):
     path = draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0), starting_positions=[[0.0, 2.75, 0.0]])
     with pytest.warns(UserWarning, match=r"ignored: the starting position \(0.0, 2.75\) is not free"):
@@ -215,52 +189,10 @@ def test_a_start_in_the_file_that_is_not_free_is_ignored_with_a_warning(tmp_path
     assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
 
 
-def test_the_command_line_prints_a_warning_once_in_a_line(tmp_path, capsys):
-    path = draw_map(tmp_path, ring(), colour=1)
-    assert main(["track", "show", str(path), "--out", str(tmp_path / "x.png")]) == 0
-    lines = [line for line in capsys.readouterr().err.splitlines() if "colour" in line]
-    assert len(lines) == 1
-    assert lines[0].startswith(f"fg-mujoco: warning: {path}: ignored: colour; read are image")
-
-
 def test_a_map_of_noise_is_refused_before_minutes_are_spent_on_it(tmp_path):
     free = box_room(1500, 1500) & (np.random.default_rng(0).random((1500, 1500)) > 0.1)
     with pytest.raises(TrackError, match="sides of pixels; accepted: 300000 at most"):
         read_map(draw_map(tmp_path, free))
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ("close=wide", "close is 'wide'; accepted: METRES"),
-        ("close=-1", r"close is -1.0; accepted: a width in metres"),
-        ("close=nan", "close is nan; accepted: a width in metres"),
-        ("border=open", "border is 'open'; accepted: wall"),
-        ("loop=first", "loop is 'first'; accepted: NUMBER"),
-    ],
-)
-def test_options_that_are_wrong_are_refused(tmp_path, settings, message):
-    with pytest.raises(TrackError, match=message):
-        fg.load_track(f"{draw_map(tmp_path, ring())}[{settings}]")
-
-
-@pytest.mark.parametrize(
-    ("settings", "keys", "message"),
-    [
-        ("[start=70:5]", {}, "(70.00, 5.00) is outside of the image; accepted: a point on the course"),
-        ("[start=7.5:5]", {}, "(7.50, 5.00) is not free"),
-        ("", {"resolution": "1.0e-300"}, "resolution is 1e-300"),
-        ("", {"origin": (1e12, 0.0, 0.0)}, "origin is [1000000000000.0"),
-        ("", {"origin": (math.inf, 0.0, 0.0)}, "origin is [inf"),
-        ("", {"free_thresh": ".nan"}, "free_thresh is nan"),
-    ],
-)
-def test_the_command_line_refuses_bad_input_in_one_line(tmp_path, capsys, settings, keys, message):
-    path = draw_map(tmp_path, ring(), **keys)
-    assert main(["race", "--track", f"{path}{settings}"]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(f"fg-mujoco: {path}: {message}")
 
 
 def speckled(share=0.0008):
@@ -287,29 +219,6 @@ def test_specks_are_counted_and_the_setting_that_is_named_drops_them(tmp_path):
         np.testing.assert_array_equal(ours, theirs)  # where there are none nothing changes
 
 
-def test_an_island_of_as_many_pixels_as_the_setting_stays(tmp_path):
-    free = ring()
-    free[40:42, 148:150] = False
-    path = draw_map(tmp_path, free)
-    with pytest.warns(UserWarning, match=r"1 island of fewer than 5 pixels is kept as an obstacle; .*\[specks=5"):
-        assert len(load_map(f"{path}[specks=4]").islands) == 1
-    assert load_map(f"{path}[specks=5]").islands == ()
-    free[38:44, 146:152] = False
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert len(load_map(str(draw_map(tmp_path, free))).islands) == 1  # a box of 0.3 m is no speck
-    with pytest.raises(TrackError, match="specks is -1; accepted: a number of pixels"):
-        load_map(f"{path}[specks=-1]")
-
-
-def test_the_setting_that_is_named_keeps_those_that_were_given(tmp_path):
-    free = double_wall(20)
-    free[40:41, 150:151] = False
-    path = draw_map(tmp_path, free)
-    with pytest.warns(UserWarning, match=r"; drawn\.yaml\[start=7.5:2.2,close=1.1,specks=2\] drops"):
-        load_map(f"{path}[close=1.1,start=7.5:2.2]")
-
-
 def test_noise_is_refused_with_the_setting_that_drops_it(tmp_path, monkeypatch):
     free = np.kron(ring(), np.ones((3, 3), bool))
     free &= np.random.default_rng(0).random(free.shape) > 0.02
@@ -320,15 +229,6 @@ def test_noise_is_refused_with_the_setting_that_drops_it(tmp_path, monkeypatch):
     assert load_map(f"{path}[specks=9]").length == pytest.approx((2 * math.pi * 55 + 240) * PIXEL, rel=0.02)
 
 
-def test_a_leaking_map_of_noise_is_refused_with_both_settings(tmp_path, monkeypatch):
-    monkeypatch.setattr(region, "MOST_SPECKS", 20)
-    free = double_wall(20) & (np.random.default_rng(0).random((200, 300)) > 0.005)
-    path = draw_map(tmp_path, free)
-    with pytest.raises(TrackError, match=r"or drawn\.yaml\[specks=9,close=1.1\]$"):
-        load_map(str(path))
-    assert load_map(f"{path}[specks=9,close=1.1]").length == pytest.approx((2 * math.pi * 55 + 240) * PIXEL, rel=0.01)
-
-
 @pytest.mark.parametrize(("hole", "option"), [(40, "close=2.1"), (90, "border=wall")])
 def test_a_hole_much_wider_than_the_course_is_not_closed_but_the_border_is_a_wall(tmp_path, hole, option):
     free = double_wall()
@@ -337,11 +237,6 @@ def test_a_hole_much_wider_than_the_course_is_not_closed_but_the_border_is_a_wal
     with pytest.raises(TrackError, match=rf"a hole, .* m wide, .*, or drawn\.yaml\[{option}\]$"):
         load_map(str(path))
     assert isinstance(load_map(f"{path}[{option}]"), MapTrack)
-
-
-def test_no_setting_is_named_where_none_gives_a_course(tmp_path):
-    with pytest.raises(TrackError, match=r"accepted: a course with walls all round$"):
-        load_map(str(draw_map(tmp_path, np.ones((300, 300), bool))))
 
 
 def test_a_corridor_that_runs_out_of_the_image_is_driven_with_the_border_as_a_wall(tmp_path):
@@ -374,12 +269,6 @@ def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypa
     monkeypatch.setattr(walls, "MOST_DENSE", 0)
     assert len(full) > 100
     np.testing.assert_allclose(walls.trace(outline), full, atol=1e-9)
-
-
-def test_a_number_of_a_loop_beyond_all_is_refused_in_a_line(tmp_path):
-    path = draw_map(tmp_path, ring())
-    with pytest.raises(TrackError, match=r"loop is 9{30}; accepted: 1 to \d+, as track show counts them"):
-        load_map(f"{path}[loop={'9' * 30}]")
 
 
 @pytest.mark.parametrize(("options", "free"), [((), ring()), (("--negate",), ~ring())])

@@ -13,11 +13,10 @@ from PIL import Image
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.maps import map_server as map_file
-from fg_mujoco.course.maps.export import export_track, occupancy_image
+from fg_mujoco.course.maps.export import export_track
 from fg_mujoco.course.maps.map_track import read_map
 from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS
-from fg_mujoco.errors import MissingExtraError, SettingsError, TrackError, install_command
+from fg_mujoco.errors import SettingsError, TrackError
 from map_oracles import draw_map, loop_difference, ring
 
 
@@ -50,16 +49,6 @@ def test_islands_come_back_from_a_map(tmp_path):
     assert loop_difference(track.islands[0], island) <= 0.02
 
 
-def test_free_is_what_has_its_middle_between_the_walls():
-    track = fg.load_track("oval")
-    free, origin = occupancy_image(track, 0.1)
-    middles = origin + (np.argwhere(free)[:, ::-1] + 0.5) * 0.1
-    _, offset = track.project(middles)
-    assert np.all(offset < track.width_left.max() + 0.01) and np.all(offset > -track.width_right.max() - 0.01)
-    area = float(np.sum(track.width_left + track.width_right) / len(track.centreline)) * track.length
-    assert free.sum() * 0.01 == pytest.approx(area, rel=0.01)
-
-
 def test_a_map_is_written_as_map_server_reads_it(tmp_path):
     import yaml
 
@@ -87,21 +76,6 @@ def test_a_mesh_comes_back_with_the_walls_where_they_are(suffix, tmp_path):
     assert high == pytest.approx([*(walls.max(axis=0) + WALL_THICKNESS), WALL_HEIGHT], abs=1e-3)
     distance = np.linalg.norm(vertices[:, None, :2] - track.left_wall, axis=2).min(axis=0)
     assert distance.max() < 1e-5  # each point of the wall is in the mesh
-
-
-def test_a_centreline_comes_back_exactly(tmp_path):
-    track = fg.load_track("random:7")
-    (path,) = export_track(track, tmp_path / "track.csv")
-    again = fg.load_track(path)
-    np.testing.assert_array_equal(again.centreline, track.centreline)
-    np.testing.assert_array_equal(again.width_left, track.width_left)
-
-
-def test_a_centreline_found_in_a_map_is_followed_by_pure_pursuit(tmp_path):
-    path = draw_map(tmp_path, ring())
-    export_track(read_map(path), tmp_path / "line.csv")
-    race = fg.race(str(path), "pure_pursuit", planner_settings={"line": str(tmp_path / "line.csv")}, laps=1)
-    assert race.car.finished and race.car.collisions_wall == 0
 
 
 @pytest.mark.parametrize(
@@ -134,19 +108,6 @@ def test_the_command_writes_what_it_names_and_keeps_what_exists(tmp_path, capsys
     assert read_map(files[0]).length == pytest.approx(57.0, abs=0.3)
 
 
-def test_the_command_refuses_a_scene_in_one_line(tmp_path, capsys):
-    assert main(["track", "export", "scene:u_turn_trap:3", str(tmp_path / "a.yaml")]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("fg-mujoco: ") and "no centreline with widths" in err and err.count("\n") == 1
-
-
-def test_without_the_extra_a_map_is_not_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=re.escape(install_command("maps"))):
-        export_track(fg.load_track("oval"), tmp_path / "oval.yaml")
-    assert os.listdir(tmp_path) == []
-
-
 def test_a_full_disk_leaves_no_file_of_those_that_were_asked_for(tmp_path, monkeypatch, capsys):
     """A limit on the size of files stands for the disk: all but the largest fit."""
     monkeypatch.chdir(tmp_path)
@@ -163,17 +124,3 @@ def test_a_full_disk_leaves_no_file_of_those_that_were_asked_for(tmp_path, monke
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "cannot be written: File too large" in capsys.readouterr().err
     assert len(sizes) == 4 and list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("arguments", [("new", "--seed", "3", "--force", "a.csv"), ("show", "oval", "--out", "a.png")])
-def test_a_full_disk_leaves_the_file_that_was_there(tmp_path, monkeypatch, capsys, arguments):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / next(word for word in arguments if word.startswith("a."))
-    path.write_text("before")
-    monkeypatch.setattr("os.fsync", full)
-    assert main(["track", *arguments]) == 2
-    assert f"{path.name}: cannot be written: No space left on device" in capsys.readouterr().err
-    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [(path.name, "before")]

@@ -50,23 +50,6 @@ def test_raw_brightness_is_the_probability_in_percent(tmp_path):
     np.testing.assert_array_equal(read_map_file(path).free[0], [x < 25 for x in range(256)])
 
 
-def test_scale_has_the_free_pixels_of_trinary(tmp_path):
-    free = [read_map_file(write(tmp_path, Image.fromarray(GREYS), mode=mode)).free for mode in ("trinary", "scale")]
-    np.testing.assert_array_equal(*free)
-
-
-def test_an_image_with_a_palette_is_read_by_its_colours(tmp_path):
-    image = Image.fromarray(np.array([[0, 1, 2]], np.uint8), "P")
-    image.putpalette([0, 0, 0, 255, 255, 255, 255, 0, 0])
-    path = write(tmp_path, image)
-    np.testing.assert_array_equal(read_map_file(path).free[0], [False, True, False])
-
-
-def test_what_is_unknown_is_not_free(tmp_path):
-    path = write(tmp_path, Image.fromarray(np.array([[254, 205, 100, 0]], np.uint8)))
-    np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False, False])
-
-
 def test_colours_are_averaged_and_what_is_transparent_is_unknown(tmp_path):
     pixels = np.array([[[255, 255, 255, 255], [255, 255, 255, 0], [255, 0, 0, 255], [240, 250, 230, 255]]], np.uint8)
     path = write(tmp_path, Image.fromarray(pixels, "RGBA"))
@@ -137,11 +120,6 @@ def test_a_number_is_one_in_every_spelling_of_yaml_1_2(text):
     assert plain_yaml(f"x: {text}") == {"x": float(text)}
 
 
-@pytest.mark.parametrize("text", ["e5", "1e", "1.2.3", "v1e5", "1e5m", ".", "'1e5'"])
-def test_text_that_looks_like_a_number_stays_text(text):
-    assert plain_yaml(f"x: {text}") == {"x": text.strip("'")}
-
-
 def test_keys_that_are_unknown_are_ignored_with_one_warning(tmp_path):
     with pytest.warns(UserWarning) as warned:
         occupancy = read_map_file(draw_map(tmp_path, box_room(), colour=1, default_resolution=0.1))
@@ -187,25 +165,6 @@ def test_a_file_that_is_no_yaml_is_refused(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(TrackError, match=message):
         read_map_file(path)
-
-
-def test_a_yaml_that_is_missing_is_refused(tmp_path):
-    with pytest.raises(TrackError, match=r"no such file; accepted: a map_server \.yaml"):
-        read_map_file(tmp_path / "map.yaml")
-
-
-def test_an_image_that_ends_too_soon_is_refused(tmp_path):
-    path = draw_map(tmp_path, box_room())
-    image = tmp_path / "drawn.png"
-    image.write_bytes(image.read_bytes()[:80])
-    with pytest.raises(TrackError, match="cannot be read as an image"):
-        read_map_file(path)
-
-
-def test_an_image_too_large_is_refused_before_it_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(map_file, "MOST_PIXELS", 1000)
-    with pytest.raises(TrackError, match="240 x 160 pixels; accepted: 1000 at most"):
-        read_map_file(draw_map(tmp_path, box_room()))
 
 
 def test_a_link_that_leads_outside_is_refused_unless_allowed(tmp_path):

@@ -9,13 +9,12 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.centreline_csv import write_centreline
-from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.maps.map_server import read_map_file
-from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, is_map, load_map, read_map
+from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, load_map, read_map
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.errors import TrackError
-from map_oracles import box_room, draw_map, loop_difference, march, real_map, ring
+from map_oracles import box_room, draw_map, loop_difference, real_map, ring
 
 PIXEL = 0.05
 LAPS = ("maps/aut", "maps/esp", "maps/gbr", "maps/mco", "circuits/Monza_map")
@@ -114,26 +113,6 @@ def test_islands_are_kept_and_the_line_goes_past_them_by_the_wide_side(tmp_path,
     assert world.model.ngeom > len(track.left_wall) + len(track.right_wall) + 12
 
 
-def test_a_car_crashes_into_an_island(tmp_path):
-    track = read_map(draw_map(tmp_path, islands()), start=(5.5, 2.2), direction="counterclockwise")
-    simulation = fg.Simulation(fg.World(track))
-    simulation.world.car.set_pose(simulation.data, 5.5, 2.25, 0.0, 2.0)
-    scan = simulation.lidar.ranges(simulation.data)
-    assert scan[540] == pytest.approx(147 * PIXEL - 5.5 - simulation.world.parameters.lidar_offset, abs=PIXEL)
-    for _ in range(40):
-        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=2.0))
-    assert simulation.crashed
-
-
-def test_the_corridor_is_clear_of_walls_and_islands(tmp_path):
-    track = read_map(draw_map(tmp_path, islands()), direction="clockwise")
-    free = read_map_file(tmp_path / "drawn.yaml").free
-    for width, side in ((track.width_left, 1.0), (track.width_right, -1.0)):
-        starts = track.centreline / PIXEL
-        square = march(free, starts, track.headings + side * 0.5 * math.pi, 1e4)
-        assert np.all(width / PIXEL <= square + 1.0)
-
-
 def test_a_given_centreline_is_kept(tmp_path):
     path = draw_map(tmp_path, ring())
     found = read_map(path)
@@ -164,18 +143,6 @@ def test_a_centreline_off_the_map_is_refused(tmp_path, shift, message):
         read_map(path, centreline=tmp_path / "off.csv")
 
 
-def test_a_centreline_round_nothing_is_refused(tmp_path):
-    path = draw_map(tmp_path, box_room())
-    angles = np.linspace(0.0, math.tau, 60, endpoint=False)
-    line = fg.Track(
-        name="x", centreline=np.column_stack((6.0 + 2.0 * np.cos(angles), 4.0 + 2.0 * np.sin(angles))),
-        width_left=np.ones(60), width_right=np.ones(60),
-    )  # fmt: skip
-    write_centreline(line, tmp_path / "round.csv")
-    with pytest.raises(TrackError, match="goes round nothing"):
-        read_map(path, centreline=tmp_path / "round.csv")
-
-
 def corridor():
     free = np.zeros((100, 300), dtype=bool)
     free[40:60, 10:290] = True
@@ -194,16 +161,6 @@ def test_a_corridor_is_a_scene_from_end_to_end(tmp_path):
     assert race.car.finished
 
 
-def test_the_corridor_that_a_robot_mapped_is_driven_round_its_corner():
-    scene = fg.load_track(real_map("maps/CornerHall"))
-    assert isinstance(scene, fg.Scene)
-    assert scene.length == pytest.approx(16.4, abs=0.5)
-    assert abs(scene.start_pose()[2]) < 0.1
-    assert scene.start_pose(scene.length)[2] == pytest.approx(-0.5 * math.pi, abs=0.1)
-    with pytest.raises(fg.SettingsError, match="goes from a start to a goal; accepted: 1"):
-        fg.race(scene, laps=2)
-
-
 def with_hole(free, rows, columns):
     free = free.copy()
     free[rows, columns] = True
@@ -217,12 +174,6 @@ def test_a_hole_in_the_wall_is_refused_with_its_place(tmp_path):
         read_map(path)
     with pytest.raises(TrackError, match=where):
         read_map(path, start=(7.5, 2.2))
-
-
-def test_a_way_out_to_the_border_is_refused_with_its_place(tmp_path):
-    path = draw_map(tmp_path, with_hole(ring(), slice(95, 105), slice(200, 300)))
-    with pytest.raises(TrackError, match=r"the wall has a hole, 0.50 m wide, at \(1[45].\d\d, [45].\d\d\)"):
-        read_map(path)
 
 
 def test_a_hole_in_the_inner_wall_opens_the_infield_and_leaves_the_course(tmp_path):
@@ -279,37 +230,6 @@ def test_a_map_too_narrow_for_the_car_is_refused_with_its_place(tmp_path):
         fg.World(str(path))
 
 
-def test_an_image_elsewhere_is_read_where_that_is_allowed(tmp_path):
-    path = draw_map(tmp_path, ring())
-    folder = tmp_path / "yaml"
-    folder.mkdir()
-    elsewhere = folder / "map.yaml"
-    elsewhere.write_text(path.read_text().replace("drawn.png", "../drawn.png"))
-    with pytest.raises(TrackError, match=r"outside of the YAML's folder; .* or outside_folder=yes"):
-        fg.load_track(elsewhere)
-    assert fg.load_track(f"{elsewhere}[outside_folder=yes]").length > 20.0
-
-
-def test_what_is_a_map_is_told_by_its_name():
-    assert is_map("a/b.yaml") and is_map("a.YML") and is_map("b.yaml[start=1:2]")
-    assert not is_map("oval") and not is_map("a.csv") and not is_map("random:7") and not is_map("b.yaml.csv")
-
-
-def test_the_walls_are_part_of_what_makes_a_track(tmp_path):
-    track = read_map(draw_map(tmp_path, ring()))
-    plain = fg.Track(name="plain", centreline=track.centreline, width_left=track.width_left,
-                     width_right=track.width_right)  # fmt: skip
-    assert course_sha256(track) != course_sha256(plain)
-
-
-def test_a_map_is_driven_in_a_rollout_as_in_a_race(tmp_path):
-    path = draw_map(tmp_path, ring())
-    race = fg.race(str(path), laps=1)
-    assert race.car.finished and race.car.collisions_wall == 0
-    rollout = fg.rollout(str(path), n=2, laps=1)
-    np.testing.assert_array_equal(rollout["first_lap_s"], race.car.lap_times_s[0])
-
-
 @pytest.mark.parametrize("name", ["drawn", "maps/mco", "maps/CornerHall"])
 def test_pieces_of_walls_are_convex_and_behind_their_faces(name, tmp_path):
     track = fg.load_track(draw_map(tmp_path, islands()) if name == "drawn" else real_map(name))
@@ -329,13 +249,3 @@ def test_pieces_of_walls_are_convex_and_behind_their_faces(name, tmp_path):
         padded[row + 2, column + 1] | padded[row, column + 1] | padded[row + 1, column] | padded[row + 1, column + 2]
     )
     assert np.all(~occupancy.free[row, column] | beside)
-
-
-@pytest.mark.slow
-def test_both_lidar_back_ends_see_the_same_on_a_map(tmp_path):
-    path = draw_map(tmp_path, islands())
-    scans = []
-    for backend in ("raycast", "rangefinder"):
-        simulation = fg.Simulation(fg.World(str(path), lidar=backend))
-        scans.append([simulation.reset(s=s)[0].ranges for s in np.linspace(0.0, 29.0, 12)])
-    np.testing.assert_allclose(*scans, atol=1e-9)

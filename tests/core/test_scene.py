@@ -1,6 +1,5 @@
 """A scene is a course that is driven once: its progress, its goal, its stop, alone and in a batch."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -9,10 +8,8 @@ from matplotlib.path import Path
 
 import fg_mujoco as fg
 from conftest import Straight
-from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.course.obstacles import Box
-from fg_mujoco.course.scenes.parts import corridor, mirrored, rounded_way, walls_round
+from fg_mujoco.course.scenes.parts import corridor, rounded_way, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
 from scene_search import Clearances, disc_gets_through
@@ -57,23 +54,6 @@ def test_progress_is_counted_from_the_first_point_and_a_pose_from_the_start():
     assert (x, y, heading) == pytest.approx((5.5, 5.0, 0.5 * math.pi), abs=2e-3)
 
 
-def test_project_is_the_inverse_of_position():
-    bent = scene(way=rounded_way([(-3.0, 0.0), (6.0, 0.0), (6.0, 9.0)], radius=1.0), goal=12.0)
-    s = np.linspace(-2.9, 12.0, 50)
-    found, offset = bent.project(bent.position(s, 0.3))
-    assert offset == pytest.approx(np.full(50, 0.3), abs=2e-3)
-    assert found - bent.start == pytest.approx(s, abs=0.03)  # a corner of the arc takes what is inside of it
-    again, _ = bent.project(bent.position(s, 0.3), near=found + 0.5)
-    assert again == pytest.approx(found, abs=1e-9)
-
-
-def test_behind_its_ends_progress_stays_at_them():
-    s, _ = scene().project([(-5.0, 0.0), (25.0, 0.3)])
-    assert s.tolist() == [0.0, 23.0]
-    s, _ = scene().project([(-5.0, 0.0), (25.0, 0.3)], near=[1.0, 22.5])
-    assert s.tolist() == [0.0, 23.0]
-
-
 def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
     timer = LapTimer(scene())
     for tick, x in enumerate((1.0, 0.5, -2.0, -4.5, -2.0, 5.0, 11.0, 13.0, 11.0, 13.0, 18.0)):
@@ -101,18 +81,6 @@ def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
 def test_a_scene_that_cannot_be_raced_is_refused(changes):
     with pytest.raises(fg.SettingsError, match="accepted"):
         scene(**changes)
-
-
-def test_a_mirror_image_is_its_own_inverse():
-    original = fg.load_track("scene:wrong_side_chicane:1")
-    twice = mirrored(mirrored(original))
-    for one, other in zip(twice.walls + twice.obstacles, original.walls + original.obstacles, strict=True):
-        assert one == other
-    here = mirrored(original)
-    expected = original.obstacles[0].corners() * (1.0, -1.0)
-    np.testing.assert_allclose(
-        np.sort(here.obstacles[0].corners(), axis=0), np.sort(expected, axis=0), atol=1e-12
-    )  # fmt: skip
 
 
 def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
@@ -156,22 +124,6 @@ def test_its_time_limit_is_its_own_unless_another_is_given():
     assert fg.race(slow, Straight(0.5), time_limit=0.5).sim_time_s == pytest.approx(0.5)
 
 
-def test_walls_and_obstacles_are_hit():
-    assert fg.race(scene(), Law(lambda time: 3.0), start=fg.Start(heading=0.5)).car.end_reason == "crash"
-    inside = (Box(x=6.0, y=0.0, length=0.5, width=0.5),)
-    first = fg.race(scene(obstacles=inside), Law(lambda time: 3.0))
-    second = fg.race(scene(), Law(lambda time: 3.0), obstacles=inside)
-    assert first.car.end_reason == second.car.end_reason == "crash"
-    assert first.car.column("x_m")[-1] == pytest.approx(second.car.column("x_m")[-1], abs=1e-6)
-    assert first.world.obstacles == inside == second.world.obstacles
-    assert (first.obstacles, second.obstacles) == (0, 1)
-
-
-def test_the_default_is_five_laps_of_a_track_and_one_of_a_scene():
-    assert fg.race("oval", Straight(), time_limit=0.1).laps_requested == 5
-    assert fg.race(scene(), Straight(), time_limit=0.1).laps_requested == 1
-
-
 # Where the goal is to stop
 
 
@@ -195,11 +147,6 @@ def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
     assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)  # when it came to the goal
 
 
-def test_to_pass_the_goal_is_not():
-    result = fg.race(scene(**STOP), Law(lambda time: 2.0))
-    assert (result.car.end_reason, result.car.finished, result.car.laps_completed) == ("crash", False, 1)
-
-
 def test_nor_is_to_creep():
     result = fg.race(scene(**STOP), brakes_at(6.3, creep=0.1), start=fg.Start(speed=2.0), time_limit=15.0)
     assert result.car.end_reason == "time_limit"
@@ -220,24 +167,6 @@ def test_nor_is_to_come_back_and_stand_there():
 # In a batch
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ("corridor_sparse:1", "dead_end:0", "square_corner:2"))
-def test_a_batch_is_the_race_to_the_last_bit(name):
-    scenarios = [
-        Scenario(track=f"scene:{name}", max_speed=3.0),
-        Scenario(track=f"scene:{name}", max_speed=4.0, start=fg.Start(s=1.0, offset=0.1), seed=3,
-                    effects=fg.LidarEffects(range_noise_std=0.01)),
-    ]  # fmt: skip
-    results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
-    for i, world in enumerate(scenarios):
-        alone = fg.race(
-            world.track, max_speed=world.max_speed, start=world.start, seed=world.seed, effects=world.effects
-        )  # fmt: skip
-        assert results.rows["end_reason"][i] == alone.car.end_reason
-        np.testing.assert_array_equal(results.states[i], alone.states)
-        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)
-
-
 def test_a_batch_keeps_the_scenes_rules():
     short = scene(time_limit=1.0)
     results = drive_worlds([Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
@@ -246,32 +175,6 @@ def test_a_batch_keeps_the_scenes_rules():
         drive_worlds([Scenario(track=short)], "gap_finder", laps=2)
     results = drive_worlds([Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
-
-
-@pytest.mark.slow
-def test_worlds_of_a_rollout_drive_the_scene_as_a_race_does(tmp_path):
-    name = "scene:crossing_box:3"
-    result = fg.rollout(
-        [name, "scene:slow_leader"], n=6, laps=1, record="states", out=tmp_path / "out",
-        randomize={"lidar_noise": (0.0, 0.02), "start_offset": (-0.1, 0.1), "start_s": (0.0, 1.0)},
-    )  # fmt: skip
-    again = fg.read_rollout(tmp_path / "out")
-    assert len(set(result.worlds["seed"])) == 6
-    for world in range(6):
-        setup = again.setup(world)  # its course is read from the folder
-        assert setup.track.name == (name, "scene:slow_leader:0")[world % 2]
-        alone = fg.race(setup)
-        assert result["end_reason"][world] == alone.car.end_reason
-        np.testing.assert_array_equal(result.states(world), alone.states)
-    assert [course_sha256(course) for course in again.tracks] == [course_sha256(course) for course in result.tracks]
-
-
-def test_the_same_scene_is_driven_whatever_the_seeds_of_the_worlds_are():
-    first, second = (
-        fg.rollout("scene:crossing_box:3", n=2, seed=seed, time_limit=0.1, record="states") for seed in (1, 2)
-    )
-    for world in range(2):
-        np.testing.assert_array_equal(first.states(world), second.states(world))  # no noise, nothing randomised
 
 
 @pytest.mark.parametrize(
@@ -298,9 +201,3 @@ def test_a_rollout_refuses_what_a_scene_has_not(settings, said):
 def test_an_unknown_scene_lists_the_known_ones(name):
     with pytest.raises(fg.TrackError, match=r"accepted:.*corridor_sparse.*slow_leader"):
         fg.load_track(name)
-
-
-def test_a_scene_can_be_changed_and_raced():
-    wall = Box(x=6.0, y=0.0, length=0.2, width=2.0)
-    changed = dataclasses.replace(fg.load_track("scene:corridor_sparse"), obstacles=(wall,), name="closed")
-    assert fg.race(changed, Law(lambda time: 2.0)).car.end_reason == "crash"

@@ -88,22 +88,6 @@ def test_it_is_made_for_the_car_and_from_the_seed(register):
     assert high.y - 0.5 * high.width - (low.y + 0.5 * low.width) == pytest.approx(2.0 * car.width)
 
 
-def test_it_is_compared_with_the_bundled_ones(register, tmp_path):
-    register("doorway = yard_scenes:doorway")
-    comparison = fg.compare(
-        ["gap_finder"],
-        track=["scene:doorway"],
-        seed=[0, 1],
-        max_speed=[3.0],
-        out=tmp_path / "out",
-        workers=1,
-        pictures=False,
-    )
-    assert [row.figures.end_reason for row in comparison.rows] == ["finished", "finished"]
-    first, second = (row.key.course_sha256 for row in comparison.rows)
-    assert first == course_sha256(fg.load_track("scene:doorway:0")) != second
-
-
 @pytest.mark.parametrize(
     ("entry", "name", "said"),
     (
@@ -139,18 +123,6 @@ def test_a_name_that_two_distributions_have_is_refused_with_both(register):
     register("doorway = yard_scenes:nothing", distribution="barn", version="3")
     with pytest.raises(fg.TrackError, match=r"of (yard 1.2|barn 3), .* has the name of scene 'doorway' of (yard|barn)"):
         fg.scene_names()
-
-
-def test_a_name_that_is_no_word_is_refused(register):
-    register("door:way = yard_scenes:doorway")
-    with pytest.raises(fg.TrackError, match="the name is 'door:way'; accepted: letters, digits and underscores"):
-        fg.scene_names()
-
-
-def test_an_unknown_scene_names_the_registered_ones_too(register):
-    register("doorway = yard_scenes:doorway")
-    with pytest.raises(fg.TrackError, match=r"unknown scene 'scene:door'.*slow_leader, doorway"):
-        fg.load_track("scene:door")
 
 
 def test_bundled_scenes_have_room_for_cars_up_to_a_width():

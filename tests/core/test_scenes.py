@@ -82,18 +82,6 @@ def test_the_narrow_gap_is_as_wide_as_its_name_says(percent, seed):
     assert not disc_gets_through(field, start, goal, 0.5 * (high - low) + 0.01)
 
 
-def test_the_narrow_gap_is_not_always_at_one_place():
-    places = [free_across(load("narrow_gap_150", seed), 8.1).mean() for seed in range(12)]
-    assert np.std(places) > 0.2 and min(places) < -0.2 and max(places) > 0.2
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_square_corner_turns_by_90_degrees(seed):
-    scene = load("square_corner", seed)
-    headings = [scene.start_pose(s)[2] for s in np.arange(0.0, scene.length, 0.1)]
-    assert headings[0] == 0.0 and abs(headings[-1]) == pytest.approx(0.5 * math.pi)
-
-
 @pytest.mark.parametrize("name", ("square_corner", "u_turn_trap", "wrong_side_chicane"))
 def test_there_are_left_and_right_ones(name):
     low_sides = {bool(np.sum(load(name, seed).bounds[:, 1]) > 0.0) for seed in range(12)}
@@ -183,11 +171,6 @@ def test_the_crossing_box_goes_from_wall_to_wall_and_leaves_room_beside_it(seed)
     assert np.abs(places[:, 1]).max() + 0.5 * box.width < 1.1
     assert 1.1 - 0.5 * box.width >= 2.0 * WIDTH  # beside one in the very middle
     assert 0.5 <= box.speed <= 1.2
-
-
-def test_the_crossing_box_is_in_the_way_at_other_times_with_other_seeds():
-    at_three_seconds = [load("crossing_box", seed).moving[0].position(3.0)[1] for seed in range(12)]
-    assert np.std(at_three_seconds) > 0.3
 
 
 @pytest.mark.parametrize("seed", SEEDS)

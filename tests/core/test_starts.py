@@ -8,7 +8,6 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.setup import Setup
@@ -61,12 +60,6 @@ def test_a_place_is_off_a_map_where_its_image_is_not_free(tmp_path):
     assert off_course(course, (7.5, 2.25), course.start_pose())  # in the island
 
 
-def test_in_a_scene_a_wall_between_the_way_and_the_place_tells():
-    scene = fg.load_track("scene:corridor_sparse:0", car=CAR)
-    assert not off_course(scene, scene.start_pose(1.0, 0.3), scene.start_pose(1.0))
-    assert off_course(scene, scene.start_pose(1.0, 9.0), scene.start_pose(1.0))
-
-
 def test_a_moving_obstacle_is_in_the_way_where_it_is_at_the_beginning():
     scene = fg.load_track("scene:crossing_box:1", car=CAR)
     at = scene.moving[0].position(0.0)
@@ -89,21 +82,11 @@ def test_a_race_starts_close_to_a_wall_and_beside_an_obstacle():
     assert (near.car.end_reason, beside.car.end_reason) == ("time_limit", "time_limit")
 
 
-def test_a_scene_refuses_it():
-    with pytest.raises(SettingsError, match=r"does not fit on 'scene:corridor_sparse:0' at .*, beyond the walls"):
-        fg.race("scene:corridor_sparse:0", start=fg.Start(s=1.0, offset=9.0))
-
-
 @pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
 def test_several_cars_are_refused_with_the_name(start, obstacles, said):
     entries = [fg.Entry(start=start), fg.Entry(start=fg.Start(s=9.0))]
     with pytest.raises(SettingsError, match=f"'car_0' does not fit on 'oval' at s = .*{said}"):
         fg.race("oval", entries=entries, obstacles=obstacles, time_limit=0.1)
-
-
-def test_several_cars_may_start_beside_an_obstacle():
-    entries = [fg.Entry(start=fg.Start(offset=0.6)), fg.Entry(start=fg.Start(s=9.0))]
-    assert fg.race("oval", entries=entries, obstacles=(BOX,), time_limit=0.1).car.end_reason == "time_limit"
 
 
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])
@@ -145,27 +128,6 @@ def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
     assert (result["sim_time_s"][aside > 1.1 - 0.5 * CAR.width] == 0.0).all()
     assert (result["end_reason"][clear] == "time_limit").all()
     assert (result["collisions"][clear] == 0).all()
-
-
-def test_among_opponents_too():
-    drawn = {"start_offset": [-3.0, 0.0]}
-    result = fg.rollout("oval", n=8, randomize=drawn, time_limit=0.5, opponents=["gap_finder"])
-    beyond = result["start_offset"] < -1.0
-    assert beyond.any() and not beyond.all()
-    assert (result["end_reason"] == np.where(beyond, "crash", "time_limit")).all()
-
-
-def test_other_worlds_are_the_same_bits():
-    result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, time_limit=0.5, record="states")
-    own = int(np.flatnonzero(result["start_offset"] == 0.0)[0])
-    alone = fg.race(result.setup(own))
-    assert (alone.states == result.states(own)).all()
-    assert len(result.states(int(np.flatnonzero(result["start_offset"] == 3.0)[0]))) == 1
-
-
-def test_the_command_line_counts_what_is_drawn(capsys):
-    assert main(["rollout", "--n", "20", "--time-limit", "0.1", "--randomize", "start_offset=1.5"]) == 0
-    assert "20: 20 crash" in capsys.readouterr().out
 
 
 # -- scripts of f1tenth_gym

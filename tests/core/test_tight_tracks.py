@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.chicanes import Block, with_boxes
 from fg_mujoco.course.clearance import least_clearance, outline
-from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
+from fg_mujoco.course.drivable import MARGIN, STEP, drivable_lap
 from fg_mujoco.course.lanes import corner_radii, lane, patch
 from fg_mujoco.course.lanes import outline as outline_of
-from fg_mujoco.course.polyline import enclosed_area, segments, self_crossings, step_lengths
+from fg_mujoco.course.polyline import self_crossings
 from fg_mujoco.course.tight import TightSettings, generate_tight_track
 from fg_mujoco.simulation.course_loading import default_car
 from scene_search import Clearances, car_gets_through
@@ -162,55 +162,6 @@ def test_the_search_says_no_where_a_box_leaves_too_little():
         assert (track.width_left + track.width_right).min() == pytest.approx(gap, abs=1e-3)
 
 
-def test_a_longer_car_finds_no_lap_where_the_default_car_does():
-    track = bar(1.2).track("bar")
-    assert drivable_lap(track) is not None
-    assert drivable_lap(track, Footprint(length=1.1, turning_radius=1.4)) is None
-
-
-def test_the_default_footprint_is_that_of_the_default_vehicle():
-    found, expected = Footprint(), Footprint.of(CAR)
-    for name in ("length", "width", "rear_overhang", "turning_radius"):
-        assert getattr(found, name) == pytest.approx(getattr(expected, name), abs=1e-4)
-    with pytest.raises(fg.SettingsError, match=r"turning_radius is 0\.0; accepted: a positive number"):
-        Footprint(turning_radius=0.0)
-
-
-def test_a_box_stands_where_it_is_said_and_the_line_goes_through_what_it_leaves():
-    free = bar(1.6, length=10.0)
-    (start, end) = max(free.straights(), key=lambda straight: straight[1] - straight[0])
-    block = Block(start=3.0, length=0.5, depth=0.9, left=False)
-    drawn = with_boxes(free, start, end, [block])
-    at = np.cumsum(step_lengths(free.line)) - step_lengths(free.line)
-    x, y = (np.interp(start + np.array((3.0, 3.25, 3.5)), at, column) for column in free.line.T)
-    ahead = np.array((x[2] - x[0], y[2] - y[0])) / 0.5
-    left = np.array((-ahead[1], ahead[0]))
-    track = fg.Track(name="box", centreline=drawn.line, width_right=drawn.right, width_left=drawn.left)
-    beside = np.array((x[1], y[1])) + left * 0.45  # the middle of the 0.7 m to the left of the box
-    _, offset = track.project([beside])
-    assert offset[0] == pytest.approx(0.0, abs=1e-6)
-    for k in (0, 2):
-        corner = np.array((x[k], y[k])) + left * 0.1
-        away = np.hypot(*(np.concatenate(segments(track.right_wall)) - corner).T)
-        assert away.min() < 0.02  # the faces of boxes lean by a centimetre or two
-    with pytest.raises(ValueError, match="accepted: within it"):
-        with_boxes(free, start, end, [Block(start=end - start - 0.1, length=0.5, depth=0.5, left=True)])
-
-
-@pytest.mark.parametrize("square", [0.0, 0.5, 1.0])
-def test_lanes_back_to_back_leave_the_barrier_and_nothing_more(square):
-    track = bar(1.3, barrier=0.08, square=square).track("bar")
-    assert barriers_with_a_turn_round_their_end(track).min() == pytest.approx(0.08, abs=1e-3)
-    np.testing.assert_array_equal(track.corridor_right, track.width_right)
-    corner = track.width_right.max() + 0.69  # from the middle of the turn
-    assert corner == pytest.approx(1.34 * (1.0 + (math.sqrt(2.0) - 1.0) * square), abs=1e-3)
-
-
-def test_a_patch_with_a_hole_is_refused():
-    with pytest.raises(ValueError, match="a hole"):
-        outline_of(patch("###", "#.#", "###"), [1.0] * 3, [1.0] * 3)
-
-
 def test_same_seed_same_bytes_and_other_seed_other_circuit():
     first, second, other = (generate_tight_track(seed) for seed in (7, 7, 8))
     assert first.centreline.tobytes() == second.centreline.tobytes()
@@ -220,36 +171,6 @@ def test_same_seed_same_bytes_and_other_seed_other_circuit():
     assert drawn.centreline.tobytes() == first.centreline.tobytes()
     assert (first.name, drawn.name) == ("random:7:tight", "random:tight")
     assert fg.load_track("random:7:tight").centreline.tobytes() == first.centreline.tobytes()
-
-
-def test_circuits_differ():
-    tracks = [generate_tight_track(seed) for seed in range(40)]
-    lengths = [track.length for track in tracks]
-    assert min(lengths) < 22.0 and max(lengths) > 50.0 and len({round(length, 3) for length in lengths}) == 40
-    with_boxes_on_it = [(track.width_left + track.width_right).min() < 0.95 for track in tracks]
-    assert 10 < sum(with_boxes_on_it) < 35
-    counterclockwise = [enclosed_area(track.centreline) > 0.0 for track in tracks]
-    assert 8 < sum(counterclockwise) < 32
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"min_width": 0.0}, "min_width is 0.0; accepted: a positive number"),
-        ({"min_barrier": float("nan")}, "min_barrier is nan"),
-        ({"min_length": 300.0}, r"min_length is 300.0 m; accepted: at most max_length, 60.0 m"),
-        ({"max_gap": 0.5}, "accepted: at most max_gap"),
-    ],
-)
-def test_settings_that_make_no_sense_are_refused(change, message):
-    with pytest.raises(fg.SettingsError, match=message):
-        TightSettings(**change)
-
-
-def test_settings_that_no_circuit_keeps_are_refused(monkeypatch):
-    monkeypatch.setattr("fg_mujoco.course.tight._ATTEMPTS", 20)
-    with pytest.raises(fg.SettingsError, match=r"no circuit found in 20 draws"):
-        generate_tight_track(0, TightSettings(min_width=0.4, max_width=0.5, min_radius=0.2))
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.course.polyline import cross, resample, rounded_polygon
+from fg_mujoco.course.polyline import resample, rounded_polygon
 from fg_mujoco.course.track import Track
-from fg_mujoco.course.track_mesh import WALL_HEIGHT, WALL_THICKNESS, wall_mesh, wall_prisms
-from fg_mujoco.course.track_walls import WALL_TOLERANCE
+from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.course_loading import load_track
 
@@ -51,13 +49,6 @@ def test_mesh_of_a_square_is_closed_but_for_its_underside(square):
     assert faces[..., 2].min() == 0.0 and faces[..., 2].max() == 0.4
 
 
-def test_faces_look_outward(square):
-    mesh = wall_mesh(square)
-    prisms = wall_prisms(square)
-    centre = prisms.mean(axis=1)[mesh.faces[:, 0] // 8]
-    assert np.all(np.sum((mesh.triangles_center - centre) * mesh.face_normals, axis=1) > 0.0)
-
-
 def test_an_end_that_no_neighbour_meets_is_closed():
     corners = [(0, 1.6), (0, 0), (1.5, 0), (10.5, -6), (20, -6), (20, 7.6), (10.5, 7.6), (1.5, 1.6)]
     line = resample(rounded_polygon(np.array(corners, dtype=float), np.full(8, 0.75)), 0.1)[0]
@@ -67,19 +58,6 @@ def test_an_end_that_no_neighbour_meets_is_closed():
     depth = np.linalg.norm(feet[:, 3] - feet[:, 0], axis=1)
     assert depth.min() < 0.4
     assert len(wall_mesh(track, thickness=0.5).faces) > 6 * len(prisms)
-
-
-def test_pieces_are_full_thickness_where_there_is_room():
-    prisms = wall_prisms(load_track("oval"))
-    feet = prisms[:, :4, :2]
-    along = feet[:, 1] - feet[:, 0]
-    np.testing.assert_allclose(cross(along, feet[:, 2] - feet[:, 0]) / np.linalg.norm(along, axis=1), WALL_THICKNESS)
-    assert prisms[..., 2].max() == WALL_HEIGHT
-
-
-def test_straights_are_single_pieces():
-    track = load_track("l_corridor")
-    assert len(wall_prisms(track)) == 12  # six corners to each wall
 
 
 def test_thick_walls_are_thinner_where_another_stretch_is_behind():
@@ -105,29 +83,6 @@ def test_pieces_are_convex_on_any_jagged_wall(seed, thickness):
     sides = np.roll(feet, -1, axis=1) - feet
     following = np.roll(sides, -1, axis=1)
     assert (sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]).min() > 0.0
-
-
-def test_mujoco_takes_the_pieces_and_the_mesh():
-    track = load_track("oval")
-    spec = mujoco.MjSpec()
-    mesh = wall_mesh(track)
-    spec.add_mesh(
-        name="walls",
-        uservert=np.ravel(mesh.vertices),
-        userface=np.ravel(mesh.faces),
-        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-    )
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", contype=0, conaffinity=0)
-    for k, prism in enumerate(wall_prisms(track)):
-        spec.add_mesh(name=f"piece{k}", uservert=np.ravel(prism))
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"piece{k}")
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    hit = np.zeros(1, dtype=np.int32)
-    for left in (1.0, -1.0):
-        distance = mujoco.mj_ray(model, data, np.array([0.0, 0.0, 0.1]), np.array([0.0, left, 0.0]), None, 1, -1, hit)
-        assert distance == pytest.approx(1.1, abs=WALL_TOLERANCE)
 
 
 @pytest.mark.parametrize("size", [0.0, -0.1, float("nan"), float("inf")])

@@ -58,18 +58,6 @@ def test_square_corners_stay_square_inside_and_out():
     assert corner_set(track.right_wall) == {(-1, -1), (11, -1), (11, 9), (-1, 9)}
 
 
-def test_a_square_of_four_points_has_the_same_walls():
-    track = track_of(np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 8.0), (0.0, 8.0)]), 1.0)
-    assert corner_set(track.left_wall) == {(1, 1), (9, 1), (9, 7), (1, 7)}
-
-
-def test_driven_the_other_way_the_walls_change_sides():
-    line, right, left = circle(5.0), 1.2, 0.8
-    there, back = track_of(line, right, left), track_of(line[::-1], left, right)
-    np.testing.assert_allclose(enclosed_area(there.left_wall), -enclosed_area(back.right_wall), rtol=1e-3)
-    np.testing.assert_allclose(enclosed_area(there.right_wall), -enclosed_area(back.left_wall), rtol=1e-3)
-
-
 def test_fold_of_a_corner_tighter_than_its_corridor_is_cut_where_the_arms_meet():
     line = rounded([(0, 0), (12, 0), (12, 12), (0, 12)], 0.5, 0.1)
     track = track_of(line, 1.0)
@@ -88,13 +76,6 @@ def test_hairpin_tighter_than_its_corridor_has_no_wall_in_its_bend():
     centre = np.array((1.5 - 0.75 * np.tan(0.5 * np.arctan2(6.0, 9.0)), -0.75))  # of the arc that parts the lower arm
     x = centre[0] + np.sqrt(1.75**2 - (0.8 - centre[1]) ** 2)  # its offset meets the other's half way up
     np.testing.assert_allclose(tip, (x, 0.8), atol=0.01)
-
-
-def test_hairpin_with_long_arms_has_a_wall_between_them():
-    line = rounded([(0, 1.6), (0, 0), (8, 0), (12, -6), (20, -6), (20, 7.6), (12, 7.6), (8, 1.6)], 0.75, 0.1)
-    wall = track_of(line, 1.0).left_wall
-    assert 2.0 < wall[:, 0].min() < 3.0
-    assert np.abs(wall[wall[:, 0] < 7.0, 1] - 0.8).max() < 0.5 * SHARED_WALL + WALL_TOLERANCE
 
 
 def pinched(gap):
@@ -121,11 +102,6 @@ def test_stretches_in_proportion_to_their_widths():
     track = track_of(line, 1.0, widths)
     narrow = np.abs(line[:, 0]) < 2.0
     np.testing.assert_allclose(track.corridor_left[narrow], widths[narrow] / 1.8 * (1.6 - SHARED_WALL), atol=1e-6)
-
-
-def test_stretches_far_enough_apart_keep_their_widths():
-    track = track_of(pinched(2.2), 1.0)
-    np.testing.assert_array_equal(track.corridor_left, 1.0)
 
 
 def test_wall_beyond_another_stretch_is_refused_with_the_place():

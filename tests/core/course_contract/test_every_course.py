@@ -191,10 +191,3 @@ def test_a_course_that_cannot_be_told_from_others_is_refused():
 
     with pytest.raises(fg.TrackError, match="is a Equal without hash; accepted: a dataclass with eq=False"):
         fg.race(Equal())
-
-
-def test_a_car_that_does_not_fit_is_refused():
-    from dataclasses import replace
-
-    with pytest.raises(fg.TrackError, match="cars of 1 m"):
-        Yard().check_car(replace(CAR, width=1.2))

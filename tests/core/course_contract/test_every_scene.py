@@ -1,10 +1,8 @@
 """What holds for every scene, whatever it is about, and seed after seed."""
 
 import dataclasses
-import io
 import math
 
-import matplotlib.image
 import numpy as np
 import pytest
 
@@ -67,14 +65,6 @@ def test_the_same_seed_is_the_same_scene_and_another_seed_another(name):
 
 
 @every_scene
-def test_a_scene_is_loaded_by_its_own_name(name):
-    scene = load(f"{name}:12")
-    assert scene.name == f"scene:{name}:12"
-    assert same(fg.load_track(scene.name), scene)
-    assert fg.load_track(scene) is scene
-
-
-@every_scene
 @pytest.mark.parametrize("seed", ("", "-1", "1.5", "x", "1:2", " 1", "9" * 19))
 def test_a_seed_that_is_none_is_refused(name, seed):
     with pytest.raises(fg.TrackError, match="accepted: scene:NAME:SEED"):
@@ -116,15 +106,3 @@ def test_a_race_is_one_lap_and_no_more(name):
     with pytest.raises(fg.SettingsError, match=r"laps is 2 on 'scene:.*accepted: 1"):
         fg.race(scene, laps=2)
     assert scene.longest_race(1) == scene.time_limit >= scene.length / SLOWEST_RACE
-
-
-@pytest.mark.slow
-@every_scene
-def test_the_picture_shows_obstacles_where_there_are_any(name):
-    scene, file = load(name), io.BytesIO()
-    fg.track_picture(scene, file)
-    file.seek(0)
-    image = matplotlib.image.imread(file, format="png")[:, :, :3]
-    orange = (image[:, :, 0] - image[:, :, 2] > 0.4).sum()
-    assert (orange > 20) == bool(scene.obstacles or scene.moving)
-    assert (np.abs(image - 0.45).max(axis=2) < 0.02).sum() > 200  # the walls

@@ -12,7 +12,6 @@ from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
 from fg_mujoco.course.clearance import least_clearance, outline
 from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.formats import track_names
-from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.polyline import self_crossings
 from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
 from fg_mujoco.course.track_walls import WALL_TOLERANCE
@@ -68,13 +67,6 @@ def test_centreline_runs_between_the_walls(track):
     assert counterclockwise or clockwise
 
 
-def test_points_of_the_line_project_onto_themselves(track, rng):
-    s = rng.uniform(0.0, track.length, 200)
-    found, offset = track.project(track.position(s, 0.0))
-    np.testing.assert_allclose(np.mod(found - s + 1.0, track.length) - 1.0, 0.0, atol=1e-6)
-    np.testing.assert_allclose(offset, 0.0, atol=1e-9)
-
-
 def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track, rng):
     s = rng.uniform(0.0, track.length, 200)
     points = track.position(s, rng.uniform(-1.0, 1.0, 200))
@@ -100,15 +92,6 @@ def test_followed_along_the_line_progress_never_jumps(track):
             assert abs(gone) < 1.2
             near = found[0]
     assert abs(near - track.length) < 1.2
-
-
-def test_start_pose_looks_along_the_line(track, rng):
-    for s in rng.uniform(0.0, track.length, 50):
-        x, y, heading = track.start_pose(s)
-        ahead = track.position(s + 0.05, 0.0) - track.position(s - 0.05, 0.0)
-        assert (x, y) == pytest.approx(tuple(track.position(s, 0.0)))
-        turn = np.arctan2(ahead[1], ahead[0]) - heading
-        assert np.cos(turn) > np.cos(np.deg2rad(50.0))  # at a square corner the heading is between the two sides
 
 
 def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track):
@@ -166,12 +149,3 @@ def test_the_default_car_can_drive_a_lap_forward(track):
     walls = np.concatenate([outline(edge) for edge in track.edges])
     assert least_clearance(poses, walls, default_car()) >= MARGIN
     assert 0.5 * track.length < len(poses) * STEP < 1.5 * track.length
-
-
-def test_a_lap_along_the_line_is_one_lap(track):
-    timer = LapTimer(track)
-    speed = 8.0
-    for tick in range(int(1.01 * track.length / speed / 0.025) + 2):
-        timer.update(0.025 * tick, track.position(speed * 0.025 * tick, 0.0))
-    assert timer.laps_completed == 1
-    assert timer.lap_times[0] == pytest.approx(track.length / speed, abs=1e-6)
