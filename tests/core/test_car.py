@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from car_worlds import flat_world, run, tire_pairs
-from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.vehicle.car import WHEELS, Car, car_parameters
+from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.fitting import tire_stiffness
-from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
@@ -112,13 +111,6 @@ def test_a_steering_ends_where_its_joint_does_whatever_is_commanded(tmp_path):
     assert angle == pytest.approx(-0.4373, abs=1e-6)
 
 
-def test_a_car_without_maps_does_what_it_is_sent():
-    for name in ("f1tenth", "nuc2"):
-        response = Vehicle.load(name).command_response
-        assert (response.steering_gain, response.steering_offset, response.acceleration_gain) == (1.0, 0.0, 1.0)
-        assert response.steering_lag == pytest.approx(0.02) and response.steering_delay == 0.0
-
-
 @pytest.mark.parametrize(
     ("numeric", "said"),
     [
@@ -132,17 +124,6 @@ def test_a_map_that_is_none_is_refused(tmp_path, numeric, said):
     file.write_text(Vehicle.load("f1tenth").text.replace("<custom>", f"<custom><numeric {numeric}/>", 1))
     with pytest.raises(fg.ModelError, match=said):
         Vehicle.load(file)
-
-
-def test_the_default_vehicle_is_the_communitys():
-    assert Vehicle.load() == Vehicle.load("f1tenth") and Vehicle.load().name == "f1tenth"
-    assert Vehicle.load("nuc2").nominal_mu == Vehicle.load().nominal_mu == 1.0489
-
-
-def test_default_friction_is_the_community_one(flat):
-    model = flat[0]
-    assert model.pair_friction[tire_pairs(model), :2].tolist() == [[1.0489, 1.0489]] * 4  # both ways along the ground
-    assert flat[2].mu == 1.0489
 
 
 def test_tires_contacts_are_as_the_mjcf_derives_them(flat):
@@ -172,22 +153,6 @@ def test_whole_car_inertia_agrees_with_the_engine(flat):
     assert center[1] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_parameters_do_not_depend_on_prefix_or_placement(flat):
-    model, _, car = flat_world(prefix="car/")
-    assert vars(car_parameters(model, "car/")) == pytest.approx(vars(flat[2].parameters), rel=1e-9)
-    assert car.prefix == "car/"
-
-
-def test_drive_tendon_moves_at_the_mean_surface_speed(flat):
-    model = flat[0]
-    assert model.wrap_prm == pytest.approx([flat[2].parameters.wheel_radius / 4] * 4)
-
-
-def test_ctrl_is_steering_then_speed(flat):
-    model = flat[0]
-    assert [model.actuator(index).name for index in range(model.nu)] == ["steering", "speed"]
-
-
 @pytest.mark.parametrize("mu", [-1.0, 0.0, math.nan, math.inf])
 def test_friction_that_is_no_positive_number_is_refused(mu):
     with pytest.raises(SettingsError, match=r"mu.*accepted: a positive number up to 3"):
@@ -198,11 +163,6 @@ def test_friction_argument_reaches_all_tires():
     model, _, car = flat_world(mu=0.42)
     assert model.pair_friction[tire_pairs(model), :2].tolist() == [[0.42, 0.42]] * 4
     assert car.mu == 0.42
-
-
-def test_wrong_prefix_is_named(flat):
-    with pytest.raises(ModelError, match=r"other/base_link.*accepted"):
-        Car(flat[0], "other/")
 
 
 def touches(a, b):
@@ -224,15 +184,6 @@ def test_contact_roles(flat):
     assert touches(obstacle, ground) and touches(obstacle, wall)
 
 
-@pytest.mark.parametrize("prefix", ["", "car/"])
-def test_each_tire_is_paired_with_the_ground_and_nothing_else_is_paired(prefix):
-    model = WORLDS[prefix][0]
-    names = [model.pair(index).name for index in range(model.npair)]
-    geoms = [{model.geom(geom).name for geom in pair} for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)]
-    assert names == [f"{prefix}{wheel}_tire" for wheel in WHEELS]
-    assert geoms == [{name, f"{prefix}ground"} for name in names]
-
-
 def test_tires_touch_nothing_but_the_ground():
     """Blocks under the chassis that all tires stand in, and another car on top of this one."""
     world = mujoco.MjSpec()
@@ -252,45 +203,6 @@ def test_tires_touch_nothing_but_the_ground():
     assert touching == {frozenset(pair) for pair in tires | others}
 
 
-def test_what_is_seen_does_not_touch_and_what_touches_is_not_seen(flat):
-    model = flat[0]
-    paired = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
-    for index in range(model.ngeom):
-        geom = model.geom(index)
-        if geom.name == "ground":
-            continue
-        collides = bool(geom.contype[0] or geom.conaffinity[0]) or index in paired
-        assert collides == (geom.rgba[3] == 0.0), geom.name
-
-
-def test_no_beam_sees_the_car():
-    """Level rays from the mount, all round, for any suspension travel and steering angle, meet nothing."""
-    model, data, _ = flat_world()
-    rng = np.random.default_rng(0)
-    mount = model.site("lidar_mount").id
-    for _ in range(20):
-        data.qpos[:] = model.qpos0
-        for name in [f"{wheel}_suspension" for wheel in WHEELS]:
-            data.joint(name).qpos = rng.uniform(*model.joint(name).range)
-        data.joint("front_left_kingpin").qpos = data.joint("front_right_kingpin").qpos = rng.uniform(-0.5, 0.5)
-        mujoco.mj_kinematics(model, data)
-        for bearing in np.linspace(-np.pi, np.pi, 181):
-            ray = np.array([np.cos(bearing), np.sin(bearing), 0.0])
-            assert mujoco.mj_ray(model, data, data.site_xpos[mount], ray, None, 1, -1, np.zeros(1, np.int32)) == -1.0
-
-
-def test_chassis_covers_the_wheels_and_clears_the_ground(flat):
-    model, data, _ = flat
-    mujoco.mj_resetData(model, data)
-    mujoco.mj_kinematics(model, data)
-    chassis = data.geom("chassis").xpos, model.geom("chassis").size
-    for wheel in WHEELS:
-        reach = np.abs(data.geom(f"{wheel}_tire").xpos - chassis[0])[:2] + model.geom(f"{wheel}_tire").size[:2]
-        assert (reach < chassis[1][:2]).all()
-    # .03 m above where tires touch: the ground of a tire that gives is halfway into it
-    assert chassis[0][2] - chassis[1][2] == pytest.approx(0.03, abs=1e-6)
-
-
 @settings(max_examples=30, deadline=None)
 @given(
     x=st.floats(-100, 100), y=st.floats(-100, 100), heading=st.floats(-10, 10), speed=st.floats(-5, 20),
@@ -308,42 +220,6 @@ def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
     assert odometry.steering_angle == 0.0 and odometry.yaw_rate == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("speed", [-3.0, 0.0, 8.0])
-def test_a_placed_car_rolls_on_undisturbed(speed):
-    model, data, car = flat_world()
-    car.set_pose(data, 1.0, 2.0, 0.7, speed)
-    run(model, data, 0.5)
-    x, y, heading = car.pose(data)
-    travelled = np.array([x - 1.0, y - 2.0])
-    assert heading == pytest.approx(0.7, abs=1e-6)
-    assert travelled == pytest.approx(
-        0.5 * speed * np.array([math.cos(0.7), math.sin(0.7)]), abs=2e-3 * abs(speed) + 1e-5
-    )
-    height = data.subtree_com[model.body("base_link").id][2]
-    assert height == pytest.approx(car.parameters.center_of_gravity_height, abs=1e-5)
-
-
-@pytest.mark.parametrize("speed", [-5.0, 0.0, 8.0, 20.0])
-def test_a_placed_car_is_at_rest_on_its_springs_and_tires(speed):
-    """What is left: the tires of both axles give alike, and the loads differ, so that it settles by 23 um in 10 ms."""
-    model, data, car = flat_world()
-    meter = TireSlipMeter(model)
-    car.set_pose(data, 1.0, 2.0, 0.7, speed)
-    forward = np.array([math.cos(0.7), math.sin(0.7), 0.0])
-    velocity = np.zeros(6)  # turning, then moving
-    bodies = [model.body(name).id for name in ("base_link", *(f"{wheel}_wheel" for wheel in WHEELS))]
-    for step in range(200):
-        mujoco.mj_step(model, data)
-        meter.record(data)
-        for body in bodies:
-            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
-            assert np.abs(velocity[3:] - speed * forward).max() < (2.5e-3 if step < 10 else 5e-4)  # 2.0e-3, 2.0e-4
-    slip = meter.read()
-    assert np.isfinite(slip.sliding_speed).all()
-    assert slip.sliding_speed.max() < 2.5e-3 and slip.sliding_speed[10:].max() < 5e-4
-    assert slip.normal_force.sum(axis=1) == pytest.approx(car.parameters.mass * 9.81, rel=0.02)
-
-
 def test_apply_saturates_at_the_limits(flat):
     _, data, car = flat
     car.set_pose(data, 0, 0, 0)
@@ -351,23 +227,6 @@ def test_apply_saturates_at_the_limits(flat):
     assert data.ctrl.tolist() == pytest.approx([0.4189, 20.0])
     car.apply(data, DriveCommand(steering_angle=-1.0, speed=-99.0))
     assert data.ctrl.tolist() == pytest.approx([-0.4189, -5.0])
-
-
-def test_standing_car_senses_gravity_and_nothing_else():
-    model, data, car = flat_world()
-    car.set_pose(data, 0, 0, 0)
-    run(model, data, 1.0)
-    odometry = car.odometry(data)
-    axes = data.body("base_link").xmat.reshape(3, 3)
-    assert odometry.linear_acceleration == pytest.approx(axes.T @ [0, 0, 9.81], abs=1e-5)
-    # it leans by what the front tires give more than the rear ones
-    limits = car.parameters
-    front, rear = (0.5 * limits.mass * 9.81 * lever / limits.wheelbase / tire_stiffness(model)[tire]
-                   for lever, tire in ((limits.rear_axle_distance, 0), (limits.front_axle_distance, 2)))  # fmt: skip
-    assert -odometry.linear_acceleration[0] / 9.81 == pytest.approx((front - rear) / limits.wheelbase, rel=0.02)
-    assert odometry.angular_velocity == pytest.approx([0, 0, 0], abs=1e-4)
-    assert odometry.wheel_speeds == pytest.approx([0] * 4, abs=1e-4)
-    assert odometry.stamp == data.time
 
 
 def test_imu_feels_the_turn():
@@ -393,17 +252,6 @@ def test_imu_feels_the_turn():
     assert (left < right).all()  # the outer wheels turn faster
 
 
-def test_car_at_rest_stays_awake_in_a_world_that_sleeps():
-    spec = Vehicle.load().spec()
-    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    model = spec.compile()
-    data, car = mujoco.MjData(model), Car(model)
-    run(model, data, 3.0)
-    car.apply(data, DriveCommand(steering_angle=0.0, speed=1.0))
-    run(model, data, 1.0)
-    assert car.odometry(data).speed == pytest.approx(1.0, rel=0.01)
-
-
 def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
     spec = Vehicle.load().spec()
     spec.worldbody.add_geom(
@@ -421,21 +269,6 @@ def test_crash_is_chassis_against_wall_and_not_tires_on_ground():
         mujoco.mj_step(model, data)
 
 
-def test_cars_crash_into_each_other():
-    world = mujoco.MjSpec()
-    world.option, world.memory = Vehicle.load().spec().option, Vehicle.load().spec().memory
-    for name in ("first/", "second/"):
-        world.attach(Vehicle.load().spec(), prefix=name, frame=world.worldbody.add_frame())
-    model = world.compile()
-    data = mujoco.MjData(model)
-    first, second = Car(model, "first/"), Car(model, "second/")
-    second.set_pose(data, 3.0, 0.0, 0.0)
-    first.set_pose(data, 0.0, 0.0, 0.0)
-    assert not first.crashed(data) and not second.crashed(data)
-    second.set_pose(data, 0.5, 0.1, 0.3)
-    assert first.crashed(data) and second.crashed(data)
-
-
 def test_scene_opens_without_our_python_and_drives():
     model = mujoco.MjModel.from_xml_path(SCENE)
     data = mujoco.MjData(model)
@@ -444,11 +277,3 @@ def test_scene_opens_without_our_python_and_drives():
     assert data.body("base_link").xpos[0] > 0.8 and data.body("base_link").xpos[1] > 0.05
     assert Car(model).ground_speed(data) == pytest.approx(1.5, rel=0.01)
     assert data.warning.number.sum() == 0
-
-
-def test_scene_opens_in_dm_control():
-    dm_mujoco = pytest.importorskip("dm_control.mujoco", reason="there is no dm_control for this Python")
-
-    physics = dm_mujoco.Physics.from_xml_path(SCENE)
-    physics.step()
-    assert physics.named.data.xpos["base_link", "z"] == pytest.approx(0.0486, abs=1e-4)

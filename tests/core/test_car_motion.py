@@ -89,19 +89,6 @@ def test_pose_and_speeds_are_what_the_engine_says(seed, prefix):
     assert car_motion.surface_speed(data.qvel, car.constants) == pytest.approx(tendon, abs=1e-9)
 
 
-def test_the_car_answers_what_the_kernels_do():
-    model, data, car = WORLDS["car/"]
-    scatter(model, data, 3)
-    odometry, row = car.odometry(data), read_odometry(data, car)
-    assert (odometry.stamp, odometry.speed, odometry.steering_angle) == (
-        row["stamp"], row["speed"], row["steering_angle"],
-    )  # fmt: skip
-    for name in ("angular_velocity", "linear_acceleration", "wheel_speeds"):
-        assert getattr(odometry, name).tolist() == row[name].tolist()
-    assert car.pose(data) == car_motion.planar_pose(data.qpos, car.constants)
-    assert car.ground_speed(data) == car_motion.ground_speed(data.qpos, data.qvel, car.constants)
-
-
 def test_an_odometry_keeps_its_values_when_the_next_is_read():
     model, data, car = flat_world()
     car.set_pose(data, 0, 0, 0, 2.0)
@@ -114,16 +101,6 @@ def test_an_odometry_keeps_its_values_when_the_next_is_read():
     for name, value in kept.items():
         assert np.array_equal(getattr(first, name), value), name
         assert not np.array_equal(getattr(second, name), value), name
-
-
-def test_rows_of_many_cars_are_written_one_at_a_time():
-    _, data, first, second = two_cars()
-    second.set_pose(data, 0.0, 5.0, 0.0, 3.0)
-    rows = np.full(3, -1.0, dtype=ODOMETRY)
-    car_motion.read_odometry(data.time, data.qpos, data.qvel, data.sensordata, second.constants, rows[1:2])
-    assert rows["speed"].tolist() == pytest.approx([-1.0, 3.0, -1.0])
-    assert (rows["wheel_speeds"][[0, 2]] == -1.0).all() and (rows["linear_acceleration"][[0, 2]] == -1.0).all()
-    assert first.odometry(data).speed == 0.0
 
 
 def test_each_of_two_cars_reads_its_own_state_and_drives_its_own_wheels():
@@ -154,16 +131,3 @@ def test_drive_holds_a_command_within_the_limits(steering, speed):
     car_motion.drive(steering, speed, car.constants, data.ctrl)
     assert data.actuator("car/steering").ctrl[0] == np.clip(steering, -0.4189, 0.4189)
     assert data.actuator("car/speed").ctrl[0] == np.clip(speed, limits.min_speed, limits.max_speed)
-
-
-def test_constants_are_the_cars_and_cannot_be_written():
-    model, _, car = WORLDS["car/"]
-    constants = car.constants[0]
-    assert constants["free_qpos"] == model.joint("car/base_link").qposadr[0]
-    assert constants["wheel_dofs"].tolist() == [model.joint(f"car/{wheel}_wheel").dofadr[0] for wheel in WHEELS]
-    shared = set(car_motion.CAR.names) & set(vars(car.parameters))
-    assert len(shared) == 5
-    for name in shared:
-        assert constants[name] == getattr(car.parameters, name), name
-    with pytest.raises(ValueError, match="read-only"):
-        car.constants["wheel_radius"] = 1.0

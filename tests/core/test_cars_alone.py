@@ -6,10 +6,8 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.cars_alone import without_course
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.friction_patches import Patch
@@ -68,14 +66,6 @@ def test_cars_alone_move_as_in_their_worlds(worlds, changes):
         np.testing.assert_array_equal(own, other)
 
 
-def test_two_cars_of_a_world_move_as_in_it():
-    worlds = [fg.World(track, others=(WorldCar(),)) for track in ("oval", "random:0")]
-    (seen, crashed), (wanted, _) = driven(rebuilt(worlds)), driven(Engine(worlds))
-    assert crashed.any()
-    for own, other in zip(seen, wanted, strict=True):
-        np.testing.assert_array_equal(own, other)
-
-
 def test_cars_alone_are_what_is_stepped(worlds):
     """Guard of the test above: it fails where the cars alone are others."""
     engine, plain = rebuilt(worlds), Engine(worlds)
@@ -95,17 +85,6 @@ def test_bad_states_are_those_of_the_world(worlds):
         each.drive()
     np.testing.assert_array_equal(engine.state(0), plain.state(0))
     np.testing.assert_array_equal(engine.state(1), plain.state(1))
-
-
-def test_the_data_of_a_world_is_up_to_date(worlds):
-    engine = rebuilt(worlds)
-    engine.place([Start(speed=3.0), Start()])
-    engine.drive()
-    data, state = mujoco.MjData(worlds[0].model), np.empty(len(engine.state(0)))
-    engine.read(0, data)
-    mujoco.mj_getState(worlds[0].model, data, state, int(STATE))
-    np.testing.assert_array_equal(state, engine.state(0))
-    assert data.body("car/base_link").xpos[0] == engine.qpos(0)[0] > 0.0
 
 
 def test_cars_alone_are_the_cars_of_the_world(worlds):

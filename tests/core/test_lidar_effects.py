@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import GREATEST_NOISE, EffectsOfRows, LidarEffects, PoseHistory, ScanPipeline, add_noise
-from fg_mujoco.lidar.lidar import lidar_spec, make_lidar
+from fg_mujoco.lidar.lidar import make_lidar
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 PERIOD, STEP = 0.025, 0.0025
@@ -99,11 +99,6 @@ def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
     assert all(np.array_equal(scan[~np.isnan(scan)], truth[~np.isnan(scan)]) for scan in scans)
 
 
-@pytest.mark.parametrize(("probability", "count"), [(0.0, 0), (1.0, 1081)])
-def test_dropouts_can_be_none_and_all(probability: float, count: int) -> None:
-    assert np.isnan(Rig(LidarEffects(dropout_probability=probability)).scan(0).ranges).sum() == count
-
-
 def test_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
     effects = LidarEffects(range_noise_std=0.01, dropout_probability=0.01)
 
@@ -113,14 +108,6 @@ def test_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
 
     assert bits(7) == bits(7)
     assert bits(7) != bits(8)
-
-
-def test_no_return_is_the_greatest_range_where_asked() -> None:
-    rig = Rig(LidarEffects(no_return="range_max"), half_length=50.0)
-    scan = rig.scan(0)
-    assert scan.no_return == 30.0
-    assert scan.ranges[540] == 30.0
-    assert scan.ranges[900] == pytest.approx(4.0)
 
 
 # --- latency ---
@@ -165,37 +152,6 @@ def test_turning_each_beam_points_where_it_did() -> None:
     np.testing.assert_allclose(scan.ranges, exact, rtol=0, atol=1e-9)
 
 
-def test_standing_still_distortion_changes_nothing() -> None:
-    rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (0.5, 0.2, 1.0))
-    np.testing.assert_allclose(rig.scan(0).ranges, rig.lidar.ranges(rig.data), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(rig.scan(1).ranges, rig.lidar.ranges(rig.data), rtol=0, atol=1e-12)
-
-
-def test_pitching_and_rolling_car_sweeps_over_the_floor() -> None:
-    """On a joint that pitches at 2 rad/s, by the engine's own steps."""
-    spec = mujoco.MjSpec.from_string(
-        f"""<mujoco><option timestep="{STEP}" gravity="0 0 0"/><worldbody><geom type="plane" size="0 0 1"/>
-        <body name="car" pos="0 0 0.3"><joint name="pitch" axis="0 1 0"/><geom type="box" size=".1 .1 .1"
-        contype="0" conaffinity="0"/><site name="mount"/></body></worldbody></mujoco>"""
-    )
-    spec.attach(lidar_spec(sensors=False), site=spec.site("mount"), prefix=PREFIX)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    pipeline = ScanPipeline(
-        make_lidar("raycast", model, PREFIX), LidarEffects(motion_distortion=True), np.random.default_rng(0)
-    )
-    data.joint("pitch").qvel[:] = 2.0
-    for _ in range(20):
-        mujoco.mj_step(model, data)
-        pipeline.record(data)
-    mujoco.mj_forward(model, data)
-    scan = pipeline.scan(data)
-    pitch = 2.0 * (0.05 - 0.01875 * (1 - np.arange(1081) / 1080))
-    ahead = np.abs(scan.bearings) < 1.0
-    exact = 0.3 / (np.sin(pitch) * np.cos(scan.bearings))
-    np.testing.assert_allclose(scan.ranges[ahead], exact[ahead], rtol=1e-9)
-
-
 def test_rangefinder_refuses_motion_distortion() -> None:
     model = rig_spec().compile()
     lidar = make_lidar("rangefinder", model, PREFIX)
@@ -216,14 +172,6 @@ def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
     turned = 2 * np.arctan2(quaternions[:, 3], quaternions[:, 0])
     np.testing.assert_allclose(turned, [0, 0, 0.25, 1, 1], atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
-
-
-def test_history_of_one_pose_is_that_pose() -> None:
-    history = PoseHistory(1.0)
-    history.record(3.0, np.array([1.0, 2, 3]), np.array([0.0, 1, 0, 0]))
-    positions, quaternions = history.at(np.array([0.0, 5.0]))
-    np.testing.assert_array_equal(positions, [[1, 2, 3]] * 2)
-    np.testing.assert_array_equal(quaternions, [[0, 1, 0, 0]] * 2)
 
 
 def test_history_reaches_back_its_span_and_starts_again_when_time_does() -> None:

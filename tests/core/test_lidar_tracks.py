@@ -92,15 +92,3 @@ def test_raycast_sees_what_mujoco_sees_among_obstacles() -> None:
 @pytest.mark.parametrize("track", track_names())
 def test_rangefinder_sees_what_mujoco_sees_on_the_bundled_track(track: str) -> None:
     assert_sees_what_mujoco_sees(Scene(track, lidar="rangefinder"), seed=5, poses=10)
-
-
-@pytest.mark.slow
-def test_both_back_ends_see_the_same_from_the_same_poses() -> None:
-    raycast, rangefinder = (Scene("hairpins", lidar=backend) for backend in ("raycast", "rangefinder"))
-    rngs = [np.random.default_rng(6) for _ in range(2)]
-    for _ in range(POSES):
-        scans = []
-        for scene, rng in zip((raycast, rangefinder), rngs, strict=True):
-            scene.throw(rng)
-            scans.append(scene.lidar.ranges(scene.data))
-        assert disagreements(*scans, TOLERANCE).size == 0

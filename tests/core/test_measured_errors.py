@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -87,18 +86,6 @@ def test_a_file_is_read_back_and_a_setup_keeps_it(tmp_path) -> None:
     assert setup != fg.Setup.of("oval", lidar_noise=0.01)
 
 
-def test_a_race_a_rollout_and_an_environment_accept_them(tmp_path) -> None:
-    file = tmp_path / "mine.toml"
-    file.write_text(ERRORS.toml)
-    result = fg.race("oval", laps=1, time_limit=0.2, lidar_effects=str(file))
-    run = fg.write_run(result, tmp_path / "run")
-    assert fg.read_run(run).summary["lidar_effects"]["measured"]["noise"][0] == [0.01, 0.03]
-    environment = gymnasium.make("fg_mujoco/F1Tenth-v0", track="oval", lidar_effects=str(file))
-    environment.reset(seed=0)
-    rollout = fg.rollout("oval", n=1, laps=1, time_limit=0.2, lidar_effects=str(file))
-    assert rollout.setup(0).first.effects.errors == ERRORS
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -114,10 +101,3 @@ def test_what_no_lidar_has_is_refused(change, words) -> None:
     content = {name: getattr(ERRORS, name) for name in ("ranges", "bearings", "noise", "bias", "dropout")}
     with pytest.raises(SettingsError, match=words.replace("(", r"\(")):
         MeasuredErrors.load(content | change)
-
-
-def test_a_file_that_is_not_there_and_a_name_that_is_unknown_are_refused() -> None:
-    with pytest.raises(SettingsError, match=r"accepted: .*path/to/file\.toml"):
-        LidarEffects(measured="ipzz")
-    with pytest.raises(SettingsError, match="No such file"):
-        LidarEffects(measured="/nowhere/x.toml")

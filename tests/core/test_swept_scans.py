@@ -88,7 +88,3 @@ def test_a_body_that_was_put_elsewhere_is_nowhere_in_between():
         history.record(time, np.array((x, 0.0, 0.0)), turn)
     positions, _ = history.at(np.array((0.0025, 0.006, 0.0099, 0.010, 0.0125)))
     assert positions[:, 0] == pytest.approx((0.05, 0.1, 0.1, 60.0, 60.05))
-
-
-def test_a_car_alone_follows_nothing():
-    assert RaycastLidar(fg.World("oval").model, lidar_prefix(0)).followed == ()

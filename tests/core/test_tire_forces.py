@@ -31,7 +31,7 @@ from fg_mujoco.vehicle.tire_forces import (
     end_step,
     grip_of,
 )
-from fg_mujoco.vehicle.tire_slip import TireSlipMeter, add_axle_sensors
+from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 from fg_mujoco.vehicle.tires import AxleTires, Brush, Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -202,16 +202,6 @@ def test_a_tire_at_a_set_slip_has_the_force_of_its_curve_after_its_relaxation_le
                 np.testing.assert_allclose((fx, fy), right, atol=1e-3 * factor * axle.lateral.peak)
 
 
-def test_a_tire_in_the_air_has_no_force_and_no_deflection():
-    ground = Ground("slipx_reference")
-    ground.place(3.0)
-    ground.hold(1.0, 0.2, 3.0)
-    assert np.abs(ground.tires[:, ACROSS]).min() > 1e-4
-    ground.data.qpos[2] += 0.5
-    ground.hold(0.05, 0.2, 3.0)
-    assert (ground.tires[:, [ALONG, ACROSS, LOAD, FORCE_ALONG, FORCE_ACROSS]] == 0.0).all()
-
-
 def test_mu_scales_all_peaks_and_the_model_says_which_tires_it_has():
     plain, worn = Ground("forzaeth_nuc2"), Ground("forzaeth_nuc2", mu=0.8)
     front, rear = (axle.lateral.peak for axle in Tires.load("forzaeth_nuc2").axles)
@@ -241,27 +231,6 @@ def test_the_slip_meter_reads_the_tires_forces_and_where_they_are_past_the_peak(
     np.testing.assert_allclose(slip.friction_utilisation, ellipse, rtol=1e-4)
     assert (slip.friction_utilisation < 1.0 + 1e-9).all()
     np.testing.assert_allclose(slip.friction_force, np.hypot(slip.lateral_force, slip.longitudinal_force), rtol=1e-12)
-
-
-def test_the_slip_meter_reads_force_and_slip_of_contacts_in_the_wheels_frame():
-    """By Newton: the sum over the tires, turned by the wheels' angles, is what the car's mass needs."""
-    ground = Ground("contact")
-    spec = Vehicle.load().spec(tires=Tires())
-    add_axle_sensors(spec)
-    ground.model = spec.compile()
-    ground.data, ground.car = mujoco.MjData(ground.model), Car(ground.model)
-    ground.forces, ground.meter = TireForces(ground.model), TireSlipMeter(ground.model)
-    ground.place(3.0, heading=0.9)
-    ground.hold(2.0, 0.2, 3.0)
-    ground.hold(0.005, 0.2, 3.0, record=True)
-    slip = ground.meter.read()
-    turned = np.array([*(ground.data.joint(f"front_{side}_kingpin").qpos[0] for side in ("left", "right")), 0.0, 0.0])
-    fx, fy = slip.longitudinal_force[0], slip.lateral_force[0]
-    assert (fx * np.sin(turned) + fy * np.cos(turned)).sum() == pytest.approx(centripetal(ground), rel=0.01)
-    behind = ground.car.parameters.mass * ground.data.qvel[5] ** 2 * ground.car.parameters.rear_axle_distance
-    assert (fy * np.sin(turned) - fx * np.cos(turned)).sum() == pytest.approx(behind, rel=0.05)  # the circle's middle
-    np.testing.assert_allclose(slip.friction_force, np.hypot(fx, fy)[np.newaxis], rtol=1e-9)
-    assert (slip.slip_angle[0] > 0.0).all() and (slip.slip_angle[0] < 0.02).all()  # it creeps
 
 
 def put(ground, x=0.0, y=0.0, yaw=0.0, spin=0.0, seconds=0.3):
@@ -576,24 +545,6 @@ def test_steps_that_are_run_are_steps_one_by_one(tires):
     assert state_of(grounds[1]).tobytes() == state_of(grounds[0]).tobytes()
 
 
-def test_the_short_steps_follow_the_timestep_and_their_number_that_is_set():
-    """Whatever they were in the step before."""
-
-    def end(steps=None, before=True):
-        ground = Ground("coulomb", timestep=0.005 if before else 0.0005)
-        ground.place(3.0)
-        ground.model.opt.timestep = 0.005
-        state = state_of(ground)
-        if before:
-            ground.forces.step(ground.data)
-        mujoco.mj_setState(ground.model, ground.data, state, STATE)
-        ground.model.opt.timestep, ground.forces.steps = 0.0005, steps
-        ground.hold(0.01, 0.3, 1.0)
-        return state_of(ground).tobytes()
-
-    assert end() == end(before=False) != end(steps=64)
-
-
 @pytest.mark.parametrize("threads", [2, 3])
 def test_a_world_has_its_bits_in_any_batch_order_and_number_of_threads(threads):
     alone = []
@@ -659,10 +610,3 @@ def test_mujocos_stages_called_in_turn_are_its_step():
         assert datas[0].sensordata.tobytes() == datas[1].sensordata.tobytes()
         touched |= {world.model.geom(int(geom)).name for pair in datas[0].contact.geom for geom in pair}
     assert any(name.startswith("wall") for name in touched) and {"car/chassis", "car_1/chassis"} <= touched
-
-
-def test_names_of_earlier_versions_are_answered_with_those_of_now():
-    forces = Ground("coulomb").forces
-    for name in ("apply", "end"):
-        with pytest.raises(AttributeError, match=f"TireForces has no '{name}'; did you mean 'step'"):
-            getattr(forces, name)

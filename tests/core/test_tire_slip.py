@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from car_worlds import flat_world, run, tire_pairs
-from fg_mujoco.errors import ModelError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.fitting import tire_stiffness
@@ -89,29 +88,6 @@ def test_sliding_across_the_heading_is_the_velocity_along_the_axle(
     assert slip.lateral_sliding_speed[0] == pytest.approx(np.abs(across), abs=1e-6)
 
 
-def test_without_sensors_of_the_axles_sliding_across_the_heading_is_nan():
-    model, data, car = FLAT
-    car.set_pose(data, 0, 0, 0, 5.0)
-    slip = slip_now(model, data)
-    assert np.isnan(slip.lateral_sliding_speed).all() and np.isfinite(slip.sliding_speed).all()
-
-
-def test_sensors_of_the_axles_are_added_once_and_change_no_motion():
-    spec = Vehicle.load().spec(tires=Tires.load("contact"))
-    add_axle_sensors(spec)
-    count = len(spec.sensors)
-    add_axle_sensors(spec)
-    assert len(spec.sensors) == count
-    states = []
-    for model in (spec.compile(), Vehicle.load().spec(tires=Tires.load("contact")).compile()):
-        data, car = mujoco.MjData(model), Car(model)
-        car.set_pose(data, 0, 0, 0, 4.0)
-        car.apply(data, DriveCommand(steering_angle=0.3, speed=6.0))
-        run(model, data, 0.5)
-        states.append(np.concatenate((data.qpos, data.qvel)))
-    assert np.array_equal(*states)
-
-
 def test_rolling_tire_does_not_slide_and_a_locked_one_slides_at_the_cars_speed():
     model, data, car = FLAT
     car.set_pose(data, 0, 0, 0, 5.0)
@@ -133,15 +109,6 @@ def test_tire_off_the_ground_reads_nan_in_everything():
     for values in (slip.sliding_speed, slip.friction_utilisation, slip.normal_force, slip.friction_force):
         assert values.shape == (1, 4) and np.isnan(values).all()
     assert not slip.slides.any()
-
-
-def test_only_the_lifted_tire_reads_nan():
-    model, data, car = FLAT
-    car.set_pose(data, 0, 0, 0)
-    data.qpos[2] -= 1e-4
-    data.joint("rear_left_suspension").qpos = 0.005  # drawn up
-    slip = slip_now(model, data)
-    assert np.isnan(slip.sliding_speed[0]).tolist() == [False, False, True, False]
 
 
 def test_forces_agree_with_the_engines_contacts_and_friction_stays_in_the_cone():
@@ -170,16 +137,6 @@ def test_forces_agree_with_the_engines_contacts_and_friction_stays_in_the_cone()
             assert slip.friction_utilisation[0] == pytest.approx(expected[:, 1] / (0.8 * expected[:, 0]), nan_ok=True)
         assert not (slip.friction_utilisation > 1.0 + 1e-6).any()
     assert contacts > 300
-
-
-def test_standing_tires_carry_the_car_and_use_no_friction():
-    model, data, car = flat_world()
-    run(model, data, 1.0)
-    slip = slip_now(model, data)
-    assert slip.normal_force.sum() == pytest.approx(car.parameters.mass * 9.81, rel=1e-4)
-    # the axle nearer the CoG carries more: N_front / N_rear = lr / lf
-    assert slip.normal_force[0, 0] / slip.normal_force[0, 2] == pytest.approx(0.17145 / 0.15875, rel=1e-3)
-    assert slip.friction_utilisation.max() < 1e-3 and slip.sliding_speed.max() < 1e-4
 
 
 @pytest.mark.parametrize(("mu", "speed", "steering"), [(None, 2, 0.05), (None, 4, 0.1), (0.6, 3, 0.1), (3, 5, 0.1)])
@@ -223,20 +180,6 @@ def test_reading_empties_the_meter_and_keeps_the_order_of_steps():
     assert meter.read().sliding_speed.shape == (0, 4)
 
 
-def test_prefix_makes_no_difference():
-    slips = []
-    for prefix in ("", "car/"):
-        model, data, car = flat_world(prefix=prefix)
-        meter = TireSlipMeter(model, prefix)
-        car.set_pose(data, 0, 0, 0.4, 2.0)
-        car.apply(data, DriveCommand(steering_angle=0.3, speed=3.0))
-        for _ in range(40):
-            mujoco.mj_step(model, data)
-            meter.record(data)
-        slips.append(meter.read())
-    assert slips[0].sliding_speed == pytest.approx(slips[1].sliding_speed, nan_ok=True, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     "ground",
     [
@@ -258,14 +201,3 @@ def test_tires_friction_acts_whatever_the_grounds_is(ground):
         assert contacts.friction[:, :2].tolist() == [[0.5, 0.5]] * len(contacts) and len(contacts) > 0
         states.append((*data.qpos, *data.qvel))
     assert states[0] == states[1]
-
-
-def test_mu_is_that_of_the_tires_pairs():
-    for mu in (None, 0.37):
-        model, _, car = flat_world(mu=mu, friction=(2.0, 0.005, 0.0001), priority=2)
-        assert TireSlipMeter(model).mu.tolist() == [car.mu] * 4 == [mu or 1.0489] * 4
-
-
-def test_wrong_prefix_is_named():
-    with pytest.raises(ModelError, match="other/front_left_tire"):
-        TireSlipMeter(FLAT[0], "other/")

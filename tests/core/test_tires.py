@@ -41,17 +41,6 @@ relaxation_length = 0.05
 """
 
 
-def test_the_published_sets_are_there():
-    assert set(NAMES) == {
-        "coulomb", "f1tenth_gym", "forzaeth_nuc2", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_nuc7", "forzaeth_sim",
-        "ipz", "slipx_reference",
-    }  # fmt: skip
-    nuc2 = Tires.load("forzaeth_nuc2")
-    front, rear = nuc2.axles
-    assert [getattr(front.lateral, name) for name in "BCDE"] == [7.6671, 1.2628, 1.2307, 0.3821]
-    assert [getattr(rear.lateral, name) for name in "BCDE"] == [7.1036, 1.7356, 1.0252, 1.2875]
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_each_number_of_a_set_says_its_unit_and_source(name):
     lines = (FOLDER / f"{name}.toml").read_text("utf-8").splitlines()
@@ -227,22 +216,6 @@ def test_what_is_no_set_is_refused():
         Tires(model="magic_formula", front=axle, rear=axle)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("relaxation_length = 0.05", r"\[front\]: has no stiffness; accepted: stiffness of 'coulomb'"),
-        ("stiffness = 0.5\nrelaxation_length = 0.05", r"\[front\]: stiffness is 0.5; accepted: 1 to 1000 per rad"),
-        ("stiffness = 90.0\nD = 4.0\nrelaxation_length = 0.05", r"\[front\]: D is 4.0; accepted: above 0, up to 3, .*"),
-        ("stiffness = 90.0", r"\[front\]: has no relaxation_length; accepted: a length in metres"),
-    ],
-)
-def test_a_bad_file_of_coulomb_friction_is_refused_in_one_line(tmp_path, text, said):
-    path = tmp_path / "mine.toml"
-    path.write_text(f'model = "coulomb"\n[front]\n{text}\n[rear]\n{text}\n')
-    with pytest.raises(fg.SettingsError, match=rf"^tire file .*mine.toml, {said}$"):
-        Tires.load(path)
-
-
 def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_path):
     axle = "stiffness = 1000.0\nrelaxation_length = 0.001\n"
     path = tmp_path / "hard.toml"
@@ -251,14 +224,3 @@ def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_p
         fg.ModelError, match=r"^timestep is 0.005 s with tires so stiff; accepted: up to 0.00272 s, or tires with less"
     ):
         fg.Simulation(fg.World("oval", tires=path))
-
-
-def test_a_scene_of_tires_of_an_earlier_version_is_refused_in_one_line():
-    """Two curves of six numbers and three more: as version 0.1.0 wrote them."""
-    text = fg.World("oval", tires="forzaeth_nuc2").xml
-    old = "7.6671 1.2628 1.2307 0.3821 0 0.7 " * 2 + "0.045 0 9.17"
-    text = re.sub(r'(<numeric name="car/(?:front|rear)_tires" size=)"\d+" data="[^"]*"', rf'\1"15" data="{old}"', text)
-    with pytest.raises(
-        fg.ModelError, match=r"^numeric 'car/front_tires' is not that of tires of this version; accepted"
-    ):
-        fg.World.from_xml(text)

@@ -8,18 +8,15 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
-from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
+from fg_mujoco.simulation.settings import Scenario, Start
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above
@@ -45,12 +42,6 @@ def test_a_planner_that_is_told_the_least_peak_laps_and_no_tire_is_past_its_peak
     assert car.planner_mu == Tires.load(NUC2).least_peak
     use = np.array([car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
     assert 0.7 < np.nanmax(use) <= 1.0 + 1e-9
-
-
-def test_a_planner_that_is_told_more_than_the_tires_have_slides():
-    result = fg.race("oval", laps=1, tires=NUC2, mu=0.7, planner_mu=1.2307)
-    assert result.car.mu == 0.7 and result.car.slide_time_fraction > 0.0 and result.car.max_slide_m_s > 0.05
-    assert (result.car.column("sliding_steps") > 0).any()
 
 
 def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
@@ -103,40 +94,6 @@ def test_a_world_of_a_batch_is_that_world_raced_alone():
         assert same_bits(together.states[i], raced.states), i
         assert same_bits(together.telemetry[i], raced.car.telemetry), i
         assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
-
-
-def test_a_rollout_draws_the_peak_of_the_tires():
-    result = fg.rollout("oval", n=4, tires=NUC2, randomize={"mu": (0.5, 0.9)}, time_limit=1.0, workers=1)
-    assert len({row["mu"] for row in result.worlds}) == 4
-    with pytest.raises(fg.SettingsError, match="tires 'nuc3' are not known"):
-        fg.rollout("oval", n=1, tires="nuc3", time_limit=1.0)
-
-
-def test_scenes_obstacles_that_move_and_environments():
-    scene = next(name for name in fg.scene_names() if fg.load_track(f"scene:{name}:1").moving)
-    result = fg.race(f"scene:{scene}:1", tires="slipx_reference", time_limit=3.0)
-    again = fg.race(f"scene:{scene}:1", tires="slipx_reference", time_limit=3.0)
-    assert result.trajectory_sha256 == again.trajectory_sha256 and result.sim_time_s > 1.0
-    world = EnvironmentSettings(tires=NUC2).make_world()
-    assert world.tires == Tires.load(NUC2) and world.model.nuserdata == 32
-
-
-def test_the_live_view_keeps_the_tires_and_changes_their_peak():
-    session = LiveSession(Setup.of(tires=NUC2))
-    for _ in range(20):
-        assert session.tick()
-    before = session.simulation.state
-    session.change("mu", 0.6)
-    session.tick()
-    assert session.message == "" and session.world.car.mu == 0.6 and session.world.tires.model == "magic_formula"
-    assert len(session.simulation.state) == len(before)
-
-
-def test_settings_are_described_and_read_back():
-    settings = DriveSettings(tires="forzaeth_nuc6", mu=0.5)
-    again = DriveSettings.of(json.loads(json.dumps(settings.described())))
-    assert again == settings and again.tire_set.name == "forzaeth_nuc6"
-    assert CarSettings().tire_set.model == "coulomb" and "tires" not in CarSettings().described()
 
 
 def test_a_vehicle_names_its_own_tires(tmp_path):
@@ -226,13 +183,6 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
     if tires == "contact":
         pairs = [simulation.world.model.pair(f"{CAR_PREFIX}{wheel}_tire").id for wheel in fg.vehicle.car.WHEELS]
         assert simulation.world.model.pair_friction[pairs, 0].tolist() == own[-1].tolist()
-
-
-def test_settings_with_patches_are_described_and_read_back():
-    settings = DriveSettings(patches=(ICE,))
-    assert DriveSettings.of(json.loads(json.dumps(settings.described()))) == settings
-    with pytest.raises(fg.SettingsError, match=r"Patch\.mu is 0; accepted"):
-        DriveSettings(patches=({"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0},))
 
 
 def test_pictures_read_the_forces_of_such_tires(lap):

@@ -110,16 +110,6 @@ def test_its_body_stays_off_the_ground_while_it_brakes_as_hard_as_it_can(name):
 
 
 @every_vehicle
-def test_it_comes_down_from_a_bump_without_scraping(name):
-    """A drop of 2 cm, more than the suspension's stroke: the tires take it."""
-    body = Body(name)
-    body.car.set_pose(body.data, 0.0, 0.0, 0.0, 5.0)
-    body.data.qpos[2] += 0.02
-    heights, _, _ = body.run(1.0).T
-    assert heights.min() > 0.005
-
-
-@every_vehicle
 def test_its_hull_is_its_chassis_and_is_no_crash(name):
     body = Body(name).put(ON_ROOF, 0.0)
     body.run(0.2)
