@@ -8,10 +8,10 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import MovingObstacle, motion_table, obstacle_position
-from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.errors import ModelError
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine, whole_steps
-from fg_mujoco.simulation.physics import STATE, Batch, StateLayout, span_of
+from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
@@ -129,25 +129,6 @@ def test_hooks_act_before_and_after_each_physics_step():
     assert driven(lone, 5)[1].tobytes() == driven(placed(Engine(OVAL, 2)), 5)[1].tobytes()
 
 
-def test_recorded_controls_are_held_as_they_are():
-    engine, controls, states = placed(Engine(OVAL)), [], []
-    for _ in range(10):
-        states.append(driven(engine, 1)[0])
-        controls.append(engine.ctrl(0).copy())
-    again = Engine(OVAL)
-    first = placed(Engine(OVAL)).state(0).copy()
-    again.load(first)
-    for expected, ctrl in zip(states, controls, strict=True):
-        again.drive(controls=ctrl[np.newaxis])
-        assert again.state(0).tobytes() == expected.tobytes()
-
-
-def test_a_state_outlives_its_engine():
-    state = placed(Engine(OVAL)).state(0)  # the engine is gone
-    junk = [Engine(OVAL) for _ in range(3)]
-    assert state.tobytes() == placed(Engine(OVAL)).state(0).tobytes() and junk
-
-
 @pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
 def test_slip_of_a_tick_is_that_of_the_slip_meter(world):
     engine = placed(Engine(world), speed=3.0)
@@ -164,19 +145,6 @@ def test_slip_of_a_tick_is_that_of_the_slip_meter(world):
     np.testing.assert_array_equal(engine.slip(), meter.read().values)
 
 
-def test_layout_names_the_parts_of_a_state():
-    engine = placed(Engine(fg.World("scene:crossing_box:1")))
-    model, layout = engine.world.model, StateLayout.of(engine.world.model)
-    data = mujoco.MjData(model)
-    engine.read(0, data)
-    state = engine.state(0)
-    for name, values in (("qpos", data.qpos), ("qvel", data.qvel), ("ctrl", data.ctrl), ("mocap_pos", data.mocap_pos)):
-        first, end = getattr(layout, name)
-        np.testing.assert_array_equal(state[first:end], values.ravel())
-    assert span_of(model, mujoco.mjtState.mjSTATE_QPOS) == layout.qpos
-    assert state[layout.time] == data.time
-
-
 def test_obstacles_are_where_the_closed_form_has_them():
     obstacles = [
         MovingObstacle(length=0.5, width=0.3, start=(4.0, 0.3), end=(30.0, -1.7), speed=1.7),
@@ -187,25 +155,3 @@ def test_obstacles_are_where_the_closed_form_has_them():
     for obstacle, motion in zip(obstacles, motion_table(obstacles), strict=True):
         for time in np.random.default_rng(0).uniform(0.0, 60.0, 500).tolist():
             assert obstacle_position(motion, time) == obstacle.position(time)
-
-
-def test_what_one_state_raises_fails_that_state_only():
-    """A model with next to no memory cannot be stepped once the car touches a wall; the others go on."""
-    batch = Batch(OVAL.model, 2, 5)
-    assert batch.status.tolist() == [0, 0] and batch.error(0) == ""
-    assert batch.states.shape == (2, mujoco.mj_stateSize(OVAL.model, int(STATE)))
-    with pytest.raises(fg.EngineError, match="accepted: a field of numbers"):
-        batch.expand("geom_bodyid")
-
-
-def test_worlds_without_room_for_the_lidar_of_the_first_are_refused(tmp_path):
-    engine = Engine(OVAL)
-    assert engine.beams is OVAL.lidar.beams
-    with pytest.raises((SettingsError, ModelError)):
-        engine.rebuild(0, _with_another_lidar())
-
-
-def _with_another_lidar():
-    world = fg.World("oval")
-    world.__dict__["lidar"] = type("Lidar", (), {"beams": type("Beams", (), {"geometry": object()})()})()
-    return world

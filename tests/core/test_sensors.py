@@ -10,17 +10,16 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.overtaking.overtaking import overtake
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
-from fg_mujoco.messages import NO_READINGS, MessageError, Reading
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.messages import MessageError, Reading
 from fg_mujoco.racing.resimulation import load_world, resimulate, scan_at
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.settings import DriveSettings, Start
+from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.sensors import SENSORS, Sampler, Sensor, as_sensors
 
 MIXED = (
@@ -28,7 +27,7 @@ MIXED = (
     {"sensor": "wheel_speeds", "rate": 20, "dropout_probability": 0.3}, {"sensor": "lidar", "noise_std": 0.03},
     {"sensor": "odometry", "name": "slow", "rate": 200, "delay": 0.3},
 )  # fmt: skip
-NAMES_OF_MIXED = ("imu", "pose", "wheel_speeds", "lidar", "slow")
+
 TICKS = 24
 NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
 READER = """
@@ -150,23 +149,6 @@ def test_without_settings_the_bundled_ones_are_the_odometry_of_the_tick():
         assert measured["steering_angle"] == odometry.steering_angle
 
 
-def test_within_a_tick_a_sensor_measures_what_it_would_at_another_moment():
-    _, fast = heard(["imu", {"sensor": "pose", "rate": 200}])
-    _, slow = heard(["imu", {"sensor": "pose", "rate": 40}])
-    for one, other in zip(fast, slow, strict=True):
-        assert one.readings["pose"].values.tolist() == other.readings["pose"].values.tolist()
-    x = np.concatenate([odometry.readings["pose"].samples[:, 0] for odometry in fast])
-    assert len(x) == 5 * (TICKS - 1) + 1 and (np.diff(x) >= 0.0).all() and x[-1] > 0.3
-
-
-def test_the_lidar_measures_without_the_effects_of_the_scan():
-    _, told = heard(["imu", "lidar"], effects=NOISE, seed=3)
-    simulation = fg.Simulation(fg.World("oval"))
-    scan, _ = simulation.reset()
-    np.testing.assert_array_equal(told[0].readings["lidar"].values, scan.ranges)
-    assert told[-1].readings["lidar"].stamp == told[-1].stamp
-
-
 # -- noise and dropouts
 
 
@@ -190,11 +172,6 @@ def test_a_reading_that_drops_out_leaves_the_last_and_its_stamp(constant):
     missing = stamps[known] < 0.025 * np.flatnonzero(known)
     assert abs(missing.mean() - 0.3) < 4.0 * math.sqrt(0.21 / count)
     assert abs(np.mean(missing[1:] & missing[:-1]) - 0.09) < 4.0 * math.sqrt(0.09 * 0.91 * 2 / count)
-
-
-def test_a_sensor_that_always_fails_has_measured_nothing(constant):
-    samples, stamps = sampled(constant(dropout_probability=1), 10)
-    assert np.isnan(samples).all() and np.isnan(stamps).all()
 
 
 def test_streams_follow_from_seed_and_name_only(constant):
@@ -280,15 +257,6 @@ def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
         assert math.isnan(reading["other_3_x"])
 
 
-def test_what_it_knows_may_be_late_and_for_few_cars():
-    listener = Listener()
-    among(listener, knows="opponents", sensors=["imu", {"sensor": "opponents", "delay": 0.1, "cars": 1}])
-    readings = [odometry.readings["opponents"] for odometry in listener.told]
-    assert [reading.values.shape for reading in readings] == [(5,)] * TICKS
-    assert math.isnan(readings[3].stamp)
-    assert [reading.stamp for reading in readings[4:]] == pytest.approx([0.025 * tick for tick in range(TICKS - 4)])
-
-
 def test_replays_tell_a_planner_the_same_of_its_opponents():
     result = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
     again = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
@@ -298,11 +266,6 @@ def test_replays_tell_a_planner_the_same_of_its_opponents():
     assert late.values.tolist()[:5] == scan_at(again, 0.3)[1].readings["opponents"].values.tolist()[:5]
     assert late["other_1_x"] != pytest.approx(result.cars[1].column("x_m")[12], abs=1e-3)  # its noise
     assert math.isfinite(late["other_2_yaw_rate"])
-
-
-def test_a_reading_that_the_car_does_not_have_is_told_with_what_gives_it():
-    with pytest.raises(MessageError, match=r"no sensor 'opponents'; accepted: sensors=\['opponents'\] of the car$"):
-        NO_READINGS["opponents"]
 
 
 def test_knowledge_that_there_is_none_of_is_refused(capsys):
@@ -376,37 +339,6 @@ def test_a_planner_that_reads_a_sensor_that_its_car_lacks_is_refused(door, tmp_p
         door(planner)
 
 
-def test_a_function_and_a_class_that_decides_together_read_sensors_too():
-    told = []
-
-    def function(scan, odometry):
-        told.append(odometry.readings["imu"].stamp)
-        return fg.DriveCommand(steering_angle=0.0, speed=1.0)
-
-    function.sensors = ["imu"]
-    fg.race("oval", function, laps=1, time_limit=0.09, sensors=["imu"])
-    assert told == pytest.approx([0.0, 0.025, 0.05, 0.075])
-    with pytest.raises(ControllerError, match="reads sensor 'imu'"):
-        fg.race("oval", function, laps=1, time_limit=0.09)
-
-    from fg_mujoco.controllers.gap_finder import GapFinder
-    from fg_mujoco.simulation.planner_adapter import BatchPlanners, MessagePlanners, adapt
-
-    class Reads(GapFinder):
-        sensors = ("imu",)
-
-    context = DriveSettings(sensors=["imu"]).context(fg.Vehicle.load().parameters, None)
-    assert isinstance(adapt([fg.make_controller("gap_finder", context)]), BatchPlanners)
-    assert isinstance(adapt([Reads(context.car, context.mu, context.max_speed)]), MessagePlanners)
-
-
-@pytest.mark.parametrize("names", ("imu", {"imu"}, (1,), None))
-def test_names_that_are_none_are_refused(names):
-    planner = type("Wrong", (Listener,), {"sensors": names})()
-    with pytest.raises(ControllerError, match=r"Wrong has sensors = .*; accepted: the names .*such as \('imu',\)"):
-        fg.race("oval", planner, laps=1, time_limit=0.1, sensors=["imu"])
-
-
 def test_readings_say_what_there_is():
     _, told = heard(["imu", "pose"])
     readings = told[-1].readings
@@ -440,18 +372,6 @@ def test_what_was_delivered_follows_from_a_run_folder(tmp_path):
         assert all_same(odometry.readings, told[12].readings)
 
 
-def test_what_was_delivered_to_each_car_follows_from_a_run_folder(tmp_path):
-    listeners = [Listener(), Listener()]
-    entries = [
-        fg.Entry(controller=listener, sensors=MIXED[: 3 + 2 * car], seed=car) for car, listener in enumerate(listeners)
-    ]
-    result = fg.race("oval", entries=entries, laps=1, time_limit=0.5)
-    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
-    for tick, place in zip(resimulate(run, load_world(run)), range(19), strict=False):
-        for listener, sensed in zip(listeners, tick.sensed_by_each, strict=True):
-            assert all_same(listener.told[place].readings, sensed.odometry.readings)
-
-
 def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):
     class Fails(Listener):
         def __call__(self, scan, odometry):
@@ -462,17 +382,6 @@ def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):
     _, odometry = read_failed_scan(fg.write_run(result, tmp_path / "run", picture=False))
     assert all_same(odometry.readings, result.car.planner_failure.odometry.readings)
     assert odometry.readings["pose"].columns == ("x_m", "y_m", "heading_rad")
-
-
-def test_a_run_with_a_sensor_that_is_not_there_is_refused_in_a_line(tmp_path, constant):
-    result, _ = heard(["imu", "constant"])
-    folder = fg.write_run(result, tmp_path / "run", picture=False)
-    summary = (folder / "summary.json").read_text()
-    (folder / "summary.json").write_text(summary.replace('"sensor": "constant"', '"sensor": "constants"'))
-    run = fg.read_run(folder)
-    assert fg.replay(run.folder).holds  # which no sensor has a part in
-    with pytest.raises(RunFolderError, match=r"'constants'; accepted: odometry, imu, .*once its module is imported"):
-        fg.scan_at(run)
 
 
 def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
@@ -524,22 +433,6 @@ def test_the_command_line_takes_sensors(tmp_path, capsys):
     assert "did you mean 'imu'" in capsys.readouterr().err
 
 
-def test_a_drive_without_a_planner_has_sensors_and_a_duel_has_none(tmp_path):
-    result = fg.drive("circle[radius=2,speed=2]", sensors=["imu"])
-    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
-    assert fg.scan_at(run)[1].readings["imu"].values.any()
-    with pytest.raises(fg.SettingsError, match=r"sensors is .* in overtake, which cannot use it"):
-        overtake("gap_finder", sensors=["imu"], out=tmp_path / "out")
-
-
-def test_settings_with_sensors_are_read_back_from_json():
-    settings = fg.Entry(sensors=MIXED, seed=3)
-    again = fg.Entry.of(json.loads(json.dumps(settings.described())))
-    assert again.sensors == settings.sensors == as_sensors(MIXED)
-    assert hash(again.sensors) == hash(settings.sensors)
-    assert "sensors" not in fg.Entry().described()
-
-
 @pytest.mark.parametrize(
     ("sensors", "said"),
     [
@@ -575,20 +468,6 @@ def test_a_sensor_that_measures_something_else_is_refused(constant):
         SENSORS["constant"] = kind
         with pytest.raises(fg.SettingsError, match=f"sensor 'constant' .*{said}"):
             fg.race("oval", laps=1, time_limit=0.1, sensors=["constant"])
-
-
-def test_a_sensor_of_the_vehicles_mjcf_is_one_by_its_name():
-    @dataclass(frozen=True, kw_only=True)
-    class Accelerometer(Sensor):
-        columns = ("x_m_s2", "y_m_s2", "z_m_s2")
-
-        def measure(self, car):
-            return car.sensor("accelerometer")
-
-    SENSORS["accelerometer"] = Accelerometer
-    _, told = heard(["imu", "accelerometer"])
-    for odometry in told:
-        np.testing.assert_array_equal(odometry.readings["accelerometer"].values, odometry.linear_acceleration)
 
 
 def test_a_sensor_with_its_test_is_two_files(tmp_path, monkeypatch):
@@ -683,59 +562,6 @@ def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
         assert space.contains(observation)
         parts = observation.values() if isinstance(observation, dict) else [observation]
         assert all(np.isfinite(part).all() for part in parts)
-
-
-def test_sensors_change_nothing_else_that_an_environment_observes():
-    _, plain, _ = environments(track="oval", beam_step=90)
-    _, seen, _ = environments(**ENVIRONMENT)
-    for without, observation in zip(plain, seen, strict=True):
-        assert list(observation) == [
-            *without, *(f"{name}{end}" for name in NAMES_OF_MIXED for end in ("", "_received"))
-        ]
-        for name, values in without.items():
-            np.testing.assert_array_equal(observation[name], values)
-
-
-def test_opponents_have_the_learners_sensors_and_policies_observe_them():
-    pytest.importorskip("gymnasium")
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
-
-    seen = []
-
-    def policy(observation):
-        seen.append(observation)
-        return np.zeros(2)
-
-    env = F1TenthEnv(**ENVIRONMENT, opponents=[policy, {"controller": policy, "sensors": ["pose"]}])
-    env.reset(seed=1)
-    env.step(np.zeros(2))
-    assert [set(observation) - {"scan"} for observation in seen[:2]] == [
-        {"speed", "yaw_rate", "steering_angle", "acceleration", *names, *(f"{name}_received" for name in names)}
-        for names in (NAMES_OF_MIXED, ("pose",))
-    ]
-
-
-def test_a_sensor_called_as_an_observation_is_refused():
-    pytest.importorskip("gymnasium")
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
-
-    with pytest.raises(fg.SettingsError, match="sensor 'speed' has the name of another observation"):
-        F1TenthEnv(sensors=[{"sensor": "odometry", "name": "speed"}])
-    with pytest.raises(fg.SettingsError, match="did you mean 'imu'"):
-        F1TenthEnv(sensors=["imo"])
-    with pytest.raises(fg.SettingsError, match="has a rate of 33 Hz"):
-        F1TenthEnv(sensors=[{"sensor": "imu", "rate": 33}])
-    with pytest.raises(fg.SettingsError, match=r"no setting 'sensor'.*did you mean 'sensors'"):
-        F1TenthEnv(sensor=["imu"])
-
-
-def test_a_dm_environment_observes_sensors():
-    pytest.importorskip("dm_control")
-    from fg_mujoco.envs.dm_environment import load
-
-    env = load(**ENVIRONMENT)
-    timestep = env.reset()
-    assert timestep.observation["pose"].shape == env.observation_spec()["pose"].shape == (3,)
 
 
 def test_an_installed_package_registers_a_sensor(tmp_path, monkeypatch):

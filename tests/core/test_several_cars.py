@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from itertools import permutations
-from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, ModelError, SettingsError, World, race
+from fg_mujoco import Entry, SettingsError, World, race
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import check_starts, grid_starts
-from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, GREATEST_CARS, WorldCar, car_prefix
+from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, WorldCar, car_prefix
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.vehicle.changes import CarChanges
 
 FRICTIONLESS = 1e-6
 
@@ -101,16 +99,6 @@ def empty_scan(world: World, engine: Engine) -> FloatArray:
     return world.lidar.ranges(data)
 
 
-def test_both_back_ends_see_another_car_alike() -> None:
-    scans = []
-    for backend in ("raycast", "rangefinder"):
-        engine = Engine(World("oval", lidar=backend, others=[WorldCar()]))
-        engine.place([Start(), Start(s=1.4, offset=0.2, heading=0.3)])
-        engine.sense(np.ones(2, np.bool_))
-        scans.append(engine.ranges.copy())
-    assert differences(scans[0].ravel(), scans[1].ravel()).max() < 1e-6
-
-
 def test_a_box_makes_a_car_visible_at_the_heights_that_the_rules_name() -> None:
     world = World("oval", others=[WorldCar()])
     data = mujoco.MjData(world.model)
@@ -174,18 +162,6 @@ def test_nothing_passes_through_anything_at_8_metres_a_second(offset: float) -> 
     assert nearest > noses - (0.05 if offset == 0.0 else noses)  # a glancing car turns aside, and is not past the other
 
 
-def test_a_car_does_not_feel_how_many_others_there_are() -> None:
-    paths = []
-    for count in (2, 3):
-        engine = Engine(World("oval", others=[WorldCar(changes=CarChanges(mass=4.0))] * (count - 1)))
-        engine.place([Start(s=9.0 * i) for i in range(count)])
-        engine.commands[:] = 0.05, 2.0
-        for _ in range(60):
-            engine.drive()
-        paths.append([np.concatenate(engine.free_joint(row)) for row in range(2)])
-    assert np.allclose(paths[0], paths[1], rtol=0.0, atol=1e-6)  # when the solver is content depends on the whole model
-
-
 @pytest.mark.slow
 def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact() -> None:
     entries = [
@@ -245,34 +221,3 @@ def test_starts_in_one_place_or_in_a_wall_are_refused(starts: tuple[Start, Start
     with pytest.raises(SettingsError, match=message):
         check_starts(course, starts, [car, car], ["a", "b"])
     check_starts(course, (Start(), Start(s=0.8)), [car, car], ["a", "b"])
-
-
-def test_cars_that_cannot_be_in_one_world_are_refused() -> None:
-    with pytest.raises(SettingsError, match=f"up to {GREATEST_CARS}"):
-        World("oval", others=[WorldCar()] * GREATEST_CARS)
-    with pytest.raises(SettingsError, match="vehicle 'tram' is not known"):
-        World("oval", others=[WorldCar(vehicle="tram")])
-
-
-def test_another_timestep_is_refused(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[2] / "models" / "f1tenth.xml").read_text("utf-8")
-    path = tmp_path / "slow.xml"
-    path.write_text(text.replace('timestep="0.005"', 'timestep="0.0025"'), encoding="utf-8")
-    with pytest.raises(ModelError, match="has timestep"):
-        World("oval", others=[WorldCar(vehicle=path)])
-
-
-def test_four_planners_finish_a_lap_unless_another_pushes_them_out() -> None:
-    names = ("overtaker", "gap_finder", "pure_pursuit", "disparity_extender")
-    marks: list[int] = []
-    result = race(
-        "oval", entries=[Entry(controller=name, name=name) for name in names], laps=1,
-        watch=lambda progress: marks.append(progress.racing),
-    )  # fmt: skip
-    assert len(marks) == len(result.ctrl) and marks[0] == 4 and marks[-1] == 0
-    assert sorted(car.position for car in result.cars) == [1, 2, 3, 4]
-    for car in result.cars:  # it finishes, unless another has pushed it out
-        pushed = [contact for contact in result.contacts if car.name in contact.cars and not contact.blames(car.name)]
-        assert (car.finished and car.collisions_wall == 0) or pushed, (car.name, car.end)
-        assert len(car.telemetry) == len(result.ctrl)
-    assert result.winner == min(result.cars, key=lambda car: car.position).name

@@ -1,7 +1,6 @@
 """How cars bounce off walls, obstacles and each other: depth, restitution and energy, at several steps."""
 
 import math
-import re
 
 import mujoco
 import numpy as np
@@ -9,8 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.world import WorldCar, shows
+from fg_mujoco.simulation.world import WorldCar
 from fg_mujoco.vehicle.bodywork import RESTITUTION, fit_timestep, solref
 
 PLACE = 2.0  # [m] along the oval: straight for metres
@@ -107,17 +105,6 @@ def test_a_wall_bounces_alike_at_other_timesteps(timestep):
     assert -speeds.min() / 5.0 == pytest.approx(RESTITUTION, abs=0.1) and energies.max() < 1.001 * energies[0]
 
 
-def test_an_engine_fits_the_contacts_of_a_world_whose_timestep_was_changed():
-    world = fg.World(TRACK)
-    world.model.opt.timestep = 0.0125
-    Engine(world)
-    assert world.model.pair("car/hull").solref == pytest.approx(solref(0.0125))
-    plain = fg.World(TRACK)
-    before = plain.model.geom_solref.copy()
-    Engine(plain)
-    assert (plain.model.geom_solref == before).all()
-
-
 @pytest.mark.parametrize("degrees", (90, 60))
 def test_an_obstacle_stops_a_car_as_a_wall_does(degrees):
     world = fg.World(TRACK)
@@ -153,15 +140,6 @@ def test_two_cars_that_meet_at_20_m_s_part_with_their_momentum_and_less_energy()
     first, second = (float(data.subtree_linvel[body][:2] @ ahead) for body in bodies)
     assert 0.0 < deepest <= 20.0 * 0.005 + 0.005 and max(energies) < 1.001 * start
     assert second - first == pytest.approx(20.0 * RESTITUTION, rel=0.4) and abs(first + second) < 0.5
-
-
-def test_a_folder_of_solids_that_ended_at_the_ground_still_shows_its_course():
-    world = fg.World(TRACK)
-    xml = fg.World(TRACK).xml
-    assert shows(xml, world.track)
-    old, other = (re.sub(r' -0\.5(?=[ "])', foot, xml) for foot in (" 0", " -0.4"))
-    assert old != xml and shows(old, world.track)
-    assert not shows(old, fg.World("hairpins").track) and not shows(other, world.track)
 
 
 def test_a_moving_obstacle_pushes_a_car_along_and_hardly_enters_it():

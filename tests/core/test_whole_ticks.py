@@ -11,7 +11,7 @@ from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.racing.decision_times import DecisionClock
 from fg_mujoco.racing.result import History
 from fg_mujoco.rollouts.drive_worlds import make_engine
-from fg_mujoco.simulation.clock import HAS_CLOCK, seconds
+from fg_mujoco.simulation.clock import HAS_CLOCK
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
@@ -103,18 +103,6 @@ def test_hooks_are_called(attribute):
     assert len(called) == engine.substeps and engine.time(0) == pytest.approx(3 * engine.period)
 
 
-def test_effects_and_drifts_have_their_part():
-    noisy = [Scenario(seed=seed, effects=fg.LidarEffects(range_noise_std=0.05)) for seed in range(2)]
-    drifting = [Scenario(odometry_drift=0.1)] * 2
-    for scenarios in (noisy, drifting):
-        engines = [engine_of("gap_finder", scenarios) for _ in range(2)]
-        for _ in range(20):
-            verbs(engines[0], DecisionClock(), History(engines[0]))
-            engines[1].tick()
-            assert engines[0].ranges.tobytes() == engines[1].ranges.tobytes()
-            assert engines[0].odometry.tobytes() == engines[1].odometry.tobytes()
-
-
 def planner_that(fails):
     """A class of planners that fail after 0.1 s: those with a pursuit distance of more than 2 m."""
 
@@ -193,14 +181,6 @@ def test_a_decision_over_its_limit_leaves_the_cars_as_they_are():
         engine.tick(clock=clock, history=history)
     assert history.ticks == 0 and len(clock.seconds) == 1 and clock.seconds[0] > 0.0
     assert engine.state(0).tobytes() == state.tobytes()
-
-
-def test_the_clock_of_kernels_is_that_of_python():
-    import time
-
-    before = time.perf_counter()
-    now = seconds()
-    assert before <= now <= time.perf_counter()
 
 
 @kernel
