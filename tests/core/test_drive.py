@@ -1,7 +1,6 @@
 """Drives without a planner: commands over time on open ground, against closed forms."""
 
 import csv
-import json
 import math
 from dataclasses import replace
 
@@ -66,23 +65,6 @@ def test_gentle_braking_is_that_of_the_command_after_the_servo():
     assert figures["braking_distance_m"] == pytest.approx(expected, rel=0.02)
 
 
-def test_the_step_begins_at_its_time_and_no_sooner():
-    result = fg.drive("step_steer[angle=-0.08,begin=0.5,speed=2]")
-    time, command, yaw_rate = (result.car.column(name) for name in ("time_s", "command_steering_rad", "yaw_rate_rad_s"))
-    begun = int(np.flatnonzero(command)[0])
-    assert time[begun] == pytest.approx(0.5, abs=1e-9)
-    assert command[begun:] == pytest.approx(-0.08) and np.abs(yaw_rate[: begun + 1]).max() < 1e-6
-    assert yaw_rate[begun + 2] < -0.02
-    assert yaw_rate[-40:] == pytest.approx(2.0 * math.tan(-0.08) / CAR.wheelbase, rel=0.01)
-    assert 0.0 < fg.handling(result)["yaw_rate_response_time_s"] < 0.1
-
-
-def test_contact_tires_steer_neutrally_and_the_gradient_of_a_circle_says_so():
-    for name in ("circle", "circle[radius=-2]", "ramp_steer"):
-        assert abs(fg.handling(fg.drive(name))["understeer_gradient_rad_s2_m"]) < 1e-4
-    assert math.isnan(fg.handling(fg.drive("circle[speed=0.5,turns=0.2]"))["understeer_gradient_rad_s2_m"])
-
-
 def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_race):
     """Telemetry of a car that steers by L / R + K ay, at one speed: the gradient is K."""
     result = fg.drive("ramp_steer[begin=0.5,rate=0.1,angle=0.2]")
@@ -95,19 +77,6 @@ def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_
     telemetry[:, columns["steering_angle_rad"]] = np.arctan(CAR.wheelbase * curvature) + 0.004 * lateral
     told = replace(result, cars=(replace(result.car, telemetry=telemetry),))
     assert fg.handling(told)["understeer_gradient_rad_s2_m"] == pytest.approx(0.004, rel=1e-6)
-
-
-def test_a_slalom_and_a_lane_change_end_in_the_direction_that_they_began():
-    for name in (
-        "slalom[speed=2]",
-        "slalom[gates=7,speed=2]",
-        "lane_change[speed=2]",
-        "lane_change[offset=-0.3,speed=2]",
-    ):
-        result = fg.drive(name)
-        assert abs(result.car.column("heading_rad")[-1]) < 0.02
-    y = fg.drive("lane_change[speed=2]").car.column("y_m")
-    assert y.max() == pytest.approx(0.35, rel=0.06) and abs(y[-1]) < 0.05
 
 
 def test_a_growing_slalom_grows_from_zero_to_its_angle():
@@ -133,15 +102,6 @@ def test_a_sine_sweep_has_its_frequencies():
 
 
 # Commands
-
-
-def test_commands_are_linear_between_their_rows_and_counted_from_the_first(tmp_path):
-    text = "# of a log\nspeed_m_s, time_s, steering_angle_rad\n1.0, 5.0, 0.0\n\n3.0, 7.0, -0.4\n2.0, 7.5, 0.1\n"
-    commands = fg.Commands.read(written(tmp_path, text))
-    assert commands.seconds == 2.5
-    assert commands.at(0.0) == (0.0, 1.0) and commands.at(2.0) == (-0.4, 3.0)
-    assert commands.at(0.5) == pytest.approx((-0.1, 1.5)) and commands.at(2.25) == pytest.approx((-0.15, 2.5))
-    assert commands.at(9.0) == (0.1, 2.0)
 
 
 def test_a_drive_is_commanded_what_the_file_says_at_each_tick(tmp_path):
@@ -177,19 +137,6 @@ def test_commands_beyond_the_limits_are_clamped_and_counted(tmp_path):
     assert result.ctrl[:, 0].max() == pytest.approx(CAR.max_steering_angle)
 
 
-def test_a_standing_car_may_stand_for_longer_than_a_race_would_let_it(tmp_path):
-    result = fg.drive(written(tmp_path, HEADER + "0,0,0\n12,0,0\n"))
-    assert result.car.end_reason == "finished" and result.sim_time_s == pytest.approx(12.0)
-    assert np.isnan(result.car.column("sideslip_rad")).all()
-
-
-def test_reversing_is_no_wrong_way():
-    time = np.array([0.0, 6.0])
-    result = fg.drive(fg.Commands(time=time, steering_angle=np.zeros(2), speed=np.full(2, -1.5)))
-    assert result.car.end_reason == "finished" and result.car.column("x_m")[-1] < -8.0
-    assert np.abs(result.car.column("sideslip_rad")[1:]) == pytest.approx(math.pi, abs=1e-3)
-
-
 # Settings
 
 
@@ -201,14 +148,6 @@ def test_every_manoeuvre_is_driven_and_says_what_it_measured():
         assert np.abs(commands.steering_angle).max() <= CAR.max_steering_angle
     told = str(find_manoeuvre("circle[radius=3]", speed=2.5))
     assert find_manoeuvre(told) == find_manoeuvre("circle[radius=3,speed=2.5]")
-
-
-def test_the_settings_of_the_car_are_those_of_a_race():
-    plain = fg.drive("step_steer[seconds=1]")
-    for settings in ({"mu": 0.5}, {"vehicle": "nuc2"}, {"changes": fg.CarChanges(mass=5.0)}):
-        assert fg.drive("step_steer[seconds=1]", **settings).trajectory_sha256 != plain.trajectory_sha256
-    assert fg.drive("step_steer[seconds=1]").trajectory_sha256 == plain.trajectory_sha256
-    assert fg.drive("step_steer[seconds=1]", vehicle="nuc2").car.vehicle == "nuc2"
 
 
 def test_a_planner_of_ones_own_may_drive_on_open_ground():
@@ -241,19 +180,6 @@ def test_a_run_folder_is_replayed_bit_for_bit_and_gives_the_same_figures(tmp_pat
         page = (folder / "report.html").read_text()
         assert "Open ground has no laps" in page and "decisions over" not in page
         assert "<span>greatest lateral acceleration</span>" in page and "<span>best lap</span>" not in page
-
-
-def test_json_has_the_figures(capsys):
-    assert main(["drive", "brake", "--json", "--speed", "2", "--start-speed", "1"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["controller"] == "brake[speed=2.0]" and told["handling"]["braking_distance_m"] > 0.1
-
-
-def test_the_list_has_every_manoeuvre_with_what_can_be_given(capsys):
-    assert main(["drive", "--list"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    for line in lines[1::2]:
-        assert str(find_manoeuvre(line.strip())) in MANOEUVRES
 
 
 # Bad input
@@ -323,24 +249,3 @@ def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path, capsys, argument
     line = refused(tmp_path, capsys, "drive", *arguments)
     for part in said.split(".*"):
         assert part.removesuffix("?") in line
-
-
-def test_commands_that_are_no_table_are_refused():
-    zeros = [0.0, 0.0]
-    with pytest.raises(fg.SettingsError, match="commands: time is no row of numbers"):
-        fg.Commands(time=["a", "b"], steering_angle=zeros, speed=zeros)
-    with pytest.raises(
-        fg.SettingsError, match=r"columns of shapes \(\(2,\), \(3,\), \(2,\)\); accepted: two rows or more"
-    ):
-        fg.Commands(time=[0.0, 1.0], steering_angle=[0.0, 0.0, 1.0], speed=zeros)
-
-
-def test_a_car_that_hardly_moves_has_no_braking_distance():
-    assert math.isnan(fg.handling(fg.drive("brake[speed=0.001]"))["braking_distance_m"])
-    for name in ("brake[begin=1e-7]", "step_steer[begin=0.51]"):  # before the second tick, and between two
-        assert all(map(math.isfinite, fg.handling(fg.drive(name)).values()))
-
-
-def test_a_file_has_its_own_speed(tmp_path, capsys):
-    path = written(tmp_path, HEADER + "0,0,1\n1,0,1\n")
-    assert "the commands have their own" in refused(tmp_path, capsys, "drive", str(path), "--speed", "2")

@@ -101,14 +101,6 @@ def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage
     assert files(tmp_path) == before
 
 
-def test_a_line_of_another_lab_is_noticed(tmp_path):
-    run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False)
-    run_lab(["squares"], out=tmp_path / "b", workers=1, pictures=False, settings=LabSettings(mus=(0.5,)))
-    (tmp_path / "b/cells/squares.jsonl").replace(tmp_path / "a/cells/squares.jsonl")
-    with pytest.warns(UserWarning, match="line 1: is damaged"):
-        assert run_lab(["squares"], out=tmp_path / "a", workers=1, pictures=False).cells_measured == COUNT
-
-
 def test_a_second_process_on_the_same_folder_is_refused(tmp_path):
     with (
         claimed_folder(tmp_path / "out"),
@@ -160,12 +152,6 @@ def test_a_folder_of_other_settings_or_sources_is_refused(tmp_path, monkeypatch)
     (tmp_path / "mine/thesis.tex").write_text("")
     with pytest.raises(fg.RunFolderError, match="is not empty; accepted: a new or empty folder"):
         run_lab(["squares"], out=tmp_path / "mine")
-
-
-def test_settings_with_lists_are_recognised_when_the_folder_is_opened_again(tmp_path):
-    settings = LabSettings(mus=(0.5, 0.7), steerings=(0.1,))
-    run_lab(["squares"], out=tmp_path, workers=1, settings=settings, pictures=False)
-    assert run_lab(["squares"], out=tmp_path, workers=1, settings=settings, pictures=False).cells_measured == 0
 
 
 def test_redraw_takes_rows_of_other_sources_and_says_so(tmp_path, monkeypatch):
@@ -265,79 +251,12 @@ def test_the_report_needs_no_other_file_and_its_ids_are_unique(tmp_path):
     assert len(report) < 1e6
 
 
-def test_the_report_says_the_result_first_then_figures_tables_and_the_command(tmp_path):
-    settings = LabSettings(seed=0, quick=True)
-    run_lab(["squares", "cubes"], out=tmp_path, workers=1, settings=settings)
-    report = (tmp_path / "report.html").read_text(encoding="utf-8")
-    order = [
-        "A first look", "Expected and measured",
-        "<td class=\"left\">greatest area</td><td class=\"left\">25 m²</td><td class=\"left\">4 m²</td>",
-        "Settings, versions and sources", lab.lab_versions()["lab_sha256"], "Squares of &lt;numbers&gt;",
-        "<p class=\"result\">3 squares, the greatest of 4 m².</p>", "2 &lt; 3 &amp; so on.", "<svg", "Area &lt; side.",
-        "<details open>", "squares_areas.csv, 3 rows", "side [m]", "nothing there",
-        "fg-mujoco friction squares --out runs/squares --quick", "<details><summary>cubes_volumes.csv, 40 rows",
-        "fg-mujoco friction cubes --out runs/cubes --quick",
-    ]  # fmt: skip
-    places = [report.find(text) for text in order]
-    assert -1 not in places and places == sorted(places)
-    assert "prefers-color-scheme: dark" in report
-
-
-def test_figures_have_no_date_and_stand_alone(tmp_path):
-    run_lab(["squares"], out=tmp_path, workers=1)
-    svg = (tmp_path / "squares_areas.svg").read_text(encoding="utf-8")
-    assert svg.startswith("<?xml") and "dc:date" not in svg
-
-
-def test_without_pictures_the_captions_stay(tmp_path):
-    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
-    report = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Area &lt; side." in report and "<svg" not in report
-    assert not list(tmp_path.glob("*.svg"))
-
-
 def test_without_matplotlib_figures_are_refused_before_anything_is_measured(tmp_path, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
     with pytest.raises(fg.MissingExtraError, match=re.escape(install_command("plot"))):
         run_lab(["squares"], out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_progress_counts_what_was_found_and_what_was_measured(tmp_path):
-    seen = []
-    run_lab(["squares"], out=tmp_path, workers=1, pictures=False, watch=seen.append)
-    cells = tmp_path / "cells/squares.jsonl"
-    cells.write_bytes(b"".join(cells.read_bytes().splitlines(keepends=True)[:4]))
-    run_lab(["squares"], out=tmp_path, workers=1, pictures=False, watch=seen.append)
-    first, last = seen[0], seen[-1]
-    assert (first.cells, first.cells_found, first.cells_measured, first.remaining_s) == (COUNT, 0, 0, None)
-    assert (last.cells, last.cells_found, last.cells_measured, last.remaining_s) == (COUNT, 4, 2, 0.0)
-
-
-@pytest.mark.parametrize("mu", [0.0, -0.5, float("nan"), 3.01, float("inf")])
-def test_a_friction_that_no_tire_has_is_refused(mu):
-    with pytest.raises(fg.SettingsError, match=r"mu .*; accepted: friction coefficients .* above 0, up to 3"):
-        LabSettings(mus=(0.5, mu))
-
-
-@pytest.mark.parametrize("steering", [0.0, -0.1, 0.42, float("nan")])
-def test_a_steering_angle_that_no_circle_has_is_refused(steering):
-    with pytest.raises(
-        fg.SettingsError, match=r"steering .*; accepted: angles above 0, up to the car's lock of 0.4189"
-    ):
-        LabSettings(steerings=(0.1, steering))
-
-
-@pytest.mark.parametrize("settings", [{"seed": -1}, {"seed": 0.5}, {"mus": ()}, {"mus": (0.5, 0.5)}, {"steerings": ()}])
-def test_other_settings_that_cannot_be_are_refused(settings):
-    with pytest.raises(fg.SettingsError, match="accepted"):
-        LabSettings(**settings)
-
-
-def test_zero_steering_is_refused_because_the_law_has_no_speed_there():
-    with pytest.raises(fg.SettingsError, match="infinite"):
-        LabSettings(steerings=(0.0,))
 
 
 def test_an_unknown_experiment_and_no_workers_are_refused(tmp_path):
@@ -370,10 +289,15 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
     assert 0 < len(experiment.cells(LabSettings(quick=True))) <= len(cells)
 
 
-def test_the_command_line_starts_without_the_experiments():
-    code = (
-        "import sys, fg_mujoco.cli.main, fg_mujoco.cli.friction; "
-        "print([name for name in sys.modules if 'friction_lab' in name])"
-    )
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert "lab_report" in loaded and "skidpad" not in loaded and "models" not in loaded
+@pytest.mark.parametrize("name", REAL)
+def test_each_experiment_has_figures_columns_and_a_result_from_its_quick_cells(name, monkeypatch):
+    monkeypatch.setattr(lab, "EXPERIMENTS", EXPERIMENTS)
+    experiment, tables = load_experiment(name), {}
+    for cell in json.loads(json.dumps(experiment.cells(LabSettings(quick=True)))):
+        for table, found in experiment.measure(cell).items():
+            tables.setdefault(table, []).extend(found)
+    section = experiment.section(tables)
+    assert section.sentences and not any("nan" in sentence.split() for sentence in section.sentences)
+    for table, names in section.columns.items():
+        assert set(names) <= set(tables[table][0])
+    assert all(figure.render().startswith(b"<?xml") for figure in section.figures)

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.lab.braking import EXPERIMENT, GRIPPY
-from fg_mujoco.lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.lab.lab_ground import LabGround
+from fg_mujoco.lab.experiment import LAW_TIRES
 from fg_mujoco.lab.straight_line_limits import even_torque_limit, held_share
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -61,10 +59,6 @@ def test_tires_that_slip_leave_less_of_an_acceleration_and_none_of_it_to_a_car_t
     assert held_share(CAR, 0.0, slope) == held_share(CAR) == pytest.approx(held_share(CAR, speed), rel=1e-12)
 
 
-def test_a_servo_that_follows_at_once_would_lose_nothing_to_the_tick():
-    assert held_share(CAR) == pytest.approx((1 - math.exp(-0.25)) / 0.25, rel=1e-3)
-
-
 def test_even_torque_limit_balances_the_light_axle():
     for mu, direction in ((1.0489, -1), (0.6, 1)):
         a = even_torque_limit(mu, CAR, direction)
@@ -92,25 +86,3 @@ def test_tires_stay_in_their_circle_and_the_guard_in_what_holds(mu, share, tires
         use = np.array([math.hypot(row[f"along_{tire}"], row[f"across_{tire}"]) for row in tables["gg"]])
         assert np.nanmax(use) < mu * (1 + 1e-6)
     assert len(columns) == 4 and len(car) > 20
-
-
-def test_friction_out_of_range_is_refused_by_name():
-    for mu in (0.0, -1.0, math.nan, 3.5):
-        with pytest.raises(SettingsError, match="mu"):
-            LabGround(mu)
-
-
-def test_cells_are_all_parts_and_the_section_draws():
-    cells = EXPERIMENT.cells(LabSettings(quick=True))
-    assert {cell["part"] for cell in cells} == {"stop", "throttle", "split"}
-    assert len(EXPERIMENT.cells(LabSettings())) == 2 * (2 * 5 + 3 + 2 * 7)
-    tables = {"stops": [], "throttle": [], "splits": [], "gg": []}
-    for cell in cells[1::2]:  # a stop, full throttle and a split on each set of tires
-        for name, rows in EXPERIMENT.measure(cell).items():
-            tables[name] += rows
-    section = EXPERIMENT.section(tables)
-    assert len(section.sentences) == 2 * 3 and "nan" not in " ".join(section.sentences)
-    for table, names in section.columns.items():
-        assert all(name in tables[table][0] for name in names)
-    for figure in section.figures:
-        assert figure.render().startswith(b"<?xml")

@@ -76,12 +76,6 @@ def test_each_cell_changes_one_setting():
     assert first == [0.005, "Newton", "elliptic", 0.5]  # the car's own come first
 
 
-def test_a_timestep_that_the_lidar_does_not_know_has_a_circle_but_no_lap():
-    row = EXPERIMENT.measure({"tires": "contact", "setting": "timestep", "value": 0.002})["settings"][0]
-    assert row["k_grip"] == pytest.approx(0.997, abs=0.003)
-    assert math.isnan(row["lap_s"]) and "0.025 s" in row["reason"]
-
-
 @pytest.mark.parametrize("k", [0.95, 1.03, 1.1])
 def test_our_own_tires_are_right_at_the_cars_own_timestep_and_short_steps(k):
     """Against .25 ms, holding and sliding."""
@@ -89,14 +83,6 @@ def test_our_own_tires_are_right_at_the_cars_own_timestep_and_short_steps(k):
     assert own.curvature == pytest.approx(fine.curvature, rel=1e-3)
     assert own.slide == pytest.approx(fine.slide, rel=0.01, abs=1e-3)
     assert own.loads == pytest.approx(fine.loads, rel=0.01)
-
-
-def test_more_short_steps_change_little():
-    ground = SteadyCircle(1.0489, 0.1)
-    ground.ground.forces.steps = 64
-    own, fine = reading(1.1, tires="coulomb", timestep=None)[0], ground.at(1.1)
-    assert own.slide == pytest.approx(fine.slide, rel=0.01)
-    assert own.slide != fine.slide  # they are what acts
 
 
 def test_own_and_fine_timestep_give_one_lap_and_the_section_draws(monkeypatch):

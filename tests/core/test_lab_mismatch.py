@@ -28,29 +28,6 @@ def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
     assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
 
 
-def test_section_names_the_ratios_and_draws(tables):
-    knee = {
-        "track": "oval",
-        "mu": Vehicle.load().nominal_mu,
-        "sliding_from": 1.06,
-        "holds_at": 1.05,
-        "slides_at": 1.07,
-        "reason": "",
-    }
-    section = EXPERIMENT.section({**tables, "knee": [knee]})
-    assert (
-        "1.06" in section.sentences[0]
-        and "up to 1.05" in section.sentences[0].lower()
-        and "no more than 1.05" in section.sentences[0]
-    )
-    assert "no crash up to a ratio of 1.3" in section.sentences[1]
-    assert len(section.figures[0].render()) > 1000
-    crash = {**tables["laps"][2], "crashed": True, "best_lap_s": math.nan, "end_reason": "crash", "ratio": 1.4}
-    section = EXPERIMENT.section({"laps": [*tables["laps"], crash]})
-    assert "first crash at a ratio of 1.4" in section.sentences[0]
-    assert len(section.figures[0].render()) > 1000
-
-
 @pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])
 def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
     monkeypatch.setattr(

@@ -1,7 +1,6 @@
 """Patches of floor: the friction that acts is the one asked for, and nothing else changes."""
 
 import json
-import math
 
 import mujoco
 import numpy as np
@@ -13,13 +12,13 @@ import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab_laps import drive_laps
-from fg_mujoco.lab.patch_manoeuvres import bisect, brake_onset, circle, edge_load, sliding_sideways
+from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, edge_load, sliding_sideways
 from fg_mujoco.lab.patches import EXPERIMENT
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.simulation import Simulation, complete_state
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches, read_patches
+from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches
 from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -66,19 +65,6 @@ def test_last_patch_counts_where_two_overlap():
     assert floor_under(0.0, 0.0, 0.0, narrow, wide)[0].tolist() == [0.4] * 4
 
 
-def test_friction_of_the_ground_comes_back_behind_a_patch():
-    spec = Vehicle.load().spec(0.8, tires=Tires())
-    add_patches(spec, (Patch(x=0.0, y=0.0, length=1.0, width=1.0, mu=0.3),))
-    model = spec.compile()
-    data, car, floor = mujoco.MjData(model), Car(model), PatchedFloor(model)
-    seen = []
-    for x in (-2.0, 0.0, 2.0):
-        car.set_pose(data, x, 0.0, 0.0)
-        floor.apply(data.qpos)
-        seen.append(model.pair_friction[:4, 0].tolist())
-    assert seen == [[0.8] * 4, [0.3] * 4, [0.8] * 4]
-
-
 # Measured at 1 ms: 1.0008, 0.9975
 @pytest.mark.parametrize("mu", [0.2, 0.7])
 def test_friction_that_acts_on_a_patch_is_the_one_asked_for(mu):
@@ -115,11 +101,6 @@ def test_rear_axle_lets_go_in_braking_on_a_patch_at_its_closed_form():
     assert brake_onset(0.35) == pytest.approx(1.0, abs=0.02)
 
 
-def test_bisection_finds_where_something_begins_and_says_where_it_does_not():
-    assert bisect(lambda value: value > 1.0371, 0.9, 1.2, 1e-4) == pytest.approx(1.0371, abs=1e-4)
-    assert math.isnan(bisect(lambda _: True, 0.9, 1.2, 0.1)) and math.isnan(bisect(lambda _: False, 0.9, 1.2, 0.1))
-
-
 def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_is_race():
     everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=Vehicle.load().nominal_mu)
     expected = fg.race("oval", laps=1)
@@ -128,14 +109,6 @@ def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_i
         assert laps.trajectory_sha256 == expected.trajectory_sha256
         assert laps.lap_times_s == expected.car.lap_times_s
         assert np.array_equal(laps.telemetry, expected.car.telemetry, equal_nan=True)
-
-
-def test_patch_everywhere_is_other_tires():
-    everywhere = Patch(x=0.0, y=0.0, length=200.0, width=200.0, mu=0.7)
-    patched = drive_laps(fg.World("oval", patches=(everywhere,)), laps=1, planner_mu=0.9)
-    tires = drive_laps(fg.World("oval", mu=0.7), laps=1, planner_mu=0.9)
-    assert patched.trajectory_sha256 == tires.trajectory_sha256
-    assert patched.column("friction_use_rear_left") == pytest.approx(tires.column("friction_use_rear_left"))
 
 
 def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
@@ -171,19 +144,6 @@ def test_simulations_that_follow_each_other_start_on_the_floor_where_the_car_is(
     assert hashes[0] == hashes[1]
 
 
-def test_patches_are_read_back_off_the_compiled_xml():
-    patches = (ICE, Patch(x=-1.0, y=2.0, length=0.5, width=3.0, heading=-2.0, mu=1.2))
-    model = fg.World("oval", patches=patches).model
-    for read, given_patch in zip(read_patches(model), patches, strict=True):
-        assert vars(read) == pytest.approx(vars(given_patch), rel=1e-5)
-    assert read_patches(fg.World("oval").model) == ()
-
-
-def test_beams_do_not_see_patches():
-    scans = [Simulation(fg.World("oval", patches=patches)).reset(s=3.0)[0].ranges for patches in ((), (ICE, ICE))]
-    assert np.array_equal(*scans)
-
-
 def test_random_patches_are_those_of_the_seed_on_the_track_and_away_from_the_start():
     track = fg.load_track("tight")
     patches = random_patches(track, 6, np.random.default_rng(3), mu=0.5)
@@ -195,12 +155,6 @@ def test_random_patches_are_those_of_the_seed_on_the_track_and_away_from_the_sta
     for count in (0, -1, 100):
         with pytest.raises(SettingsError, match="accepted: at least 1, and room for each"):
             random_patches(track, count, np.random.default_rng(3), mu=0.5)
-
-
-@pytest.mark.parametrize(("name", "value"), [("mu", 0.0), ("mu", math.nan), ("length", -1.0), ("x", math.inf)])
-def test_patch_that_is_none_is_refused(name, value):
-    with pytest.raises(SettingsError, match=name):
-        Patch(**{"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5, name: value})
 
 
 def test_planner_that_knows_the_patches_holds_and_one_that_does_not_slides():

@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.lab.experiment import LAW_TIRES, LabSettings
-from fg_mujoco.lab.lab_ground import Engine, LabGround
+from fg_mujoco.lab.experiment import LAW_TIRES
+from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.lab.reference_steering import CURVATURE, MANOEUVRES
 from fg_mujoco.lab.speed_laws import LAWS
-from fg_mujoco.lab.transient import EXPERIMENT, drive
+from fg_mujoco.lab.transient import drive
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 from fg_mujoco.vehicle.tires import Tires
@@ -91,32 +90,3 @@ def test_laws_leave_what_holds_and_limit_what_does_not():
             assert hold(0.1, slow, odometry) == DriveCommand(steering_angle=0.1, speed=slow)
         assert (hold(0.4, fast, odometry).speed < 3.1) == (name != "none")
         assert (hold(0.4, fast, odometry).steering_angle < 0.36) == (name in ("both ways", "guard"))
-
-
-@pytest.mark.parametrize(
-    "settings", [{"timestep": 0.0}, {"impratio": math.nan}, {"solver": "PGS"}, {"cone": "round"}, {"tolerance": 2.0}]
-)
-def test_engine_settings_out_of_range_are_refused_by_name(settings):
-    with pytest.raises(SettingsError, match=next(iter(settings))):
-        Engine(**settings)
-
-
-def test_cells_measure_every_law_and_the_section_draws():
-    cells = EXPERIMENT.cells(LabSettings(quick=True))[1::2]  # those that slide
-    assert len(EXPERIMENT.cells(LabSettings())) == 2 * len(MANOEUVRES) * 2 * 5
-    tables = {"runs": [], "trace": []}
-    for cell in cells:
-        for name, rows in EXPERIMENT.measure(cell).items():
-            tables[name] += rows
-    assert [row["law"] for row in tables["runs"]] == list(LAWS) * len(cells)
-    again = EXPERIMENT.measure(cells[0])["runs"]
-    assert [str(row) for row in again] == [
-        str(row) for row in tables["runs"][: len(LAWS)]
-    ]  # the same cell, the same rows
-    section = EXPERIMENT.section(tables)
-    for tires in LAW_TIRES:
-        start = f"On {tires}, under the whole friction limiter no tire slides in any of 2 runs"
-        assert sum(sentence.startswith(start) for sentence in section.sentences) == 1
-    assert all(name in tables["runs"][0] for name in section.columns["runs"])
-    for figure in section.figures:
-        assert figure.render().startswith(b"<?xml")
