@@ -10,11 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from car_worlds import flat_world, run, tire_pairs
+from car_worlds import flat_world, run
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.fitting import tire_stiffness
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
@@ -111,32 +110,6 @@ def test_a_steering_ends_where_its_joint_does_whatever_is_commanded(tmp_path):
     assert angle == pytest.approx(-0.4373, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("numeric", "said"),
-    [
-        ('name="steering_map" data="1.3"', "has 1 values; accepted: 2, gain, offset"),
-        ('name="steering_map" data="0 0"', "steering_gain is 0.0; accepted: a positive number"),
-        ('name="acceleration_map" data="1 -1 0"', "braking_gain is -1.0; accepted: a number from 0"),
-    ],
-)
-def test_a_map_that_is_none_is_refused(tmp_path, numeric, said):
-    file = tmp_path / "car.xml"
-    file.write_text(Vehicle.load("f1tenth").text.replace("<custom>", f"<custom><numeric {numeric}/>", 1))
-    with pytest.raises(fg.ModelError, match=said):
-        Vehicle.load(file)
-
-
-def test_tires_contacts_are_as_the_mjcf_derives_them(flat):
-    """Impedance, stiffness and slowing: `fg-mujoco friction convergence` shows what each is for."""
-    model = flat[0]
-    pairs = tire_pairs(model)
-    assert (model.opt.timestep, model.opt.impratio, model.opt.cone) == (0.005, 40.0, mujoco.mjtCone.mjCONE_ELLIPTIC)
-    assert model.pair_solimp[pairs, :3].tolist() == [[0.5, 0.5, 0.001]] * 4
-    assert model.pair_solref[pairs] == pytest.approx(np.array([[0.0125, math.sqrt(0.4)]] * 4), rel=1e-6)
-    assert model.pair_solreffriction[pairs].tolist() == [[0.0, -128.0]] * 4
-    assert tire_stiffness(model) == pytest.approx(11.7e3, rel=0.01)
-
-
 def test_whole_car_inertia_agrees_with_the_engine(flat):
     """Oracle: the engine's joint-space inertia matrix of the free joint, shifted from base_link to the CoG."""
     model, data, car = flat
@@ -159,12 +132,6 @@ def test_friction_that_is_no_positive_number_is_refused(mu):
         Vehicle.load().spec(mu)
 
 
-def test_friction_argument_reaches_all_tires():
-    model, _, car = flat_world(mu=0.42)
-    assert model.pair_friction[tire_pairs(model), :2].tolist() == [[0.42, 0.42]] * 4
-    assert car.mu == 0.42
-
-
 def touches(a, b):
     """MuJoCo's rule for (contype, conaffinity)."""
     return bool((a[0] & b[1]) | (b[0] & a[1]))
@@ -182,25 +149,6 @@ def test_contact_roles(flat):
     assert touches(chassis, wall) and touches(chassis, obstacle) and touches(chassis, chassis)
     assert not touches(chassis, ground)
     assert touches(obstacle, ground) and touches(obstacle, wall)
-
-
-def test_tires_touch_nothing_but_the_ground():
-    """Blocks under the chassis that all tires stand in, and another car on top of this one."""
-    world = mujoco.MjSpec()
-    world.option, world.memory = Vehicle.load().spec().option, Vehicle.load().spec().memory
-    for name in ("first/", "second/"):
-        world.attach(Vehicle.load().spec(), prefix=name, frame=world.worldbody.add_frame())
-    box, sizes = mujoco.mjtGeom.mjGEOM_BOX, {"low": (1.0, 1.0, 0.01), "high": (0.1, 0.1, 0.2)}
-    for name, size in sizes.items():
-        world.worldbody.add_geom(name=name, type=box, size=size, pos=(0, 0, size[2]), contype=2, conaffinity=3)
-    model = world.compile()
-    data = mujoco.MjData(model)
-    for name in ("first/", "second/"):
-        Car(model, name).set_pose(data, 0.0, 0.0, 0.0)
-    touching = {frozenset(model.geom(int(geom)).name for geom in contact.geom) for contact in data.contact}
-    tires = {(f"{car}{wheel}_tire", f"{car}ground") for car in ("first/", "second/") for wheel in WHEELS}
-    others = {("first/chassis", "high"), ("second/chassis", "high"), ("first/chassis", "second/chassis")}
-    assert touching == {frozenset(pair) for pair in tires | others}
 
 
 @settings(max_examples=30, deadline=None)

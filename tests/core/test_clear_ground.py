@@ -123,24 +123,6 @@ def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
     assert shares[0] > 60 and shares[1] == 0
 
 
-@pytest.mark.parametrize("speed", (3.0, 20.0))
-def test_a_crash_comes_in_the_same_tick_with_the_same_bits(speed):
-    found = []
-    for make in (lambda world: world, searched):
-        engine = Engine(make(fg.World("oval")))
-        engine.place([Start(s=2.0, heading=0.9, speed=speed)])
-        engine.commands[:] = 0.0, speed
-        states = []
-        while engine.running[0]:
-            engine.commands[:] = 0.0, speed
-            engine.drive()
-            engine.judge()
-            states.append(engine.state(0).copy())
-        assert engine.crashed[0]
-        found.append(np.array(states))
-    assert found[0].tobytes() == found[1].tobytes()
-
-
 def test_a_wrong_map_of_distances_would_miss_the_crash():
     """The guard of the tests above: were everything clear, the car would drive through the wall."""
     world = fg.World("oval")

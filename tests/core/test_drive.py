@@ -79,28 +79,6 @@ def test_the_understeer_gradient_is_that_of_a_car_whose_steering_is_known(short_
     assert fg.handling(told)["understeer_gradient_rad_s2_m"] == pytest.approx(0.004, rel=1e-6)
 
 
-def test_a_growing_slalom_grows_from_zero_to_its_angle():
-    commands = find_manoeuvre("growing_slalom[angle=0.2,frequency=2,seconds=4,begin=1]").commands(CAR, 1.0)
-    angles, time = commands.steering_angle, commands.time - 1.0
-    tops = (angles[1:-1] > angles[:-2]) & (angles[1:-1] > angles[2:])
-    assert tops.sum() == 8  # periods
-    assert angles[1:-1][tops] == pytest.approx(0.05 * time[1:-1][tops], abs=0.001)
-    assert np.abs(angles).max() == pytest.approx(0.2, rel=0.05)
-    assert angles[-1] == 0.0
-
-
-def test_a_sine_sweep_has_its_frequencies():
-    commands = find_manoeuvre("sine_sweep[low=0.5,high=2,seconds=10,begin=1]").commands(CAR, 1.0)
-    crossings = commands.time[1:][np.diff(np.signbit(commands.steering_angle)) != 0] - 1.0
-    half_periods = np.diff(crossings)
-    growth = math.log(4.0) / 10.0
-    middles = 0.5 * (crossings[1:] + crossings[:-1])
-    inside = middles < 9.5
-    assert inside.sum() > 15
-    assert 0.5 / half_periods[inside] == pytest.approx(0.5 * np.exp(growth * middles[inside]), rel=0.1)
-    assert np.abs(commands.steering_angle).max() == pytest.approx(0.05, rel=0.01)
-
-
 # Commands
 
 

@@ -6,8 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
+from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record, sees
@@ -97,20 +96,6 @@ def test_the_minimum_is_never_faster_than_any_law_but_to_crawl():
         assert (
             limited["minimum"] <= max(min(limited.values()), for_car(SafetyFilterSettings(), CAR).crawl_speed) + 1e-12
         )
-
-
-def test_a_word_is_its_place_in_a_record():
-    row = np.zeros(1, record_type(DrivingSettings))
-    for place, law in enumerate(LAWS):
-        row[0] = record_values(for_car(DrivingSettings(speed_law=law), CAR))
-        assert row["speed_law"][0] == place
-
-
-def test_the_field_of_view_of_a_scan_that_looks_back_is_empty():
-    record = scan_record(corridor(1.0, 1.0))
-    record["angle_min"] -= 1.0
-    first, end = beams_between(record[0], 100, -0.5 * math.pi, 0.5 * math.pi)
-    assert first == end
 
 
 def test_the_beams_between_two_bearings_are_those_within():

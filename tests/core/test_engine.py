@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.course.moving_obstacles import MovingObstacle, motion_table, obstacle_position
 from fg_mujoco.errors import ModelError
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine, whole_steps
@@ -143,15 +142,3 @@ def test_slip_of_a_tick_is_that_of_the_slip_meter(world):
         meter.record(data)
     driven(engine, 1, (0.2, 3.0))
     np.testing.assert_array_equal(engine.slip(), meter.read().values)
-
-
-def test_obstacles_are_where_the_closed_form_has_them():
-    obstacles = [
-        MovingObstacle(length=0.5, width=0.3, start=(4.0, 0.3), end=(30.0, -1.7), speed=1.7),
-        MovingObstacle(
-            length=0.5, width=0.3, start=(1.0, 2.0), end=(0.0, 0.1), speed=0.9, back_and_forth=True, headway=0.7
-        ),
-    ]
-    for obstacle, motion in zip(obstacles, motion_table(obstacles), strict=True):
-        for time in np.random.default_rng(0).uniform(0.0, 60.0, 500).tolist():
-            assert obstacle_position(motion, time) == obstacle.position(time)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from car_worlds import flat_world, forward, step
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.control.speed import friction_speed, friction_steering
+from fg_mujoco.controllers.control.speed import friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
     FrictionLimiter,
     FrictionLimiterSettings,
@@ -79,10 +79,6 @@ def test_straight_ahead_it_brakes_and_accelerates_with_what_the_lighter_axle_hol
     assert settled(limiter, 0.0, 20.0, 1.0)[1] == pytest.approx(greatest(REAR), rel=1e-4)
 
 
-def test_the_path_follows_the_steering_over_the_yaw_lag():
-    assert FrictionLimiter(CAR, MU).yaw_lag == pytest.approx(YAW_LAG, rel=1e-5)
-
-
 @pytest.mark.parametrize("speed", [2.0, 4.0, 7.0])
 def test_at_one_speed_the_steering_settles_at_the_law_read_for_steering(speed):
     command = None
@@ -111,21 +107,6 @@ def test_the_wheels_turn_in_with_a_share_of_the_unused_grip_and_turn_out_with_mo
         command = FrictionLimiter(CAR, MU)(side * reference, 20.0, odometry_of(speed, side * angle), PERIOD)
         turned = math.copysign(min(rate, 3.2), reference) * DEFAULTS.steering_response
         assert command.steering_angle == pytest.approx(side * (angle + turned), rel=1e-4)
-
-
-@pytest.mark.parametrize("steering_angle", [-0.4189, -0.2, 0.05, 0.3])
-def test_at_one_steering_angle_the_speed_settles_at_the_law_read_for_speed(steering_angle):
-    *_, (speed, curvature, _, _) = drive_bicycle(FrictionLimiter(CAR, MU), [(steering_angle, 20.0)] * 500)
-    assert curvature == pytest.approx(math.tan(steering_angle) / WHEELBASE, rel=1e-6)
-    law = friction_speed(steering_angle, MU * DEFAULTS.lateral_use, WHEELBASE, GRAVITY)
-    assert speed <= law * (1.0 + 1e-9)
-    assert speed >= 0.99 * law
-
-
-def test_a_reference_within_the_limits_is_granted():
-    command, _ = settled(FrictionLimiter(CAR, MU), 0.1, 2.0, 2.0)
-    assert command.steering_angle == pytest.approx(0.1)
-    assert command.speed == pytest.approx(2.0)
 
 
 def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_once():

@@ -8,14 +8,13 @@ import pytest
 
 from drawn_worlds import Driven, box, cell, lines, middles
 from fg_mujoco.controllers.perception.frontiers import (
-    AT_WALL,
     FAR,
     WAY_BACK,
     least_to_go_along,
     to_go_around,
     to_go_at,
 )
-from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, SIZE, WALL
+from fg_mujoco.controllers.perception.local_map import CELL, FREE, SIZE, WALL
 
 STRAIGHT = lines([(-30.0, -1.0), (60.0, -1.0)], [(-30.0, 1.0), (60.0, 1.0)])
 
@@ -114,16 +113,6 @@ def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket
     driven.go(1.5)
     driven.go(1.2, 1.2)
     assert goal(driven)[0] < 5.0 and goal(driven)[1] > 0.9  # along the other lane
-
-
-def test_from_everywhere_steps_to_a_cell_that_is_nearer_lead_to_the_frontier():
-    driven = Driven(hairpin())
-    driven.go(4.5)
-    to_go = driven.way["to_go"]
-    starts = np.argwhere((to_go != FAR) & (to_go > 0))
-    assert len(starts) > 500
-    for i, j in starts.tolist():
-        assert min(to_go[(i + a) & RING, (j + b) & RING] for a in (-1, 0, 1) for b in (-1, 0, 1)) < to_go[i, j]
 
 
 def test_a_dead_end_has_no_frontier():
@@ -245,16 +234,3 @@ def test_the_way_to_go_is_that_of_a_slow_search_with_a_heap(walls, distance):
     expected = slow_distances(driven.way)
     assert (expected != FAR).sum() > 500
     np.testing.assert_array_equal(driven.way["to_go"], expected)
-
-
-def test_what_is_blocked_is_what_is_near_walls():
-    driven = Driven(hairpin())
-    driven.go(4.5)
-    x, y = middles(driven.way["map"])
-    wall = driven.way["map"]["cells"] == WALL
-    walls = np.column_stack((x[wall], y[wall]))
-    inner = np.nonzero((np.abs(x - driven.x) < 9.0) & (np.abs(y - driven.y) < 9.0))
-    for i, j in list(zip(*inner, strict=True))[::7]:
-        away = np.abs(walls - (x[i, j], y[i, j])) / CELL
-        touching = (away.sum(axis=1) < 1.5).any()
-        assert bool(driven.way["blocked"][i, j] & AT_WALL) == touching

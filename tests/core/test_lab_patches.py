@@ -16,7 +16,7 @@ from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, edge_load, slidi
 from fg_mujoco.lab.patches import EXPERIMENT
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.simulation import Simulation, complete_state
+from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches
 from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
@@ -57,12 +57,6 @@ def test_each_tire_has_the_friction_of_what_is_under_its_wheel(x, y, heading, tu
     patch = Patch(x=0.0, y=0.0, length=length, width=width, heading=turned, mu=0.4)
     mu, wheels = floor_under(x, y, heading, patch)
     assert mu.tolist() == [0.4 if is_inside(wheel, patch) else Vehicle.load().nominal_mu for wheel in wheels]
-
-
-def test_last_patch_counts_where_two_overlap():
-    wide, narrow = Patch(x=0, y=0, length=9, width=9, mu=0.4), Patch(x=0.33, y=0, length=0.2, width=1, mu=0.9)
-    assert floor_under(0.0, 0.0, 0.0, wide, narrow)[0].tolist() == [0.9, 0.9, 0.4, 0.4]
-    assert floor_under(0.0, 0.0, 0.0, narrow, wide)[0].tolist() == [0.4] * 4
 
 
 # Measured at 1 ms: 1.0008, 0.9975
@@ -126,22 +120,6 @@ def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
             mujoco.mj_step(model, data)
         assert np.array_equal(complete_state(model, data), expected)
     assert drive_laps(fg.World("oval", tires="contact"), laps=1).trajectory_sha256 != laps.trajectory_sha256
-
-
-def test_simulations_that_follow_each_other_start_on_the_floor_where_the_car_is():
-    simulation = Simulation(fg.World("oval", patches=(Patch(x=0, y=0, length=1.5, width=3, mu=0.3),)))
-    hashes = []
-    for _ in range(2):
-        simulation.reset()
-        for _ in range(20):
-            simulation.drive(0.0, 3.0)
-        assert 0.9 < np.nanmax(simulation.slip.friction_utilisation) < 1.01  # tires that spin hop: NaN
-        assert simulation.engine.floor_friction().shape == (simulation.substeps, 4)
-        hashes.append(simulation.state.tobytes())
-        simulation.reset(s=20.0)
-        simulation.drive(0.0, 1.0)
-        assert (simulation.engine.floor_friction() == Vehicle.load().nominal_mu).all()
-    assert hashes[0] == hashes[1]
 
 
 def test_random_patches_are_those_of_the_seed_on_the_track_and_away_from_the_start():

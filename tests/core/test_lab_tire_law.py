@@ -1,21 +1,18 @@
 """The law on tires with a curve: closed forms of where the first tire passes its peak, and the experiment tire_law."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fg_mujoco.lab.curve_onset import axle_factor, curve_onset
-from fg_mujoco.lab.experiment import LabSettings
-from fg_mujoco.lab.lab import run_lab
 from fg_mujoco.lab.lab_ground import Engine, LabGround
 from fg_mujoco.lab.steady_circle import SteadyCircle
 from fg_mujoco.lab.tire_law import EXPERIMENT, passes_peak
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
-from fg_mujoco.vehicle.tires import AxleTires, MagicFormula, Tires, tire_names
+from fg_mujoco.vehicle.tires import AxleTires, MagicFormula, Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 from refusals import refused
 
@@ -74,56 +71,12 @@ def test_unequal_axles_spin_where_the_single_track_says(steering, k):
     assert before.k == pytest.approx(k, rel=0.015)
 
 
-def circle_cell(name, steering=0.3, **others):
-    return {"part": "circles", "vehicle": "f1tenth", "tires": Tires.load(name).described(), "load_sensitivity": None,
-            "mu": None, "steering": steering, **others}  # fmt: skip
-
-
-def test_a_row_tells_where_k_comes_from():
-    """k is the root of the grip that is used over the curvature that is driven."""
-    (row,) = EXPERIMENT.measure(circle_cell("forzaeth_nuc7"))["circles"]
-    assert row["k_peak"] > 1.2 and row["curvature_ratio"] < 0.7
-    assert row["k_peak"] == pytest.approx(math.sqrt(row["grip"] / row["curvature_ratio"]), rel=0.01)
-    assert row["first_tire"] == "rear inner" and row["reason"] == ""
-    assert row["mu"] == pytest.approx(0.7418, abs=1e-4) and row["load_sensitivity"] == 0.0
-
-
-def test_a_car_that_runs_wide_has_no_k_and_says_why():
-    (row,) = EXPERIMENT.measure(circle_cell("forzaeth_nuc6"))["circles"]
-    assert math.isnan(row["k_peak"]) and math.isinf(row["k_closed_form"])
-    assert row["reason"] == "it does not happen up to 3 of the law's speed"
-    assert row["curvature_at_law"] < 0.8  # measured .717
-
-
 def test_a_step_passes_the_peak_and_the_friction_limiter_of_a_planner_that_is_told_less_does_not():
     tires = Tires.load("forzaeth_nuc2").described()
     cell = {"part": "transients", "tires": tires, "mu": None, "manoeuvre": "step to 0.1 rad", "steering": 0.1}
     (row,) = EXPERIMENT.measure(cell)["transients"]
     assert 0.9 < row["k_peak"] < 1.0 and row["first_tire"].startswith("rear left at ")
     assert row["limited_slide_share"] > 0.0 and 0.5 <= row["limited_mu_share"] < 1.0
-
-
-def test_cells_are_every_set_at_every_mu_and_load_sensitivity():
-    cells = EXPERIMENT.cells(LabSettings())
-    assert len(cells) == len({repr(cell) for cell in cells})
-    circles = [cell for cell in cells if cell["part"] == "circles"]
-    slipx = {(c["mu"], c["load_sensitivity"]) for c in circles if c["tires"]["name"] == "slipx_reference"}
-    assert slipx == {(None, None), (0.4, None), (0.7, None), (1.0, None), (None, 0.0), (None, 0.18)}
-    assert {c["vehicle"] for c in circles if c["tires"]["name"] == "forzaeth_nuc2"} == {"f1tenth", "nuc2"}
-    assert {c["tires"]["name"] for c in circles} == set(tire_names()) - {"contact"}
-
-
-def test_a_set_of_ones_own_is_measured_and_kept(tmp_path):
-    """A linear set has no peak: nothing is driven, and the report says so."""
-    axle = "stiffness = 5.0\nD = 0.8\nrelaxation_length = 0.02\n"
-    (tmp_path / "mine.toml").write_text(f'model = "linear"\n[front]\n{axle}[rear]\n{axle}')
-    settings = LabSettings(tires=(str(tmp_path / "mine.toml"),), steerings=(0.1, 0.2))
-    result = run_lab(["tire_law"], out=tmp_path / "out", workers=1, settings=settings)
-    assert (result.cells, result.cells_measured) == (2, 2)
-    assert "mine is linear: it has no peak" in result.text()
-    again = run_lab(["tire_law"], out=tmp_path / "out", workers=1, settings=settings)
-    assert again.cells_measured == 0
-    assert "--tires" in (tmp_path / "out/report.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -79,17 +79,6 @@ def test_noise_is_gaussian_with_the_standard_deviation_asked_for() -> None:
     assert abs(neighbours) < 4 / math.sqrt(n)
 
 
-def test_noise_leaves_no_return_alone_and_returns_within_the_limits() -> None:
-    rig = Rig(LidarEffects(range_noise_std=0.5), half_length=35.0, half_width=0.3)
-    measured = rig.lidar.ranges(rig.data)
-    assert (measured == math.inf).any()
-    for tick in range(20):
-        ranges = rig.scan(tick).ranges
-        assert (ranges[measured == math.inf] == math.inf).all()
-        assert (np.isinf(ranges) | ((ranges >= 0.02) & (ranges < 30.0))).all()
-        assert (ranges == -math.inf).any()  # 0.3 m away with 0.5 m of noise
-
-
 def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
     rig = Rig(LidarEffects(dropout_probability=0.03))
     scans = [rig.scan(tick).ranges for tick in range(100)]
@@ -152,14 +141,6 @@ def test_turning_each_beam_points_where_it_did() -> None:
     np.testing.assert_allclose(scan.ranges, exact, rtol=0, atol=1e-9)
 
 
-def test_rangefinder_refuses_motion_distortion() -> None:
-    model = rig_spec().compile()
-    lidar = make_lidar("rangefinder", model, PREFIX)
-    with pytest.raises(SettingsError, match=r"RangefinderLidar.*accepted: the back end 'raycast'"):
-        ScanPipeline(lidar, LidarEffects(motion_distortion=True), np.random.default_rng(0))
-    ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(0))
-
-
 # --- pose history ---
 
 
@@ -172,16 +153,6 @@ def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
     turned = 2 * np.arctan2(quaternions[:, 3], quaternions[:, 0])
     np.testing.assert_allclose(turned, [0, 0, 0.25, 1, 1], atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
-
-
-def test_history_reaches_back_its_span_and_starts_again_when_time_does() -> None:
-    history = PoseHistory(0.1)
-    still = np.array([1.0, 0, 0, 0])
-    for index in range(1001):
-        history.record(index * 0.01, np.array([float(index), 0, 0]), still)
-    np.testing.assert_allclose(history.at(np.array([9.9, 9.905, 10.0]))[0][:, 0], [990, 990.5, 1000], atol=1e-6)
-    history.record(0.0, np.array([-5.0, 0, 0]), still)
-    np.testing.assert_array_equal(history.at(np.array([0.0, 10.0]))[0][:, 0], [-5, -5])
 
 
 # --- settings ---

@@ -86,9 +86,3 @@ def test_raycast_sees_what_mujoco_sees_among_obstacles() -> None:
         x, y, heading = track.start_pose(s + 0.8, -0.3)
         obstacles += [Box(x=x, y=y, length=0.5, width=0.3, height=0.2, heading=heading)]
     assert_sees_what_mujoco_sees(Scene("oval", obstacles=tuple(obstacles)), seed=4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("track", track_names())
-def test_rangefinder_sees_what_mujoco_sees_on_the_bundled_track(track: str) -> None:
-    assert_sees_what_mujoco_sees(Scene(track, lidar="rangefinder"), seed=5, poses=10)

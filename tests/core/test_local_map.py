@@ -77,16 +77,6 @@ def test_a_circle_is_where_its_closed_form_says(sign):
     assert memory["driven"] == pytest.approx(2.0 * PERIOD * ticks)
 
 
-def test_straight_on_and_back_ends_where_it_began_and_counts_as_driven_both_ways():
-    memory = new()
-    move(memory, 0.0, 0.7 / PERIOD, PERIOD)
-    drive(memory, 3.0)
-    assert (memory["x"], memory["y"]) == pytest.approx((3.0 * math.cos(0.7), 3.0 * math.sin(0.7)))
-    drive(memory, -2.0)
-    assert (memory["x"], memory["y"]) == pytest.approx((math.cos(0.7), math.sin(0.7)))
-    assert memory["driven"] == pytest.approx(5.0)
-
-
 @pytest.mark.parametrize(("yaw", "ahead"), [(0.0, 0.0), (0.6, 0.8), (-2.3, 0.5)])
 def test_a_room_is_free_within_its_walls_are_walls_and_what_is_beyond_is_unknown(yaw, ahead):
     memory = new()
@@ -177,17 +167,6 @@ def test_after_a_jump_nothing_is_known_but_what_is_seen_then(distance):
 def test_a_speed_that_no_integer_holds_does_not_hang():
     command = "from test_local_map import PERIOD, move, new; move(new(), 1e22, 0.0, PERIOD)"
     subprocess.run([sys.executable, "-c", command], cwd=Path(__file__).parent, check=True, timeout=240)
-
-
-def test_after_a_jump_the_path_begins_anew_where_the_car_is():
-    memory = new()
-    for _ in range(100):
-        drive(memory, 0.1)
-        extend_path(memory, GEOMETRY, beside(1.0, 1.0))
-    move(memory, 1000.0 / PERIOD, 0.0, PERIOD)
-    extend_path(memory, GEOMETRY, beside(1.0, 1.0))
-    assert newest(memory)[0] == pytest.approx(memory["x"])
-    assert memory["along"] - newest(memory)[ALONG] < 0.1
 
 
 @pytest.mark.parametrize(("right", "left"), [(0.8, 1.3), (1.3, 0.8), (0.4, 2.0), (9.0, 0.5)])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import resource
 
 import numpy as np
 import pytest
@@ -106,21 +105,3 @@ def test_the_command_writes_what_it_names_and_keeps_what_exists(tmp_path, capsys
     assert "oval.yaml: exists; accepted: a new file, or --force" in capsys.readouterr().err
     assert main(["track", "export", "oval", files[0], "--force", "--resolution", "0.1"]) == 0
     assert read_map(files[0]).length == pytest.approx(57.0, abs=0.3)
-
-
-def test_a_full_disk_leaves_no_file_of_those_that_were_asked_for(tmp_path, monkeypatch, capsys):
-    """A limit on the size of files stands for the disk: all but the largest fit."""
-    monkeypatch.chdir(tmp_path)
-    arguments = ["track", "export", "oval", "a.yaml", "b.csv", "c.obj"]
-    assert main(arguments) == 0
-    sizes = [path.stat().st_size for path in tmp_path.iterdir()]
-    for path in tmp_path.iterdir():
-        path.unlink()
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (max(sizes) - 1, before[1]))
-    try:
-        assert main(arguments) == 2
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert "cannot be written: File too large" in capsys.readouterr().err
-    assert len(sizes) == 4 and list(tmp_path.iterdir()) == []

@@ -9,10 +9,8 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.centreline_csv import write_centreline
-from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, load_map, read_map
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
-from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.errors import TrackError
 from map_oracles import box_room, draw_map, loop_difference, real_map, ring
 
@@ -228,24 +226,3 @@ def test_a_map_too_narrow_for_the_car_is_refused_with_its_place(tmp_path):
     path = draw_map(tmp_path, ring(inner=50, outer=54))
     with pytest.raises(TrackError, match=r"track 'drawn' is 0.\d+ m wide at \(\d"):
         fg.World(str(path))
-
-
-@pytest.mark.parametrize("name", ["drawn", "maps/mco", "maps/CornerHall"])
-def test_pieces_of_walls_are_convex_and_behind_their_faces(name, tmp_path):
-    track = fg.load_track(draw_map(tmp_path, islands()) if name == "drawn" else real_map(name))
-    feet = (
-        np.array([wall.corners() for wall in track.walls])
-        if isinstance(track, fg.Scene)
-        else wall_prisms(track)[:, :4, :2]
-    )
-    sides = np.roll(feet, -1, axis=1) - feet
-    following = np.roll(sides, -1, axis=1)
-    assert np.all(sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0] > 0.0)
-    occupancy = read_map_file(tmp_path / "drawn.yaml" if name == "drawn" else real_map(name))
-    column, row = np.floor(occupancy.to_pixels(feet.mean(axis=1))).astype(int).T
-    assert np.mean(~occupancy.free[row, column]) > 0.85  # a piece is a pixel thick, and its face half a pixel off
-    padded = np.pad(~occupancy.free, 1)
-    beside = (
-        padded[row + 2, column + 1] | padded[row, column + 1] | padded[row + 1, column] | padded[row + 1, column + 2]
-    )
-    assert np.all(~occupancy.free[row, column] | beside)

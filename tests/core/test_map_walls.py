@@ -48,13 +48,6 @@ def test_outlines_pass_every_edge_once_with_the_region_to_the_left(region):
     assert sum(area < 0.0 for area in areas) == solids - 1  # and a hole for each solid but the one all round
 
 
-def test_a_slanted_wall_is_a_line_and_not_stairs():
-    y, x = np.mgrid[:200, :200]
-    region = (x + y > 100) & (x + y < 250) & (x > 5) & (y > 5) & (x < 190) & (y < 190)
-    wall = trace(outlines(region)[0])
-    assert len(wall) < 20
-
-
 @pytest.mark.parametrize("region", [ring(), box_room()], ids=["ring", "room"])
 def test_no_edge_is_further_from_its_wall_than_the_tolerance(region):
     for outline in outlines(region):

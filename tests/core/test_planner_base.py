@@ -1,6 +1,5 @@
 """A planner of one's own on the base classes: settings, memory and scans reach its kernel, alone and in a batch."""
 
-import copy
 import math
 from dataclasses import dataclass, replace
 
@@ -87,15 +86,6 @@ def test_a_planner_that_assumes_no_friction_limit_gets_its_reference():
     assert (command.steering_angle, command.speed) == (0.1, 7.0)
 
 
-def test_a_copied_planner_is_a_new_one():
-    planner = Patient(CAR, MU, settings=PatientSettings(patience=2))
-    assert max(speeds(planner, 2)) == 0.0
-    copied, before = copy.deepcopy(planner), planner._commands.copy()
-    assert speeds(copied, 3)[:2] == [0.0, 0.0]
-    assert np.array_equal(planner._commands, before)
-    assert speeds(planner, 1)[0] > 0.0
-
-
 def test_each_world_of_a_batch_has_a_memory_of_its_own():
     planners = [Patient(CAR, MU, settings=PatientSettings(patience=patience)) for patience in (2, 0, 1)]
     batch, scan, rows = Patient.batch(planners), corridor(2.0, 2.0), np.zeros(3, ODOMETRY)
@@ -121,12 +111,6 @@ def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
     settings = DrivingSettings(speed_law="range_ratio", lookahead=10.0, range_ratio_gain=2.0)
     command = Leftmost(CAR, np.inf, 8.0, settings)(scan_of(np.full(101, 5.0)), odometry_of(0.0))
     assert command.speed == pytest.approx(8.0 * 2.0 * 1.0 / 10.0)
-
-
-def test_where_there_is_nothing_to_see_there_is_no_goal():
-    blind = scan_of(np.zeros(101))
-    assert Leftmost(CAR, MU).find_goal(blind) is None
-    assert list(Leftmost(CAR, MU).intermediate_scans(blind)) == ["raw"]
 
 
 def test_a_point_to_steer_for_is_further_ahead_when_the_car_is_fast():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.safety import predictions as predicted
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
@@ -14,14 +13,11 @@ from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meet
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, safe_steering
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scenes.corridors import straight
-from fg_mujoco.messages import MapLine
 from fg_mujoco.racing.planner_loading import make_controller
 from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+from scan_worlds import CAR, MU, odometry_of, scan_of
 
 LIMITER = FrictionLimiter(CAR, 1.0489)
-TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
-OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS))), closed=True)
 
 
 def target(x, y, vx, vy, radius=0.25, to_wall=math.inf, braking=0.0, spread=0.0):
@@ -110,25 +106,6 @@ def test_the_filter_lets_a_reference_pass_that_a_target_leaves_and_not_one_into_
     coming = target(2.0, -1.2, 0.0, 2.0)  # beside the way now, and in it when the car would stop
     way, _, found = filtered([coming])
     assert not found or way != 0.0
-
-
-
-@pytest.mark.parametrize("name", sorted(CONTROLLERS))
-def test_a_planner_that_tracks_answers_whatever_comes_next(name):
-    """NaN, inf, zeros, an empty sector, one beam, odometry that is none: after a target has been seen to move."""
-    planner = make_controller(name, car=CAR, mu=MU, max_speed=6.0, map_line=OVAL)
-    crossing = [ranges_of(WALLS + box(4.0, -0.6 + 0.025 * k), x=CAR.lidar_offset) for k in range(20)]
-    empty = crossing[-1].copy()
-    empty[300:700] = math.inf
-    odd = (np.full(1081, math.nan), np.full(1081, math.inf), np.zeros(1081), empty, np.array([5.0]), np.array([]))
-    for bad in (*map(scan_of, odd), scan_of(crossing[-1] * 1e300), corridor(1.0, 1.0, 5.0)):
-        for odometry in (odometry_of(2.0, 0.1), odometry_of(math.nan), odometry_of(1e9)):
-            planner.reset()
-            for ranges in crossing:
-                planner(scan_of(ranges), odometry_of(0.0))
-            for scan in (bad, scan_of(crossing[-1]), bad):
-                command = planner(scan, odometry)
-                assert math.isfinite(command.steering_angle) and math.isfinite(command.speed)
 
 
 def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():

@@ -57,12 +57,6 @@ def test_on_a_circle_it_steers_along_it(radius, direction, heading):
     assert command.steering_angle == pytest.approx(expected, rel=0.02)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_beside_a_line_it_steers_towards_it(side):
-    command = pursuer(mu=math.inf)(OPEN, at(5.0, 0.3 * side, 0.0, 1.0))
-    assert side * command.steering_angle < -0.01
-
-
 def test_the_goal_is_a_lookahead_away_which_grows_with_the_speed_and_the_distance():
     planner = pursuer(least_lookahead=0.8, lookahead_time=0.2, joining_lookahead=3.0)
     for speed, lookahead in ((0.0, 0.8), (2.0, 0.8), (6.0, 1.2)):
@@ -95,13 +89,6 @@ def test_where_the_line_runs_close_by_itself_it_stays_on_its_stretch():
     # seen there for the first time it is on the way back, and has to turn round
     planner.reset()
     assert abs(planner(OPEN, at(5.2, 0.45, 0.0, 1.0)).steering_angle) == CAR.max_steering_angle
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_for_a_goal_behind_it_turns_as_sharply_as_it_can(side):
-    # the arc through a goal right behind is nearly straight, and leads away from it
-    command = pursuer(mu=math.inf)(OPEN, at(10.0, 0.05 * side, math.pi, 1.0))
-    assert command.steering_angle == side * CAR.max_steering_angle
 
 
 def test_a_car_that_is_put_elsewhere_is_found_again():
@@ -141,11 +128,6 @@ def test_it_does_not_see_obstacles_unless_its_law_does():
     blocked, here = corridor(5.0, 5.0, ahead=1.0), at(5.0, 0.0, 0.0, 2.0)
     assert pursuer()(blocked, here) == pursuer()(OPEN, here)
     assert pursuer(speed_law="minimum")(blocked, here).speed < 2.0 < pursuer()(blocked, here).speed
-
-
-def test_the_path_of_its_line_is_no_number_of_its_record():
-    assert "line" not in pursuer().settings_row.dtype.names
-    assert "least_lookahead" in pursuer().settings_row.dtype.names
 
 
 def test_a_raceline_is_followed_in_place_of_the_centreline(tmp_path):

@@ -1,6 +1,5 @@
 """Things that move on circuits: where they are, that they stay between the walls; race, replay and rollout agree."""
 
-import math
 
 import numpy as np
 import pytest
@@ -65,17 +64,6 @@ def test_one_who_crosses_once_waits_and_then_crosses_at_a_walking_speed():
         assert leg.position(leaves + 2.0 * seconds) == pytest.approx(leg.end, abs=1e-12)
         for time in (0.0, leaves + 0.3 * seconds, leaves + 9.0):
             assert obstacle_position(motion_table([leg])[0], time) == leg.position(time)
-
-
-def test_a_box_always_leaves_a_way_past_and_two_legs_walk_together():
-    track = fg.load_track("chicanes")
-    for seed in range(8):
-        box, left, right = with_moving(track, "box,pedestrian", seed, car=CAR).moving
-        corners = np.concatenate([box.corners(time) for time in np.linspace(0.0, 2.0 * box.way / box.speed, 40)])
-        offset = track.project(corners)[1]
-        assert max(1.1 - offset.max(), 1.1 + offset.min()) > 2.45 * CAR.width  # it is 2.2 m wide all along
-        for time in (0.0, 1.3, 7.0):
-            assert math.dist(left.position(time), right.position(time)) == pytest.approx(math.hypot(0.12, 0.2))
 
 
 def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():

@@ -98,17 +98,6 @@ def test_what_is_behind_it_and_holds_it_is_not_pushed_for_long():
     assert stand(history, settings, 20.0) == 0
 
 
-def test_when_it_has_come_on_it_has_forgotten():
-    history, settings = new()
-    come(history, settings, 3.0)
-    for _ in range(5):
-        assert stand(history, settings, DEFAULTS.patience) == 1
-        assert history["tried"] == 1
-        history["back"] = 0.0
-        come(history, settings, DEFAULTS.come_on + 0.1)
-        assert history["tried"] == 0
-
-
 def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
     history, settings = new()
     assert stand(history, settings, 5.0) == 0

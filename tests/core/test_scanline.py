@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from fg_mujoco.lidar import lidar as lidar_module
 from fg_mujoco.lidar.beams import Beams, LidarModel
 from fg_mujoco.lidar.body_poses import mounted_pose
-from fg_mujoco.lidar.clusters import CLUSTER_TRIANGLES, make_clusters
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.lidar.scanline import scan
 from fg_mujoco.lidar.visible_surfaces import ScanlineScene, is_scanline
@@ -28,7 +27,6 @@ from lidar_worlds import (
     PREFIX,
     RIG,
     add_mesh,
-    curvy_walls,
     disagreements,
     mujoco_rays,
     place,
@@ -187,32 +185,6 @@ def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(off: float, 
     assert explained(model, data, lidar, pose).all()
 
 
-def test_beam_that_runs_along_a_face_reads_a_place_on_it_or_what_is_behind() -> None:
-    """Which of them is rounding; but 1 / distance is 0 / 0 there, and might be anything."""
-    spec = rig_spec(sensors=False)
-    room(spec, half_length=20.0, half_width=20.0)
-    body = spec.worldbody.add_body(name="box", mocap=True)
-    body.add_geom(type=GEOM.mjGEOM_BOX, size=(1.0, 0.5, 1.0))
-    model, data, lidar = scanner(spec)
-    place(model, data, (0, 0, 0.2))
-    box = model.body("box").mocapid[0]
-    data.mocap_pos[box] = (100, 100, 0)
-    behind = lidar.ranges(data)
-    rng = np.random.default_rng(0)
-    seen = 0
-    for beam in rng.integers(1081, size=3000):
-        cos, sin = lidar.beams.directions[beam, :2]
-        distance, side = rng.uniform(1.5, 10.0), rng.choice([-0.5, 0.5])
-        data.mocap_pos[box] = (distance * cos - side * sin, distance * sin + side * cos, 0.0)
-        half = 0.5 * lidar.beams.bearings[beam]
-        data.mocap_quat[box] = (math.cos(half), 0.0, 0.0, math.sin(half))
-        reading = lidar.ranges(data)[beam]
-        on_face = distance - 1.0 - 1e-9 <= reading <= distance + 1.0 + 1e-9
-        assert on_face or abs(reading - behind[beam]) < 1e-9
-        seen += on_face
-    assert 500 < seen < 2900
-
-
 @pytest.mark.parametrize("pitch", [0.25, -0.25, 1e-3])
 def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitch: float) -> None:
     model, data, lidar = scanner(rig_spec(sensors=False))
@@ -270,67 +242,7 @@ def test_wall_across_the_blind_sector_is_seen_on_both_sides_of_it() -> None:
     np.testing.assert_allclose(lidar.ranges(data), np.where(exact < 30.0, exact, np.inf), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e200])
-def test_lidar_nowhere_sees_nothing(value: float) -> None:
-    model = random_spec(np.random.default_rng(0)).compile()
-    lidar = RaycastLidar(model, PREFIX)
-    moving = len(lidar.scene.moving)
-    readings = np.empty(1081)
-    for position, rotation in (
-        ((value, 0, 0), np.eye(3)),
-        ((0, 0, value), np.eye(3)),
-        ((0, 0, 0.1), np.full((3, 3), value)),
-    ):
-        scan(
-            lidar.scene.arrays, np.array(position, dtype=float), rotation, np.zeros((moving, 3)),
-            np.tile(np.eye(3), (moving, 1, 1)), lidar.scene.scratch(), readings,
-        )  # fmt: skip
-        assert np.isinf(readings).all()
-
-
 # --- the same bits ---
-
-
-def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
-    rng = np.random.default_rng(4)
-    plain = random_spec(np.random.default_rng(4)).compile()
-    shuffled = random_spec(np.random.default_rng(4), order=rng.permutation(21)).compile()
-    lidars = [RaycastLidar(model, PREFIX) for model in (plain, shuffled)]
-    all_data = [mujoco.MjData(model) for model in (plain, shuffled)]
-    free = {f"free_{index}": (*rng.uniform(-8, 8, 2), 0.3, *rng.normal(size=4)) for index in range(8, 12)}
-    returns = 0
-    for position, rotation in zip(*random_poses(rng, 50), strict=True):
-        scans = []
-        for model, data, lidar in zip((plain, shuffled), all_data, lidars, strict=True):
-            for name, pose in free.items():
-                data.joint(name).qpos[:] = pose
-            put(model, data, position, rotation)
-            scans.append(lidar.ranges(data))
-        assert np.array_equal(*scans)
-        returns += np.isfinite(scans[0]).sum()
-    assert returns > 10000
-
-
-def test_clusters_hold_each_triangle_once_and_its_edges_whatever_the_order() -> None:
-    rng = np.random.default_rng(7)
-    vertices, triangles, _ = curvy_walls(rng, n=150)
-    clusters = make_clusters(vertices, triangles)
-    renamed, shuffled = rng.permutation(len(vertices)), rng.permutation(len(triangles))
-    again = make_clusters(vertices[np.argsort(renamed)], renamed[np.roll(triangles, 1, axis=1)][shuffled])
-    assert np.array_equal(clusters.edges, again.edges)
-    starts, ends = clusters.edges.T[:, :3].tolist(), clusters.edges.T[:, 3:].tolist()
-    assert all(start <= end for start, end in zip(starts, ends, strict=True))  # the same way round in all clusters
-    centres = []
-    for box, (first_edge, behind_edge, first, behind) in zip(clusters.boxes.T, clusters.spans, strict=True):
-        assert 0 < behind - first <= CLUSTER_TRIANGLES
-        ends = clusters.edges[:, first_edge:behind_edge].reshape(2, 3, -1)
-        of_triangle = ends[:, :, clusters.triangles[first:behind]]  # (end, axis, triangle, edge)
-        assert (np.abs(of_triangle - box[:3, None, None]) <= box[3:6, None, None] + 1e-12).all()
-        centres.append(of_triangle.mean(axis=(0, 3)).T)  # each corner ends two of the edges
-    expected = vertices[triangles].mean(axis=1)
-    found = np.concatenate(centres)
-    order, found_order = (np.lexsort(np.round(part, 9).T) for part in (expected, found))
-    np.testing.assert_allclose(found[found_order], expected[order], rtol=0, atol=1e-12)
 
 
 def test_many_worlds_are_scanned_as_each_alone_by_any_thread() -> None:
@@ -375,20 +287,6 @@ def test_mounted_pose_is_that_of_mj_kinematics() -> None:
         mujoco.mj_kinematics(world.model, data)
         np.testing.assert_allclose(position, data.xpos[lidar.body], rtol=0, atol=1e-15)
         np.testing.assert_allclose(rotation.ravel(), data.xmat[lidar.body], rtol=0, atol=1e-15)
-
-
-def test_scan_of_a_car_is_that_of_the_present_state_without_mj_kinematics() -> None:
-    world = World("oval")
-    data, lidar = mujoco.MjData(world.model), world.make_lidar()
-    world.car.set_pose(data, *world.track.start_pose(3.0), 5.0)
-    for _ in range(7):
-        mujoco.mj_step(world.model, data)
-    stale = data.xpos[lidar.body].copy()  # type: ignore[attr-defined]
-    readings = lidar.ranges(data)
-    mujoco.mj_kinematics(world.model, data)
-    assert np.linalg.norm(data.xpos[lidar.body] - stale) > 0.01  # type: ignore[attr-defined]
-    assert np.array_equal(readings, lidar.ranges(data))
-    assert not disagreements(readings, mujoco_rays(world.model, data, lidar.beams, "car/" + EYE), 1e-9).size
 
 
 # --- beams that are no scanline ---

@@ -9,7 +9,7 @@ from matplotlib.path import Path
 import fg_mujoco as fg
 from conftest import Straight
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.course.scenes.parts import corridor, rounded_way, walls_round
+from fg_mujoco.course.scenes.parts import corridor, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
 from scene_search import Clearances, disc_gets_through
@@ -40,18 +40,6 @@ class Law:
 
 
 # Its line
-
-
-def test_progress_is_counted_from_the_first_point_and_a_pose_from_the_start():
-    bent = scene(way=rounded_way([(-3.0, 0.0), (6.0, 0.0), (6.0, 9.0)], radius=1.0), goal=14.0)
-    assert bent.way_length == pytest.approx(9.0 + 9.0 - 2.0 + 0.5 * math.pi, abs=2e-3)
-    assert bent.start_pose() == pytest.approx((0.0, 0.0, 0.0))
-    s, offset = bent.project([(0.0, 0.2), (6.0, 5.0), (5.7, 5.0)])
-    around = 9.0 - 1.0 + 0.5 * math.pi + 4.0
-    assert s == pytest.approx([3.0, around, around], abs=2e-3)
-    assert offset == pytest.approx([0.2, 0.0, 0.3], abs=1e-9)
-    x, y, heading = bent.start_pose(around - 3.0, 0.5)
-    assert (x, y, heading) == pytest.approx((5.5, 5.0, 0.5 * math.pi), abs=2e-3)
 
 
 def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
@@ -108,13 +96,6 @@ def test_finished_is_the_goal_passed():
     assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
     assert result.car.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
     assert 12.0 - 2.0 * TICK - 1e-6 < result.car.column("progress_m")[-1] < 12.0
-
-
-@pytest.mark.parametrize("s", (-1.5, 4.0))
-def test_wherever_it_begins_the_goal_stays_where_it_is(s):
-    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(s=s, speed=2.0))
-    assert result.car.lap_times_s[0] == pytest.approx((12.0 - s) / 2.0, rel=0.01)
-    assert result.car.column("progress_m")[0] == pytest.approx(s, abs=1e-9)
 
 
 def test_its_time_limit_is_its_own_unless_another_is_given():

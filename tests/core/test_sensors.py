@@ -2,9 +2,7 @@
 
 import json
 import math
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +10,8 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.messages import MessageError, Reading
-from fg_mujoco.racing.resimulation import load_world, resimulate, scan_at
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
@@ -257,26 +254,6 @@ def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
         assert math.isnan(reading["other_3_x"])
 
 
-def test_replays_tell_a_planner_the_same_of_its_opponents():
-    result = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
-    again = among("overtaker", knows="opponents", sensors=[{"sensor": "opponents", "noise_std": 0.1}], seed=3)
-    unknown = among("overtaker", seed=3)
-    assert result.trajectory_sha256 == again.trajectory_sha256 != unknown.trajectory_sha256
-    late = scan_at(result, 0.3)[1].readings["opponents"]
-    assert late.values.tolist()[:5] == scan_at(again, 0.3)[1].readings["opponents"].values.tolist()[:5]
-    assert late["other_1_x"] != pytest.approx(result.cars[1].column("x_m")[12], abs=1e-3)  # its noise
-    assert math.isfinite(late["other_2_yaw_rate"])
-
-
-def test_knowledge_that_there_is_none_of_is_refused(capsys):
-    with pytest.raises(SettingsError, match="knows is 'all'; accepted: '' or 'opponents'"):
-        fg.Entry(knows="all")
-    with pytest.raises(SettingsError, match=r"OtherCars\.cars is 0; accepted"):
-        as_sensors([{"sensor": "opponents", "cars": 0}])
-    assert main(["race", "--knows", "everything"]) == 2
-    assert capsys.readouterr().err == "fg-mujoco: --knows is 'everything'; accepted: '' or 'opponents'\n"
-
-
 # -- planners
 
 
@@ -337,24 +314,6 @@ def test_a_planner_that_reads_a_sensor_that_its_car_lacks_is_refused(door, tmp_p
     monkeypatch.setitem(globals(), "NOISY", [])
     with pytest.raises(ControllerError, match=r"reads sensor 'pose', .*accepted: sensors=\['pose'\]$"):
         door(planner)
-
-
-def test_readings_say_what_there_is():
-    _, told = heard(["imu", "pose"])
-    readings = told[-1].readings
-    with pytest.raises(MessageError, match="no sensor 'poes'; accepted: imu, pose; did you mean 'pose'"):
-        readings["poes"]
-    with pytest.raises(MessageError, match="no column 'heding'; accepted: x_m, y_m, heading_rad; did you mean"):
-        readings["pose"]["heding"]
-    with pytest.raises(MessageError, match=r"no columns, such as 'range'; accepted: its `values`"):
-        Reading(stamp=0.0, values=[1.0])["range"]
-    with pytest.raises(fg.SettingsError, match=r"Imu has no argument 'rte'.*did you mean 'rate'"):
-        SENSORS.find("imu")(rte=3)
-    assert "heading_rad" in repr(readings["pose"])
-    with pytest.raises(ValueError, match="read-only"):
-        readings["pose"].values[0] = 1.0
-    with pytest.raises(MessageError, match=r"Reading\.samples has shape"):
-        Reading(stamp=0.0, values=[1.0], stamps=[0.0], samples=[[1.0, 2.0]])
 
 
 # -- run folders and bags
@@ -468,30 +427,6 @@ def test_a_sensor_that_measures_something_else_is_refused(constant):
         SENSORS["constant"] = kind
         with pytest.raises(fg.SettingsError, match=f"sensor 'constant' .*{said}"):
             fg.race("oval", laps=1, time_limit=0.1, sensors=["constant"])
-
-
-def test_a_sensor_with_its_test_is_two_files(tmp_path, monkeypatch):
-    """The page's sensor, put into the repository as the page says: one file, and this test's like beside it."""
-    root = Path(__file__).parents[2]
-    page = (root / "docs" / "howto" / "own_sensor.md").read_text("utf-8")
-    code = page.split('```python title="ground_speed.py"\n')[1].split("```")[0]
-    (tmp_path / "ground_speed.py").write_text(code)
-    (tmp_path / "test_ground_speed.py").write_text(
-        "import fg_mujoco as fg\nimport ground_speed\n\n\n"
-        "def test_it_measures_the_speed_over_ground():\n"
-        "    simulation = fg.Simulation(fg.World('oval'), sensors=[{'sensor': 'ground_speed', 'noise_std': 0.0}])\n"
-        "    _, odometry = simulation.reset(speed=2.0)\n"
-        "    assert abs(odometry.readings['ground_speed']['vx'] - 2.0) < 1e-9\n"
-    )
-    assert len(list(tmp_path.iterdir())) == 2
-    monkeypatch.syspath_prepend(tmp_path)
-    sys.modules.pop("ground_speed", None)
-    try:
-        names = {}
-        exec((tmp_path / "test_ground_speed.py").read_text(), names)
-        names["test_it_measures_the_speed_over_ground"]()
-    finally:
-        sys.modules.pop("ground_speed", None)
 
 
 # -- environments

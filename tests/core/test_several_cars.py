@@ -13,7 +13,7 @@ from fg_mujoco import Entry, SettingsError, World, race
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import check_starts, grid_starts
-from fg_mujoco.simulation.cars import BOX, BOX_HEIGHTS, BOX_SIDE, WorldCar, car_prefix
+from fg_mujoco.simulation.cars import WorldCar, car_prefix
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
@@ -99,20 +99,6 @@ def empty_scan(world: World, engine: Engine) -> FloatArray:
     return world.lidar.ranges(data)
 
 
-def test_a_box_makes_a_car_visible_at_the_heights_that_the_rules_name() -> None:
-    world = World("oval", others=[WorldCar()])
-    data = mujoco.MjData(world.model)
-    mujoco.mj_forward(world.model, data)
-    for car in world.cars:
-        geom = world.model.geom(f"{car.prefix}{BOX}")
-        centre, half = data.geom_xpos[geom.id], world.model.geom_size[geom.id]
-        assert tuple(2.0 * half[:2]) == (BOX_SIDE, BOX_SIDE)
-        assert (centre[2] - half[2], centre[2] + half[2]) == pytest.approx(BOX_HEIGHTS, abs=1e-6)
-    assert World("oval").model.geom("car/chassis").id >= 0
-    with pytest.raises(KeyError):
-        World("oval").model.geom(f"car/{BOX}")
-
-
 def meet(speeds: tuple[float, float], *, head_on: bool, offset: float = 0.0) -> tuple[float, float, float, bool]:
     """Let two cars meet on ground without friction.
 
@@ -153,15 +139,6 @@ def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed: float, hea
     assert gain < 1e-3
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.1])
-def test_nothing_passes_through_anything_at_8_metres_a_second(offset: float) -> None:
-    _, _, nearest, touched = meet((4.0, 4.0), head_on=True, offset=offset)
-    front = World("oval").car.parameters
-    noses = 2.0 * (front.length - front.rear_overhang)
-    assert touched
-    assert nearest > noses - (0.05 if offset == 0.0 else noses)  # a glancing car turns aside, and is not past the other
-
-
 @pytest.mark.slow
 def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact() -> None:
     entries = [
@@ -177,21 +154,6 @@ def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact
     for other in lines[1:]:
         for name, line in lines[0].items():
             assert np.abs(other[name] - line).max() < 1e-6
-
-
-@pytest.mark.parametrize("tires", [None, "forzaeth_nuc2"])
-def test_cars_of_one_world_have_tires_of_their_own(tires: str | None) -> None:
-    world = World("oval", tires=tires, others=[WorldCar(tires="slipx_reference", mu=0.7), WorldCar()])
-    engine = Engine(world)
-    engine.place([Start(s=2.0 * i) for i in range(3)])
-    alone = Engine(World("oval", tires="slipx_reference", mu=0.7, others=[WorldCar()]))
-    alone.place([Start(s=2.0), Start(s=9.0)])
-    engine.commands[:] = alone.commands[:] = 0.2, 3.0
-    for _ in range(40):
-        engine.drive()
-        alone.drive()
-    assert np.allclose(engine.free_joint(1)[0], alone.free_joint(0)[0], atol=1e-9)
-    assert not np.allclose(engine.free_joint(1)[1], engine.free_joint(2)[1], atol=1e-3)
 
 
 def test_the_grids_are_those_of_the_rules() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.simulation.cars import CAR_PREFIX, UNREAD_SENSORS
-from fg_mujoco.simulation.engine import whole_steps
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_forces import TireForces
@@ -41,14 +40,6 @@ def same_bits(first, second):
     return np.array_equal(first.view(np.uint64), second.view(np.uint64))
 
 
-def test_the_same_commands_give_the_same_bits(world, simulation):
-    states, scans = wander(simulation, 40)
-    again, scans_again = wander(fg.Simulation(world), 40)
-    assert same_bits(states, again) and same_bits(scans, scans_again)
-    others, _ = wander(fg.Simulation(world), 40, seed=1)
-    assert not same_bits(states[0], others[0])
-
-
 def test_reset_leaves_nothing_of_what_was_before(world, simulation):
     fresh, fresh_scans = wander(fg.Simulation(world), 20)
     simulation.reset(speed=6.0)
@@ -72,44 +63,6 @@ def test_a_state_set_again_goes_on_as_it_did(backend):
     going_on, scans = wander(first, 15, seed=5)
     again, scans_again = wander(second, 15, seed=5)
     assert same_bits(going_on, again) and same_bits(scans, scans_again)
-
-
-@pytest.mark.parametrize(
-    ("s", "offset", "speed"), ((0.0, 0.0, 0.0), (3.0, 0.4, 0.0), (13.7, -0.5, 4.0), (57.1, 0.2, 2.0))
-)
-def test_reset_places_the_car_on_the_track(simulation, s, offset, speed):
-    scan, odometry = simulation.reset(s=s, offset=offset, speed=speed)
-    track = simulation.world.track
-    assert simulation.pose == pytest.approx(track.start_pose(s, offset))
-    found = np.ravel(track.project(simulation.pose[:2]))
-    assert found == pytest.approx((s % track.length, offset), abs=0.01)
-    assert simulation.speed == pytest.approx(speed) and odometry.speed == pytest.approx(speed)
-    assert odometry.wheel_speeds == pytest.approx([speed] * 4)
-    assert scan.stamp == odometry.stamp == simulation.time == 0.0
-    assert not simulation.crashed
-
-
-@pytest.mark.parametrize(("s", "offset"), ((2.0, 0.4), (13.0, -0.5), (57.0, 0.0)))
-def test_the_scan_is_that_of_the_walls_in_the_plane(simulation, s, offset):
-    """Oracle: each beam against each segment of the track's walls, in two dimensions."""
-    scan, _ = simulation.reset(s=s, offset=offset)
-    track, lidar_offset = simulation.world.track, simulation.world.parameters.lidar_offset
-    x, y, heading = simulation.pose
-    lidar = np.array([x + lidar_offset * math.cos(heading), y + lidar_offset * math.sin(heading)])
-    expected = np.full(len(scan.ranges), np.inf)
-    ray = np.column_stack((np.cos(scan.bearings + heading), np.sin(scan.bearings + heading)))
-    for wall in (track.left_wall, track.right_wall):
-        for start, end in zip(wall, np.roll(wall, -1, axis=0), strict=True):
-            along, away = end - start, start - lidar
-            slant = ray[:, 0] * along[1] - ray[:, 1] * along[0]
-            distance = (away[0] * along[1] - away[1] * along[0]) / slant
-            share = (away[0] * ray[:, 1] - away[1] * ray[:, 0]) / slant
-            hit = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
-            expected[hit] = np.minimum(expected[hit], distance[hit])
-    assert np.isfinite(expected).all()
-    # MJCF text keeps six digits of the walls, and a beam may end on either side of an edge
-    assert np.mean(np.abs(scan.ranges - expected) < 1e-3) > 0.995
-    assert np.median(np.abs(scan.ranges - expected)) < 1e-4
 
 
 def measured_anew(world, state, others=()):
@@ -229,13 +182,3 @@ def test_a_timestep_that_does_not_divide_the_period_is_refused(timestep):
     world.model.opt.timestep = timestep
     with pytest.raises(fg.ModelError, match=rf"timestep is {timestep} s; accepted: a whole fraction.*0\.025 s"):
         fg.Simulation(world)
-
-
-@pytest.mark.parametrize(("timestep", "steps"), ((0.025, 1), (0.005, 5), (0.0025, 10), (0.001, 25)))
-def test_a_timestep_that_divides_the_period_makes_so_many_steps(timestep, steps):
-    assert whole_steps(0.025, timestep) == steps
-    world = fg.World("oval")
-    world.model.opt.timestep = timestep
-    simulation = fg.Simulation(world)
-    simulation.step(fg.STOP)
-    assert simulation.time == pytest.approx(0.025) and len(simulation.slip.slides) == steps

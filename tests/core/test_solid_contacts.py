@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.course.obstacles import Box
 from fg_mujoco.simulation.world import WorldCar
 from fg_mujoco.vehicle.bodywork import RESTITUTION, fit_timestep, solref
 
@@ -103,19 +102,6 @@ def test_a_wall_bounces_alike_at_other_timesteps(timestep):
     assert not np.allclose(world.model.geom("car/chassis").solref, before)
     _, speeds, energies = drive_into(world, 5.0, 0.5 * math.pi, 0.05, "wall_")
     assert -speeds.min() / 5.0 == pytest.approx(RESTITUTION, abs=0.1) and energies.max() < 1.001 * energies[0]
-
-
-@pytest.mark.parametrize("degrees", (90, 60))
-def test_an_obstacle_stops_a_car_as_a_wall_does(degrees):
-    world = fg.World(TRACK)
-    x, y, heading = world.track.start_pose(PLACE)
-    offset = left_wall(world) - 0.5
-    place = np.array((x, y)) + offset * np.array((-math.sin(heading), math.cos(heading)))
-    box = Box(x=place[0], y=place[1], length=0.6, width=0.3, heading=heading)
-    world = fg.World(TRACK, obstacles=(box,), tires="coulomb")
-    depths, speeds, energies = drive_into(world, 20.0, math.radians(degrees), 0.75, "obstacle_")
-    assert 0.0 < depths.max() <= 0.105 and energies.max() < 1.001 * energies[0]
-    assert speeds[-1] < 0.0
 
 
 def test_two_cars_that_meet_at_20_m_s_part_with_their_momentum_and_less_energy():

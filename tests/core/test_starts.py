@@ -76,12 +76,6 @@ def test_a_race_refuses_it(start, obstacles, said):
         fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
 
 
-def test_a_race_starts_close_to_a_wall_and_beside_an_obstacle():
-    near = fg.race("oval", start=fg.Start(offset=1.1 - 0.5 * CAR.width - 0.02), time_limit=0.1)
-    beside = fg.race("oval", start=fg.Start(offset=0.6), obstacles=(BOX,), time_limit=0.1)
-    assert (near.car.end_reason, beside.car.end_reason) == ("time_limit", "time_limit")
-
-
 @pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
 def test_several_cars_are_refused_with_the_name(start, obstacles, said):
     entries = [fg.Entry(start=start), fg.Entry(start=fg.Start(s=9.0))]
@@ -107,13 +101,6 @@ def test_an_environment_refuses_it_in_its_settings_and_in_a_reset(start):
     env = F1TenthEnv(track="oval")
     with pytest.raises(SettingsError, match="beyond the walls"):
         env.reset(options={"start": {"offset": start.offset}})
-
-
-def test_a_simulation_that_is_stepped_by_hand_says_that_it_has_crashed():
-    simulation = fg.Simulation(fg.World("oval"))
-    for offset, crashed in ((3.0, True), (1.1, True), (0.0, False)):
-        simulation.reset(offset=offset)
-        assert simulation.crashed is crashed
 
 
 # -- drawn

@@ -103,33 +103,6 @@ def test_the_car_can_drive_a_lap_of(name):
     check_lap(*lap_of(name))
 
 
-class Follow:
-    """Follows a lap of poses by pure pursuit with a lookahead of 0.3 m, slowly."""
-
-    def __init__(self, poses):
-        ahead = np.outer(np.arange(1, 11) * STEP, (math.cos(poses[-1, 2]), math.sin(poses[-1, 2])))
-        self.points = np.vstack((poses[:, :2], poses[-1, :2] + ahead))
-
-    def reset(self):
-        self.place = 0
-
-    def __call__(self, scan, odometry):
-        x, y, heading = odometry.pose
-        self.place += int(np.argmin(np.hypot(*(self.points[self.place : self.place + 15] - (x, y)).T)))
-        dx, dy = self.points[min(self.place + 3, len(self.points) - 1)] - (x, y)
-        aside = dy * math.cos(heading) - dx * math.sin(heading)
-        steering = math.atan(2.0 * CAR.wheelbase * aside / (dx * dx + dy * dy))
-        most = CAR.max_steering_angle
-        return fg.DriveCommand(steering_angle=min(max(steering, -most), most), speed=0.6)
-
-
-@pytest.mark.parametrize("name", ["boxes", "maze", SEEDS[0]])
-def test_the_simulated_car_drives_the_lap_that_was_found_on(name):
-    track, lap = lap_of(name)
-    result = fg.race(track, Follow(lap), laps=1, time_limit=4.0 * track.length)
-    assert (result.car.end_reason, result.car.laps_completed, result.car.collisions_wall) == ("finished", 1, 0)
-
-
 def through_the_u_turn(drawn):
     """Whether the search of the tests, on another lattice, gets round one of the U-turns of a bar."""
     line = drawn.line - drawn.line.mean(axis=0)

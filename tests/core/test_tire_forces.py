@@ -133,42 +133,6 @@ def test_a_car_that_stops_stands_still_and_one_that_slides_sideways_does_not_spr
     assert abs(ground.data.qpos[1] - reached) < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("tires", "steering", "speed"),
-    [("slipx_reference", 0.1, 4.0), ("slipx_reference", 0.1, 5.5), ("slipx_reference", 0.3, 4.5), ("coulomb", 0.3, 4.5),
-     ("forzaeth_nuc7", 0.1, 5.5)],
-)  # fmt: skip
-@pytest.mark.slow
-def test_circles_are_steady_and_the_same_at_5_ms_and_at_half_a_millisecond(tires, steering, speed):
-    """Holding and past the peak: no hop, and the timestep does not count."""
-    found = []
-    for timestep in (0.005, 0.0005):
-        ground = Ground(tires, timestep=timestep)
-        ground.place(speed)
-        ground.hold(4.0, steering, speed)
-        rows = []
-        for _ in range(200):
-            ground.hold(timestep, steering, speed)
-            rows.append(ground.tires.copy())
-        rows = np.array(rows)
-        assert np.ptp(rows[:, :, LOAD], axis=0).max() < 1e-6 * rows[:, :, LOAD].mean()
-        assert np.ptp(rows[:, :, ACROSS], axis=0).max() < 1e-6
-        found.append((np.hypot(*ground.data.qvel[:2]), ground.data.qvel[5], *rows[-1, :, ACROSS]))
-    np.testing.assert_allclose(found[0][:2], found[1][:2], rtol=5e-4)
-    np.testing.assert_allclose(found[0][2:], found[1][2:], rtol=5e-4, atol=1.5e-5)  # [m] bent by up to 9 mm
-
-
-def test_the_tires_forces_are_those_that_move_the_car():
-    """Newton and Euler of the whole car, from the sensors: mass times acceleration in the centre of gravity."""
-    ground = Ground("slipx_reference")
-    ground.place(4.0)
-    ground.hold(3.0, 0.1, 4.0)  # a steady circle: the centripetal force
-    slip_x, slip_y = ground.tires[:, FORCE_ALONG], ground.tires[:, FORCE_ACROSS]
-    turned = [float(ground.data.joint(f"front_{side}_kingpin").qpos[0]) for side in ("left", "right")] + [0.0, 0.0]
-    side = sum(x * math.sin(a) + y * math.cos(a) for x, y, a in zip(slip_x, slip_y, turned, strict=True))
-    assert side == pytest.approx(centripetal(ground), rel=0.003)
-
-
 @pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc7", "f1tenth_gym"])
 @pytest.mark.parametrize("speed", [1.0, 3.0, 8.0])
 @pytest.mark.slow
@@ -526,37 +490,6 @@ def test_worlds_of_cars_on_different_tires_have_the_bits_of_steps_by_hand():
     assert state.tobytes() == driven.tobytes()
     loads = [np.nan_to_num(meter.read().normal_force).sum(axis=1).mean() for meter in meters]
     assert loads == pytest.approx([MIXED.parameters.mass * 9.81] * 3, rel=0.02)
-
-
-@pytest.mark.parametrize("tires", ["contact", "coulomb"])
-def test_steps_that_are_run_are_steps_one_by_one(tires):
-    """To the last bit, and with the sensors and the tires of each."""
-    grounds, seen = [Ground(tires), Ground(tires)], []
-    for ground in grounds:
-        ground.place(3.0)
-        ground.car.apply(ground.data, DriveCommand(steering_angle=0.3, speed=1.0))
-    for _ in range(9):
-        grounds[0].forces.step(grounds[0].data)
-        seen.append((grounds[0].data.sensordata.tolist(), grounds[0].data.userdata.tolist()))
-    model = grounds[1].model
-    records, states = np.empty((9, model.nsensordata)), np.empty((9, model.nuserdata))
-    grounds[1].forces.run(grounds[1].data, records, states)
-    assert [*zip(records.tolist(), states.tolist(), strict=True)] == seen
-    assert state_of(grounds[1]).tobytes() == state_of(grounds[0]).tobytes()
-
-
-@pytest.mark.parametrize("threads", [2, 3])
-def test_a_world_has_its_bits_in_any_batch_order_and_number_of_threads(threads):
-    alone = []
-    for i in range(5):
-        engine = Engine(MIXED)
-        engine.place([Start(s=2.0 * car + 0.5 * i) for car in range(3)])
-        alone.append(drive_mixed(engine, 8)[0].tobytes())
-    together = drive_mixed(placed(Engine(MIXED, 5, threads=threads)), 8)
-    assert [state.tobytes() for state in together] == alone
-    backwards = Engine(MIXED, 5, threads=threads)
-    backwards.place([Start(s=2.0 * car + 0.5 * i) for i in reversed(range(5)) for car in range(3)])
-    assert [state.tobytes() for state in reversed(drive_mixed(backwards, 8))] == alone
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 7])

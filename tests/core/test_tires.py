@@ -12,7 +12,6 @@ import fg_mujoco as fg
 from fg_mujoco.vehicle.tires import (
     LAWS,
     NUMBERS,
-    AxleTires,
     Brush,
     Coulomb,
     Linear,
@@ -197,23 +196,6 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(tmp_path, old, new, sai
     with pytest.raises(fg.SettingsError, match=rf"^tire file .*{said}") as error:
         Tires.load(path)
     assert "\n" not in str(error.value) and "accepted: " in str(error.value)
-
-
-def test_what_is_no_set_is_refused():
-    with pytest.raises(fg.SettingsError, match=r"tires 'forzaeth_nuc' are not known; .*did you mean 'forzaeth_nuc"):
-        Tires.load("forzaeth_nuc")
-    with pytest.raises(fg.SettingsError, match=r"tire file nowhere.toml: .*; accepted: a TOML file"):
-        Tires.load("nowhere.toml")
-    with pytest.raises(fg.SettingsError, match=r"tires is 3; accepted"):
-        Tires.load(3)
-    with pytest.raises(fg.SettingsError, match=r"Tires\.front is None with model 'linear'"):
-        Tires(model="linear")
-    curve = Linear(D=1.0, stiffness=5.0)
-    axle = AxleTires(lateral=curve, longitudinal=curve, relaxation_length=0.05)
-    with pytest.raises(
-        fg.SettingsError, match=r"has a curve of 'linear' with model 'magic_formula'; accepted: .*MagicFormula"
-    ):
-        Tires(model="magic_formula", front=axle, rear=axle)
 
 
 def test_a_step_too_long_for_the_stiffness_of_tires_is_refused_in_one_line(tmp_path):

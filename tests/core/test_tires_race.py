@@ -9,7 +9,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -33,15 +32,6 @@ def lap():
 
 def same_bits(first, second):
     return first.shape == second.shape and first.tobytes() == second.tobytes()
-
-
-def test_a_planner_that_is_told_the_least_peak_laps_and_no_tire_is_past_its_peak(lap):
-    car = lap.car
-    assert car.finished and car.collisions_wall == 0 and car.slide_time_fraction == 0.0 and car.max_slide_m_s == 0.0
-    assert (car.tires, car.mu) == (NUC2, pytest.approx(1.2307, rel=1e-4))
-    assert car.planner_mu == Tires.load(NUC2).least_peak
-    use = np.array([car.column(f"friction_use_{wheel}") for wheel in fg.vehicle.car.WHEELS])
-    assert 0.7 < np.nanmax(use) <= 1.0 + 1e-9
 
 
 def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
@@ -183,14 +173,3 @@ def test_patches_are_part_of_any_world(tires, tmp_path):
     if tires == "contact":
         pairs = [simulation.world.model.pair(f"{CAR_PREFIX}{wheel}_tire").id for wheel in fg.vehicle.car.WHEELS]
         assert simulation.world.model.pair_friction[pairs, 0].tolist() == own[-1].tolist()
-
-
-def test_pictures_read_the_forces_of_such_tires(lap):
-    model, data = lap.world.model, mujoco.MjData(lap.world.model)
-    tick = 1 + int(np.abs(lap.car.column("fy_front_left_N")[:-1]).argmax())
-    mujoco.mj_setState(model, data, lap.states[tick], STATE)
-    TireForces(copy(model), CAR_PREFIX).forward(data)
-    forces = TireForceMeter(model).read(data)
-    recorded = np.array([lap.car.column(f"friction_use_{wheel}")[tick] for wheel in fg.vehicle.car.WHEELS])
-    np.testing.assert_allclose(forces.use, recorded, atol=0.05)
-    assert forces.use.max() > 0.3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +12,7 @@ from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.generator import generate_track
 from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
-from fg_mujoco.simulation.course_loading import default_car, load_track
-from fg_mujoco.simulation.world import World
+from fg_mujoco.simulation.course_loading import load_track
 
 HEADER = "# x_m, y_m, w_tr_right_m, w_tr_left_m\n"
 
@@ -174,23 +172,6 @@ def test_a_track_is_turned_round_on_request(tmp_path, direction):
     np.testing.assert_array_equal(turned.width_left, 1.2 if is_same else 1.0)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ("width=2", "width is 2.0, but the file has widths of its own"),
-        ("width=wide", "width is 'wide'; accepted: METRES"),
-        ("direction=left", "direction is 'left'; accepted: clockwise, counterclockwise"),
-        ("close=2", "setting 'close=2'; accepted: each once, of width=METRES"),
-        ("direction=clockwise,direction=clockwise", "setting 'direction=clockwise'; accepted: each once"),
-    ],
-)
-def test_settings_that_are_wrong_are_refused(tmp_path, settings, message):
-    path = tmp_path / "some.csv"
-    path.write_text(text_of(ROWS))
-    with pytest.raises(TrackError, match=message):
-        load_track(f"{path}[{settings}]")
-
-
 @pytest.mark.parametrize("spacing", [0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0])
 def test_any_spacing_gives_the_same_smooth_circuit(read, spacing):
     track = read(text_of(ellipse_rows(spacing)))
@@ -245,26 +226,6 @@ def test_what_is_no_track_is_refused_in_one_line_that_names_the_file(read, text,
     assert "some.csv" in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert "accepted" in str(refusal.value)
-
-
-def test_missing_file_folder_and_map_are_refused(tmp_path):
-    (tmp_path / "folder.csv").mkdir()
-    for name, message in (("none.csv", "no such file"), ("folder.csv", "is a folder"), ("map.yaml", "no such file")):
-        with pytest.raises(TrackError, match=message) as refusal:
-            load_track(tmp_path / name)
-        assert name in str(refusal.value)
-
-
-def test_track_narrower_than_the_car_is_refused_with_the_place(tmp_path):
-    rows = [(x, y, 0.1 if k == 30 else 1.0, 0.2) for k, (x, y, _, _) in enumerate(ROWS)]
-    path = tmp_path / "narrow.csv"
-    path.write_text(text_of(rows))
-    assert load_track(path).name == "narrow"
-    with pytest.raises(TrackError, match=r"0.30 m wide at \(.*\), point 30; accepted: wider than the car, 0.31 m"):
-        World(str(path))
-    with pytest.raises(TrackError, match=r"'narrow' is 0.30 m wide"):
-        load_track(path).check_car(default_car())
-    load_track(path).check_car(replace(default_car(), width=0.29))
 
 
 @pytest.mark.parametrize("name", ["ovall", "", "random:", "random:x", "random:-1", "random:1.5", "Oval"])

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.course.polyline import resample, rounded_polygon
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.simulation.course_loading import load_track
 
 
 def track_of(line, width=1.0):
@@ -47,28 +45,6 @@ def test_mesh_of_a_square_is_closed_but_for_its_underside(square):
     assert mesh.area_faces[up].sum() == pytest.approx(areas(wall_prisms(square, 0.4, 0.1)).sum())
     assert mesh.area_faces[~up].sum() == pytest.approx(0.4 * (28 + 27.2 + 44 + 44.8))
     assert faces[..., 2].min() == 0.0 and faces[..., 2].max() == 0.4
-
-
-def test_an_end_that_no_neighbour_meets_is_closed():
-    corners = [(0, 1.6), (0, 0), (1.5, 0), (10.5, -6), (20, -6), (20, 7.6), (10.5, 7.6), (1.5, 1.6)]
-    line = resample(rounded_polygon(np.array(corners, dtype=float), np.full(8, 0.75)), 0.1)[0]
-    track = track_of(line)
-    prisms = wall_prisms(track, thickness=0.5)  # the tips are too short for it
-    feet = prisms[:, :4, :2]
-    depth = np.linalg.norm(feet[:, 3] - feet[:, 0], axis=1)
-    assert depth.min() < 0.4
-    assert len(wall_mesh(track, thickness=0.5).faces) > 6 * len(prisms)
-
-
-def test_thick_walls_are_thinner_where_another_stretch_is_behind():
-    track = load_track("hairpins")  # 1.8 m between the walls of two arms
-    prisms = wall_prisms(track, thickness=3.0)
-    points = track.position(np.random.default_rng(1).uniform(0.0, track.length, 500), 0.0)
-    for prism in prisms:
-        away = points[:, None] - prism[:4, :2]
-        sides = np.roll(prism[:4, :2], -1, axis=0) - prism[:4, :2]
-        assert not np.any(np.all(sides[:, 0] * away[..., 1] - sides[:, 1] * away[..., 0] > 0.0, axis=1))
-    assert areas(prisms).min() > 0.0
 
 
 @settings(deadline=None, max_examples=20)

@@ -16,7 +16,6 @@ from fg_mujoco.course.polyline import (
     resample,
     rounded_polygon,
     segments,
-    self_crossings,
     simplify,
     smooth,
     spline,
@@ -65,17 +64,6 @@ def test_crossings_are_those_of_the_solved_equations(seed):
     assert set(zip(*crossings(first, second), strict=True)) == expected
 
 
-def test_figure_of_eight_crosses_itself_once_and_a_square_never():
-    eight = np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0)])
-    assert list(zip(*self_crossings(eight), strict=True)) == [(0, 2)]
-    assert len(self_crossings(SQUARE)[0]) == 0
-
-
-def test_loop_that_touches_itself_at_a_point_crosses_itself():
-    touching = np.array([(-1.0, 1.0), (-1.0, -1.0), (0.0, 0.0), (1.0, -1.0), (1.0, 1.0), (0.0, 0.0)])
-    assert len(self_crossings(touching)[0]) > 0
-
-
 def test_resampled_steps_are_even_and_keep_the_first_point():
     line, column = resample(SQUARE, 0.3, np.array([0.0, 4.0, 7.0, 4.0]))
     assert len(line) == round(14.0 / 0.3)
@@ -101,20 +89,11 @@ def test_simplified_line_stays_within_its_tolerance(seed, tolerance):
         assert away.min() <= tolerance + 1e-12
 
 
-def test_simplified_rectangle_is_its_corners():
-    assert {tuple(p) for p in simplify(subdivide(SQUARE, 0.1)[0], 1e-6).tolist()} == {tuple(p) for p in SQUARE.tolist()}
-
-
 def test_rounded_rectangle_has_straights_and_arcs():
     line = rounded_polygon(SQUARE, np.full(4, 1.0), 0.01)
     assert step_lengths(line).sum() == pytest.approx(2 * 2 + 2 * 1 + 2 * np.pi, abs=1e-3)
     assert enclosed_area(line) == pytest.approx(12 - (4 - np.pi), abs=1e-3)
     np.testing.assert_allclose(rounded_polygon(SQUARE, np.zeros(4)), SQUARE)
-
-
-def test_arcs_that_overlap_are_refused():
-    with pytest.raises(ValueError, match="overlap"):
-        rounded_polygon(SQUARE, np.full(4, 1.6))
 
 
 def test_smoothed_rectangle_keeps_its_straights_and_bounds_its_curvature():

@@ -67,17 +67,6 @@ def test_fold_of_a_corner_tighter_than_its_corridor_is_cut_where_the_arms_meet()
         assert np.hypot(*(wall - corner).T).min() < 0.02
 
 
-def test_hairpin_tighter_than_its_corridor_has_no_wall_in_its_bend():
-    # arms 1.6 m apart that part after 1.5 m, by 2 in 3: one corner, so the wall begins where they are 2 m apart
-    line = rounded([(0, 1.6), (0, 0), (1.5, 0), (10.5, -6), (20, -6), (20, 7.6), (10.5, 7.6), (1.5, 1.6)], 0.75, 0.1)
-    track = track_of(line, 1.0)
-    np.testing.assert_array_equal(track.corridor_left, 1.0)
-    tip = track.left_wall[np.argmin(track.left_wall[:, 0])]
-    centre = np.array((1.5 - 0.75 * np.tan(0.5 * np.arctan2(6.0, 9.0)), -0.75))  # of the arc that parts the lower arm
-    x = centre[0] + np.sqrt(1.75**2 - (0.8 - centre[1]) ** 2)  # its offset meets the other's half way up
-    np.testing.assert_allclose(tip, (x, 0.8), atol=0.01)
-
-
 def pinched(gap):
     """Round two bulges, between which the stretches run `gap` apart for 6 m."""
     low, high = -0.5 * gap, 0.5 * gap
@@ -96,14 +85,6 @@ def test_stretches_side_by_side_share_the_room_with_a_wall_between():
     np.testing.assert_allclose(np.abs(track.left_wall[middle, 1]), 0.5 * SHARED_WALL, atol=WALL_TOLERANCE)
 
 
-def test_stretches_in_proportion_to_their_widths():
-    line = pinched(1.6)
-    widths = np.where(line[:, 1] > 0.0, 1.2, 0.6)
-    track = track_of(line, 1.0, widths)
-    narrow = np.abs(line[:, 0]) < 2.0
-    np.testing.assert_allclose(track.corridor_left[narrow], widths[narrow] / 1.8 * (1.6 - SHARED_WALL), atol=1e-6)
-
-
 def test_wall_beyond_another_stretch_is_refused_with_the_place():
     with pytest.raises(TrackError, match=r"runs over itself: at \(.*\), point \d+, its left wall would be 1.00 m away"):
         track_of(pinched(0.9), 1.0)
@@ -112,14 +93,6 @@ def test_wall_beyond_another_stretch_is_refused_with_the_place():
 def test_loop_narrower_than_its_corridor_is_refused():
     with pytest.raises(TrackError, match="no room for the left wall"):
         _ = track_of(circle(0.9, 60), 1.0).left_wall
-
-
-def test_step_in_the_width_is_a_step_in_the_wall():
-    line = resample(np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 12.0), (0.0, 12.0)]), 0.25)[0]
-    widths = np.where((line[:, 0] > 5.0) & (line[:, 0] < 10.0) & (line[:, 1] < 1.0), 0.6, 1.2)
-    wall = track_of(line, 1.2, widths).left_wall
-    assert np.isclose(wall[:, 1], 0.6).sum() == 2  # the ends of the narrow part
-    assert np.isclose(wall[:, 1], 1.2).sum() == 4  # two corners, and the ends of the wide part
 
 
 @settings(deadline=None, max_examples=25)

@@ -11,7 +11,6 @@ from fg_mujoco.simulation.cars import CAR_PREFIX, WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.vehicle import Vehicle
 
 # The oval starts along x, with straight walls at y = +-1.1 m; the box is turned, the cylinder offers an edge.
 BOX = fg.Box(x=3.0, y=0.2, length=0.4, width=0.6, heading=0.5)
@@ -134,14 +133,6 @@ def test_a_friction_that_no_tire_has_is_refused(mu):
         fg.World("oval", mu=mu)
 
 
-def test_the_engines_settings_are_those_of_the_cars_mjcf_and_static_geoms_sleep(world):
-    car = Vehicle.load().compile()
-    for name in ("timestep", "integrator", "cone", "impratio", "gravity", "disableflags"):
-        assert np.array_equal(getattr(world.model.opt, name), getattr(car.opt, name)), name
-    assert world.model.opt.enableflags == car.opt.enableflags | mujoco.mjtEnableBit.mjENBL_SLEEP
-    assert world.model.narena == car.narena
-
-
 def test_a_car_in_a_wall_finds_room_for_its_contacts(world):
     """Beside a wall, pushing into it: far from all the memory that the car's MJCF asks for."""
     simulation = fg.Simulation(world)
@@ -151,27 +142,6 @@ def test_a_car_in_a_wall_finds_room_for_its_contacts(world):
         simulation.step(fg.DriveCommand(steering_angle=0.4, speed=5.0))
     assert not simulation.unstable and simulation.data.warning.number.sum() == 0
     assert simulation.data.maxuse_arena < 0.25 * world.model.narena
-
-
-def test_walls_sleep_and_the_car_never_does(world):
-    simulation = fg.Simulation(world)
-    for _ in range(120):  # 3 s at rest, and MuJoCo puts a body to sleep after ten steps of rest
-        simulation.step(fg.STOP)
-    states, asleep = simulation.data.body_awake, mujoco.mjtSleepState
-    assert states[0] == asleep.mjS_STATIC
-    assert set(states[1:]) == {int(asleep.mjS_AWAKE)}
-    for _ in range(20):
-        simulation.step(fg.DriveCommand(steering_angle=0.0, speed=1.0))
-    assert simulation.speed > 0.5
-
-
-def test_worlds_of_the_same_things_are_written_once_and_have_models_of_their_own():
-    first, again = fg.World("oval", obstacles=(BOX,)), fg.World("oval", obstacles=(BOX,))
-    assert first.xml is again.xml
-    whole = bits(again.model)
-    first.model.geom_friction[:] = 0.1
-    assert bits(first.model) != whole == bits(again.model) == bits(fg.World("oval", obstacles=(BOX,)).model)
-    assert bits(fg.World.from_xml(first.xml).model) == whole == bits(mujoco.MjModel.from_xml_string(first.xml))
 
 
 def test_worlds_that_differ_in_anything_are_not_taken_for_each_other():

@@ -1,7 +1,7 @@
 """What a planner learns of the friction: made-up sensors with a known answer, the bounds, the trip, and races."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -25,10 +25,6 @@ from scan_worlds import CAR, MU, corridor, odometry_of
 
 PERIOD, AGE, LOAD_LAG = 0.025, 0.0025, 0.006  # [s]
 STIFFNESS = 120.0  # [1/rad] of the set coulomb
-NUC7 = replace(
-    CAR, front_cornering_stiffness=12.1, rear_cornering_stiffness=23.9, front_peak=0.881, rear_peak=0.742,
-    front_peak_slip=0.8, rear_peak_slip=0.053, relaxation_length=0.045,
-)  # fmt: skip
 
 
 def over_load(force, at_side, moved, lasting, later):
@@ -142,26 +138,6 @@ def test_gain_and_offset_of_the_steering_are_found_and_taken_back(gain, offset):
 def test_a_steering_that_is_right_is_left_alone():
     learned = learned_from(pull_and_brake(0.8, 20.0, gain=1.03, offset=0.002))
     assert (learned["gain"], learned["offset"]) == (0.0, 0.0)
-
-
-def test_sensors_that_fail_leave_what_is_known():
-    rows = pull_and_brake(0.8, 20.0)
-    memory = np.array([learned_from(rows).copy()], LEARNED)
-    before = memory.copy()
-    broken = rows[:40].copy()
-    broken["wheel_speeds"][:] = math.nan
-    learned_from(broken, learned=memory)
-    for name in ("mean", "mu", "weight", "slides"):
-        assert memory[name] == before[name]
-
-
-def test_where_the_peak_lies_is_that_of_the_identified_curve():
-    """Each axle's slip at its share of the friction: read off the Magic Formula that runs through the parameters."""
-    row = learning_row(NUC7)[0]
-    slope = 63 / 2.0  # points of the curve by use
-    for axle, stiffness in (("front", 12.1), ("rear", 23.9)):
-        assert row[f"{axle}_slip"][1] * slope == pytest.approx(0.742 / stiffness, rel=0.02)
-    assert np.all(np.diff(row["rear_slip"]) > 0.0)
 
 
 def test_the_planner_starts_slippery_whatever_it_is_told():

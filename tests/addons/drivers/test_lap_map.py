@@ -18,8 +18,6 @@ from fg_mujoco.addons.drivers.known_line import (
     speed_on,
 )
 from fg_mujoco.addons.drivers.lap_map import see_lap
-from fg_mujoco.addons.drivers.least_time import quicken
-from fg_mujoco.addons.drivers.scout import Scout
 from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
@@ -158,21 +156,6 @@ def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     assert aside == pytest.approx(0.1, abs=5e-4)
 
 
-def moved_in_ring(moves, weight=1.0):
-    """How far the points of a circle of 3 m are moved within .5 m to either side, by moves for less lap time."""
-    points, _ = circle(3.0, 75)
-    normals = np.column_stack((-np.sin(points[:, HEADING]), np.cos(points[:, HEADING])))
-    aside = np.tile([0.0, -0.5, 0.5], (len(points), 1))
-    for _ in range(moves):
-        weight = quicken(points[:, :2].copy(), normals, aside, weight, LIMITER.record[0], 0.9, 0.95, 8.0)
-    return aside[:, 0]
-
-
-def test_the_quickest_lap_of_a_ring_is_along_its_inner_wall():
-    """At the cornering acceleration a the lap takes 2 pi sqrt(r / a): less for a smaller radius r."""
-    assert moved_in_ring(40) == pytest.approx(0.5, abs=0.01)
-
-
 def test_braking_on_the_line_takes_nothing_of_the_cornering():
     """A car that is too fast for its steering angle keeps that angle elsewhere to .9 of what the tires hold."""
     remembered = line_of_ring()
@@ -204,14 +187,3 @@ def test_laps_after_the_first_are_faster_and_no_tire_slides():
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01
-
-
-def test_the_scout_is_the_gap_finder_that_remembers_and_its_line_is_closed():
-    told = [fg.race("oval", name, laps=2).car.lap_times_s for name in ("scout", "gap_finder[remember=true]")]
-    assert told[0] == told[1]
-    planner = Scout(CAR, 1.0489)
-    assert planner.known_line().shape == (0, 2)
-    assert fg.race("oval", planner, laps=2).car.finished
-    points = planner.known_line()
-    steps = np.hypot(*(np.roll(points, -1, 0) - points).T)
-    assert np.ptp(steps) < 0.02 and 35.0 < steps.sum() < 60.0

@@ -81,18 +81,6 @@ def test_the_program_is_solved_as_by_a_bounded_quasi_newton_method():
     assert hard > 5 and soft > 5
 
 
-def test_without_active_bounds_it_is_the_least_squares_solution():
-    program = a_program(3)
-    program[6][LOW], program[6][HIGH] = -100.0, 100.0
-    _, inputs, _ = solved(program)
-    free, steps = rolled_out(program, np.zeros(6)), np.eye(6)
-    by_input = np.stack([(rolled_out(program, step) - free).ravel() for step in steps], axis=1)
-    root = np.sqrt(np.concatenate([program[3].ravel(), program[4]]))
-    rows = root[:, None] * np.vstack([by_input, steps])
-    expected = np.linalg.lstsq(rows, -root * np.concatenate([free.ravel(), np.zeros(6)]), rcond=None)[0]
-    assert inputs == pytest.approx(expected, abs=1e-6)
-
-
 def test_a_program_without_a_solution_and_one_that_is_not_finite_do_not_converge():
     program = a_program(0)
     program[6][SOFTNESS] = 0.0

@@ -108,15 +108,6 @@ def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
     assert not memory["cars"]["moves"].any()
 
 
-@pytest.mark.slow
-def test_a_car_that_is_gone_from_plain_view_is_forgotten_soon():
-    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.0), 2.5, 20, 0.0)
-    assert seen
-    for _ in range(8):
-        seen = watch_cars(memory, SCAN_ROW, np.array(WALLS.ranges), odometry_row(0.0), CAR.lidar_offset)
-    assert not seen
-
-
 def test_a_car_that_was_passed_is_kept_for_a_while():
     memory, seen = watched(lambda time: (0.6, 0.6), 0.0, 1, 0.0)
     memory, seen = watched(lambda time: (1.0 + 1.0 * time, 0.6), 1.0, 56, 3.0)  # 1.8 m nearer: behind the view
@@ -203,16 +194,6 @@ def test_a_car_that_goes_out_of_sight_is_kept_for_a_while_and_beside_as_long_as_
     assert [0, 1] in kept[30:33] and kept[34] == [1]  # 0.8 s
     told["cars"][1, 0] = -3.0
     assert [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(2)][-1] == []
-
-
-def test_of_many_cars_those_that_are_followed_stay_the_same():
-    pose, rows = (0.0, 0.0, 0.0), [(1.0 + 0.5 * k, 0.0, 0.0, 1.0, 0.0) for k in range(9)]
-    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(*rows)
-    first = followed(seen, told, pose)[1]
-    assert len(first) == len(seen["cars"])
-    told["cars"][2, :2] = math.nan  # it has left
-    second = followed(seen, told, pose)[1]
-    assert [second[k] == first[k] for k in range(6)].count(True) == 5 and len(second) == 6
 
 
 def test_what_is_told_too_late_or_without_a_pose_is_not_used():

@@ -74,15 +74,6 @@ def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
     assert found.lap_time == pytest.approx(2.0 * math.pi * math.sqrt(radius / 8.0), rel=2e-3)
 
 
-def test_points_are_spread_evenly_along_the_curve_through_them():
-    points = ring(3.0) * (1.0 + 0.1 * np.sin(2.0 * TURNS))[:, None]
-    even = spread(points, 0.2)
-    steps = np.hypot(*(np.roll(even, -1, axis=0) - even).T)
-    assert steps == pytest.approx(steps.mean(), rel=2e-3)
-    angle = np.arctan2(even[:, 1], even[:, 0])
-    assert np.hypot(*even.T) == pytest.approx(3.0 * (1.0 + 0.1 * np.sin(2.0 * angle)), abs=1e-4)
-
-
 def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
     """The lighter axle lets go at g (l / b) / (h / b + 1 / (2 mu)); all tires of one friction hold mu g aside."""
     grip = double_track_grip(Entry(mu=MU))
@@ -91,11 +82,6 @@ def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
         assert found[0] == pytest.approx(CAR.gravity * lever / b / (h / b + 0.5 / MU), rel=1e-6)
         assert (np.diff(found) <= 1e-9).all() and found[-1] == pytest.approx(0.0, abs=0.05)
     assert grip.lateral == pytest.approx(MU * CAR.gravity, rel=1e-6)
-
-
-def test_tires_whose_peak_falls_with_the_load_hold_less():
-    loaded = double_track_grip(Entry(tires="forzaeth_nuc5", mu=1.0)).lateral
-    assert 0.5 * CAR.gravity < loaded < 1.0 * CAR.gravity
 
 
 @pytest.mark.parametrize(
@@ -117,12 +103,6 @@ def test_line_passes_obstacles_and_islands():
     assert line.clearance > 0.06
     free = make_raceline(Setup(track="oval"))
     assert line.lap_time > free.lap_time
-
-
-def test_least_time_is_faster_and_least_curvature_bends_less():
-    time, curvature = (make_raceline(Setup(track="tight"), objective=each) for each in ("time", "curvature"))
-    assert time.lap_time < curvature.lap_time
-    assert np.sum(curvature.curvature**2 * curvature.steps) < np.sum(time.curvature**2 * time.steps)
 
 
 def test_file_is_read_back_and_its_columns_agree(tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.vehicle.bodywork import FRICTION, HULL, RESTITUTION, solref
+from fg_mujoco.vehicle.bodywork import FRICTION, HULL, RESTITUTION
 from fg_mujoco.vehicle.car import Car
 from vehicle_worlds import load
 
@@ -128,18 +128,6 @@ def own_vehicle(tmp_path, edit):
     return fg.Vehicle.load(path)
 
 
-def test_a_vehicle_may_have_a_hull_of_its_own(tmp_path):
-    def edit(spec):
-        spec.body("base_link").add_geom(
-            name=HULL, type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(0.0, 0.0, 0.05, 0.3, 0.0, 0.05), size=(0.05, 0, 0),
-            mass=0.0, contype=0, conaffinity=0, rgba=(0.0, 0.0, 0.0, 0.0),
-        )  # fmt: skip
-
-    model = own_vehicle(tmp_path, edit).compile()
-    assert model.geom(HULL).type[0] == mujoco.mjtGeom.mjGEOM_CAPSULE
-    assert model.geom(int(model.pair(HULL).geom2[0])).name == HULL and model.npair == 5
-
-
 def test_a_chassis_in_the_ground_is_refused_and_a_hull_above_it_accepted(tmp_path):
     def lower(spec):
         spec.geom("chassis").pos[2] -= 0.035
@@ -157,11 +145,3 @@ def test_a_chassis_in_the_ground_is_refused_and_a_hull_above_it_accepted(tmp_pat
         )  # fmt: skip
 
     assert own_vehicle(tmp_path, with_hull).parameters.width == 0.31
-
-
-def test_contacts_follow_the_timestep_of_a_vehicle(tmp_path):
-    def edit(spec):
-        spec.option.timestep = 0.0025
-
-    model = own_vehicle(tmp_path, edit).compile()
-    assert model.pair(HULL).solref == pytest.approx(solref(0.0025)) == model.geom("chassis").solref

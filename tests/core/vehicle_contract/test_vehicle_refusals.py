@@ -7,7 +7,6 @@ import mujoco
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.vehicle.contract import PARTS
 from vehicle_worlds import F1TENTH, made_file
 
@@ -200,25 +199,6 @@ def test_a_lidar_that_is_none_is_refused_by_its_file(tmp_path, lidar, named):
         fg.Vehicle.load(path)
     line = str(refused.value)
     assert "\n" not in line and f"LiDAR file {tmp_path / 'eye.xml'}" in line and named in line and "accepted: " in line
-
-
-def test_a_lidar_beside_the_vehicles_file_is_the_one_it_has(tmp_path):
-    text = LidarModel.load().text.replace('cutoff="30"', 'cutoff="10"').replace('"hokuyo"', '"eye"')
-    (tmp_path / "eye.xml").write_text(text, encoding="utf-8")
-    (tmp_path / "mine.xml").write_text(edited(('data="hokuyo_ust10lx.xml"', 'data="eye.xml"')), encoding="utf-8")
-    vehicle = fg.Vehicle.load(tmp_path / "mine.xml")
-    assert (vehicle.lidar.body, vehicle.lidar.beams.range_max) == ("eye", 10.0)
-    assert vehicle.sha256 != fg.Vehicle.load().sha256
-    for backend in ("raycast", "rangefinder"):
-        world = fg.World("oval", vehicle, lidar=backend)
-        assert world.make_lidar().beams is vehicle.lidar.beams
-        assert fg.Simulation(world).reset()[0].ranges[540] == float("inf")  # 17 m to the end of the straight
-
-
-@pytest.mark.parametrize("name", ["scene", "hokuyo_ust10lx", "f1tenth_look", ""])
-def test_a_file_of_models_that_is_no_vehicle_is_no_name_of_one(name):
-    with pytest.raises(fg.SettingsError, match="accepted: f1tenth, ipz, nuc2"):
-        fg.Vehicle.load(name)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
