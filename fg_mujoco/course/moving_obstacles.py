@@ -31,6 +31,13 @@ PREFIX = "moving_"
 """Of the names of the bodies, geoms, meshes and custom numerics of moving obstacles."""
 
 
+def _is_place(value: Any) -> bool:
+    try:
+        return len(value) == 2 and all(map(math.isfinite, value))
+    except TypeError:
+        return False
+
+
 @explain_class
 @dataclass(frozen=True, kw_only=True, repr=False)
 class MovingObstacle:
@@ -56,9 +63,12 @@ class MovingObstacle:
         sizes = ("length", "width", "height", "speed")
         require(self, lambda value: 0.0 < value < math.inf, "a positive number", sizes, SettingsError)
         require(self, math.isfinite, "a finite number", ("headway", "heading"), SettingsError)
-        for name in ("start", "end"):
-            if not (len(getattr(self, name)) == 2 and all(map(math.isfinite, getattr(self, name)))):
-                raise SettingsError(f"MovingObstacle.{name} is {getattr(self, name)!r}; accepted: x and y [m]")
+        for name, is_right, accepted in (
+            ("start", _is_place, "x and y [m]"), ("end", _is_place, "x and y [m]"),
+            ("back_and_forth", lambda value: isinstance(value, bool), "True, False"),
+        ):  # fmt: skip
+            if not is_right(getattr(self, name)):
+                raise SettingsError(f"MovingObstacle.{name} is {getattr(self, name)!r}; accepted: {accepted}")
         if self.way == 0.0:
             raise SettingsError(f"MovingObstacle starts and ends at {self.start!r}; accepted: two different points")
 
