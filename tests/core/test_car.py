@@ -74,19 +74,11 @@ def flat():
     return flat_world()
 
 
-@pytest.mark.parametrize(("name", "value"), COMMUNITY.items())
-def test_compiled_car_has_the_community_constant(flat, name, value):
-    assert getattr(flat[2].parameters, name) == pytest.approx(value, rel=1e-4)
-
-
-@pytest.mark.parametrize(("name", "value"), NUC2.items())
-def test_compiled_nuc2_has_its_measured_constant_or_the_community_one(name, value):
-    assert getattr(Vehicle.load("nuc2").parameters, name) == pytest.approx(value, rel=1e-4)
-
-
-@pytest.mark.parametrize(("name", "value"), IPZ.items())
-def test_compiled_ipz_has_its_identified_constant_or_the_community_one(name, value):
-    assert getattr(Vehicle.load("ipz").parameters, name) == pytest.approx(value, rel=1e-4)
+@pytest.mark.parametrize(("vehicle", "constants"), [("f1tenth", COMMUNITY), ("nuc2", NUC2), ("ipz", IPZ)])
+def test_a_compiled_car_has_its_published_measured_and_identified_constants(vehicle, constants):
+    parameters = Vehicle.load(vehicle).parameters
+    for name, value in constants.items():
+        assert getattr(parameters, name) == pytest.approx(value, rel=1e-4), name
 
 
 def test_what_ipz_is_sent_becomes_the_angle_of_its_wheels_by_the_identified_map_and_a_command_is_that_angle():

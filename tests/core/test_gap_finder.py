@@ -10,16 +10,8 @@ import pytest
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
 from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand
-from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
-
-
-def rough_scan(seed):
-    """A scan of 60 faces at random, no two alike, and a nearest point on a round post: no ties."""
-    rng = np.random.default_rng(seed)
-    ranges = np.interp(np.arange(1081), np.linspace(0, 1080, 60), rng.uniform(0.9, 9.5, 60))
-    post = 0.5 + np.abs(np.arange(1081) - rng.integers(0, 1081)) / 200.0
-    return scan_of(np.where(post < 0.8, post, ranges))
+from fg_mujoco.messages import STOP, DriveCommand
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rough_scan, rows_of, scan_of
 
 
 @cache
@@ -41,13 +33,9 @@ def ratio_speed(scan, **settings):
 
 def decide_all(batch, scans, odometries):
     """The commands of a batch, one for each world, as pairs; all scans have the geometry of the first."""
-    rows, commands = np.zeros(len(scans), ODOMETRY), np.zeros((len(scans), 2))
-    for row, odometry in zip(rows, odometries, strict=True):
-        for name in ODOMETRY.names:
-            row[name] = getattr(odometry, name)
-    geometry = scans[0] if scans else corridor(1.0, 1.0)
+    commands, geometry = np.zeros((len(scans), 2)), scans[0] if scans else corridor(1.0, 1.0)
     ranges = np.array([scan.ranges for scan in scans]).reshape(len(scans), len(geometry.ranges))
-    batch(geometry, ranges, rows, np.ones(len(scans), bool), commands)
+    batch(geometry, ranges, rows_of(odometries), np.ones(len(scans), bool), commands)
     return [tuple(command) for command in commands.tolist()]
 
 

@@ -13,7 +13,7 @@ from fg_mujoco.controllers.threshold_gap import ThresholdGap
 from fg_mujoco.controllers.wall_follow import WallFollow
 from fg_mujoco.controllers.weighted_gap import WeightedGap
 from fg_mujoco.controllers.widest_gap import WidestGap
-from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, scan_of
+from scan_worlds import CAR, INCREMENT, MU, corridor, mirrored, odometry_of, rough_scan, scan_of
 
 GAPS = (DisparitySelection, FollowTheGap, ThresholdGap, WeightedGap)
 CHOICES = [
@@ -32,14 +32,6 @@ def named(choice):
 def planner(request):
     made, settings = request.param
     return made(CAR, MU, 8.0, made.Settings(**settings))
-
-
-def rough_scan(seed):
-    """A scan of 60 faces at random, no two alike, and a nearest point on a round post: no ties."""
-    rng = np.random.default_rng(seed)
-    ranges = np.interp(np.arange(1081), np.linspace(0, 1080, 60), rng.uniform(0.9, 9.5, 60))
-    post = 0.5 + np.abs(np.arange(1081) - rng.integers(0, 1081)) / 200.0
-    return scan_of(np.where(post < 0.8, post, ranges))
 
 
 @pytest.mark.parametrize("choice", [*CHOICES, (WallFollow, {})], ids=named)

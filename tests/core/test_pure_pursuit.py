@@ -9,8 +9,8 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.messages import ODOMETRY, MapLine
-from scan_worlds import CAR, MU, corridor, odometry_of
+from fg_mujoco.messages import MapLine
+from scan_worlds import CAR, MU, corridor, odometry_of, rows_of
 
 OPEN = corridor(5.0, 5.0)
 TURNS = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
@@ -154,12 +154,9 @@ def test_in_a_batch_each_follows_its_own_line_as_alone():
     lines = [circle(4.0), STRAIGHT, circle(4.0), circle(9.0, -1)]
     poses = [at(4.0, 0.1, 1.5, 1.0), at(3.0, 0.2, 0.0, 2.0), at(0.0, 4.0, 3.1, 3.0), at(9.0, 0.0, -1.5, 2.5)]
     planners = [pursuer(line) for line in lines]
-    batch, rows, commands = PurePursuit.batch(planners), np.zeros(4, ODOMETRY), np.zeros((4, 2))
-    for row, pose in zip(rows, poses, strict=True):
-        for name in ODOMETRY.names:
-            row[name] = getattr(pose, name)
+    batch, commands = PurePursuit.batch(planners), np.zeros((4, 2))
     for _ in range(3):
-        batch(OPEN, np.tile(OPEN.ranges, (4, 1)), rows, np.ones(4, bool), commands)
+        batch(OPEN, np.tile(OPEN.ranges, (4, 1)), rows_of(poses), np.ones(4, bool), commands)
         alone = [planner(OPEN, pose) for planner, pose in zip(planners, poses, strict=True)]
         assert commands.tolist() == [[command.steering_angle, command.speed] for command in alone]
 

@@ -402,15 +402,8 @@ def test_the_command_line_takes_sensors(tmp_path, capsys):
         ([{"sensor": "imu", "rte": 3}], r"sensor 'imu' has no setting 'rte'; .*did you mean 'rate'"),
         (["imu", {"sensor": "pose", "name": "imu"}], r"two of the name 'imu'; accepted: a `name` of its own"),
         ([{"sensor": "imu", "name": "a/b"}], r"Imu.name is 'a/b'; accepted: letters"),
-        ([{"sensor": "imu", "rate": 0}], r"Imu.rate is 0; accepted: a number above 0 \[Hz\]"),
-        ([{"sensor": "imu", "rate": "fast"}], r"Imu.rate is 'fast'"),
         ([{"sensor": "imu", "rate": 33}], r"33 Hz; accepted: 200 Hz over a whole number, nearest 33.3333 Hz or 28.57"),
         ([{"sensor": "imu", "rate": 300}], r"300 Hz; accepted: 200 Hz over a whole number, nearest 200 Hz"),
-        ([{"sensor": "imu", "delay": -1}], r"Imu.delay is -1; accepted: 0 to 10 s"),
-        ([{"sensor": "imu", "dropout_probability": 1.5}], r"Imu.dropout_probability is 1.5; accepted: 0 to 1"),
-        ([{"sensor": "pose", "noise_std": [1, 2]}], r"Pose.noise_std is \(1, 2\); accepted: .* each of x_m, y_m"),
-        ([{"sensor": "pose", "noise_std": -1.0}], r"Pose.noise_std is -1.0; accepted: a number from 0"),
-        ([{"sensor": "pose", "noise_std": math.nan}], r"Pose.noise_std is nan"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(sensors, said):

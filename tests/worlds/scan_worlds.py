@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fg_mujoco.messages import LaserScan, Odometry
+from fg_mujoco.messages import ODOMETRY, LaserScan, Odometry
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -49,3 +49,20 @@ def corridor(left, right, ahead=math.inf):
 
 def mirrored(scan):
     return scan_of(scan.ranges[::-1], scan.angle_increment, -scan.bearings[-1], scan.range_max)
+
+
+def rough_scan(seed):
+    """A scan of 60 faces at random, no two alike, and a nearest point on a round post: no ties."""
+    rng = np.random.default_rng(seed)
+    ranges = np.interp(np.arange(1081), np.linspace(0, 1080, 60), rng.uniform(0.9, 9.5, 60))
+    post = 0.5 + np.abs(np.arange(1081) - rng.integers(0, 1081)) / 200.0
+    return scan_of(np.where(post < 0.8, post, ranges))
+
+
+def rows_of(odometries):
+    """Odometries as a batch of planners gets them, a row each."""
+    rows = np.zeros(len(odometries), ODOMETRY)
+    for row, odometry in zip(rows, odometries, strict=True):
+        for name in ODOMETRY.names:
+            row[name] = getattr(odometry, name)
+    return rows

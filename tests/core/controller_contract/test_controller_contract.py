@@ -26,10 +26,10 @@ from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from fg_mujoco.messages import ODOMETRY, STOP, DriveCommand, MapLine, ScanGeometry
+from fg_mujoco.messages import STOP, DriveCommand, MapLine, ScanGeometry
 from fg_mujoco.racing.planner_loading import make_controller
 from fg_mujoco.racing.planner_sources import controller_names
-from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
 from small_policies import FLAT, network_for
 
 TOP_SPEED = 6.0
@@ -301,14 +301,6 @@ def test_it_is_ready_long_before_the_next_scan(planner):
 # -- many worlds
 
 BELIEFS = [(MU, TOP_SPEED), (0.5, TOP_SPEED), (math.inf, TOP_SPEED), (MU, 2.0), (MU, TOP_SPEED)]
-
-
-def rows_of(odometries):
-    rows = np.zeros(len(odometries), ODOMETRY)
-    for row, odometry in zip(rows, odometries, strict=True):
-        for name in ODOMETRY.names:
-            row[name] = getattr(odometry, name)
-    return rows
 
 
 def geometry_of(scan):
