@@ -100,13 +100,13 @@ FAULTS = {
         tests="test_floors.py",
     ),
     "the friction of a floor that reaches the planner and not the car": Fault(
-        file="fg_mujoco/racing/setup.py",
-        old="course, first.car, mu=first.set_mu,",
-        new="course, first.car, mu=first.mu,",
+        file="fg_mujoco/simulation/settings.py",
+        old="course, self.car, mu=self.set_mu,",
+        new="course, self.car, mu=self.mu,",
         tests="test_floors.py",
     ),
     "a LiDAR's bias with the wrong sign": Fault(
-        file="fg_mujoco/lidar/effects.py",
+        file="fg_mujoco/lidar/scan_pipeline.py",
         old="distance += error_at(knots, values, 1, distance) + deviation * noise",
         new="distance += deviation * noise - error_at(knots, values, 1, distance)",
         tests="test_measured_errors.py",
@@ -194,7 +194,7 @@ FAULTS = {
         tests="test_random_numbers.py",
     ),
     "noise below zero": Fault(
-        file="fg_mujoco/lidar/effects.py",
+        file="fg_mujoco/lidar/scan_pipeline.py",
         old="noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)",
         new="noise[beam] = min(ranges[beam] + deviation * noise[beam], range_max)",
         tests="test_lidar_effects.py",

@@ -21,19 +21,17 @@ from typing import Any
 import numpy as np
 from common import parser, report, table
 
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, pace
+from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, alike_cars, pace
 from fg_mujoco.addons.arena.overtaking.slower_opponents import Blocking, make_opponent
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.entries import grid_starts
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.race_control import RULES, Contact, RaceControl
-from fg_mujoco.simulation.cars import WorldCar
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import PlannersOfEach, adapt
 from fg_mujoco.simulation.termination import END_REASONS
-from fg_mujoco.simulation.world import World
 
 OPPONENTS = "reactive,centreline,blocking"
 RATIOS = (0.3, 0.8)  # least and greatest share of the planner's pace
@@ -69,8 +67,7 @@ def drawn_ratio(course: str, opponent: str) -> float:
 def race(planner: str, course: str, opponent: str, settings: DuelSettings, watch: Any = None) -> Raced:
     """Race, and return what happened; `watch`, if given, is called with the engine and the planner before each tick."""
     choice, ratio = ControllerChoice.of(planner), drawn_ratio(course, opponent)
-    car = WorldCar(vehicle=settings.car, mu=settings.set_mu, tires=settings.tires)
-    world = World(course, settings.car, mu=settings.set_mu, tires=settings.tire_set, others=[car])
+    world = alike_cars(course, settings, 2)
     track = world.track
     assert isinstance(track, Track)
     try:
@@ -78,7 +75,7 @@ def race(planner: str, course: str, opponent: str, settings: DuelSettings, watch
     except ControllerError:  # it does not finish alone: no share of its pace can be told
         return Raced(planner=planner, course=course, opponent=opponent, ratio=ratio, end="fails alone", time_s=0.0,
                      passed=False, overtakes=0, contacts=(), decision_us=0.0)  # fmt: skip
-    context = settings.drive().context(world.parameters, track.map_line)
+    context = settings.context(world)
     with tempfile.TemporaryDirectory() as folder:
         slower = make_opponent(opponent, track, alone, ratio, context, Path(folder))
     drives, taken = make_controller(choice.source, context, settings=dict(choice.settings)), []
@@ -143,7 +140,9 @@ def main() -> None:
     options.add_argument("--max-speed", default=8.0, type=float)
     options.add_argument("--touches", action="store_true", help="print each touch, and each race that is not finished")
     given = options.parse_args()
-    settings = DuelSettings(laps=given.laps, max_speed=given.max_speed, slowest=RATIOS[0], fastest=RATIOS[1])
+    settings = DuelSettings(
+        base=Setup.of(laps=given.laps, max_speed=given.max_speed), slowest=RATIOS[0], fastest=RATIOS[1]
+    )
     rows, figures = [], []
     header = ("planner, opponent", "races", "finished", "with own fault", "own faults", "touches", "ahead at the end",
               "overtakes", "decision [us]")  # fmt: skip

@@ -16,8 +16,7 @@ from common import interleaved, parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
 from fg_mujoco.messages import ODOMETRY, DriveCommand, LaserScan, Odometry, ScanGeometry
-from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.racing.planner_sources import controller_names
+from fg_mujoco.racing.planners import controller_names, make_controller
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 BASELINE = "numpy follow-the-gap"

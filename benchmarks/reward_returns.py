@@ -28,8 +28,7 @@ from fg_mujoco.envs.rewards import PRESETS, Rewards
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.messages import Controller
 from fg_mujoco.racing.entries import Entry
-from fg_mujoco.racing.planner_loading import build_controller
-from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.racing.planners import build_controller, find_controller
 from fg_mujoco.simulation.planner_adapter import odometry_message
 
 Drive = Mapping[str, NDArray[np.float64]]

@@ -26,7 +26,7 @@ from fg_mujoco.addons.drivers.racelines.raceline import GripLimits, make_racelin
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
-from fg_mujoco.racing.entries import entry_planner
+from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import Setup
 
 SIX = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
@@ -68,9 +68,7 @@ class Row:
 def drive(name: str, course: str, mu: float, controller: str) -> Row:
     """Race the planner and gap_finder on a course, and return how the laps compare."""
     setup = Setup.of(course, mu=mu, controller=controller, laps=LAPS)
-    loaded = setup.load_course()
-    world = setup.world(loaded, setup.obstacles_on(loaded))
-    planner = entry_planner(setup.first, car=world.cars[0].parameters, map_line=loaded.map_line)
+    planner = Resolved.of(setup).build_planners()[0]
     car = fg.race(course, planner, laps=LAPS, mu=mu).car
     other = fg.race(course, "gap_finder", laps=LAPS, mu=mu).car
     own = raceline = math.nan

@@ -47,7 +47,7 @@ def catalogue(folder: str, name: str) -> dict[str, str]:
 def planner_page(name: str) -> str:
     """Return the page of a planner, as Markdown."""
     from fg_mujoco.controllers.control.driving import DrivingSettings
-    from fg_mujoco.racing.planner_sources import find_controller
+    from fg_mujoco.racing.planners import find_controller
 
     docstring = ast.get_docstring(parsed(name)[1])
     assert docstring, name
@@ -88,7 +88,7 @@ def parsed(name: str) -> tuple[str, ast.Module]:
 
 def settings_table(kind: type, *, but: type | None = None) -> str:
     """Return a table of the settings of a dataclass; with `but`, without those that are as in that dataclass."""
-    from fg_mujoco.racing.planner_origin import describe_settings
+    from fg_mujoco.cli.controllers import describe_settings
 
     known = [] if but is None else describe_settings(but)
     rows = ["| setting | default | what |", "| --- | --- | --- |"]

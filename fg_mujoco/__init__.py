@@ -60,8 +60,7 @@ if TYPE_CHECKING:
     from .pictures.plots import trace_picture, track_picture, write_run
     from .pictures.rendering import Film, Renderer, render, write_video
     from .racing.entries import Entry
-    from .racing.planner_loading import make_controller
-    from .racing.planner_sources import controller_names
+    from .racing.planners import controller_names, make_controller
     from .racing.race import race
     from .racing.race_control import Contact, Overtake
     from .racing.replay import replay
@@ -188,8 +187,7 @@ _PLACES = {
     "lab.drive": "drive",
     "racing.entries": "Entry",
     "lab.handling": "handling",
-    "racing.planner_loading": "make_controller",
-    "racing.planner_sources": "controller_names",
+    "racing.planners": "controller_names make_controller",
     "racing.race": "race",
     "racing.race_control": "Contact Overtake",
     "racing.replay": "replay",

@@ -10,7 +10,7 @@ from fg_mujoco.cli.drive_study import add_study_options, drive_study, numbers_in
 from fg_mujoco.cli.options import CAR, add_setup_options, names_in, setup_of
 from fg_mujoco.course.random_moving import KINDS
 from fg_mujoco.course.scenes.catalogue import PREFIX, scene_names
-from fg_mujoco.racing.planner_sources import controller_names
+from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.simulation.settings import FASTEST
 
 from .comparison.comparison import DEFAULT_SEEDS, Comparison, compare

@@ -8,13 +8,14 @@ from typing import Any
 
 from fg_mujoco.cli.drive_study import add_study_options, drive_study, seeds_in
 from fg_mujoco.cli.options import add_setup_options, names_in, number, setup_of
+from fg_mujoco.simulation.settings import PLANNER_OPTIONS
 
 from .overtaking.overtaking import DEFAULT_RATIO, DEFAULT_SEEDS, DEFAULT_TRACKS, Overtaking, overtake
 from .overtaking.slower_opponents import OPPONENTS
 
 DRIVE = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "mass", "cog_height", "steering_gain", "speed_gain",
-    "command_delay", "knows",
+    "command_delay", *PLANNER_OPTIONS,
 )  # fmt: skip
 
 

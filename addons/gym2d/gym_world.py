@@ -23,8 +23,8 @@ from fg_mujoco.course.standing import off_course, stands_in_something
 from fg_mujoco.course.track import follow
 from fg_mujoco.display import brief
 from fg_mujoco.lidar.beams import lidar_of
-from fg_mujoco.lidar.effects import add_noise
 from fg_mujoco.lidar.lidar import Lidar, RaycastLidar
+from fg_mujoco.lidar.scan_pipeline import add_noise
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.simulation.cars import WorldCar, first_overlap, lidar_prefix
 from fg_mujoco.simulation.engine import Engine

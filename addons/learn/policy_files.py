@@ -34,7 +34,7 @@ from fg_mujoco.display import brief, quoted
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import shown
-from fg_mujoco.racing.planner_texts import POLICY_ENDINGS, POLICY_FILE
+from fg_mujoco.racing.planners import POLICY_ENDINGS, POLICY_FILE
 from fg_mujoco.racing.run_folder import remember_made
 from fg_mujoco.simulation.planner_failure import one_line
 

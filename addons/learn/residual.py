@@ -26,10 +26,7 @@ from fg_mujoco.controllers.control.planner import Planner, PlannerBatch
 from fg_mujoco.errors import ControllerError, SettingsError, accepted_names
 from fg_mujoco.lidar.beams import Beams
 from fg_mujoco.messages import Controller, FloatArray, PlannerContext, require, shown
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_loading import POSE_SETTINGS, build_controller
-from fg_mujoco.racing.planner_sources import controller_names
-from fg_mujoco.racing.planner_texts import file_in
+from fg_mujoco.racing.planners import POSE_SETTINGS, ControllerChoice, build_controller, controller_names, file_in
 from fg_mujoco.simulation.planner_adapter import odometry_message, plan, wanted_sensors
 from fg_mujoco.simulation.planner_adapter import start as start_planner
 from fg_mujoco.simulation.settings import as_part

@@ -19,8 +19,7 @@ from fg_mujoco.course.writing import write_file
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require, require_whole, shown
-from fg_mujoco.racing.planner_choice import ControllerChoice, Value
-from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.racing.planners import ControllerChoice, Value, find_controller
 from fg_mujoco.racing.randomization import Choice, Randomization
 
 SNAPSHOTS = "opponents"

@@ -28,7 +28,7 @@ except ImportError as error:
 
 from fg_mujoco.envs.observer import FLAT, PRIVILEGED
 from fg_mujoco.messages import Controller, FloatArray, PlannerContext, Reading
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, Surroundings, adapt
 from fg_mujoco.simulation.planner_adapter import start as start_planner
@@ -92,10 +92,10 @@ class Teachers:
         return planner
 
     def _context(self, mu: float, late: float, command_delay: float) -> PlannerContext:
-        world = self._worlds.world
-        return PlannerContext(
-            car=replace(world.parameters, command_delay=command_delay), mu=mu, max_speed=self._max_speed,
-            period=self._worlds.period, latency=late + command_delay, seed=0, map_line=None,
+        world, drive = self._worlds.world, self._worlds.settings.driven(max_speed=self._max_speed)
+        context = drive.context(replace(world.parameters, command_delay=command_delay), None)
+        return replace(
+            context, mu=mu, period=self._worlds.period, latency=late + command_delay,
             lidar=world.vehicle.lidar.beams.geometry,
         )  # fmt: skip
 

@@ -19,8 +19,7 @@ from fg_mujoco.course.course import describe_course
 from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
 from fg_mujoco.course.writing import temporary_folder
 from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.run_folder import check_run_folder, read_run
 from fg_mujoco.simulation.course_loading import load_track
 

@@ -16,6 +16,7 @@ from fg_mujoco.cli.progress import ProgressLine
 from fg_mujoco.cli.race import RaceWatch
 from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
 from fg_mujoco.errors import SettingsError
+from fg_mujoco.racing.resolved import ground_of
 
 _LAPS = 2
 _DONE, _NOT_DONE = 0, 1
@@ -48,7 +49,7 @@ def _map(options: argparse.Namespace) -> int:
         raise SettingsError(f"{len(setup.entries)} cars; accepted: one, which maps the course")
     if options.name is not None:
         setup = setup.replace(track=options.name)
-    if not hasattr(options, "laps") and setup.laps is None and setup.load_course().closed:
+    if not hasattr(options, "laps") and setup.laps is None and ground_of(setup).course.closed:
         setup = setup.replace(laps=_LAPS)
     with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as watch, ProgressLine("matching scans") as line:
 

@@ -14,7 +14,7 @@ from typing import Any
 from ..course.formats import track_names
 from ..course.scenes.catalogue import PREFIX, scene_names
 from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.planner_sources import controller_names
+from ..racing.planners import controller_names
 from ..racing.randomization import OF_ENVIRONMENTS, PARAMETERS
 from ..rollouts.recording import RECORDS
 from ..rollouts.rollouts import EXECUTORS

@@ -24,10 +24,11 @@ from typing import Any
 from ..course.documents import TomlFile, read_toml
 from ..course.files import is_folder
 from ..errors import ControllerError, FgMujocoError, RunFolderError, SettingsError, accepted_names
-from ..racing.planner_choice import ControllerChoice
-from ..racing.planner_trust import controller_of, files_of, recorded_sha256, require_trusted
+from ..racing.planners import ControllerChoice
+from ..racing.resolved import ground_of
 from ..racing.run_folder import SUMMARY, read_summary
 from ..racing.setup import SETUP_KEYWORDS, Setup
+from ..racing.trust import controller_of, require_trusted
 from .options import OPPONENT_OPTIONS, given_settings, number, whole, with_opponents
 
 _OPTION = "--config"
@@ -97,7 +98,7 @@ def _setup_in(file: TomlFile, values: Mapping[str, Any]) -> Setup:
         for entry in setup.entries:
             if isinstance(entry.controller, str):
                 ControllerChoice.of(entry.controller).load()
-        setup.load_course()
+        ground_of(setup)
     except FgMujocoError as error:
         message = re.sub(r"^[A-Z]\w*\.(?=[a-z]\w* is )", "", str(error))
         raise type(error)(file.located(message)) from error
@@ -134,9 +135,7 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
                 continue
             choice, row = ControllerChoice.of(str(entry.controller)), recorded[index] if index < len(recorded) else {}
             settings = dict(choice.settings) | dict(entry.planner_settings or {})
-            require_trusted(
-                choice.source, recorded_sha256(row), trust=trust, where=where, files=files_of(row), settings=settings
-            )
+            require_trusted(choice.source, row.get("controller_origin"), trust=trust, where=where, settings=settings)
     except ControllerError:
         raise
     except FgMujocoError as error:
@@ -148,9 +147,6 @@ def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Set
     if first.tires is not None and first.tire_set.sha256 != summary.get("tires_sha256"):
         name = first.tire_set.name
         raise RunFolderError(f"{where}: tires {name} are others now; accepted: the set as it was raced")
-    assumed = summary.get("planner_mu")
-    if first.mu is not None and first.planner_mu is None and assumed not in (None, first.assumed_mu):
-        setup = setup.replace(planner_mu=assumed)  # up to version 0.1.0 planners were not told of mu
     return setup
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from collections.abc import Callable
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-from ..racing.planner_origin import describe
-from ..racing.planner_sources import controller_names
+from ..racing.planners import controller_names, find_controller
+from ..racing.trust import distribution
 
 _TEXT_COLUMN = 46
 
@@ -28,6 +30,45 @@ def _controllers(options: argparse.Namespace) -> int:
     else:
         print("\n\n".join(_table(each) for each in described))
     return 0
+
+
+def describe(name: str) -> dict[str, Any]:
+    """Return a controller's summary, in one line, and its settings, for tables.
+
+    Returns:
+      name, summary, distribution and settings; of each setting its name, unit, default, text, and what is accepted. The
+      default of a setting of the car is that of the F1TENTH car, and `scales` says that it is scaled to other cars.
+
+    Raises:
+      ControllerError: an unknown name, or a file or class that cannot be loaded.
+    """
+    found = find_controller(name)
+    module, kind = sys.modules.get(found.__module__), getattr(found, "Settings", None)
+    lines = (getattr(module, "__doc__", None) or found.__doc__ or "").strip().splitlines()
+    return {
+        "name": name,
+        "summary": lines[0] if lines else "",
+        "distribution": distribution(found, name),
+        "settings": describe_settings(kind) if isinstance(kind, type) and is_dataclass(kind) else [],
+    }
+
+
+def describe_settings(kind: type) -> list[dict[str, Any]]:
+    """Return name, unit, default, text, accepted and scales of the fields of a settings dataclass, in their order."""
+    hints, rows = get_type_hints(kind), []
+    for each in fields(kind):
+        hint, of_field = hints.get(each.name), each.metadata
+        accepted = getattr(of_field.get("accepted"), "text", "")
+        if get_origin(hint) is Literal:
+            accepted = ", ".join(get_args(hint))
+        rows.append(
+            {
+                "name": each.name, "unit": of_field.get("unit", ""),
+                "default": of_field.get("of_f1tenth", each.default), "text": of_field.get("text", ""),
+                "accepted": accepted, "scales": "of_f1tenth" in of_field,
+            }
+        )  # fmt: skip
+    return rows
 
 
 def _table(described: dict[str, Any]) -> str:

@@ -19,8 +19,7 @@ from typing import Any, NoReturn
 
 from ..course.formats import track_names
 from ..errors import FgMujocoError, FinalWarning, SettingsError, accepted_names, nearest
-from ..racing.planner_sources import controller_names
-from ..racing.planner_texts import scheme_of
+from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
 from .config import parse
 from .options import (

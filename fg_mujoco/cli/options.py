@@ -16,10 +16,10 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..lidar.measured_errors import effect_names
 from ..pictures.pages.figure_kit import require_matplotlib
 from ..racing.entries import GRIDS
-from ..racing.planner_choice import read_settings_text
+from ..racing.planners import read_settings_text
 from ..racing.race_control import RULES
 from ..racing.setup import CAR_KEYWORDS, Setup
-from ..simulation.settings import FASTEST, DriveSettings
+from ..simulation.settings import FASTEST, PLANNER_OPTIONS, DriveSettings
 from ..vehicle.floors import floor_names
 from ..vehicle.sensors import SENSORS
 from ..vehicle.tires import tire_names
@@ -201,9 +201,8 @@ _TYPES: dict[type, dict[str, Any]] = {
     bool: {"action": "store_const", "const": True}, int: {"type": whole, "metavar": "N"},
     float: {"type": number, "metavar": "X"}, str: {"metavar": "TEXT"},
 }  # fmt: skip
-_FURTHER = tuple(f.name for f in fields(DriveSettings) if "help" in f.metadata)
 for _field in fields(DriveSettings):
-    if _field.name in _FURTHER:
+    if _field.name in PLANNER_OPTIONS:
         _SETUP[_field.name] = _TYPES[type(_field.default)] | {"help": _field.metadata["help"]}
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -215,7 +214,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "floor": ("mu", "floor", "planner_mu", "patches"),
     "sensors": (
         "lidar", "lidar_effects", "lidar_noise", "lidar_dropout", "lidar_latency", "motion_distortion",
-        "odometry_drift", "sensors", *_FURTHER,
+        "odometry_drift", "sensors", *PLANNER_OPTIONS,
     ),
     "other cars": ("opponents", "grid", "rules"),
 }  # fmt: skip
@@ -226,7 +225,7 @@ OUTPUT = "output"
 CAR = (
     "vehicle", "tires", "mu", "floor", "planner_mu", "max_speed", "start_s", "start_offset", "start_heading",
     "start_speed", "mass", "cog_height", "steering_gain", "speed_gain", "command_delay", "lidar_effects", "lidar_noise",
-    "lidar_dropout", "lidar_latency", "odometry_drift", "sensors", *_FURTHER,
+    "lidar_dropout", "lidar_latency", "odometry_drift", "sensors", *PLANNER_OPTIONS,
 )  # fmt: skip
 """Keywords of a car that every command with a planner has."""
 

@@ -15,9 +15,9 @@ from typing import Any
 from ..errors import FgMujocoError, RunFolderError
 from ..pictures.plots import write_run
 from ..racing.decision_times import decision_limit_text
-from ..racing.fault import NO_FAULT
+from ..racing.entries import NO_FAULT
 from ..racing.hints import race_hints
-from ..racing.planner_choice import with_settings
+from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
 from ..racing.race_control import find_rules
 from ..racing.result import RaceResult

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..errors import EngineError, SettingsError
 from ..messages import require_whole
-from ..racing.planner_sources import bundled_names
+from ..racing.planners import bundled_names
 from ..racing.setup import Setup
 from ..rollouts.recording import RECORDS, Record
 from ..rollouts.rollout_result import RolloutResult

@@ -22,6 +22,13 @@ USUAL_LAPS = 5
 SLOWEST_RACE = 0.5  # [m/s] the default time limit is what a car as slow as this needs
 
 
+ISLAND = "island_"
+"""Of the names of a map's inner outlines in its definition, which are numbered."""
+
+CLEAR_AHEAD, CLEAR_BEHIND = 4.0, 2.0
+"""[m] of a start, in which no obstacle is put at random."""
+
+
 class Sites(Protocol):
     """The places on a course where random boxes may stand."""
 

@@ -9,11 +9,9 @@ import numpy as np
 
 from ..errors import TrackError
 from ..messages import FloatArray
-from .course import Course
-from .maps.map_track import ISLAND, MapTrack
+from .course import ISLAND, Course
 from .moving_obstacles import MovingObstacle
 from .obstacles import solids_of
-from .scene import Scene
 from .track import Track
 
 _TRACK = ("centreline", "width_right", "width_left")
@@ -40,6 +38,9 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     Raises:
       TrackError: the numbers are those of a course of another class.
     """
+    from .maps.map_track import MapTrack
+    from .scene import Scene
+
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)
     moving = tuple(map(MovingObstacle.of, definition.get("moving", ())))

@@ -1,4 +1,7 @@
-"""A course from its name: a bundled circuit, a seed, a scene, a centreline CSV or a map."""
+"""A course from its name: a bundled circuit, a seed, a scene, a centreline CSV or a map.
+
+The modules of a format are imported when a course of that format is first loaded.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,7 @@ from ..registry import Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
-from .generator import generate_track
 from .line_csv import COLUMNS
-from .maps.map_track import is_map, load_map
-from .scenes.catalogue import PREFIX, load_scene, scene_names
-from .tight import generate_tight_track
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -68,6 +67,8 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
         return load_centreline(name)
+    from .scenes.catalogue import PREFIX, scene_names
+
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest = name.partition(":")[2]
     besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]
@@ -111,7 +112,30 @@ def _random(name: str) -> Course:
 
 @lru_cache(maxsize=32)
 def _drawn(seed: int, *, tight: bool) -> Course:
+    from .generator import generate_track
+    from .tight import generate_tight_track
+
     return generate_tight_track(seed) if tight else generate_track(seed)
+
+
+def _scene(name: str, car: CarParameters) -> Course:
+    from .scenes.catalogue import load_scene
+
+    return load_scene(name, car)
+
+
+def _is_map(name: str) -> bool:
+    if ".y" not in name.lower():  # neither .yaml nor .yml
+        return False
+    from .maps.map_track import is_map
+
+    return is_map(name)
+
+
+def _map(name: str) -> Course:
+    from .maps.map_track import load_map
+
+    return load_map(name)
 
 
 FORMATS: Registry[CourseFormat] = Registry(
@@ -128,12 +152,12 @@ FORMATS: Registry[CourseFormat] = Registry(
             texts="random:SEED, random:SEED:tight",
         ),
         "scene": CourseFormat(
-            accepts=lambda text: text.partition(":")[0] == "scene", load=load_scene, texts="scene:NAME:SEED"
+            accepts=lambda text: text.partition(":")[0] == "scene", load=_scene, texts="scene:NAME:SEED"
         ),
         "centreline": CourseFormat(
             accepts=is_centreline, load=lambda text, car: load_centreline(text), texts="a path to a centreline .csv"
         ),
-        "map": CourseFormat(accepts=is_map, load=lambda text, car: load_map(text), texts="a map .yaml"),
+        "map": CourseFormat(accepts=_is_map, load=lambda text, car: _map(text), texts="a map .yaml"),
     },
     CourseFormat,
 )

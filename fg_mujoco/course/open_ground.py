@@ -17,10 +17,9 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only, require
+from .course import Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
-from .plan import course_html
-from .random_obstacles import ObstacleSites
 from .track_mesh import Surface
 
 _REACH = 50_000.0  # [m] that its line goes to either side of the origin: 40 minutes at 20 m/s
@@ -47,6 +46,8 @@ class OpenGround(Shown):
         return brief(self, quoted(self.name), self.description)
 
     def _repr_html_(self) -> str:
+        from .plan import course_html
+
         return course_html(self)
 
     closed = False
@@ -86,7 +87,7 @@ class OpenGround(Shown):
     def check_car(self, car: CarParameters) -> None:
         """Any car can drive there."""
 
-    def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
+    def obstacle_sites(self, car: CarParameters) -> Sites:
         """Raise SettingsError: there are no lanes that boxes could leave free."""
         raise SettingsError(f"random obstacles on {self.name!r}; accepted: on a track")
 

@@ -24,10 +24,10 @@ from ..compiled.kernels import kernel
 from ..errors import ArgumentError, SettingsError, accepted_names
 from ..messages import CarParameters, FloatArray, shown
 from .clearance import outline, rectangle_distance
-from .course import Course, wall_outlines
+from .course import CLEAR_BEHIND, Course, wall_outlines
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
-from .random_obstacles import CLEAR_BEHIND, SPACING, ObstacleSites
+from .random_obstacles import SPACING, ObstacleSites
 from .track import Track
 
 MARGIN = 0.05  # [m] least, from anything that moves to a wall

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require_whole
-from .course import Course
+from .course import CLEAR_AHEAD, CLEAR_BEHIND, Course
 from .moving_obstacles import MovingObstacle
 from .obstacles import Box
 from .polyline import turns
@@ -22,7 +22,6 @@ GAP_IN_WIDTHS = 2.5
 """Least width of the way past a box, in widths of the car."""
 
 SPACING = 3.0  # [m] least, along the centreline, from the middle of one box to that of the next
-CLEAR_AHEAD, CLEAR_BEHIND = 4.0, 2.0  # [m] of the start, without the middle of any box
 
 _STRAIGHT, _BEND = 1.0, 0.7  # [m] to either side of a box, and [rad] that the track turns there at most
 _SIDES = (0.2, 0.5)  # [m] length and width of a box are between

@@ -21,10 +21,9 @@ from ..arguments import explain_class
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
+from .course import Sites
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, solids_numbers
-from .plan import course_html
-from .random_obstacles import ObstacleSites
 from .track import follow
 from .track_mesh import Surface
 
@@ -80,6 +79,8 @@ class Scene(Shown):
         return brief(self, quoted(self.name), self.description)
 
     def _repr_html_(self) -> str:
+        from .plan import course_html
+
         return course_html(self)
 
     @property
@@ -158,7 +159,7 @@ class Scene(Shown):
     def check_car(self, car: CarParameters) -> None:
         """A scene may be as narrow as it likes."""
 
-    def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
+    def obstacle_sites(self, car: CarParameters) -> Sites:
         """Raise SettingsError: a scene has its own obstacles."""
         raise SettingsError(f"random obstacles on {self.name!r}, which has its own; accepted: on a track")
 

@@ -21,13 +21,11 @@ from ..compiled.kernels import kernel
 from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
-from .course import default_time_limit
+from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
 from .line_csv import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
-from .plan import course_html
 from .polyline import cross, self_crossings, step_lengths, steps, turns
-from .random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, ObstacleSites
 from .track_mesh import Surface, wall_prisms, wall_surface
 from .track_walls import MAX_TURN, shared_widths, wall_lines
 
@@ -87,6 +85,8 @@ class Track(Shown):
         return brief(self, quoted(self.name), self.description, f"{len(self.centreline)} points")
 
     def _repr_html_(self) -> str:
+        from .plan import course_html
+
         return course_html(self)
 
     @property
@@ -229,8 +229,10 @@ class Track(Shown):
             )
         _ = self.left_wall
 
-    def obstacle_sites(self, car: CarParameters) -> ObstacleSites:
+    def obstacle_sites(self, car: CarParameters) -> Sites:
         """Return the places where random boxes may stand that leave such a car a way past each."""
+        from .random_obstacles import ObstacleSites
+
         return ObstacleSites(self, car)
 
     def draw_start(

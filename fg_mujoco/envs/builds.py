@@ -22,7 +22,7 @@ from ..course.course import Course
 from ..course.track import Track
 from ..errors import FgMujocoError, SettingsError
 from ..messages import CarParameters
-from ..racing.planner_choice import Value
+from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization, generator
 from ..simulation.world import World
 from ..vehicle.changes import CarChanges
@@ -113,7 +113,7 @@ class BuildPlan:
             delay = 0.0 if "command_delay" in self._all else own.changes.command_delay
             own = replace(own, mu=None, changes=CarChanges(command_delay=delay))
         car = own.car.parameters
-        course = own.load_course(self._agents)
+        course = own.make_ground(self._agents).course
         course.check_car(car)
         kept: Values = dict(values)
         if "obstacles" in values:

@@ -17,14 +17,12 @@ from numpy.typing import NDArray
 from ..errors import ControllerError, MessageError, PlannerError, SettingsError
 from ..messages import Controller, shown
 from ..racing.entries import Entry
-from ..racing.planner_choice import split_controller
-from ..racing.planner_loading import build_controller
-from ..racing.planner_sources import find_controller
+from ..racing.planners import build_controller, find_controller, split_controller
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.planner_failure import without_exit
-from ..simulation.settings import CarSettings, known_settings
+from ..simulation.settings import PLANNER_OPTIONS, CarSettings, known_settings
 from ..simulation.world import World
 from .actions import one_action
 from .observer import Observer
@@ -53,7 +51,7 @@ def as_entries(opponents: Any, own: CarSettings) -> tuple[Entry, ...]:
 
 
 def _as_entry(opponent: Any, number: int, own: CarSettings) -> Entry:
-    alike = ("vehicle", "tires", "mu", "floor", "changes", "sensors", "knows")
+    alike = ("vehicle", "tires", "mu", "floor", "changes", "sensors", *PLANNER_OPTIONS)
     same: dict[str, Any] = {name: getattr(own, name) for name in alike}
     if isinstance(opponent, Mapping):
         given = known_settings(opponent, Entry, f"opponent {number}")

@@ -17,18 +17,17 @@ from typing import TYPE_CHECKING, Any
 from ..course.course import Course, laps_to_drive
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, obstacles_or_count
-from ..course.random_moving import moving_or_text, with_moving
-from ..course.random_obstacles import random_boxes
+from ..course.random_moving import moving_or_text
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole
 from ..racing.entries import GRIDS, Entry
 from ..racing.randomization import Randomization
+from ..racing.resolved import Ground
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, PARTS, Setup
 from ..simulation.cars import WorldCar
-from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.settings import CarSettings, Start, known_settings
+from ..simulation.settings import PLANNER_OPTIONS, CarSettings, Start, known_settings
 from ..simulation.world import World
 from .actions import DEFAULT_ACTION
 from .drawn_settings import all_opponents, read_randomization
@@ -45,7 +44,7 @@ if TYPE_CHECKING:
 
 STARTS = ("random", "line")
 
-_OF_FIRST = (*OF_A_CAR, "sensors", "knows", "effects")
+_OF_FIRST = (*OF_A_CAR, "sensors", "effects", *PLANNER_OPTIONS)
 _OF_RACE = (*OF_A_COURSE, "laps", "time_limit", "grid")
 """Fields of a Setup that an environment uses, and `start` and the opponents besides."""
 
@@ -135,7 +134,6 @@ class EnvironmentSettings(CarSettings):
             environment cannot use: of the planner, whose place the policy takes, or of a whole race.
         """
         own = dict(description)
-        _refuse_old(**own)
         setup, of_setup = own.pop("setup", None), {name: own.pop(name) for name in PARTS if name in own}
         if setup is None and not of_setup:
             return cls(**known_settings(own, cls, "an environment"))
@@ -205,17 +203,11 @@ class EnvironmentSettings(CarSettings):
             world, self.fixed_start, kind=self.grid, order=self.grid_order, own=own, learners=learners
         )
 
-    def load_course(self, agents: int = 1) -> Course:
-        """Return the course of so many cars that learn, with what moves there.
-
-        Raises:
-          TrackError, SettingsError: what cannot be driven.
-        """
-        car = self.car.parameters
-        return with_moving(
-            load_track(self.courses[0], car=car), self.moving, self.obstacle_seed, car=car,
-            start=(self.fixed_start or Start()).s, cars=agents + len(self.opponents),
-            obstacles=() if isinstance(self.obstacles, int) else self.obstacles,
+    def make_ground(self, agents: int = 1) -> Ground:
+        """Return the ground of so many cars that learn; errors as of `Ground.of`."""
+        return Ground.of(
+            self.courses[0], car=self.car.parameters, obstacles=self.obstacles, obstacle_seed=self.obstacle_seed,
+            moving=self.moving, start=(self.fixed_start or Start()).s, cars=agents + len(self.opponents),
         )  # fmt: skip
 
     def make_world(self, agents: int = 1) -> World:
@@ -224,15 +216,11 @@ class EnvironmentSettings(CarSettings):
         Raises:
           TrackError, SettingsError: what cannot be driven.
         """
-        car = self.car.parameters
-        course = self.load_course(agents)
-        laps_to_drive(course, self.laps)  # refuses more than a scene has
-        boxes = self.obstacles
-        if isinstance(boxes, int):
-            boxes = random_boxes(course, boxes, self.obstacle_seed, car=car, start=(self.fixed_start or Start()).s)
+        ground = self.make_ground(agents)
+        laps_to_drive(ground.course, self.laps)  # refuses more than a scene has
         learner = WorldCar(vehicle=self.car, mu=self.set_mu, changes=self.changes, tires=self.tire_set)
         others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
-        return self.world(course, obstacles=tuple(boxes), others=others)
+        return self.world(ground.course, obstacles=ground.boxes, others=others)
 
     def make_engine(
         self, count: int = 1, threads: int = 1, *, agents: int = 1, world: World | None = None, own_model: bool = False
@@ -246,10 +234,6 @@ class EnvironmentSettings(CarSettings):
             world or self.make_world(agents), count, laps=self.laps, time_limit=self.time_limit, threads=threads,
             own_model=own_model,
         )  # fmt: skip
-
-
-def _refuse_old(**settings: Any) -> None:
-    """Raise SettingsError if a setting has its old name."""
 
 
 def _is_part(value: Any) -> bool:

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..racing.planner_choice import Value
+from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -37,7 +37,7 @@ from ..messages import (
 from ..registry import PARTS
 from ..simulation.planner_adapter import plan
 from ..simulation.planner_adapter import start as start_planner
-from ..simulation.settings import as_part
+from ..simulation.settings import PLANNER_OPTIONS, DriveSettings, as_part
 from .actions import (
     DEFAULT_ACTION,
     LONGEST_SMOOTHING,
@@ -114,6 +114,7 @@ class PolicyInterface:
     beams: LidarBeams
     car: CarLimits
     residual: Any = None  # a Residual of the add-on learn, whose planner the actions correct
+    options: Mapping[str, Any] = field(default_factory=dict)  # of PLANNER_OPTIONS, that this planner is told of
     parameters: CarParameters | None = None  # of the car, where it observes `friction` or has a residual; else None
 
     def __post_init__(self) -> None:
@@ -150,7 +151,7 @@ class PolicyInterface:
           beams: of its LiDAR.
           period: of a tick [s].
         """
-        bearings = beams.bearings
+        bearings, drive = beams.bearings, settings.driven(effects=settings.effects)
         return cls(
             observation=settings.observation, privileged=tuple(term.name for term in settings.privileged),
             beam_step=settings.beam_step, action=settings.action, action_repeat=settings.action_repeat,
@@ -161,11 +162,8 @@ class PolicyInterface:
                 count=len(bearings), angle_min=beams.angle_min, angle_max=beams.angle_max, range_max=beams.range_max
             ),
             car=CarLimits(**{each.name: getattr(car, each.name) for each in fields(CarLimits)}),
-            residual=settings.residual and settings.residual.with_latency(
-                settings.effects.sweeps_late(period) * period
-                + (settings.car.command_delay if settings.all_changes.command_delay is None
-                   else settings.all_changes.command_delay)
-            ),
+            residual=settings.residual and settings.residual.with_latency(drive.context(car, None).latency),
+            options={name: getattr(settings, name) for name in PLANNER_OPTIONS if settings.residual},
             parameters=car if _knows_parameters(settings.observation, settings.residual) else None,
         )  # fmt: skip
 
@@ -182,7 +180,7 @@ class PolicyInterface:
         """Return the interface as numbers, texts and lists by name, which JSON takes."""
         own = {each.name: getattr(self, each.name) for each in fields(self)}
         if self.residual is None:
-            del own["residual"]
+            del own["residual"], own["options"]
         else:
             own["residual"] = self.residual.described()
         if self.parameters is None:
@@ -208,9 +206,9 @@ class PolicyInterface:
     def planner_context(self) -> PlannerContext:
         """What the planner is told whose commands the actions correct: nothing that an episode draws."""
         assert self.residual is not None and self.parameters is not None
-        return PlannerContext(
-            car=self.parameters, mu=self.residual.mu, max_speed=self.speed_range[1], period=self.period,
-            latency=self.residual.latency or 0.0,
+        return replace(
+            DriveSettings(**self.options).context(self.parameters, None), mu=self.residual.mu, sensors=(), lidar=None,
+            max_speed=self.speed_range[1], period=self.period, latency=self.residual.latency or 0.0,
         )  # fmt: skip
 
     def base_planners(self, beams: Beams, count: int) -> Any:

@@ -46,6 +46,7 @@ class Worlds:
       agents: of each world; more than one in one world only.
 
     Attributes:
+      settings: as given.
       engine: as given, or the new one.
       world: the World that they share.
       period: of a tick [s].
@@ -67,6 +68,7 @@ class Worlds:
         engine: Engine | None = None,
         agents: int = 1,
     ) -> None:
+        self.settings = settings
         self._draws: EpisodeDraws | None = None
         if settings.randomization.ranges:
             self._draws = EpisodeDraws(settings, count, agents, self._forget)

@@ -74,7 +74,7 @@ def drive(
         max_speed=fastest, start=start,
     )  # fmt: skip
     result = race_setup(raced, watch=watch)
-    nobody = dict.fromkeys(result.car.controller_origin)
+    nobody = dict.fromkeys(result.car.controller_origin) | {"commands": table.name}
     car = replace(result.car, controller=table.name, controller_origin=nobody, controller_source=None)
     return replace(result, cars=(car,))
 

@@ -17,7 +17,7 @@ from ..messages import CarParameters, FloatArray
 from ..racing.resimulation import load_world
 from ..racing.result import RaceResult
 from ..racing.run_folder import Run
-from .manoeuvres import AT_ONCE, Brake, Circle, Manoeuvre, RampSteer, StepSteer, find_manoeuvre, is_driven_by_commands
+from .manoeuvres import AT_ONCE, Brake, Circle, Manoeuvre, RampSteer, StepSteer, find_manoeuvre
 
 Column = Callable[[str], FloatArray]
 """Returns a column of the telemetry by its name."""
@@ -64,12 +64,10 @@ def handling(run: RaceResult | Run) -> dict[str, float]:
 
 def _manoeuvre_of(run: RaceResult | Run) -> Manoeuvre | None:
     """Return the manoeuvre that a run was driven by, or None."""
-    name = run.car.controller if isinstance(run, RaceResult) else str(run.summary.get("controller"))
-    if not is_driven_by_commands(name):
-        return None
+    origin = run.car.controller_origin if isinstance(run, RaceResult) else run.summary.get("controller_origin")
     try:
-        return find_manoeuvre(name)
-    except SettingsError:  # a file of commands
+        return find_manoeuvre(str((origin or {}).get("commands")))
+    except SettingsError:  # a planner, or a file of commands
         return None
 
 

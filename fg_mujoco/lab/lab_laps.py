@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..messages import FloatArray
-from ..racing.planner_loading import make_controller
+from ..racing.planners import make_controller
 from ..racing.result import History, trajectory_sha256
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import adapt

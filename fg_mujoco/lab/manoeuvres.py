@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
 from ..messages import CarParameters, FloatArray, require
-from ..racing.planner_choice import ControllerChoice, with_settings
+from ..racing.planners import ControllerChoice, with_settings
 from ..simulation.settings import known_settings
 from .commands import SUFFIX, Commands
 
@@ -355,8 +355,3 @@ def find_manoeuvre(text: str, speed: float | None = None) -> Manoeuvre:
     if "speed" in dict(choice.settings):
         raise SettingsError(f"speed is {speed!r}, and in the brackets of {text!r} there is one; accepted: one of them")
     return replace(found, speed=speed)
-
-
-def is_driven_by_commands(controller: str) -> bool:
-    """Return whether the controller that a summary names is a manoeuvre or a file of commands, and no planner."""
-    return controller.partition("[")[0] in (*MANOEUVRES, Commands.name) or controller.lower().endswith(SUFFIX)

@@ -1,42 +1,26 @@
-"""Effects of a real LiDAR on a scan: noise, bias, dropouts, latency, motion distortion. Off by default.
+"""Settings of a real LiDAR's effects on a scan: noise, bias, dropouts, latency, motion distortion. Off by default.
 
-    pipeline = ScanPipeline(lidar, LidarEffects(range_noise_std=0.01), np.random.default_rng(seed))
-    for _ in range(substeps):
-        mujoco.mj_step(model, data)
-        pipeline.record(data)
-    mujoco.mj_forward(model, data)
-    scan = pipeline.scan(data)
-
-Same calls, same seed: the same bits.
+`scan_pipeline` applies them, and is imported where a LiDAR has any.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
-
-import mujoco
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, cast
 
 from ..arguments import explain_class
-from ..compiled.kernels import kernel
 from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray, LaserScan, require
-from .beams import NO_RETURN_READINGS, Beams
-from .body_poses import rotated
-from .lidar import Lidar, RaycastLidar
-from .measured_errors import MeasuredErrors, error_at
-from .random_numbers import draw_normals, draw_shares, generator_state, ziggurat
+from ..messages import require
+from .beams import NO_RETURN_READINGS
+
+if TYPE_CHECKING:
+    from .measured_errors import MeasuredErrors
 
 GREATEST_NOISE = 10.0
 """[m] Greatest standard deviation of a range that is accepted."""
-
-_FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
 
 LONGEST_LATENCY = 1.0
 """[s] Longest latency that is accepted, forty sweeps."""
@@ -65,6 +49,8 @@ class LidarEffects:
 
     def __post_init__(self) -> None:
         if self.measured is not None:
+            from .measured_errors import MeasuredErrors
+
             object.__setattr__(self, "measured", MeasuredErrors.load(self.measured))
         noise = f"0 to {GREATEST_NOISE:g} m, which is the range that the UST-10LX is made for"
         require(self, lambda value: 0.0 <= value <= GREATEST_NOISE, noise, ("range_noise_std",), SettingsError)
@@ -87,298 +73,3 @@ class LidarEffects:
         """Return the number of sweeps of a period [s] by which a scan is late."""
         # A latency of 2 sweeps is 2, also where the division says 2.0000000000000004.
         return math.ceil(self.latency / period - 1e-9)
-
-
-class ScanPipeline:
-    """From the state of the simulation to the scan that a planner gets.
-
-    Latency holds back whole scans; a scan's stamp stays the time it was measured at. Until the first one is old
-    enough, the first one is what is delivered.
-
-    Args:
-      lidar: the back end; motion distortion needs `raycast`, because MuJoCo fires all its sensors at once.
-      effects: the settings.
-      rng: of noise and dropouts.
-
-    Attributes:
-      needs_every_step: whether `record` must be called after each physics step.
-
-    Raises:
-      SettingsError: motion distortion on a back end that cannot.
-    """
-
-    def __init__(self, lidar: Lidar, effects: LidarEffects, rng: np.random.Generator) -> None:
-        self._lidar = lidar
-        self._effects = effects
-        self._rng = rng
-        self._tables = None if effects.errors is None else _tables(effects.errors, lidar.beams)
-        self._held: deque[LaserScan] = deque(maxlen=effects.sweeps_late(lidar.beams.period) + 1)
-        self._sweep: _Sweep | None = None
-        if effects.motion_distortion:
-            if not isinstance(lidar, RaycastLidar):
-                raise SettingsError(
-                    f"LidarEffects.motion_distortion is True on {type(lidar).__name__}, whose beams are all taken at "
-                    "once; accepted: the back end 'raycast'"
-                )
-            self._sweep = _Sweep(lidar)
-        self.needs_every_step = self._sweep is not None
-
-    def record(self, data: Any) -> None:
-        """Remember where the LiDAR is. Call it after each physics step, if `needs_every_step`."""
-        if self._sweep is not None:
-            self._sweep.record(data)
-
-    def scan(self, data: Any) -> LaserScan:
-        """Measure at the present state of `data`, whose body poses must be current, and return the scan due now."""
-        beams = self._lidar.beams
-        ranges = self._lidar.ranges(data) if self._sweep is None else self._sweep.ranges(data)
-        ranges = self._disturb(beams, ranges)
-        swept = self._sweep is not None
-        self._held.append(beams.to_scan(ranges, data.time, no_return=self._effects.no_return, swept=swept))
-        return self._held[0]
-
-    def _disturb(self, beams: Beams, ranges: FloatArray) -> FloatArray:
-        if self._tables is not None:
-            noise, shares = self._rng.standard_normal(len(ranges)), self._rng.random(len(ranges))
-            effects, (knots, values) = self._effects, self._tables
-            own = effects.range_noise_std, effects.dropout_probability
-            return _misread(ranges, *own, noise, shares, knots, values, beams.range_min, beams.range_max)
-        if self._effects.range_noise_std > 0.0:
-            noisy = ranges + self._rng.normal(0.0, self._effects.range_noise_std, len(ranges))
-            ranges = beams.readings(noisy)
-        if self._effects.dropout_probability > 0.0:
-            failed = self._rng.random(len(ranges)) < self._effects.dropout_probability
-            ranges = np.where(failed, math.nan, ranges)
-        return ranges
-
-
-class EffectsOfRows:
-    """The effects of many LiDARs on the rows of their ranges, in place; without motion distortion.
-
-    Each row has the bits that a ScanPipeline gives, which costs more because it makes messages.
-
-    Args:
-      beams: of all LiDARs.
-      rows: how many there are.
-    """
-
-    def __init__(self, beams: Beams, rows: int) -> None:
-        self._beams, count = beams, len(beams.bearings)
-        self._begun = np.zeros(rows, np.bool_)
-        self._states = np.zeros((rows, 4), np.int64)  # of the generator of each
-        self._deviations, self._dropouts, self._no_returns = np.zeros(rows), np.zeros(rows), np.full(rows, math.inf)
-        self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
-        self._noise, self._shares = np.zeros(count), np.zeros(count)  # room for those of one row
-        self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
-        self._measured: list[MeasuredErrors] = []  # of which the tables are
-        self._table_of = np.full(rows, -1)  # of each row among them; -1: it has none
-        self._knots, self._values = np.zeros((0, 1)), np.zeros((0, count, 1, 3))
-
-    def __bool__(self) -> bool:
-        return bool(self._begun.any())
-
-    def begin(self, row: int, effects: LidarEffects, seed: int) -> None:
-        """Have effects on a row from now on."""
-        count = len(self._beams.bearings)
-        self._begun[row], self._states[row] = True, generator_state(seed)
-        self._deviations[row], self._dropouts[row] = effects.range_noise_std, effects.dropout_probability
-        self._no_returns[row] = math.inf if effects.no_return == "inf" else self._beams.range_max
-        self._lates[row], self._sweeps[row] = effects.sweeps_late(self._beams.period), 0
-        self._table_of[row] = -1 if effects.errors is None else self._table(effects.errors)
-        if self._lates[row] > self._held.shape[1]:
-            held = np.zeros((len(self._held), int(self._lates[row]), count))
-            held[:, : self._held.shape[1]] = self._held
-            self._held = held
-
-    def _table(self, errors: MeasuredErrors) -> int:
-        """Return the place of the tables of measured errors."""
-        if errors not in self._measured:
-            self._measured.append(errors)
-            all_of = [_tables(each, self._beams) for each in self._measured]
-            most = max(len(knots) for knots, _ in all_of)
-            self._knots = np.full((len(all_of), most), math.inf)
-            self._values = np.zeros((len(all_of), len(self._beams.bearings), most, 3))
-            for place, (knots, values) in enumerate(all_of):
-                self._knots[place, : len(knots)], self._values[place, :, : len(knots)] = knots, values
-        return self._measured.index(errors)
-
-    def end(self, row: int) -> None:
-        """Have none on it."""
-        self._begun[row] = False
-
-    def apply(self, which: NDArray[np.bool_], ranges: FloatArray) -> None:
-        """Turn what was measured into what is delivered now, in the rows `which` (r,) of ranges (r, beams) [m]."""
-        _disturb(
-            np.flatnonzero(self._begun & which), ranges, self._states, *ziggurat(), self._deviations, self._noise,
-            self._dropouts, self._shares, self._no_returns, self._lates, self._sweeps, self._held, self._table_of,
-            self._knots, self._values, self._beams.range_min, self._beams.range_max,
-        )  # fmt: skip
-
-
-def _tables(errors: MeasuredErrors, beams: Beams) -> tuple[FloatArray, FloatArray]:
-    """Return the ranges (k,) [m] of measured errors, and noise, bias and dropout of each beam at them (n, k, 3)."""
-    return np.array(errors.ranges), np.ascontiguousarray(errors.at(beams.bearings))
-
-
-@kernel
-def _misread(
-    ranges: FloatArray, deviation: float, dropout: float, noise: FloatArray, shares: FloatArray, knots: FloatArray,
-    values: FloatArray, range_min: float, range_max: float,
-) -> FloatArray:  # fmt: skip
-    """Return ranges (n,) [m] with errors by range and bearing, `values` (n, k, 3) at `knots` (k,), and those of all."""
-    readings = np.empty(len(ranges))
-    for beam in range(len(ranges)):
-        readings[beam] = _reading(
-            ranges[beam], deviation, dropout, noise[beam], shares[beam], knots, values[beam], range_min, range_max
-        )
-    return readings
-
-
-@kernel
-def _reading(
-    distance: float, deviation: float, dropout: float, noise: float, share: float, knots: FloatArray,
-    values: FloatArray, range_min: float, range_max: float,
-) -> float:  # fmt: skip
-    """Return what a beam reads at a distance [m]: noise and bias at that distance, then its failure."""
-    failure = dropout + (1.0 - dropout) * error_at(knots, values, 2, distance)
-    if share < failure:
-        return math.nan
-    if not -math.inf < distance < math.inf:
-        return distance
-    deviation = math.sqrt(deviation * deviation + error_at(knots, values, 0, distance) ** 2)
-    distance += error_at(knots, values, 1, distance) + deviation * noise
-    if not distance < range_max:
-        return math.inf
-    return -math.inf if distance < range_min else distance
-
-
-@kernel
-def _disturb(
-    rows: NDArray[np.int64], ranges: FloatArray, states: NDArray[np.int64], limits: NDArray[np.int64],
-    widths: FloatArray, heights: FloatArray, deviations: FloatArray, noise: FloatArray, dropouts: FloatArray,
-    shares: FloatArray, no_returns: FloatArray, lates: NDArray[np.int64], sweeps: NDArray[np.int64], held: FloatArray,
-    table_of: NDArray[np.int64], knots: FloatArray, values: FloatArray, range_min: float, range_max: float,
-) -> None:  # fmt: skip
-    """Add noise to some rows of ranges, in place, let beams fail, say what no return is, and hold sweeps back."""
-    for row in rows:
-        deviation, dropout, late, table = deviations[row], dropouts[row], lates[row], table_of[row]
-        if table >= 0 or deviation > 0.0:
-            draw_normals(states[row], limits, widths, heights, noise)
-        if table >= 0 or dropout > 0.0:
-            draw_shares(states[row], shares)
-        place = sweeps[row] % late if late > 0 else 0  # of the sweep that is due now, and then of this one
-        for beam in range(ranges.shape[1]):
-            distance = ranges[row, beam]
-            if table >= 0:
-                distance = _reading(
-                    distance, deviation, dropout, noise[beam], shares[beam], knots[table], values[table, beam],
-                    range_min, range_max,
-                )  # fmt: skip
-            elif deviation > 0.0:
-                distance += deviation * noise[beam]
-                if not distance < range_max:
-                    distance = math.inf
-                elif distance < range_min:
-                    distance = -math.inf
-            if table < 0 and dropout > 0.0 and shares[beam] < dropout:
-                distance = math.nan
-            if distance == math.inf:
-                distance = no_returns[row]
-            if late > 0:
-                if sweeps[row] == 0:  # until one is old enough, the first one is delivered
-                    for other in range(late):
-                        held[row, other, beam] = distance
-                delivered = held[row, place, beam]
-                held[row, place, beam] = distance
-                distance = delivered
-            ranges[row, beam] = distance
-        sweeps[row] += 1
-
-
-class PoseHistory:
-    """Poses of a body at the last physics steps.
-
-    Args:
-      span: how far back it reaches [s].
-    """
-
-    def __init__(self, span: float) -> None:
-        self._span = span
-        self._poses: deque[tuple[float, FloatArray, FloatArray]] = deque()
-
-    def record(self, time: float, position: FloatArray, quaternion: FloatArray) -> None:
-        """Add a pose: time [s], later than the last or the same one again, position (3,) [m], quaternion (4,) wxyz."""
-        while self._poses and self._poses[-1][0] >= time:
-            self._poses.pop()
-        self._poses.append((time, position.copy(), quaternion.copy()))
-        while len(self._poses) > 2 and self._poses[1][0] <= time - self._span:
-            self._poses.popleft()
-
-    def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions (n, 3) [m] and quaternions (n, 4) wxyz at `times` (n,) [s].
-
-        Linear between recorded positions, slerp between orientations; before the first pose it is the first, after
-        the last the last. A body that was put elsewhere from one step to the next is nowhere in between.
-        Source: Shoemake, Animating rotation with quaternion curves, SIGGRAPH 1985.
-        """
-        known = np.array([pose[0] for pose in self._poses])
-        positions = np.array([pose[1] for pose in self._poses])
-        quaternions = np.array([pose[2] for pose in self._poses])
-        place = np.interp(times, known, np.arange(len(known)))
-        before = np.minimum(place.astype(np.intp), max(len(known) - 2, 0))
-        after = np.minimum(before + 1, len(known) - 1)
-        share = (place - before)[:, np.newaxis]
-        moved = np.abs(positions[after] - positions[before]).max(axis=1)
-        put = moved > _FASTEST * (known[after] - known[before])
-        share = np.where(put[:, np.newaxis] & (share < 1.0), 0.0, share)
-        position = (1.0 - share) * positions[before] + share * positions[after]
-        first, second = quaternions[before], quaternions[after]
-        cosine = np.einsum("ij,ij->i", first, second)[:, np.newaxis]
-        second = np.where(cosine < 0.0, -second, second)  # the short way round
-        angle = np.arccos(np.minimum(np.abs(cosine), 1.0))
-        # np.sinc(x / pi) is sin(x) / x, and 1 at 0.
-        weights = [part * np.sinc(part * angle / math.pi) / np.sinc(angle / math.pi) for part in (1.0 - share, share)]
-        return position, weights[0] * first + weights[1] * second
-
-
-class _Sweep:
-    """A scan whose beams are taken one after the other, the last one at the present state.
-
-    Each beam sees other cars and moving obstacles where they were when it was taken.
-    """
-
-    def __init__(self, lidar: RaycastLidar) -> None:
-        self._lidar = lidar
-        beams = lidar.beams
-        self._ages = beams.time_increment * np.arange(len(beams.bearings) - 1, -1, -1)
-        self._bodies = (lidar.body, *lidar.followed)
-        self._histories = [PoseHistory(float(self._ages[0])) for _ in self._bodies]
-        # Poses in `data` are one step behind after mj_step; here they are worked out at the present state.
-        self._present = mujoco.MjData(lidar.model)
-
-    def record(self, data: Any) -> None:
-        present = self._present
-        present.qpos[:], present.mocap_pos[:], present.mocap_quat[:] = data.qpos, data.mocap_pos, data.mocap_quat
-        mujoco.mj_kinematics(self._lidar.model, present)
-        for body, history in zip(self._bodies, self._histories, strict=True):
-            history.record(data.time, present.xpos[body], present.xquat[body])
-
-    def ranges(self, data: Any) -> FloatArray:
-        self.record(data)
-        (positions, quaternions), *moving = [history.at(data.time - self._ages) for history in self._histories]
-        origins = positions + rotated(self._lidar.beams.origins, quaternions)
-        return self._lidar.cast(data, origins, rotated(self._lidar.beams.directions, quaternions), moving)
-
-
-@kernel
-def add_noise(ranges: FloatArray, deviation: float, range_max: float, noise: FloatArray) -> None:
-    """Turn standard normal numbers into ranges with noise, 0 to `range_max`.
-
-    Args:
-      ranges: (n,) as a LiDAR measures them [m].
-      deviation: standard deviation of the noise [m].
-      range_max: that is read where nothing is [m].
-      noise: (n,) [-]; left with the noisy ranges [m].
-    """
-    for beam in range(len(noise)):
-        noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)

@@ -22,11 +22,12 @@ from ..messages import CarParameters, Controller, FloatArray, MapLine, shown
 from ..simulation.cars import GREATEST_CARS, WorldCar, first_overlap
 from ..simulation.planner_adapter import start as start_planner
 from ..simulation.settings import DriveSettings, Start
-from .fault import BOTH, NO_FAULT
-from .planner_choice import split_controller
-from .planner_loading import build_controller, make_controller
+from .planners import build_controller, make_controller, split_controller
 
 GRIDS = ("staggered", "side_by_side", "behind")
+
+BOTH, NO_FAULT = "both", "no fault"
+"""Stand in results where the name of the car at fault would."""
 
 _BEHIND = 0.80  # [m] RoboRacer rules 3.2026: staggered, the next car stands 80 cm behind
 _ASIDE = 0.30  # [m] and 30 cm aside

@@ -27,9 +27,6 @@ import numpy as np
 from ..errors import SettingsError
 from ..messages import FloatArray, read_only
 
-BOTH, NO_FAULT = "both", "no fault"
-"""Stand in results where the name of the car at fault would."""
-
 LOOK_BACK = 1.0
 """[s] before a touch that are judged."""
 

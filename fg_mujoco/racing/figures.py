@@ -8,15 +8,17 @@ Names are those of CarResult and RaceResult, and of the summary.
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 from ..messages import FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import StatisticsFigures, column_index, statistics_figures
 from ..simulation.termination import END_REASONS, WrongWay
 from ..simulation.world import OBSTACLE_PREFIX
-from .crash import Crash, crash_of
 from .result import Trajectory, clamped_commands, trajectory_sha256
+
+if TYPE_CHECKING:
+    from .crash import Crash
 
 
 class DrivenFigures(StatisticsFigures):
@@ -97,6 +99,8 @@ def course_figures(engine: Engine, trajectory: Trajectory, row: int = 0) -> Cour
     reason = END_REASONS[monitor.reasons[row]]
     crash = None
     if reason == "crash":
+        from .crash import crash_of
+
         crash = crash_of(world, **trajectory, timer=timer, laps=laps, period=engine.period, row=row)
     wrong_way = None
     if reason == "wrong_way":

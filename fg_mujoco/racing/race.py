@@ -32,20 +32,21 @@ from ..simulation.planner_failure import DecisionLimitReached, PlannerFailure, w
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
 from .decision_times import DecisionClock, DecisionTimes
-from .entries import check_starts, entry_planner, grid_starts
+from .entries import Entry
 from .figures import course_figures, driven_figures, track_figures, world_figures
-from .planner_choice import split_controller
-from .planner_files import Files, planner_files
-from .planner_origin import origin, source_code
-from .race_control import RaceControl, find_rules
+from .planners import split_controller
+from .resolved import Resolved
 from .result import CarResult, History, RaceResult
 from .setup import Setup, SetupKeywords
+from .trust import Files, origin, planner_files, source_code
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
+    from .race_control import Contact, Overtake, RaceControl, Restart, Warned
 
-_LATE = END_REASONS.index("decision_limit")
+
+_LATE, _FINISHED = END_REASONS.index("decision_limit"), END_REASONS.index("finished")
 
 
 @explain_class
@@ -121,25 +122,16 @@ def race_setup(
       turn: of a race of several cars: called with the number of a car before its planner is built, and before each of
         its decisions, so that it is known whose planner ended the process.
     """
-    course = setup.load_course()
-    laps, obstacles, entries = setup.laps_on(course), setup.obstacles_on(course), setup.named
-    world = setup.world(course, obstacles)
-    cars, alone = [car.parameters for car in world.cars], len(entries) == 1
-    names = [str(entry.name) for entry in entries]
-    places = grid_starts(course, cars, setup.grid)
-    starts = [entry.start or place for entry, place in zip(entries, places, strict=True)]
+    raced = Resolved.of(setup)
+    world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:
-        check_starts(course, starts, cars, names, obstacles)
-    planners = []
-    for row, (entry, car) in enumerate(zip(entries, cars, strict=True)):
-        if turn is not None:
-            turn(row)
-        planners.append(entry_planner(entry, car=car, map_line=course.map_line, alone=alone))
+        raced.check_starts()
+    planners = raced.build_planners(turn)
     files = [  # before the race: what the planners have read
         planner_files(planner, split_controller(entry.controller, entry.planner_settings)[1], warn=True)
         for planner, entry in zip(planners, entries, strict=True)
     ]
-    engine = Engine(world, laps=laps, time_limit=setup.time_limit)
+    engine = Engine(world, laps=raced.laps, time_limit=setup.time_limit)
     clock = DecisionClock(setup.decision_limit)
     adapted = [
         adapt([planner], arrays=isinstance(entry.controller, str))
@@ -149,14 +141,11 @@ def race_setup(
     engine.planners = (
         adapted[0] if alone else PlannersOfEach([(np.array([row]), each) for row, each in enumerate(timed)])
     )
-    engine.place(
-        starts, effects=[entry.effects for entry in entries], seeds=[entry.seed for entry in entries],
-        odometry_drifts=[entry.odometry_drift for entry in entries], sensors=[entry.sensed for entry in entries],
-    )  # fmt: skip
+    raced.place(engine)
     if alone and engine.crashed[0]:
-        check_starts(course, starts, cars, [""], obstacles)  # says what is in the way
-        raise SettingsError(f"the car touches something at {starts[0]}; accepted: a start where it does not")
-    history, control = History(engine), RaceControl(engine, names=names, rules=find_rules(setup.rules))
+        raced.check_starts()  # says what is in the way
+        raise SettingsError(f"the car touches something at {raced.starts[0]}; accepted: a start where it does not")
+    history, control = History(engine), _control(engine, names, setup.rules)
 
     started = time.perf_counter()
     ended = _drive(engine, history, control, clock, watch)
@@ -169,8 +158,9 @@ def race_setup(
         failure = failures.get(row)
         results.append(
             _car_result(
-                engine, history, setup, row, planner, files[row], start=starts[row], position=order.index(row) + 1,
-                ticks=int(ended[row]), failure=None if failure is None else failure.failure,
+                engine, history, entries[row], row, planner, files[row], start=raced.starts[row],
+                position=order.index(row) + 1, ticks=int(ended[row]),
+                failure=None if failure is None else failure.failure,
                 seconds=clock.seconds if alone else timed[row].seconds,
                 touched=sum(names[row] in contact.cars for contact in control.contacts),
                 put_back=control.wall_contacts[row],
@@ -179,7 +169,7 @@ def race_setup(
     of_all = world_figures(trajectory)
     return RaceResult(
         setup=setup,
-        laps_requested=laps,
+        laps_requested=raced.laps,
         cars=tuple(results),
         winner=control.winner,
         overtakes=tuple(control.overtakes),
@@ -199,7 +189,7 @@ def race_setup(
 def _drive(
     engine: Engine,
     history: History,
-    control: RaceControl,
+    control: RaceControl | _Uncontrolled,
     clock: DecisionClock,
     watch: Callable[[RaceProgress], None] | None,
 ) -> NDArray[np.int64]:
@@ -240,6 +230,44 @@ def _drive(
     return ended
 
 
+def _control(engine: Engine, names: Sequence[str], rules: str) -> RaceControl | _Uncontrolled:
+    """Return the race control of some cars; of one car without rules, whom nobody can touch, one that does nothing."""
+    if len(names) == 1 and rules == "none":
+        return _Uncontrolled(engine, names[0])
+    from .race_control import RaceControl, find_rules
+
+    return RaceControl(engine, names=names, rules=find_rules(rules))
+
+
+class _Uncontrolled:
+    """The results of a race of one car without rules, as RaceControl has them."""
+
+    puts_back_at_walls = False
+
+    def __init__(self, engine: Engine, name: str) -> None:
+        self._engine, self._name = engine, name
+        self.contacts: list[Contact] = []
+        self.overtakes: list[Overtake] = []
+        self.warnings: list[Warned] = []
+        self.restarts: list[Restart] = []
+        self.wall_contacts = [0]
+
+    def after_tick(self) -> None:
+        """Do nothing."""
+
+    def finish(self) -> None:
+        """Do nothing."""
+
+    def order(self) -> list[int]:
+        """Return the only car."""
+        return [0]
+
+    @property
+    def winner(self) -> str | None:
+        """Name of the car, if it has finished."""
+        return self._name if self._engine.monitor.reasons[0] == _FINISHED else None
+
+
 class _Timed:
     """Times the decisions of one car's planner, and ends its race where one takes too long.
 
@@ -275,7 +303,7 @@ class _Timed:
 def _car_result(
     engine: Engine,
     history: History,
-    setup: Setup,
+    entry: Entry,
     row: int,
     planner: Controller,
     files: Files,
@@ -289,7 +317,7 @@ def _car_result(
     put_back: int,
 ) -> CarResult:
     """Return how a car fared, whose race was over after so many ticks."""
-    entry, arrays = setup.named[row], history.arrays(row)
+    arrays = history.arrays(row)
     own: Any = {
         "telemetry": arrays["telemetry"][:ticks], "states": arrays["states"][: ticks + 1],
         "ctrl": arrays["ctrl"][:ticks],

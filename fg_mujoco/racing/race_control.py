@@ -28,7 +28,8 @@ from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
-from .fault import BOTH, NO_FAULT, judge
+from .entries import BOTH, NO_FAULT
+from .fault import judge
 from .recent_motion import RecentMotion
 
 OVERTAKE_LEAD = 0.5

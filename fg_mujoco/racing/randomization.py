@@ -31,7 +31,7 @@ from ..simulation.cars import GREATEST_CARS
 from ..simulation.settings import CarSettings, DriveSettings, Scenario, Start
 from ..vehicle.changes import CarChanges
 from ..vehicle.vehicle import Vehicle
-from .planner_choice import Value, read_value
+from .planners import Value, read_value
 
 PARAMETERS: dict[str, tuple[Any, str]] = {
     "mu": (CarChanges, "mu"),

@@ -21,17 +21,16 @@ from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.car import WHEELS
 from ..vehicle.tires import CONTACT, MagicFormula
-from .crash import Crash
 from .decision_times import DecisionTimes
-from .driven_line_svg import driven_line, driven_lines
-from .rollover import Rollover
 
 if TYPE_CHECKING:
     from ..simulation.engine import Engine
     from ..simulation.settings import Start
     from ..simulation.world import World
+    from .crash import Crash
     from .entries import Entry
     from .race_control import Contact, Overtake, Restart, Warned
+    from .rollover import Rollover
     from .setup import Setup
 
 
@@ -50,7 +49,7 @@ class CarResult(Suggesting):
     entry: Entry  # what the car was entered with
     start: Start
     controller: str  # without settings in brackets; of an object its class
-    controller_origin: dict[str, Any]  # of the planner: distribution and version, or file; hashes of source and `files`
+    controller_origin: dict[str, Any]  # as of trust.origin, and `files` that it reads; or `commands` without a planner
     planner_settings: dict[str, Any]  # those that differ from its own
     laps_completed: int
     lap_times_s: tuple[float, ...]  # the first from a standing start
@@ -134,6 +133,10 @@ class CarResult(Suggesting):
     @property
     def rollover(self) -> Rollover | None:
         """Where the car rolled over; None: its race did not end so."""
+        if self.end_reason != "rolled_over":
+            return None
+        from .rollover import Rollover
+
         return Rollover.of(self.end_reason, self.telemetry[self.column("time_s") < self.end_time_s])
 
     def _meant(self, name: str) -> str | None:
@@ -278,6 +281,8 @@ class RaceResult(Shown):
     def _repr_html_(self) -> str:
         if len(self.cars) > 1:
             return self._html_of_several()
+        from .driven_line_svg import driven_line
+
         car = self.car
         rows = [
             ("planner, track, car", f"{car.controller}, {self.track}, {car.vehicle}"),
@@ -298,6 +303,8 @@ class RaceResult(Shown):
 
     def _html_of_several(self) -> str:
         """Return what a notebook shows of several cars: a row for each, and the lines of all."""
+        from .driven_line_svg import driven_lines
+
         head = [
             ("track, laps", f"{self.track}, {self.laps_requested}"),
             ("winner", self.winner or "nobody finished"),

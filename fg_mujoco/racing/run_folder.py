@@ -51,7 +51,7 @@ from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_name
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
-from .planner_texts import POLICY_ENDINGS
+from .planners import POLICY_ENDINGS
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
 

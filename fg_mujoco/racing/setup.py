@@ -19,24 +19,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..arguments import explain_class, unknown_argument
-from ..course.course import Course, laps_to_drive, require_course
+from ..course.course import Course, require_course
 from ..course.definitions import course_sha256
 from ..course.documents import read_toml, toml_text
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
-from ..course.random_moving import described_moving, moving_or_text, with_moving
-from ..course.random_obstacles import random_boxes
-from ..course.writing import write_file
 from ..display import brief, changed
 from ..errors import ArgumentError, SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS
 from ..messages import require, require_whole, shown
-from ..simulation.course_loading import load_track
 from ..simulation.settings import (
+    PLANNER_OPTIONS,
     CarKeywords,
     CarSettings,
     DriveSettings,
@@ -45,14 +42,9 @@ from ..simulation.settings import (
     require_laps,
     require_time_limit,
 )
-from ..simulation.world import World
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
 from .entries import Entry, require_entries, require_grid
-from .race_control import find_rules
-
-if TYPE_CHECKING:
-    pass
 
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
@@ -130,13 +122,18 @@ class Setup:
         self._set("patches", as_parts(self.patches, Patch, "patches"))
         self._set("obstacles", obstacles_or_count(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
-        self._set("moving", moving_or_text(self.moving))
+        if not isinstance(self.moving, str) or self.moving:
+            from ..course.random_moving import moving_or_text
+
+            self._set("moving", moving_or_text(self.moving))
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
         of_several = [("grid", "staggered")]
-        if not find_rules(self.rules).checkpoints:
-            of_several.append(("rules", "none"))
+        if not isinstance(self.rules, str) or self.rules != "none":
+            from .race_control import find_rules
+
+            of_several += [] if find_rules(self.rules).checkpoints else [("rules", "none")]
         for name, usual in of_several:
             if len(named) == 1 and getattr(self, name) != usual:
                 raise SettingsError(
@@ -212,46 +209,6 @@ class Setup:
         own = {f.name: getattr(self.first, f.name) for f in fields(DriveSettings)}
         return DriveSettings(**own | {"patches": self.patches, "start": self.first.start or Start()})
 
-    def load_course(self) -> Course:
-        """Return the course, made for car 0 where it is a scene, with what moves there.
-
-        Raises:
-          TrackError: there is none, or it cannot be read.
-          SettingsError: a course on which nothing can be made to move, or with too little room for it.
-        """
-        return self.with_moving(load_track(self.track, car=self.first.car.parameters))
-
-    def with_moving(self, course: Course) -> Course:
-        """Return a course with what is to move there; errors are those of `random_moving.with_moving`."""
-        return with_moving(
-            course, self.moving, self.obstacle_seed, car=self.first.car.parameters,
-            start=(self.first.start or Start()).s, cars=len(self.entries),
-            obstacles=() if isinstance(self.obstacles, int) else self.obstacles,
-        )  # fmt: skip
-
-    def laps_on(self, course: Course) -> int:
-        """Return how many laps a race has; errors as of `laps_to_drive`."""
-        return laps_to_drive(course, self.laps)
-
-    def obstacles_on(self, course: Course) -> tuple[Obstacle, ...]:
-        """Return the solids on a course, besides its own.
-
-        Raises:
-          SettingsError: more boxes than it has room for.
-        """
-        if not isinstance(self.obstacles, int):
-            return tuple(self.obstacles)
-        start = (self.first.start or Start()).s
-        return random_boxes(course, self.obstacles, self.obstacle_seed, car=self.first.car.parameters, start=start)
-
-    def world(self, course: Course, obstacles: Sequence[Obstacle] = ()) -> World:
-        """Return the compiled world of all cars on a course; errors as of World."""
-        first, *others = self.entries
-        return World(
-            course, first.car, mu=first.set_mu, lidar=self.lidar, obstacles=tuple(obstacles), changes=first.changes,
-            tires=first.tire_set, patches=tuple(self.patches), others=[entry.world_car() for entry in others],
-        )  # fmt: skip
-
     def require_usable(self, caller: str, *usable: str, alone: bool = False) -> None:
         """Refuse settings that the caller does not use and that are not the default.
 
@@ -291,6 +248,8 @@ class Setup:
 
     def write(self, path: str | Path) -> Path:
         """Write a TOML file and return its path; errors as of `described`, and RunFolderError."""
+        from ..course.writing import write_file
+
         write_file(Path(path), self.toml.encode())
         return Path(path)
 
@@ -337,6 +296,8 @@ class Setup:
             if name == "obstacles" and not isinstance(value, int):
                 value = described_obstacles(value)
             elif name == "moving":
+                from ..course.random_moving import described_moving
+
                 value = described_moving(value)
             elif name == "patches":
                 value = [asdict(patch) for patch in value]
@@ -346,11 +307,10 @@ class Setup:
 
 
 OF_A_CAR = ("vehicle", "tires", "mu", "floor", "changes")
-OF_A_DRIVER = (
-    "controller", "planner_settings", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift",
-)  # fmt: skip
+OF_A_CONTEXT = ("planner_mu", "max_speed", "sensors", "effects", "odometry_drift", *PLANNER_OPTIONS)
+OF_A_DRIVER = ("controller", "planner_settings", *OF_A_CONTEXT)
 OF_A_COURSE = ("track", "obstacles", "obstacle_seed", "moving", "patches")
-"""Fields that `require_usable` is told of: of a car, of who drives it and what it senses, and of where."""
+"""Fields that `require_usable` is told of: of a car, what its planner is told and senses, who drives it, and where."""
 
 _OF_RACE = tuple(f.name for f in fields(Setup))
 _OF_CAR = tuple(f.name for f in fields(Entry) if f.name not in _OF_RACE)

@@ -32,9 +32,7 @@ from ..messages import DriveCommand, FloatArray
 from ..racing.decision_times import DecisionClock
 from ..racing.entries import entry_planner
 from ..racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
-from ..racing.planner_choice import split_controller
-from ..racing.planner_loading import build_controller
-from ..racing.planner_sources import find_controller
+from ..racing.planners import build_controller, find_controller, split_controller
 from ..racing.race_control import RULES, RaceControl
 from ..simulation.cars import WorldCar
 from ..simulation.engine import Engine

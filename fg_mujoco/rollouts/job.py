@@ -28,13 +28,10 @@ from ..errors import ControllerError, SettingsError
 from ..messages import require_whole
 from ..racing.entries import check_starts
 from ..racing.opponents import Opponents, entry_of
-from ..racing.planner_choice import Value
-from ..racing.planner_files import Files, by_name, planner_files
-from ..racing.planner_loading import build_controller
-from ..racing.planner_sources import find_controller
-from ..racing.planner_texts import code_of
+from ..racing.planners import Value, build_controller, code_of, find_controller
 from ..racing.randomization import OF_ENVIRONMENTS, Randomization
 from ..racing.setup import require_decision_limit
+from ..racing.trust import Files, by_name, planner_files
 from ..simulation.physics import STATE
 from ..simulation.planner_failure import without_exit
 from ..simulation.settings import DriveSettings, Scenario, require_laps, require_time_limit

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import ControllerError, EngineError, FgMujocoError, missing_extra
-from ..racing.planner_files import changed_file, changed_text
-from ..racing.planner_texts import file_in, moved_to
+from ..racing.planners import file_in, moved_to
+from ..racing.trust import changed_file
 from .job import Arrays, RolloutJob, versions
 from .workers import completed, usable_cores
 
@@ -92,8 +92,7 @@ def _drive(job: RolloutJob, number: int, controller_text: bytes | None, expected
         raise EngineError(f"a node of the cluster has {', '.join(differing)}; accepted: the same as where it started")
     changed = changed_file(job.files)
     if changed is not None:
-        path, now = changed
-        said = f"a node of the cluster: planner {job.controller!r}: {changed_text(path, job.files[path], now)}"
+        said = f"a node of the cluster: planner {job.controller!r}: {changed}"
         raise ControllerError(f"{said}; accepted: the same file on each node, at the same path")
     if controller_text is None:
         return job.drive(number)

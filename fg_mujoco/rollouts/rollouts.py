@@ -24,10 +24,10 @@ from ..course.course import Course
 from ..errors import SettingsError, accepted_names
 from ..messages import require_whole
 from ..racing.opponents import Opponents
-from ..racing.planner_choice import split_controller
+from ..racing.planners import split_controller
 from ..racing.randomization import Randomization, world_seeds
+from ..racing.resolved import ground_of
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
-from ..simulation.course_loading import load_track
 from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
@@ -202,12 +202,12 @@ def _job(
 ) -> RolloutJob:
     """Return the worlds to be driven; arguments and errors are those of `rollout`."""
     setup.require_usable("a rollout", *_USABLE)
-    base, car = setup.drive_settings, setup.first.car.parameters
+    base = setup.drive_settings
     source, own = split_controller(setup.first.controller, base.planner_settings)
-    courses = tuple(setup.with_moving(load_track(each, car=car)) for each in tracks)
+    grounds = [ground_of(setup, each) for each in tracks]
     return RolloutJob(
         base=replace(base, planner_settings=own, seed=0),
-        tracks=courses,
+        tracks=tuple(ground.course for ground in grounds),
         controller=source,  # type: ignore[arg-type]  # an object is refused by `check`
         seed=setup.first.seed if seeds is None else None,
         seeds=_seeds(n, setup.first.seed, seeds),
@@ -217,7 +217,7 @@ def _job(
         decision_limit=setup.decision_limit,
         record=record,
         chunk=chunk,
-        obstacles=tuple(setup.obstacles_on(course) for course in courses),
+        obstacles=tuple(ground.boxes for ground in grounds),
         opponents=Opponents.of(setup),
     )
 

@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -34,25 +34,27 @@ from ..compiled.array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
-from ..lidar.effects import EffectsOfRows, LidarEffects, ScanPipeline
+from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
 from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
-from ..vehicle.motion import ground_speed, point_motion
-from ..vehicle.sensors import CarState, Sampler, Sensor
-from ..vehicle.sensors.sensor import drift_odometry
+from ..vehicle.motion import drift_odometry, ground_speed, point_motion
 from .cars import car_prefix
-from .cars_alone import CarsAlone
 from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, read_times, sense_all
 from .physics import span_of
 from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
 from .planner_failure import is_of_planner
 from .settings import Start
-from .slots import Slots
 from .termination import END_REASONS, RaceMonitor
 from .world import World
 from .world_batch import CarArrays, Mask, WorldBatch
+
+if TYPE_CHECKING:  # imported where a car or a world has them
+    from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
+    from ..vehicle.sensors import CarState, Sampler, Sensor
+    from .cars_alone import CarsAlone
+    from .slots import Slots
 
 Hook = Callable[["Engine", NDArray[np.int64]], None]
 """Called with the engine and the worlds that are being stepped."""
@@ -164,7 +166,7 @@ class Engine(Uncopied):
         self.after_substep: list[Hook] = []
         self.no_messages = np.zeros(cars, np.bool_)
         self._pipelines: dict[int, ScanPipeline] = {}
-        self._row_effects = EffectsOfRows(self.beams, cars)
+        self._row_effects: EffectsOfRows | None = None
         self._samplers: dict[int, list[Sampler]] = {}
         self._odometry_drift = np.zeros(cars)
         self._drifts = False
@@ -392,6 +394,8 @@ class Engine(Uncopied):
         """Return a batch of one world; those of the same World share its model."""
         share = self._share_of(place)
         if (share, world) not in self._slots:
+            from .slots import Slots
+
             alone = self._cars_alone(share, world)
             self._slots[share, world] = Slots(partial(self._batch, world, alone=alone), self.room)
         batch = self._slots[share, world].take(place, self._arrays, self.monitor)
@@ -404,6 +408,8 @@ class Engine(Uncopied):
             return None
         key = share, world.xml_of_cars
         if key not in self._alone:
+            from .cars_alone import CarsAlone
+
             self._alone[key] = CarsAlone(world.xml_of_cars, world.cars)
         return self._alone[key]
 
@@ -454,15 +460,13 @@ class Engine(Uncopied):
         start_of: list[Start | None] = [None] * len(chosen)
         for place, (row, start) in enumerate(zip(np.flatnonzero(chosen).tolist(), starts, strict=True)):
             start_of[row] = start
-            self._pipelines.pop(row, None)
-            self._row_effects.end(row)
+            self._sense_plainly(row)
             if effects is not None and effects[place] != LidarEffects():
                 assert seeds is not None
                 if self.no_messages[row] and not effects[place].motion_distortion:
-                    self._row_effects.begin(row, effects[place], seeds[place])
+                    self._effects_of_rows().begin(row, effects[place], seeds[place])
                 else:
                     self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
-            self._samplers.pop(row, None)
             if sensors is not None and sensors[place]:
                 assert seeds is not None
                 self._samplers[row] = self._make_samplers(row, sensors[place], seeds[place])
@@ -501,9 +505,7 @@ class Engine(Uncopied):
         seed_of = seed if isinstance(seed, Sequence) else [seed] * len(rows)
         sensors_of = sensors or [()] * len(rows)
         for row, own, number, sensing in zip(rows, effects_of, seed_of, sensors_of, strict=True):
-            self._pipelines.pop(row, None)
-            self._row_effects.end(row)
-            self._samplers.pop(row, None)
+            self._sense_plainly(row)
             if sensing:
                 self._samplers[row] = self._make_samplers(row, sensing, number)
             if own is not None and own != LidarEffects():
@@ -675,9 +677,25 @@ class Engine(Uncopied):
         batch = self._batch_of[i]
         return batch, i - batch.worlds.start
 
+    def _sense_plainly(self, row: int) -> None:
+        """Take the effects of its LiDAR and its sensors off a car."""
+        self._pipelines.pop(row, None)
+        self._samplers.pop(row, None)
+        if self._row_effects is not None:
+            self._row_effects.end(row)
+
+    def _effects_of_rows(self) -> EffectsOfRows:
+        if self._row_effects is None:
+            from ..lidar.scan_pipeline import EffectsOfRows
+
+            self._row_effects = EffectsOfRows(self.beams, len(self.commands))
+        return self._row_effects
+
     def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
         i, car = divmod(row, self.cars_per_world)
         distorted = self._place_of(i)[0].lidar(car) if effects.motion_distortion else None
+        from ..lidar.scan_pipeline import ScanPipeline
+
         return ScanPipeline(
             distorted or RangesRow(self.beams, self.ranges[row]), effects, np.random.default_rng(seed)
         )  # fmt: skip
@@ -707,6 +725,8 @@ class Engine(Uncopied):
 
     def car_state(self, row: int) -> CarState:
         """Return what can be measured on a car now. Live."""
+        from ..vehicle.sensors import CarState
+
         i, car = divmod(row, self.cars_per_world)
         batch, place = self._place_of(i)
         cars = self._arrays.constants[row - car : row - car + self.cars_per_world]
@@ -718,6 +738,8 @@ class Engine(Uncopied):
 
     def _make_samplers(self, row: int, sensors: Sequence[Sensor], seed: int) -> list[Sampler]:
         """Return what measures with the sensors of a car."""
+        from ..vehicle.sensors import Sampler
+
         timestep, beams = self.world_of(row // self.cars_per_world).model.opt.timestep, len(self.beams.bearings)
         return [
             Sampler(sensor, seed, steps=sensor.steps(timestep, self.substeps), size=sensor.size(beams))

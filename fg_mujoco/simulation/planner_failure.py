@@ -18,7 +18,6 @@ from typing import Any
 
 from ..display import brief
 from ..messages import LaserScan, Odometry
-from .old_numpy import advice as numpy_advice
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")  # of numba's messages in a terminal
 _LONGEST = 20_000  # characters of a message or traceback; of what is longer the middle is left out
@@ -74,7 +73,9 @@ def _advice(error: BaseException, said: str) -> str:
     """Return advice for errors of Python or NumPy that give none; an empty text for any other error."""
     if type(error) is FrozenInstanceError or (type(error) is ValueError and "read-only" in said):
         return "; scans and odometry are read-only: change a copy, such as ranges = scan.ranges.copy()"
-    return numpy_advice(error, said)
+    from .old_numpy import advice
+
+    return advice(error, said)
 
 
 def is_of_planner(error: BaseException) -> bool:

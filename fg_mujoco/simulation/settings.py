@@ -20,13 +20,10 @@ from ..display import brief, changed
 from ..errors import SettingsError, accepted_names
 from ..lidar.beams import lidar_of
 from ..lidar.effects import LidarEffects
-from ..lidar.measured_errors import MeasuredErrors
 from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
-from ..vehicle.floors import Floor
 from ..vehicle.friction_patches import Patch
-from ..vehicle.sensors import SENSORS, Sensor, as_sensors
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 from .cars import WorldCar, car_prefix, lidar_prefix
@@ -34,6 +31,10 @@ from .world import World
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+    from ..lidar.measured_errors import MeasuredErrors
+    from ..vehicle.floors import Floor
+    from ..vehicle.sensors import Sensor
 
 _Part = TypeVar("_Part")
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -174,7 +175,10 @@ class CarSettings:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
         self._make("changes", CarChanges)
         object.__setattr__(self, "patches", as_parts(self.patches, Patch, "patches"))
-        object.__setattr__(self, "sensors", as_sensors(self.sensors))
+        if not isinstance(self.sensors, tuple) or self.sensors:
+            from ..vehicle.sensors import as_sensors
+
+            object.__setattr__(self, "sensors", as_sensors(self.sensors))
         if not isinstance(self.knows, str) or self.knows not in KNOWN:
             accepted = " or ".join(map(repr, KNOWN))
             raise SettingsError(f"{type(self).__name__}.knows is {shown(self.knows)}; accepted: {accepted}")
@@ -187,6 +191,8 @@ class CarSettings:
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
         if self.floor is not None:
+            from ..vehicle.floors import Floor
+
             object.__setattr__(self, "floor", Floor.load(self.floor))
             given = next((value for value in (self.mu, self.changes.mu) if value is not None), None)
             if given is not None:
@@ -217,6 +223,8 @@ class CarSettings:
         own = cast("tuple[Sensor, ...]", self.sensors)
         if not self.knows or any(sensor.name == self.knows for sensor in own):
             return own
+        from ..vehicle.sensors import SENSORS
+
         return (*own, SENSORS.find(self.knows)())
 
     @property
@@ -258,6 +266,10 @@ class CarSettings:
             tires=self.tire_set, patches=self.patches, others=others,
         )  # fmt: skip
 
+    def driven(self, **given: Any) -> DriveSettings:
+        """Return the settings of a drive of this car; `given` are those that DriveSettings has besides."""
+        return DriveSettings(**{f.name: getattr(self, f.name) for f in fields(CarSettings)} | given)
+
     def described(self) -> dict[str, Any]:
         """Return those that differ from the defaults as they can stand in JSON; `of` reads them back."""
         plain = type(self)()
@@ -268,7 +280,7 @@ class CarSettings:
                 continue
             if isinstance(value, Vehicle):
                 found |= {name: value.source, "vehicle_sha256": value.sha256}
-            elif isinstance(value, (Tires, Floor)):
+            elif isinstance(value, Tires) or name == "floor":
                 found[name] = value.described()
             elif name == "sensors":
                 found[name] = [sensor.described() for sensor in value]
@@ -298,7 +310,8 @@ class CarSettings:
 class CarKeywords(TypedDict, total=False):
     """The settings of a car as keywords: those of DriveSettings, but for axes of studies, and of its parts by name.
 
-    A new setting stands here, and below as a field; `metadata={"help": ...}` makes it an option of the command line.
+    A new setting stands here, and as a field of DriveSettings. One that planners are told of is a field of CarSettings
+    with `metadata={"help": ...}`, which makes it an option of the command line and one of PLANNER_OPTIONS.
     """
 
     vehicle: Vehicle | str | Path
@@ -327,6 +340,10 @@ class CarKeywords(TypedDict, total=False):
     steering_gain: float | None
     speed_gain: float | None
     command_delay: float | None
+
+
+PLANNER_OPTIONS = tuple(f.name for f in fields(CarSettings) if "help" in f.metadata)
+"""Settings of a car that its planner is told of; every study, environment and command has them."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -394,27 +411,6 @@ class DriveSettings(CarSettings):
     def friction(self) -> str:
         """What `friction_text` says of these settings."""
         return friction_text(self.tires_mu, self.assumed_mu, self.ground_name)
-
-    def described(self) -> dict[str, Any]:
-        """Return those that differ from the defaults as they can stand in JSON, and what `mu` tells the planner."""
-        found = super().described()
-        if self.all_changes.mu is not None:
-            found["planner_mu"] = "off" if self.assumed_mu == math.inf else self.assumed_mu
-        return found
-
-    @classmethod
-    def of(cls, description: Mapping[str, Any]) -> Self:
-        """Return the settings that `described` told of; errors as of CarSettings.
-
-        Up to version 0.1.0 a planner was not told of `mu`: a description with it and without `planner_mu` is of then.
-        """
-        settings = super().of(description)
-        if settings.all_changes.mu is None:
-            return settings
-        unsaid = replace(settings, planner_mu=None)
-        if settings.planner_mu is None:
-            return replace(settings, planner_mu=settings.car.reliable_mu(settings.tire_set))
-        return unsaid if settings.planner_mu == unsaid.assumed_mu else settings
 
 
 @explain_class

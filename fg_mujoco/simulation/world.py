@@ -48,7 +48,6 @@ from .cars import (
     make_visible,
     require_alike,
 )
-from .cars_alone import without_course
 from .clear_ground import distances_of
 from .course_loading import load_track
 
@@ -178,6 +177,8 @@ class World(Suggesting):
     @cached_property
     def xml_of_cars(self) -> str:
         """The MJCF text of the cars alone, see `cars_alone.without_course`."""
+        from .cars_alone import without_course
+
         return without_course(self.xml)
 
     @cached_property

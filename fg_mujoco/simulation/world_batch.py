@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -35,7 +35,6 @@ from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of
-from .cars_alone import CarsAlone
 from .clear_ground import ClearGround, find_clear_ground
 from .clock import HAS_CLOCK
 from .physics import STATE, Batch, StateLayout
@@ -45,6 +44,9 @@ from .telemetry import STATISTICS, TELEMETRY
 from .termination import RaceMonitor
 from .world import World
 from .world_step import AXLES, CHASSIS_CONTACT, FIRST_TIRE, MOUNT, TIRES, TREE, Floor, Sizes
+
+if TYPE_CHECKING:
+    from .cars_alone import CarsAlone
 
 Mask = NDArray[np.bool_]
 

@@ -178,3 +178,10 @@ def drive(steering_angle: float, speed: float, car: CarArray, ctrl: FloatArray) 
     limits = car[0]
     ctrl[limits.steering_ctrl] = min(max(steering_angle, -limits.max_steering_angle), limits.max_steering_angle)
     ctrl[limits.speed_ctrl] = min(max(speed, limits.min_speed), limits.max_speed)
+
+
+def drift_odometry(rows: NDArray[np.void], factors: FloatArray) -> None:
+    """Multiply the speeds and the yaw rate of rows (n,) of ODOMETRY by factors (n,), in place."""
+    rows["speed"] *= factors
+    rows["wheel_speeds"] *= factors[:, np.newaxis]
+    rows["angular_velocity"][:, 2] *= factors

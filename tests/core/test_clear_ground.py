@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.clear_ground import (
     REACH,

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.course.clearance import least_clearance, outline, rectangle_distance
+from fg_mujoco.racing.resolved import Ground
 
 CAR = fg.Vehicle.load().parameters
 FRONT = CAR.length - CAR.rear_overhang

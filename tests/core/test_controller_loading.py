@@ -8,8 +8,7 @@ import pytest
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand, PlannerContext
-from fg_mujoco.racing.planner_loading import build_controller, make_controller
-from fg_mujoco.racing.planner_sources import controller_names, find_controller
+from fg_mujoco.racing.planners import build_controller, controller_names, find_controller, make_controller
 from fg_mujoco.simulation.planner_adapter import plan
 from scan_worlds import CAR, MU, corridor, odometry_of
 

@@ -12,8 +12,8 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
-from fg_mujoco.racing.planner_trust import require_trusted
 from fg_mujoco.racing.replay import replay
+from fg_mujoco.racing.trust import require_trusted
 
 PLANNER = """
 from pathlib import Path
@@ -236,6 +236,6 @@ def test_bundled_planners_need_no_trust():
 def test_what_is_not_there_is_not_trusted(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ControllerError, match="--trust"):
-        require_trusted(source, "0" * 64, trust=False, where="here")
+        require_trusted(source, {"sha256": "0" * 64}, trust=False, where="here")
     with pytest.raises(ControllerError):
-        require_trusted(source, "0" * 64, trust=True, where="here")
+        require_trusted(source, {"sha256": "0" * 64}, trust=True, where="here")

@@ -9,7 +9,7 @@ import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 

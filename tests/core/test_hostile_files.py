@@ -10,7 +10,7 @@ from fg_mujoco.cli.options import in_one_line
 from fg_mujoco.course.files import is_file, is_folder, read_bytes, read_text, require_regular
 from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
 from fg_mujoco.errors import TrackError
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.randomization import Randomization
 from refusals import refused
 

@@ -106,7 +106,7 @@ def test_no_module_imports_from_above_by_name():
     ],
 )
 def test_an_import_from_above_by_name_is_found(text):
-    assert len(wrong("fg_mujoco.racing.planner_loading", text)) == 1
+    assert len(wrong("fg_mujoco.racing.planners", text)) == 1
 
 
 def test_each_exception_is_needed():

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.lidar.beams import LidarModel
-from fg_mujoco.lidar.effects import GREATEST_NOISE, EffectsOfRows, LidarEffects, PoseHistory, ScanPipeline, add_noise
+from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects
 from fg_mujoco.lidar.lidar import make_lidar
+from fg_mujoco.lidar.scan_pipeline import EffectsOfRows, PoseHistory, ScanPipeline, add_noise
 from lidar_worlds import PREFIX, RIG, rig_spec, room
 
 PERIOD, STEP = 0.025, 0.0025

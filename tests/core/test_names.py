@@ -18,7 +18,7 @@ from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.pictures.rendering.cameras import find_camera
 from fg_mujoco.pictures.rendering.overlays import find_overlays
 from fg_mujoco.pictures.rendering.presets import find_quality
-from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.racing.planners import find_controller
 from fg_mujoco.simulation.settings import as_part
 from refusals import refused
 

@@ -8,10 +8,10 @@ import pytest
 
 import fg_mujoco as fg
 from conftest import Straight
+from fg_mujoco.cli.controllers import describe
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.racing.planner_origin import _distributions, describe, origin, source_code
-from fg_mujoco.racing.planner_sources import find_controller
+from fg_mujoco.racing.planners import find_controller, make_controller
+from fg_mujoco.racing.trust import _distributions, origin, source_code
 from scan_worlds import CAR, MU
 
 PLANNER = """
@@ -137,7 +137,7 @@ def test_the_origin_of_a_file_is_what_was_read_and_not_what_it_became(tmp_path):
 def test_a_users_file_is_of_no_package_and_none_is_looked_through(tmp_path, monkeypatch):
     path = tmp_path / "crawler.py"
     path.write_text(PLANNER, "utf-8")
-    monkeypatch.setattr("fg_mujoco.racing.planner_origin.packages_distributions", lambda: 1 / 0)
+    monkeypatch.setattr("importlib.metadata.packages_distributions", lambda: 1 / 0)
     _distributions.cache_clear()
     assert origin(f"{path}:Crawler")["distribution"] is None
     with pytest.raises(ZeroDivisionError):

@@ -13,6 +13,7 @@ from fg_mujoco.course.random_moving import with_moving
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.replay import replay
+from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -69,11 +70,11 @@ def test_one_who_crosses_once_waits_and_then_crosses_at_a_walking_speed():
 def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
     setup = Setup.of("oval", moving="crossing, pedestrian:2", obstacle_seed=5, obstacles=6)
     assert setup.moving == "crossing,pedestrian:2"
-    course = setup.load_course()
-    assert course is setup.load_course() and len(course.moving) == 5
-    assert course.moving != setup.replace(obstacle_seed=6).load_course().moving
+    course = ground_of(setup).course
+    assert course is ground_of(setup).course and len(course.moving) == 5
+    assert course.moving != ground_of(setup.replace(obstacle_seed=6)).course.moving
     places = course.project(np.array([each.start for each in course.moving]))[0]
-    boxes = course.project(np.array([[each.x, each.y] for each in setup.obstacles_on(course)]))[0]
+    boxes = course.project(np.array([[each.x, each.y] for each in ground_of(setup).boxes]))[0]
     apart = np.abs((boxes[:, np.newaxis] - places + 0.5 * course.length) % course.length - 0.5 * course.length)
     assert apart.min() > 2.5
     again = course_of(course.name, course.definition)
@@ -95,12 +96,12 @@ def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
 )
 def test_bad_input_is_named(track, moving, message):
     with pytest.raises(SettingsError, match=message):
-        Setup.of(track, moving=moving).load_course()
+        ground_of(Setup.of(track, moving=moving))
 
 
 def test_race_replay_rollout_and_environment_have_the_same_things(tmp_path):
     setup = Setup.of("oval", moving=ALL, obstacle_seed=3)
-    moving = setup.load_course().moving
+    moving = ground_of(setup).course.moving
     result = fg.race(setup, time_limit=0.5)
     assert result.world.track.moving == moving
     for each, compiled in zip(moving, result.world.moving, strict=True):  # with the digits of MJCF
@@ -108,10 +109,10 @@ def test_race_replay_rollout_and_environment_have_the_same_things(tmp_path):
     fg.write_run(result, tmp_path / "run", picture=False)
     assert replay(tmp_path / "run").holds
     assert (result.summary()["moving"], result.summary()["obstacle_seed"]) == (ALL, 3)
-    assert fg.rollout(setup, n=1, time_limit=0.5).setup(0).load_course().moving == moving
+    assert ground_of(fg.rollout(setup, n=1, time_limit=0.5).setup(0)).course.moving == moving
     assert EnvironmentSettings.of({"setup": setup}).make_world().track.moving == moving
     given = Setup.of("oval", moving=moving)
     given.write(tmp_path / "race.toml")
     assert Setup.read(tmp_path / "race.toml") == given
-    assert given.load_course().moving == moving
+    assert ground_of(given).course.moving == moving
     assert Setup.read(setup.described()) == setup

@@ -15,7 +15,7 @@ from fg_mujoco.controllers.safety.recovery import (
     reverses,
 )
 from fg_mujoco.course.random_obstacles import random_boxes
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 

@@ -260,7 +260,7 @@ OTHER = {
     "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
 }  # fmt: skip
 CAR = {"vehicle", "tires", "mu", "floor", "changes"}
-DUEL = CAR | {"planner_mu", "max_speed", "knows"}
+DUEL = CAR | {"planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
 COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
 DRIVER = {"controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
 PLACE = {"planner_settings", "start", "seed", "grid"}

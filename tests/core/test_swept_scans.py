@@ -6,8 +6,8 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.moving_obstacles import make_mover
-from fg_mujoco.lidar.effects import PoseHistory
 from fg_mujoco.lidar.lidar import RaycastLidar
+from fg_mujoco.lidar.scan_pipeline import PoseHistory
 from fg_mujoco.simulation.cars import WorldCar, lidar_prefix
 from fg_mujoco.simulation.engine import Engine
 

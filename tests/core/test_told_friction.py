@@ -11,9 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
 from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.config import parse
-from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import setup_of
+from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.lab.lab_laps import drive_laps
@@ -99,7 +97,7 @@ def test_a_comparison_and_a_duel_tell_what_is_set(here):
         result = fg.compare([TOLD], out=f"out{planner_mu}", planner_mu=planner_mu, **grid)
         race = fg.race("oval", TOLD, laps=1, time_limit=1.0, mu=0.6, planner_mu=expected)
         assert result.rows[0].figures.trajectory_sha256 == race.trajectory_sha256
-        assert DuelSettings(mu=0.6, planner_mu=planner_mu).drive().assumed_mu == expected
+        assert DuelSettings(base=Setup.of(mu=0.6, planner_mu=planner_mu)).base.first.assumed_mu == expected
 
 
 def test_a_file_of_settings_tells_what_it_sets(here, capsys):
@@ -159,11 +157,11 @@ def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_unt
     assert session.settings.planner_mu == 0.9  # what the slider shows is no wish
 
 
-# -- what was written before planners were told
+# -- what is written
 
 
 @pytest.mark.parametrize("kind", [DriveSettings, ComparisonSettings])
-def test_settings_of_an_earlier_version_keep_their_meaning(kind):
+def test_settings_that_are_read_back_assume_the_same(kind):
     def made(**own):
         return kind(**own) if kind is DriveSettings else kind(base=Setup.of(**own))
 
@@ -174,23 +172,6 @@ def test_settings_of_an_earlier_version_keep_their_meaning(kind):
     for settings in (made(mu=0.6), made(mu=0.6, planner_mu=math.inf), made(), made(planner_mu=0.9)):
         described = json.loads(json.dumps(write(settings), allow_nan=False))
         assert assumed(kind.of(described)) == assumed(settings)
-    assert assumed(kind.of({"mu": 0.6})) == OWN
-    assert assumed(kind.of({"mu": 0.6, "planner_mu": None})) == OWN
-
-
-def test_a_run_of_an_earlier_version_is_raced_again_as_it_was(here, without_pictures):
-    main(["race", "--controller", TOLD, "--mu", "0.6", "--time-limit", "0.02", "--out", "new"])
-    path = here / "new" / "summary.json"
-    summary = json.loads(path.read_text())
-
-    def raced_again(*options):
-        first = setup_of(parse(_parser(), ["race", "--config", "new", "--trust", *options])).first
-        return first.mu, first.planner_mu
-
-    assert raced_again() == (0.6, None)
-    path.write_text(json.dumps(summary | {"planner_mu": OWN}))
-    assert raced_again() == (0.6, OWN)
-    assert raced_again("--planner-mu", "0.7") == (0.6, 0.7)
 
 
 # -- where both are shown

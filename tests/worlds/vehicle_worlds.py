@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import fg_mujoco as fg
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
 from fg_mujoco.simulation.settings import Start

@@ -22,10 +22,9 @@ from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.opponents import Opponents
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
-from fg_mujoco.racing.planner_sources import controller_names
-from fg_mujoco.racing.setup import OF_A_CAR, Setup, StudyKeywords
+from fg_mujoco.racing.planners import ControllerChoice, controller_names
+from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
+from fg_mujoco.racing.trust import check_planner, files_sha256
 from fg_mujoco.rollouts.grid_study import Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.simulation.settings import FASTEST
@@ -61,8 +60,8 @@ class Comparison(Study[RunRow, Cell]):
 
 
 USABLE = (
-    *OF_A_CAR, "controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift", "track",
-    "obstacles", "moving", "patches", "start", "laps", "time_limit", "lidar", "grid", "rules", "decision_limit",
+    *OF_A_CAR, *OF_A_CONTEXT, "controller", "track", "obstacles", "moving", "patches", "start", "laps", "time_limit",
+    "lidar", "grid", "rules", "decision_limit",
 )  # fmt: skip
 """Fields of a Setup that all runs may have in common."""
 
@@ -185,7 +184,8 @@ def plan_runs(
             settings = replace(settings, opponents=checked)
     first = course_ground(courses[0], seeds[0], car=car).course
     files = {
-        choice: files_sha256(choice.check(first, settings.drive(max_speed=max_speeds[0]))) for choice in controllers
+        choice: files_sha256(check_planner(choice, first, settings.drive(max_speed=max_speeds[0])))
+        for choice in controllers
     }
     axis: dict[str, Sequence[int | None]] = {course: _seeds(course, seeds, settings) for course in courses}
     runs = [

@@ -2,77 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from fg_mujoco.course.clearance import least_clearance, outline
-from fg_mujoco.course.course import Course, wall_outlines
+from fg_mujoco.course.course import Course
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.obstacles import Obstacle
-from fg_mujoco.course.random_obstacles import random_boxes
 from fg_mujoco.course.scenes.catalogue import PREFIX
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.messages import CarParameters
+from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.simulation.course_loading import default_car, load_track
-
-
-@dataclass(frozen=True)
-class Ground:
-    """A course, and the boxes that were put on it besides the course's own obstacles."""
-
-    course: Course
-    boxes: tuple[Obstacle, ...] = ()
-
-    @property
-    def obstacles(self) -> tuple[Obstacle, ...]:
-        """All solids that stand there, besides the walls."""
-        return (*self.course.obstacles, *self.boxes)
-
-    def least_clearance(self, times: FloatArray, poses: FloatArray, car: CarParameters) -> float:
-        """Return the least distance of a car's footprint to all walls and obstacles [m].
-
-        Args:
-          times: (n,) [s].
-          poses: of the rear axle at these times, x [m], y [m], heading [rad]. Shape (n, 3).
-          car: whose footprint it is.
-        """
-        shapes = (*wall_outlines(self.course), *(obstacle.corners() for obstacle in self.obstacles))
-        nearest = [least_clearance(poses, np.concatenate([outline(shape) for shape in shapes]), car)]
-        for obstacle in self.course.moving:
-            shape = np.array([obstacle.corners(time) for time in times.tolist()])
-            nearest.append(least_clearance(poses, outline(shape), car))
-        return min(nearest)
 
 
 def course_ground(
     course: str,
     seed: int | None,
-    obstacles: int = 0,
+    obstacles: Sequence[Obstacle] | int = 0,
     *,
     car: CarParameters | None = None,
-    moved: Callable[[Course], Course] = lambda course: course,
+    **placed: Any,
 ) -> Ground:
     """Return the ground of a run.
 
     Args:
       course: a track as `load_track` takes it, or `scene:NAME`.
       seed: of the scene, or of the boxes on a track.
-      obstacles: boxes on a track; a scene has its own obstacles.
+      obstacles: those on a track, or how many boxes; a scene has its own and no boxes.
       car: that they are made for; None: the default vehicle.
-      moved: puts what moves on the course.
+      placed: `moving`, `start` and `cars`, as `Ground.of` takes them.
 
     Raises:
       TrackError, SettingsError: a course that cannot be loaded, or more boxes than it has room for.
     """
     car = car or default_car()
-    if course.startswith(PREFIX):
-        return Ground(moved(_load(_seeded(course, seed), car)))
-    track = moved(_load(course, car))
-    return Ground(track, random_boxes(track, obstacles, seed or 0, car=car))
+    if course.startswith(PREFIX) and isinstance(obstacles, int):
+        obstacles = 0
+    track = _load(_seeded(course, seed), car)
+    return Ground.of(track, car=car, obstacles=obstacles, obstacle_seed=seed or 0, **placed)
 
 
 def check_course(course: str, obstacles: int, *, car: CarParameters) -> None:

@@ -28,9 +28,8 @@ from fg_mujoco.errors import ControllerError, FgMujocoError, RunFolderError
 from fg_mujoco.pictures.pages.bokeh_plots import library, require_bokeh
 from fg_mujoco.pictures.pages.page import LIBRARY, note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
-from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.racing.trust import check_planner, files_sha256, require_trusted
 from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.store import WRITABLE, blame
 
@@ -136,10 +135,10 @@ def _find_run(key: RunKey, settings: ComparisonSettings, *, trust: bool) -> Run:
       FgMujocoError: one of them is not here.
     """
     choice = ControllerChoice.of(key.controller)
-    require_trusted(choice.source, key.controller_sha256, trust=trust, where=_RUNS)
+    require_trusted(choice.source, {"sha256": key.controller_sha256}, trust=trust, where=_RUNS)
     opponents = settings.opponents
     for label, sha256 in zip(opponents.labels, opponents.recorded, strict=True):
-        require_trusted(ControllerChoice.of(label).source, sha256, trust=trust, where=_MANIFEST)
+        require_trusted(ControllerChoice.of(label).source, {"sha256": sha256}, trust=trust, where=_MANIFEST)
     for course in (key.course, f"{key.course}.csv"):
         try:
             if ground_sha256(course, key.seed, car=settings.car.parameters) != key.course_sha256:
@@ -162,7 +161,7 @@ def _require_same_files(run: Run) -> None:
     opponents, course = run.settings.opponents, run.ground().course
     changed = []
     if run.key.controller_files_sha256 is not None:
-        found = run.controller.check(course, run.settings.drive(max_speed=run.key.max_speed_m_s))
+        found = check_planner(run.controller, course, run.settings.drive(max_speed=run.key.max_speed_m_s))
         if files_sha256(found) != run.key.controller_files_sha256:
             changed.append((run.key.controller, found))
     if any(opponents.files):

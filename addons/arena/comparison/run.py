@@ -19,17 +19,18 @@ from fg_mujoco.course.course import USUAL_LAPS
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.opponents import AMONG_CARS, AmongCars, Opponents
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.race import race_setup
+from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
 from fg_mujoco.rollouts.store import of_kind
 from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.settings import FASTEST, DriveSettings
+from fg_mujoco.simulation.settings import FASTEST, DriveSettings, Start
 from fg_mujoco.vehicle.vehicle import Vehicle
 
-from .ground import Ground, course_ground, laps_of
+from .ground import course_ground, laps_of
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands
 TRACE_STEP = 2  # ticks from one pose of a trace to the next
@@ -60,24 +61,14 @@ class ComparisonSettings:
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON; `of` reads them back."""
         own = {name: value for name, value in self.base.described().items() if name not in ("track", "controller")}
-        mu = self.drive().assumed_mu
-        told = {"planner_mu": "off" if mu == math.inf else mu} if self.base.first.all_changes.mu is not None else {}
         rules = {} if self.rules == "none" else {"rules": self.rules}
-        return own | {"laps": self.laps} | told | self.opponents.described() | rules
+        return own | {"laps": self.laps} | self.opponents.described() | rules
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> ComparisonSettings:
-        """Return the settings that `manifest` described; errors are those of `Setup.read`.
-
-        Up to version 0.1.0 a planner was not told of `mu`: a description with it and without `planner_mu` is of then.
-        """
+        """Return the settings that `manifest` described; errors are those of `Setup.read`."""
         own = {name: value for name, value in description.items() if name not in ("opponents", "grid", "rules")}
         base = Setup.read({name: value for name, value in own.items() if value is not None})
-        first = base.first
-        if first.all_changes.mu is not None and first.planner_mu is None:
-            base = base.replace(planner_mu=first.car.reliable_mu(first.tire_set))
-        elif first.planner_mu is not None and first.planner_mu == replace(first, planner_mu=None).assumed_mu:
-            base = base.replace(planner_mu=None)
         return cls(base=base, opponents=Opponents.read(description), rules=description.get("rules", "none"))
 
 
@@ -181,11 +172,9 @@ class Run:
 
     def ground(self) -> Ground:
         """Return what it is driven on."""
-        base, seed, car = self.settings.base, self.key.seed, self.settings.car.parameters
-        own = base.replace(obstacle_seed=seed or 0)
-        if isinstance(base.obstacles, int):
-            return course_ground(self.course, seed, base.obstacles, car=car, moved=own.with_moving)
-        return Ground(own.with_moving(course_ground(self.course, seed, car=car).course), tuple(base.obstacles))
+        base, car = self.settings.base, self.settings.car.parameters
+        start = (base.first.start or Start()).s
+        return course_ground(self.course, self.key.seed, base.obstacles, car=car, moving=base.moving, start=start)
 
     def setup(self) -> Setup:
         """Return what is raced.

@@ -18,10 +18,10 @@ import numpy as np
 from fg_mujoco.course.clearance import least_clearance, outline
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, require
-from fg_mujoco.racing.fault import NO_FAULT
+from fg_mujoco.racing.entries import NO_FAULT
+from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.racing.result import RaceResult
 
-from ..comparison.ground import Ground
 from ..comparison.run import driven_poses
 
 STANDS = 0.05

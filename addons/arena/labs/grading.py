@@ -29,8 +29,9 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.driven_line_svg import driven_line
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.race import race_setup
+from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.grid_study import GridFolder, GridKey, GridRow, Study, StudyProgress, drive_grid, why_failed
@@ -40,7 +41,7 @@ from fg_mujoco.rollouts.store import as_json, digest, of_kind
 from .checks import Drive
 from .grade_page import page_names, write_grade_page
 from .grades import Checked, Grade, checks_table, grades_table
-from .lab_file import Lab, LabCheck, ground_of, read_lab
+from .lab_file import Lab, LabCheck, read_lab
 from .recorded_commands import FAILED, RecordedCommands, record
 
 

@@ -30,12 +30,11 @@ from typing import Any
 from fg_mujoco.course.documents import read_toml
 from fg_mujoco.errors import ArgumentError, FgMujocoError, SettingsError, accepted_names
 from fg_mujoco.messages import shown
-from fg_mujoco.racing.entries import check_starts, grid_starts
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import SETUP_KEYWORDS, Setup
-from fg_mujoco.simulation.settings import Start
+from fg_mujoco.racing.trust import check_planner
 
-from ..comparison.ground import Ground
 from .checks import CHECKS, Check
 
 DECISION_LIMIT = 1.0
@@ -139,29 +138,15 @@ def _number(value: Any, what: str, most: float = math.inf) -> float:
     return float(value)
 
 
-def ground_of(setup: Setup) -> Ground:
-    """Return the ground of a drive; errors as of `load_course` and `obstacles_on`."""
-    course = setup.load_course()
-    return Ground(course, setup.obstacles_on(course))
-
-
 def _require_drive(asked: LabCheck, where: str) -> None:
     """Refuse a drive that nobody can drive, or that lacks what its check needs."""
-    setup = asked.setup
     try:
-        ground = ground_of(setup)
-        setup.laps_on(ground.course)
-        cars = [entry.car.parameters for entry in setup.entries]
-        for car in cars:
-            ground.course.check_car(car)
-        for entry in setup.entries[1:]:
-            ControllerChoice.of(str(entry.controller)).check(ground.course, entry)
-        places = grid_starts(ground.course, cars, setup.grid)
-        starts: list[Start] = [entry.start or place for entry, place in zip(setup.entries, places, strict=True)]
-        names = [""] if len(cars) == 1 else [str(entry.name) for entry in setup.named]
-        check_starts(ground.course, starts, cars, names, ground.boxes)
+        raced = Resolved.of(asked.setup)
+        for entry in raced.entries[1:]:
+            check_planner(ControllerChoice.of(str(entry.controller)), raced.ground.course, entry)
+        raced.check_starts()
     except FgMujocoError as error:
         raise type(error)(f"{where}: {error}") from error
-    lacking = asked.check.lacks(ground, len(cars))
+    lacking = asked.check.lacks(raced.ground, len(raced.entries))
     if lacking:
         raise SettingsError(f"{where}: {asked.name} lacks {lacking}; accepted: a drive that has it")

@@ -32,8 +32,7 @@ from fg_mujoco.compiled.kernels import CompileTime
 from fg_mujoco.course.files import is_file, read_arrays
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_sources import only_planner
+from fg_mujoco.racing.planners import ControllerChoice, only_planner
 from fg_mujoco.racing.race import RaceProgress, race_setup
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.grid_study import why_failed

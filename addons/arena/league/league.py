@@ -27,10 +27,11 @@ from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.race_control import find_rules
-from fg_mujoco.racing.setup import OF_A_CAR, Setup, StudyKeywords
+from fg_mujoco.racing.resolved import ground_of
+from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
+from fg_mujoco.racing.trust import check_planner, files_sha256
 from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.rollouts.store import digest
@@ -107,8 +108,8 @@ class LeagueFolder(GridFolder):
 
 
 _USABLE = (
-    *OF_A_CAR, "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift", "obstacles", "obstacle_seed",
-    "moving", "patches", "laps", "time_limit", "lidar", "grid", "rules", "decision_limit",
+    *OF_A_CAR, *OF_A_CONTEXT, "obstacles", "obstacle_seed", "moving", "patches", "laps", "time_limit", "lidar", "grid",
+    "rules", "decision_limit",
 )  # fmt: skip
 """Fields of a Setup that all heats have in common."""
 
@@ -221,7 +222,7 @@ def plan_heats(
     drawn = seeds if any(_draws(entry) for entry in entries) else (None,)
     heats = []
     for track, course in courses.items():
-        obstacles = replace(settings.base, track=track).obstacles_on(course)
+        obstacles = ground_of(settings.base, course).boxes
         definition = course_sha256(course)
         for group in combinations(range(len(entries)), cars):
             for first in range(cars):
@@ -251,7 +252,7 @@ def _checked(entries: Sequence[Entry], courses: dict[str, Course]) -> tuple[list
         choice, read = ControllerChoice.of(str(entry.controller)), {}
         for course in courses.values():
             course.check_car(entry.car.parameters)
-            read = choice.check(course, entry)
+            read = check_planner(choice, course, entry)
         hashes.append(digest(Setup(entries=(entry,)).described(), choice.sha256))
         files.append(files_sha256(read))
     return hashes, files

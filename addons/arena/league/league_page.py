@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from fg_mujoco.course.course import wall_outlines
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.pictures.pages.page import boxes, note, resource, result, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.rollouts.grid_study import Study
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.course_loading import load_track
@@ -189,7 +189,7 @@ def _edges(heats: Sequence[Heat]) -> list[list[list[int]]]:
     for track in dict.fromkeys(heat.key.track for heat in heats):
         first = next(heat for heat in heats if heat.key.track == track)
         course = load_track(track, car=first.entries[0].car.parameters)
-        obstacles = replace(first.settings.base, track=track).obstacles_on(course)
+        obstacles = ground_of(first.settings.base, course).boxes
         outlines = [*wall_outlines(course), *(each.corners() for each in (*course.obstacles, *obstacles))]
         found.append([np.rint(_CENTIMETRES * each).astype(int).ravel().tolist() for each in outlines])
     return found

@@ -13,7 +13,7 @@ import math
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,16 +22,17 @@ import numpy as np
 
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError, PlannerError, SettingsError, TrackError
-from fg_mujoco.messages import CarParameters
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.messages import CarParameters, PlannerContext
+from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.racing.resolved import Resolved
+from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
-from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
-from fg_mujoco.simulation.settings import FASTEST, CarSettings, DriveSettings, Start, require_laps
+from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.simulation.world import World
 
@@ -48,39 +49,41 @@ OUTCOMES = ("overtaken", "behind", "touch", "wall", "stopped", "failed")
 otherwise; "failed": no duel could be driven."""
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class DuelSettings(CarSettings):
+@dataclass(frozen=True, kw_only=True)
+class DuelSettings:
     """The settings that all duels of a study have in common.
 
     Raises:
       SettingsError: a value outside what is accepted.
-      ModelError: a file that is not that of a vehicle.
     """
 
-    planner_mu: float | None = None  # that both assume; None: that of the tires; inf: no friction limits
-    max_speed: float = FASTEST  # [m/s] fastest that the planner may command
-    laps: int = 2  # within which it is to overtake
+    base: Setup = field(default_factory=Setup)  # of one car; planner, track and starts are the duel's
     slowest: float = 0.3  # least ratio of the speeds
     fastest: float = 0.9  # greatest
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        require_laps(self.laps)
         if not 0.0 < self.slowest <= self.fastest <= 1.0:
             said = f"{self.slowest:g}:{self.fastest:g}"
             raise SettingsError(f"speed_ratio is {said}; accepted: FIRST:LAST, above 0 and at most 1")
-        self.drive()  # refuses the others
 
-    def drive(self) -> DriveSettings:
-        """Return the context of the planner."""
-        return DriveSettings(
-            vehicle=self.vehicle, tires=self.tires, mu=self.mu, floor=self.floor, changes=self.changes,
-            planner_mu=self.planner_mu, max_speed=self.max_speed, knows=self.knows,
-        )  # fmt: skip
+    @property
+    def laps(self) -> int:
+        """Laps within which the planner is to overtake."""
+        return 2 if self.base.laps is None else self.base.laps
+
+    @property
+    def car(self) -> CarParameters:
+        """Parameters of both cars."""
+        return self.base.first.car.parameters
+
+    def context(self, world: World) -> PlannerContext:
+        """Return what the planner of the first car of a world is told."""
+        return self.base.drive_settings.context(world.parameters, world.track.map_line)
 
     def manifest(self) -> dict[str, Any]:
         """Return them as they can stand in JSON."""
-        return {name: getattr(self, name) for name in ("max_speed", "laps", "slowest", "fastest")} | self.described()
+        own = {name: getattr(self, name) for name in ("laps", "slowest", "fastest")}
+        return {"max_speed": self.base.first.max_speed} | self.base.drive_settings.described() | own
 
 
 @dataclass(frozen=True)
@@ -188,14 +191,12 @@ def drive_duel(duel: Duel, watch: Any = None) -> DuelFigures:
       ControllerError: the planner cannot be built.
       TrackError: no closed track, or one that cannot be loaded.
     """
-    settings, track = duel.settings, closed_track(duel.key.track, duel.settings.car.parameters)
+    settings, track = duel.settings, closed_track(duel.key.track, duel.settings.car)
     own_pace = pace(duel.key.track, duel.planner, settings)
     start, headway, ratio = duel.draw(track.length)
     world = alike_cars(duel.key.track, settings, 2)
-    car = world.cars[_OPPONENT]
-    context = settings.drive().context(car.parameters, track.map_line)
     with tempfile.TemporaryDirectory() as folder:
-        opponent = make_opponent(duel.key.opponent, track, own_pace, ratio, context, Path(folder))
+        opponent = make_opponent(duel.key.opponent, track, own_pace, ratio, settings.context(world), Path(folder))
     engine = Engine(world, laps=settings.laps + 1)
     timed = Timed(adapt([build_planner(duel.planner, world, settings)]))
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), timed), (np.array([_OPPONENT]), adapt([opponent]))])
@@ -257,20 +258,17 @@ def closed_track(name: str, car: CarParameters) -> Track:
 @lru_cache(maxsize=4)
 def alike_cars(track: str, settings: DuelSettings, cars: int) -> World:
     """Return a world of so many alike cars."""
-    course = closed_track(track, settings.car.parameters)
-    others = [
-        WorldCar(vehicle=settings.car, mu=settings.set_mu, changes=settings.changes, tires=settings.tires)
-        for _ in range(cars - 1)
-    ]
-    return World(
-        course, settings.car, mu=settings.set_mu, changes=settings.changes, tires=settings.tire_set, others=others
-    )  # fmt: skip
+    course = closed_track(track, settings.car)
+    return Resolved.of(settings.base.replace(track=course, laps=None, entries=[settings.base.first] * cars)).world
 
 
 def place_cars(engine: Engine, starts: Sequence[Start], settings: DuelSettings) -> None:
-    """Place the cars of a world, of which the first has what its planner knows."""
-    sensors = [settings.sensed, *[()] * (len(starts) - 1)]
-    engine.place(starts, seeds=[0] * len(starts), sensors=sensors)
+    """Place the cars of a world, of which the first senses as the settings say."""
+    first, others = settings.base.first, len(starts) - 1
+    engine.place(
+        starts, seeds=[0] * len(starts), effects=[first.effects, *[LidarEffects()] * others],
+        odometry_drifts=[first.odometry_drift, *[0.0] * others], sensors=[first.sensed, *[()] * others],
+    )  # fmt: skip
 
 
 def build_planner(choice: ControllerChoice, world: World, settings: DuelSettings) -> Any:
@@ -279,8 +277,7 @@ def build_planner(choice: ControllerChoice, world: World, settings: DuelSettings
     Raises:
       ControllerError: it cannot be built.
     """
-    context = settings.drive().context(world.parameters, world.track.map_line)
-    return make_controller(choice.source, context, settings=dict(choice.settings))
+    return make_controller(choice.source, settings.context(world), settings=dict(choice.settings))
 
 
 @lru_cache(maxsize=64)

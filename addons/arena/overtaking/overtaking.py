@@ -17,9 +17,9 @@ from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
-from fg_mujoco.racing.setup import OF_A_CAR, Setup
+from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup
+from fg_mujoco.racing.trust import check_planner, files_sha256
 from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.simulation.course_loading import load_track
@@ -32,7 +32,7 @@ DEFAULT_TRACKS = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 DEFAULT_SEEDS = range(50)
 DEFAULT_RATIO = (0.3, 0.9)
 
-USABLE = (*OF_A_CAR, "planner_mu", "max_speed", "knows")
+USABLE = (*OF_A_CAR, *OF_A_CONTEXT)
 """Fields of a Setup that a duel uses, and `laps` besides."""
 
 
@@ -81,8 +81,8 @@ def overtake(
       setup: that all duels have in common.
       watch: called several times a second.
       keywords: of a Setup, see there, that change `setup`: `laps` within which the planner is to overtake, by default
-        2, `max_speed` of both cars, what the planner `knows`, and which car both are: `vehicle`, `tires`, `mu`,
-        `planner_mu`, `changes`.
+        2, `max_speed` and `planner_mu` of both cars, which car both are: `vehicle`, `tires`, `mu`, `changes`, and what
+        the planner senses and `knows`.
 
     Raises:
       SettingsError, TrackError, ControllerError, RunFolderError: what cannot be driven; nothing has run then.
@@ -94,12 +94,7 @@ def overtake(
         require_matplotlib()
     base = Setup.of(setup, caller="overtake", **keywords)
     base.require_usable("overtake", *USABLE, "laps", alone=True)
-    first, (slowest, fastest) = base.first, speed_ratio
-    settings = DuelSettings(
-        vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,
-        planner_mu=first.planner_mu, max_speed=first.max_speed, knows=first.knows,
-        laps=2 if base.laps is None else base.laps, slowest=slowest, fastest=fastest,
-    )  # fmt: skip
+    settings = DuelSettings(base=base, slowest=speed_ratio[0], fastest=speed_ratio[1])
     planners, tracks, opponents, seeds = map(as_axis, (controller, track, opponents, seed))
     duels = plan_duels([ControllerChoice.of(text) for text in planners], tracks, opponents, seeds, settings)
     folder = GridFolder(out, DuelRow.of, title="overtaking study", command="overtake", file="duels.jsonl")
@@ -133,11 +128,12 @@ def plan_duels(
         ("planner", [choice.label for choice in planners]), ("track", tracks), ("opponent", opponents), ("seed", seeds),
     )  # fmt: skip
     require_axes(axes)
-    courses = {track: load_track(track, car=settings.car.parameters) for track in tracks}
+    courses = {track: load_track(track, car=settings.car) for track in tracks}
     for track, course in courses.items():
         if not course.closed:
             raise TrackError(f"track {track!r} is no circuit; accepted: a closed track")
-    files = {choice: files_sha256(choice.check(courses[tracks[0]], settings.drive())) for choice in planners}
+    course, drive = courses[tracks[0]], settings.base.drive_settings
+    files = {choice: files_sha256(check_planner(choice, course, drive)) for choice in planners}
     return [
         Duel(DuelKey(choice.label, choice.sha256, track, opponent, seed, files[choice]), choice, settings)
         for choice in planners

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from fg_mujoco.pictures.pages.figure_kit import COLOURS, picture
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.fault import BOTH
+from fg_mujoco.racing.entries import BOTH
 from fg_mujoco.rollouts.differences import ALL, Differences
 from fg_mujoco.rollouts.grid_study import GridCell
 from fg_mujoco.rollouts.intervals import Outcome, quantile, quartiles, wilson

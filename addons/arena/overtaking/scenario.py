@@ -21,8 +21,7 @@ import numpy as np
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from fg_mujoco.racing.entries import check_starts
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.race_control import RULES, RaceControl
 from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
 from fg_mujoco.simulation.engine import Engine
@@ -136,12 +135,11 @@ def drive_scenario(scenario: Scenario) -> ScenarioFigures:
     ahead_of = start_on(key.track, car, key.lane, key.start_m + key.headway_m)
     starts = [Start(s=key.start_m, offset=key.offset_m), ahead_of]
     check_starts(track, starts, [car, car], ["planner", "opponent"], ())
-    context = settings.drive().context(car, track.map_line)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "lane.csv"
         write_line(path, line)
-        opponent = Scaled(make_controller("pure_pursuit", context, settings={"line": str(path)}), key.speed)
-    engine = Engine(world, laps=settings.laps)
+        alone = make_controller("pure_pursuit", settings.context(world), settings={"line": str(path)})
+    engine, opponent = Engine(world, laps=settings.laps), Scaled(alone, key.speed)
     planner = adapt([build_planner(scenario.planner, world, settings)])
     engine.planners = PlannersOfEach([(np.array([_PLANNER]), planner), (np.array([_OPPONENT]), adapt([opponent]))])
     place_cars(engine, starts, settings)

@@ -33,10 +33,10 @@ from fg_mujoco.course.documents import read_toml
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import CarParameters, require_whole, shown
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.fault import BOTH
-from fg_mujoco.racing.planner_choice import ControllerChoice
-from fg_mujoco.racing.planner_files import files_sha256
+from fg_mujoco.racing.entries import BOTH
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.racing.trust import check_planner, files_sha256
 from fg_mujoco.rollouts.differences import ALL
 from fg_mujoco.rollouts.grid_study import GridCell, GridFolder, Study, StudyProgress, drive_grid
 from fg_mujoco.rollouts.intervals import wilson
@@ -303,11 +303,7 @@ def drive_suite(
         suite = Suite.read(suite, data)
     base = Setup.of(setup, caller="drive_suite", **keywords)
     base.require_usable("drive_suite", *USABLE, alone=True)
-    first = base.first
-    settings = DuelSettings(
-        vehicle=first.vehicle, tires=first.tires, mu=first.mu, floor=first.floor, changes=first.changes,
-        planner_mu=first.planner_mu, max_speed=first.max_speed, knows=first.knows, laps=_ENDLESS,
-    )  # fmt: skip
+    settings = DuelSettings(base=base.replace(laps=_ENDLESS))
     scenarios = plan_suite(suite, [ControllerChoice.of(text) for text in as_axis(controller)], settings, every)
     folder = GridFolder(out, ScenarioRow.of, title="suite of scenarios", command="scenarios", file="scenarios.jsonl")
     manifest = settings.manifest() | {"seconds": suite.seconds}
@@ -323,11 +319,11 @@ def plan_suite(
       SettingsError: none, or too many.
       TrackError, ControllerError: what cannot be loaded.
     """
-    car = settings.car.parameters
+    car = settings.car
     found: list[Scenario] = []
     for choice in planners:
         course = closed_track(suite.scenarios[0].track[0], car)
-        files = files_sha256(choice.check(course, settings.drive()))
+        files = files_sha256(check_planner(choice, course, settings.base.drive_settings))
         keys = [key for group in suite.scenarios for key in group.keys(choice.label, choice.sha256, files, car)]
         found += [Scenario(key, choice, settings, suite.seconds) for key in _one_in(list(dict.fromkeys(keys)), every)]
         if len(found) > _MOST_SCENARIOS:

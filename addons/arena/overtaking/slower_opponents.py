@@ -33,7 +33,7 @@ from fg_mujoco.messages import (
     PlannerContext,
     read_only,
 )
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 
 OPPONENTS = ("centreline", "raceline", "reactive", "blocking")
 """Kinds of opponents."""

@@ -30,6 +30,7 @@ from fg_mujoco.display import brief, quoted
 from fg_mujoco.errors import SettingsError, TrackError, accepted_names
 from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
 from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 
 from ..line_optimizer import Grip, Objective, Walls, optimize_line
@@ -184,27 +185,28 @@ def make_raceline(setup: Setup, *, objective: Objective = "time", margin: float 
         raise SettingsError(f"objective is {objective!r}; {accepted_names(objective, OBJECTIVES)}")
     if not 0.0 <= margin < math.inf:
         raise SettingsError(f"margin is {margin!r}; accepted: a number from 0, in metres")
-    course, car = setup.load_course(), setup.first.car.parameters
+    ground, car = ground_of(setup), setup.first.car.parameters
+    course = ground.course
     if not isinstance(course, Track):
         raise TrackError(f"course {course.name!r} is driven once, from a start to a goal; accepted: a circuit")
     if course.length > LONGEST:
         raise TrackError(f"track {course.name!r} is {course.length:.0f} m long; accepted: up to {LONGEST:g} m")
     course.check_car(car)
-    obstacles = setup.obstacles_on(course)
     grip = double_track_grip(setup.first)
-    walls = walls_of(course, obstacles, car, margin)
+    walls = walls_of(course, ground.boxes, car, margin)
     found = optimize_line(course.centreline, walls, car, grip, margin=margin, objective=objective)
     line = smooth_line(_from_start(found.points, course), _TOLERANCE)
     limits = GripLimits(grip=grip)
     speeds = fastest_speeds(line, limits)
     ahead = np.roll(line.points, -1, axis=0) - np.roll(line.points, 1, axis=0)
     headings = np.arctan2(ahead[:, 1], ahead[:, 0])
-    standing = np.concatenate([outline(each) for each in (*course.edges, *(solid.corners() for solid in obstacles))])
+    standing = np.concatenate([outline(each) for each in (*course.edges, *(solid.corners() for solid in ground.boxes))])
     reach = car.length + float((course.corridor_left + course.corridor_right).max())
     clear = _clearances(np.column_stack((line.points, headings)), standing, car, reach)
     _require_clear(course, line.points, clear, car, margin)
     return Raceline(
-        course=course, car=car, grip=grip, objective=objective, margin=margin, obstacles=obstacles, points=line.points,
+        course=course, car=car, grip=grip, objective=objective, margin=margin, obstacles=ground.boxes,
+        points=line.points,
         headings=headings % (2.0 * math.pi), curvature=line.curvature, steps=line.steps, speeds=speeds,
         accelerations=0.5 * (np.roll(speeds, -1) ** 2 - speeds**2) / line.steps, lap_time=lap_time(line, speeds),
         clearance=float(clear.min()),

@@ -23,9 +23,9 @@ from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.errors import FgMujocoError, PlannerError, SettingsError
 from fg_mujoco.lidar.beams import lidar_body
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Sketch
-from fg_mujoco.racing.entries import check_starts, grid_starts
-from fg_mujoco.racing.planner_choice import split_controller
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.entries import check_starts
+from fg_mujoco.racing.planners import make_controller, split_controller
+from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
 from fg_mujoco.simulation.intermediate_values import IntermediateValues
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
@@ -75,11 +75,12 @@ class LiveSession:
         self.planner_settings: dict[str, Any]
         planner = self.setup.first.controller
         self._source, self.planner_settings = split_controller(planner, self.settings.planner_settings)
-        self._course = self.setup.load_course()
-        self._obstacles = self.setup.obstacles_on(self._course)
-        self._opponents = self.setup.named[1:]
-        self.world = self._make_world(self.settings)
-        self._start = self._take_places()
+        raced = Resolved.of(self.setup)
+        raced.check_starts()
+        self._ground, self.world, self._start = raced.ground, raced.world, raced.starts[0]
+        self._opponents = tuple(
+            replace(entry, start=start) for entry, start in zip(raced.entries[1:], raced.starts[1:], strict=True)
+        )
         self.simulation = self._make_simulation(self.world)
         self.laps = LapTimer(self.world.track)
         self._planner = self._make_planner(self.planner_settings, self.settings)
@@ -360,29 +361,7 @@ class LiveSession:
 
     def _make_world(self, settings: DriveSettings) -> World:
         others = [opponent.world_car() for opponent in self._opponents]
-        return settings.world(self._course, obstacles=self._obstacles, others=others)
-
-    def _take_places(self) -> Start:
-        """Put each opponent without a start on the grid, and return the start of the own car.
-
-        Raises:
-          SettingsError: an unknown grid, or one that does not fit; a start beyond the walls, or in one.
-        """
-        own = self.settings.start
-        cars = [car.parameters for car in self.world.cars]
-        if not self._opponents:
-            check_starts(self._course, [own], cars, [""], self._obstacles)
-            return own
-        first, *behind = grid_starts(self._course, cars, self.setup.grid)
-        own = first if own == Start() else own
-        self._opponents = tuple(
-            replace(opponent, start=opponent.start or place)
-            for opponent, place in zip(self._opponents, behind, strict=True)
-        )
-        starts = [own, *(opponent.start or Start() for opponent in self._opponents)]
-        names = ["car_0", *(str(opponent.name) for opponent in self._opponents)]
-        check_starts(self._course, starts, cars, names, self._obstacles)
-        return own
+        return settings.world(self._ground.course, obstacles=self._ground.boxes, others=others)
 
     def _make_opponents(self) -> Planners:
         """Return the opponents' planners, as new.
@@ -433,12 +412,12 @@ class LiveSession:
         Raises:
           SettingsError: the pose is beyond the walls, or in an obstacle.
         """
-        course = self._course
+        course = self._ground.course
         place, offset = (float(values[0]) for values in course.project(np.array([[x, y]])))
         s = place - (course.origin or 0.0)
         along = course.start_pose(s, offset)[2]
         start = Start(s=s, offset=offset, heading=math.remainder(heading - along, math.tau))
-        check_starts(self._course, [start], [self.world.parameters], [""], self._obstacles)
+        check_starts(course, [start], [self.world.parameters], [""], self._ground.boxes)
         return start
 
     def _place(self, own: Start | None = None) -> None:

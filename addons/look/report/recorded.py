@@ -14,7 +14,7 @@ import numpy as np
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.racing.crash import Crash
-from fg_mujoco.racing.planner_choice import with_settings
+from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.result import RaceResult, tires_model
 from fg_mujoco.racing.rollover import Rollover

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.display import Html, element, escaped, html
-from fg_mujoco.lab.manoeuvres import is_driven_by_commands
 from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, result, scroll
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.decision_times import decision_limit_text
@@ -56,7 +55,7 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
     ]
     if clamped is not None and not recorded:
         figures.append((f"{clamped}", "commands clamped"))
-    planned = not recorded and not is_driven_by_commands(str(summary["controller"]))
+    planned = not recorded and not (summary.get("controller_origin") or {}).get("commands")
     if planned and "planner_mu" in summary:
         assumed = summary["planner_mu"]  # None: infinity, which JSON has not
         figures.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))

@@ -25,8 +25,8 @@ from fg_mujoco.course.course import Course, wall_outlines
 from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, RESOLUTION
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
-from fg_mujoco.racing.entries import entry_planner
 from fg_mujoco.racing.race import RaceProgress, race_setup
+from fg_mujoco.racing.resolved import Resolved
 
 from .pose_graph import PoseGraph, write_graph
 from .recorded_map import RecordedMap, make_map, map_files, require_resolution, write_map
@@ -115,9 +115,9 @@ def map_course(
       SettingsError, ControllerError, TrackError: as of a race, and of `make_map`.
     """
     require_resolution(resolution)
-    course = setup.load_course()
-    car = setup.world(course, ()).parameters
-    recorder = Recorder(entry_planner(setup.named[0], car=car, map_line=course.map_line, alone=True))
+    raced = Resolved.of(setup)
+    course, car = raced.ground.course, raced.world.parameters
+    recorder = Recorder(raced.build_planners()[0])
     result = race_setup(setup.replace(controller=recorder, planner_settings={}), watch=watch)
     given = recorder.given
     if len(given) < 2:

@@ -28,9 +28,8 @@ from fg_mujoco.course.files import is_file
 from fg_mujoco.errors import ControllerError, FinalWarning
 from fg_mujoco.lidar.beams import MOST_BEAMS
 from fg_mujoco.messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
-from fg_mujoco.racing.planner_sources import READ
-from fg_mujoco.racing.planner_texts import PlannerScheme
 from fg_mujoco.simulation.intermediate_values import listener
+from fg_mujoco.racing.planners import READ, PlannerScheme
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.planner_failure import one_line
 
@@ -335,7 +334,7 @@ def find_node(source: str) -> type[RosPlanner]:
     module = ModuleType(f"fg_mujoco_ros_{program.path.stem}_{zlib.crc32(place.encode()):08x}")
     module.__file__ = place
     vars(module)[READ] = program.text
-    sys.modules[module.__name__] = module  # where `planner_origin` finds what was read
+    sys.modules[module.__name__] = module  # where `trust.source_code` finds what was read
     said = f"Nodes of ROS: {', '.join(node.path.name for node in program.nodes) or program.path.name}."
     return type(program.name, (RosPlanner,), {"_program": program, "__module__": module.__name__, "__doc__": said})
 

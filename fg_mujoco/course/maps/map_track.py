@@ -27,7 +27,7 @@ from ...arguments import explain_class
 from ...errors import TrackError, accepted_names
 from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
-from ..course import default_time_limit
+from ..course import ISLAND, default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
 from ..scene import BEHIND, BEYOND, Scene
@@ -39,9 +39,6 @@ from .walls import trace
 
 SPACING = 0.2
 """[m] Of the points of a centreline that is found."""
-
-ISLAND = "island_"
-"""Of the names of islands in a definition; a number follows."""
 
 _SMOOTHING = 0.3  # of the median distance to the walls, standard deviation: the medial axis has corners
 _REPEATED = 1e-6  # [m] points nearer than this are one

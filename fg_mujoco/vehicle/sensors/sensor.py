@@ -27,7 +27,7 @@ from ...errors import SettingsError, accepted_names
 from ...messages import ODOMETRY, FloatArray, require, shown
 from ...registry import Registry
 from ..car import sensor_slice
-from ..motion import read_odometry
+from ..motion import drift_odometry, read_odometry
 
 LONGEST_DELAY = 10.0
 """[s] Longest delay of a sensor that is accepted."""
@@ -71,13 +71,6 @@ class CarState:
             drift_odometry(rows, np.array((1.0 + self.odometry_drift,)))
         row: np.void = rows[0]
         return row
-
-
-def drift_odometry(rows: NDArray[np.void], factors: FloatArray) -> None:
-    """Multiply the speeds and the yaw rate of rows (n,) of ODOMETRY by factors (n,), in place."""
-    rows["speed"] *= factors
-    rows["wheel_speeds"] *= factors[:, np.newaxis]
-    rows["angular_velocity"][:, 2] *= factors
 
 
 @explain_class

@@ -11,7 +11,7 @@ import pytest
 import fg_mujoco as fg
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.addons.arena.comparison.comparison_tables import DIFFERENCES, cells_table, make_cells
-from fg_mujoco.addons.arena.comparison.ground import Ground, course_ground
+from fg_mujoco.addons.arena.comparison.ground import course_ground
 from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
 from fg_mujoco.addons.arena.comparison.pictures import table_picture
 from fg_mujoco.addons.arena.comparison.run import (
@@ -24,7 +24,8 @@ from fg_mujoco.addons.arena.comparison.run import (
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.course.writing import claimed_folder
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.rollouts.intervals import wilson
 
 CAR = fg.Vehicle.load().parameters

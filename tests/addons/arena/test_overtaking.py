@@ -24,7 +24,7 @@ from fg_mujoco.addons.arena.overtaking.overtaking_tables import DIFFERENCES, mak
 from fg_mujoco.addons.arena.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import RunFolderError, SettingsError, TrackError
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.rollouts.intervals import wilson
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
@@ -62,7 +62,7 @@ def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_pa
     """The gap finder takes the planner's line, if it is the planner; the centreline is longer than that line."""
     own = pace("oval", ControllerChoice.of("gap_finder"), DuelSettings())
     world = fg.World("oval")
-    context = DuelSettings().drive().context(world.parameters, world.track.map_line)
+    context = DuelSettings().context(world)
     opponent = make_opponent(kind, world.track, own, 0.5, context, tmp_path)
     laps = []
     for planners in (
@@ -175,7 +175,8 @@ def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
 
 
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is():
-    settings, planner, told = DuelSettings(knows="opponents"), ControllerChoice.of("gap_finder"), []
+    settings = DuelSettings(base=fg.Setup(entries=[fg.Entry(knows="opponents")]))
+    planner, told = ControllerChoice.of("gap_finder"), []
 
     def watch(engine):
         told.append((engine.readings(0)["opponents"], engine.odometry["pose"][1].tolist(), engine.readings(1)))
@@ -246,7 +247,5 @@ def test_differences_are_within_pairs_of_duels():
 def test_errors_are_of_the_one_tree():
     with pytest.raises(SettingsError):
         DuelSettings(slowest=0.0)
-    with pytest.raises(SettingsError):
-        DuelSettings(max_speed=-1.0)
     with pytest.raises(TrackError):
         overtake(track=["scene:dead_end:0"], out="nowhere", pictures=False)

@@ -12,11 +12,11 @@ from fg_mujoco.addons.arena.overtaking.scenario_suite import Suite, drive_suite,
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
 _CAR = fg.Vehicle.load().parameters
-_SETTINGS = DuelSettings(laps=1000)
+_SETTINGS = DuelSettings(base=fg.Setup(laps=1000))
 
 
 def scenario(planner="overtaker", *, track="hairpins", lane="raceline", speed=0.5, start=10.0, headway=3.0, offset=0.0,

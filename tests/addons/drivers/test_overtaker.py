@@ -5,12 +5,12 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
-from fg_mujoco.racing.planner_choice import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice
 
 
 def duel(track, opponent, seed, ratio=0.5, laps=1):
     """The figures of a duel of the overtaker."""
-    settings = DuelSettings(laps=laps, slowest=ratio, fastest=ratio)
+    settings = DuelSettings(base=fg.Setup(laps=laps), slowest=ratio, fastest=ratio)
     key = DuelKey("overtaker", None, str(track), opponent, seed)
     row = Duel(key, ControllerChoice.of("overtaker"), settings).drive()
     assert row.figures.outcome != "failed", row.figures.message

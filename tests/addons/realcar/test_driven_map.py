@@ -14,8 +14,8 @@ from fg_mujoco.addons.realcar.mapping.scan_matching import step_between, stepped
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.errors import SettingsError, TrackError
-from fg_mujoco.racing.planner_files import planner_files
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.racing.trust import planner_files
 from fg_mujoco.simulation.settings import DriveSettings
 
 pytest.importorskip("scipy")

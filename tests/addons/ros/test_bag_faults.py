@@ -14,7 +14,7 @@ from fg_mujoco.addons.ros.bag_scans import to_scan
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.racing.planner_sources import controller_names
+from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters

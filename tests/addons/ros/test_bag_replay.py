@@ -16,7 +16,7 @@ from fg_mujoco.addons.ros.bag_replay import COLUMNS
 from fg_mujoco.addons.ros.bag_writer import export_bag
 from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.planner_sources import controller_names
+from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.simulation.settings import Start
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m

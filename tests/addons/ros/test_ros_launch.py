@@ -10,9 +10,8 @@ import pytest
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.addons.ros.node_host.workspace import executable, packages
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.racing.planner_origin import source_code
-from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.racing.planners import make_controller
+from fg_mujoco.racing.trust import require_trusted, source_code
 from scan_worlds import CAR, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)

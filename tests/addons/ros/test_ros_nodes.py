@@ -21,10 +21,9 @@ from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_c
 from fg_mujoco.addons.ros.node_host.transform_modules import euler_from_quaternion, quaternion_from_euler
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing import planner_choice
-from fg_mujoco.racing.planner_loading import make_controller
-from fg_mujoco.racing.planner_origin import source_code
-from fg_mujoco.racing.planner_trust import require_trusted
+from fg_mujoco.racing import planners
+from fg_mujoco.racing.planners import make_controller
+from fg_mujoco.racing.trust import require_trusted, source_code
 from scan_worlds import CAR, corridor, odometry_of
 
 NODES = Path(__file__).parent / "ros_nodes"
@@ -645,7 +644,7 @@ def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictu
     assert "not a bundled one" not in capsys.readouterr().err
     assert main(["race", "--config", str(folder)]) == 2
     with pytest.raises(ControllerError, match="recorded is"):
-        require_trusted(node("self.drive(2)"), "0" * 64, trust=True, where="here")
+        require_trusted(node("self.drive(2)"), {"sha256": "0" * 64}, trust=True, where="here")
 
 
 def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, without_pictures):
@@ -660,9 +659,9 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, with
     assert main(["debug", str(folder), "--trust", "--out", str(tmp_path / "a.html")]) == 0
     assert "without what the planner made" not in capsys.readouterr().err
     module.write_text("SPEED = 2.0\n")
-    hashed = planner_choice.ControllerChoice.of(source).sha256
+    hashed = planners.ControllerChoice.of(source).sha256
     module.write_text("SPEED = 1.0\n")
-    assert planner_choice.ControllerChoice.of(source).sha256 != hashed
+    assert planners.ControllerChoice.of(source).sha256 != hashed
 
 
 _SWITCH = """

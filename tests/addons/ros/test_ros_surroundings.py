@@ -11,7 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING_TO_SERVO
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fg_mujoco.addons.ros.node_host.graph import NodeError
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.old_numpy import advice
 from fg_mujoco.simulation.planner_failure import one_line
 from scan_worlds import CAR, corridor, odometry_of
