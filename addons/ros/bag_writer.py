@@ -56,9 +56,8 @@ from fg_mujoco.course.writing import staged_file
 from fg_mujoco.errors import BagError, PlannerError, SettingsError
 from fg_mujoco.messages import DriveCommand, LaserScan
 from fg_mujoco.racing.planners import bundled_names
-from fg_mujoco.racing.resimulation import Sensed, Tick, load_world, recorded_sensors, resimulate
+from fg_mujoco.racing.resimulation import Sensed, Tick, load_world, recorded_planner, recorded_sensors, resimulate
 from fg_mujoco.racing.run_folder import Run, read_run
-from fg_mujoco.racing.trust import recorded_planner
 from fg_mujoco.simulation.cars import car_prefix
 from fg_mujoco.simulation.intermediate_values import NUMBER as NUMBER_VALUE
 from fg_mujoco.simulation.intermediate_values import SCAN as SCAN_VALUE

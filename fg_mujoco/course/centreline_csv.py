@@ -28,7 +28,6 @@ from ..messages import FloatArray
 from .line_csv import COLUMNS, read_line_csv, require_closed
 from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, Track, check_size
-from .writing import write_file
 
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to
@@ -56,6 +55,8 @@ def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str]
       TrackError: a path that cannot be written.
     """
     try:
+        from .writing import write_file
+
         write_file(path, centreline_text(track, header_lines).encode())
     except OSError as error:
         raise TrackError(f"{path}: cannot be written: {error.strerror or error}") from error

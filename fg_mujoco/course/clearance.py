@@ -15,11 +15,6 @@ from ..compiled.kernels import kernel
 from ..messages import CarParameters, FloatArray
 
 
-def outline(points: FloatArray) -> FloatArray:
-    """Return the sides of closed polygons, (..., n, 2) [m], each from one point to the next. Shape (..., n, 4) [m]."""
-    return np.concatenate((points, np.roll(points, -1, axis=-2)), axis=-1)
-
-
 def least_clearance(poses: FloatArray, segments: FloatArray, car: CarParameters) -> float:
     """Return the least distance from the car's footprint to any segment at any pose [m], inf where there is none.
 

@@ -190,6 +190,11 @@ def require_course(found: object, where: str) -> None:
         raise TrackError(f"{where} is a {type(found).__name__} without hash; accepted: a dataclass with eq=False")
 
 
+def outline(points: FloatArray) -> FloatArray:
+    """Return the sides of closed polygons, (..., n, 2) [m], each from one point to the next. Shape (..., n, 4) [m]."""
+    return np.concatenate((points, np.roll(points, -1, axis=-2)), axis=-1)
+
+
 def wall_outlines(course: Course) -> list[FloatArray]:
     """Return the walls from above, closed lines (k, 2) [m]: the course's edges, or the footprints of its walls."""
     return list(course.edges) or [wall.corners() for wall in course.walls]

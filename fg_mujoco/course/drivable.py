@@ -22,7 +22,7 @@ import numpy as np
 from ..compiled.kernels import kernel
 from ..errors import SettingsError
 from ..messages import CarParameters, FloatArray, require
-from .clearance import outline
+from .course import outline
 from .track import Track, follow
 
 MARGIN = 0.05  # [m] all round the footprint

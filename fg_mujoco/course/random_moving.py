@@ -23,8 +23,8 @@ import numpy as np
 from ..compiled.kernels import kernel
 from ..errors import ArgumentError, SettingsError, accepted_names
 from ..messages import CarParameters, FloatArray, shown
-from .clearance import outline, rectangle_distance
-from .course import CLEAR_BEHIND, Course, wall_outlines
+from .clearance import rectangle_distance
+from .course import CLEAR_BEHIND, Course, outline, wall_outlines
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle
 from .random_obstacles import SPACING, ObstacleSites

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..messages import CarParameters, FloatArray
-from .clearance import least_clearance, outline
-from .course import Course, wall_outlines
+from .course import Course, outline, wall_outlines
 from .obstacles import Obstacle
 
 
@@ -46,6 +45,8 @@ def stands_in_something(
       car: whose footprint it is.
       obstacles: that were put there.
     """
+    from .clearance import least_clearance
+
     solids = [solid.corners() for solid in (*course.obstacles, *obstacles)]
     solids += [moving.box(0.0).corners() for moving in course.moving]
     placed = np.asarray(pose, np.float64)[np.newaxis, :3]

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ..arguments import Suggesting
 from ..compiled.kernels import kernel
-from ..course.clearance import clearances, outline
-from ..course.course import wall_outlines
+from ..course.clearance import clearances
+from ..course.course import outline, wall_outlines
 from ..messages import CarParameters, FloatArray
 from ..simulation.engine import Engine
 from ..simulation.telemetry import TELEMETRY

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
 import numpy as np
@@ -29,9 +29,11 @@ from ..errors import ModelError, SettingsError, accepted_names
 from ..messages import FloatArray
 from .beams import DEFAULT_LIDAR, Beams, LidarModel, lidar_body, lidar_of
 from .body_poses import BodyPoses, Mount, PoseArrays, StateArrays, read_poses, state_arrays
-from .embree_rays import Poses, RayScene
 from .scanline import scan
 from .visible_surfaces import ScanlineScene, SceneArrays, Scratch, is_scanline
+
+if TYPE_CHECKING:
+    from .embree_rays import Poses, RayScene
 
 LIDAR_BACKENDS = ("raycast", "rangefinder")
 
@@ -162,6 +164,8 @@ class RaycastLidar:
 
     @cached_property
     def _rays(self) -> RayScene:
+        from .embree_rays import RayScene
+
         return RayScene(self.model, carrier=self.body, reach=self.beams.range_max)
 
 

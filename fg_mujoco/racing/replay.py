@@ -38,10 +38,9 @@ from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
 from .figures import CourseFigures, TrackFigures, course_figures, driven_figures, track_figures, world_figures
 from .race_control import RaceControl, find_rules
-from .resimulation import Recording, load_world, resimulate
+from .resimulation import Recording, load_world, recorded_planner, resimulate
 from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
 from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
-from .trust import recorded_planner
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_PLANNERS = ("planner_failed", "decision_limit")

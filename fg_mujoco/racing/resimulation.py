@@ -14,26 +14,33 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Protocol, cast
 
 import mujoco
 import numpy as np
 
-from ..errors import FgMujocoError, RunFolderError, SettingsError
+from ..errors import FgMujocoError, RunFolderError, SettingsError, TrackError
 from ..lidar.effects import LidarEffects
-from ..messages import DriveCommand, FloatArray, LaserScan, Odometry
+from ..messages import Controller, DriveCommand, FloatArray, LaserScan, Odometry
+from ..simulation.cars import car_prefix
+from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine, whole_steps
 from ..simulation.physics import STATE
-from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message
+from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message, start
+from ..simulation.settings import DriveSettings
 from ..simulation.world import World
+from ..vehicle.car import car_parameters
 from ..vehicle.sensors import Sensor, as_sensors
+from .planners import make_controller
 from .result import RaceResult
-from .run_folder import Run
+from .run_folder import Run, was_raced_here
+from .trust import controller_of, require_trusted
 
 
 class Recording(Protocol):
@@ -182,6 +189,55 @@ def scan_at(run: RaceResult | Run, time: float | None = None) -> tuple[LaserScan
     sensed = next(islice(resimulate(recording, world), place, None)).sensed
     assert sensed is not None  # it was asked for
     return sensed.scan, sensed.odometry
+
+
+def recorded_planner(
+    summary: Mapping[str, Any],
+    model: mujoco.MjModel,
+    index: int = 0,
+    *,
+    trust: bool,
+    where: str,
+    folder: Path | None = None,
+) -> Controller:
+    """Return the planner of a recorded run, built as it was for the race, and reset.
+
+    Args:
+      summary: of the run.
+      model: of its world.
+      index: of its car.
+      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one; of a
+        run in `folder` that this user raced it is loaded without.
+      where: the planner was named, for the message.
+      folder: of the run, whose copy of the planner is taken where its file is not there any more; None: there is none.
+
+    Raises:
+      FgMujocoError: it may not be loaded, or cannot be built.
+      KeyError, TypeError, ValueError, OSError: the summary does not say how.
+    """
+    source = str(summary["controller"])
+    trust = trust or (folder is not None and was_raced_here(folder, summary))
+    if trust and folder is not None:
+        source = controller_of(folder, summary, source)
+    settings = summary.get("planner_settings") or {}
+    require_trusted(source, summary.get("controller_origin"), trust=trust, where=where, settings=settings)
+    mu = summary.get("planner_mu")
+    course = None  # a user's own track or map is not found by its name, and few planners drive by a map
+    with suppress(TrackError):
+        course = load_track(str(summary["track"]))
+    drive = DriveSettings(
+        planner_mu=math.inf if mu is None else mu,
+        max_speed=summary["speed_limit_m_s"],
+        planner_settings=settings,
+        effects=LidarEffects(**summary.get("lidar_effects", {})),
+        sensors=summary.get("sensors") or (),
+        seed=summary.get("seed", 0),
+    )
+    map_line = None if course is None else course.map_line
+    context = drive.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
+    planner = make_controller(source, context, settings=drive.planner_settings)
+    start(planner)
+    return planner
 
 
 def _other_car(sensed: Sensed) -> OtherCar:

@@ -85,7 +85,8 @@ class Ground:
         """
         import numpy as np
 
-        from ..course.clearance import least_clearance, outline
+        from ..course.clearance import least_clearance
+        from ..course.course import outline
 
         shapes = (*wall_outlines(self.course), *(obstacle.corners() for obstacle in self.obstacles))
         nearest = [least_clearance(poses, np.concatenate([outline(shape) for shape in shapes]), car)]

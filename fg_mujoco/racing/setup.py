@@ -23,7 +23,6 @@ from typing import Any
 
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, require_course
-from ..course.definitions import course_sha256
 from ..course.documents import read_toml, toml_text
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
@@ -486,5 +485,7 @@ def _refuse_object(name: str, value: Any) -> str:
 
 def _name_object(name: str, value: Any) -> str:
     if name == "track":
+        from ..course.definitions import course_sha256
+
         return f"{value.name} {course_sha256(value)}"
     return f"{type(value).__name__} {id(value)}"

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import sys
 import warnings
@@ -27,19 +26,14 @@ from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from glob import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_origin, get_type_hints
+from typing import Any, Literal, get_origin, get_type_hints
 
 from ..course.course import Course
 from ..course.files import file_sha256, is_file, is_folder, read_bytes
-from ..errors import ControllerError, TrackError
-from ..lidar.effects import LidarEffects
+from ..errors import ControllerError
 from ..messages import Controller
-from ..simulation.cars import car_prefix
-from ..simulation.course_loading import load_track
-from ..simulation.planner_adapter import start
 from ..simulation.planner_failure import is_of_planner, one_line, without_exit
 from ..simulation.settings import DriveSettings
-from ..vehicle.car import car_parameters
 from .planners import (
     PLANNERS,
     POSE_SETTINGS,
@@ -50,12 +44,8 @@ from .planners import (
     code_of,
     file_in,
     find_controller,
-    make_controller,
     moved_to,
 )
-
-if TYPE_CHECKING:
-    import mujoco
 
 Files = dict[str, str | None]
 """SHA-256 of a file's contents, or of all files of a folder, by its path; None: it is not there."""
@@ -391,54 +381,3 @@ def controller_of(folder: Path, summary: Mapping[str, Any], controller: str) -> 
     if is_file(there) and code_of(source) == read_bytes(kept):
         return controller
     return f"{moved_to(source, kept)}{controller.strip()[len(source) :]}"
-
-
-def recorded_planner(
-    summary: Mapping[str, Any],
-    model: mujoco.MjModel,
-    index: int = 0,
-    *,
-    trust: bool,
-    where: str,
-    folder: Path | None = None,
-) -> Controller:
-    """Return the planner of a recorded run, built as it was for the race, and reset.
-
-    Args:
-      summary: of the run.
-      model: of its world.
-      index: of its car.
-      trust: whether to load a planner that is not bundled, which runs its code, if its file is the recorded one; of a
-        run in `folder` that this user raced it is loaded without.
-      where: the planner was named, for the message.
-      folder: of the run, whose copy of the planner is taken where its file is not there any more; None: there is none.
-
-    Raises:
-      FgMujocoError: it may not be loaded, or cannot be built.
-      KeyError, TypeError, ValueError, OSError: the summary does not say how.
-    """
-    from .run_folder import was_raced_here
-
-    source = str(summary["controller"])
-    trust = trust or (folder is not None and was_raced_here(folder, summary))
-    if trust and folder is not None:
-        source = controller_of(folder, summary, source)
-    settings = summary.get("planner_settings") or {}
-    require_trusted(source, summary.get("controller_origin"), trust=trust, where=where, settings=settings)
-    mu = summary.get("planner_mu")
-    course = None  # a user's own track or map is not found by its name, and few planners drive by a map
-    with suppress(TrackError):
-        course = load_track(str(summary["track"]))
-    drive = DriveSettings(
-        planner_mu=math.inf if mu is None else mu,
-        max_speed=summary["speed_limit_m_s"],
-        planner_settings=settings,
-        effects=LidarEffects(**summary.get("lidar_effects", {})),
-        sensors=summary.get("sensors") or (),
-        seed=summary.get("seed", 0),
-    )
-    map_line = None if course is None else course.map_line
-    context = drive.context(car_parameters(model, car_prefix(index)), map_line, model=model, index=index)
-    planner = make_controller(source, context, settings=drive.planner_settings)
-    start(planner)
-    return planner

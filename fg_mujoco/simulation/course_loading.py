@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TypeVar, overload
 
 from ..course.course import Course, require_course
-from ..course.definitions import course_of, course_sha256, definition_sha256
 from ..course.formats import load_course
 from ..errors import TrackError
 from ..messages import CarParameters, FloatArray
@@ -50,6 +49,8 @@ def reload_course(name: str, definition: Mapping[str, FloatArray]) -> Course:
     Raises:
       TrackError: it is of a class of a user's own, and not the course that `load_track` makes of the name.
     """
+    from ..course.definitions import course_of, course_sha256, definition_sha256
+
     try:
         return course_of(name, definition)
     except TrackError:

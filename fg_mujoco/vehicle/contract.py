@@ -1,34 +1,31 @@
 """The contract of a vehicle's MJCF: the names that it must have, the rules that it must keep, and the checks of both.
 
+A user's vehicle is checked when it is loaded; the bundled ones are checked by the tests.
+
 Each check raises in one line that says which name, in which file, and what is accepted.
 """
 
 from __future__ import annotations
 
 import math
-import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from ..course.files import is_file
-from ..course.mjcf import checked_mjcf, inside, short_text
-from ..errors import FgMujocoError, ModelError, SettingsError, nearest
-from ..lidar.beams import DEFAULT_LIDAR, Beams, LidarModel
+from ..errors import FgMujocoError, ModelError, nearest
+from ..lidar.beams import Beams
 from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .command_response import command_response
 from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
-from .tires import DEFAULT_TIRES, Tires
+from .vehicle_mjcf import OWN_CAR
 
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 _PLANE, _BOX = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX
@@ -81,58 +78,10 @@ def _parts() -> Iterator[Part]:
         yield Part("sensor", f"{wheel}_wheel_angular_velocity", "of the wheel's body [rad/s]")
 
 
-OWN_CAR = "an MJCF file with the names that the page 'A car of your own' (howto/own_car) lists"
-"""What is accepted as a vehicle, for messages."""
-
-_HEAD = 2000  # characters, within which an XML says what it is
 _FEW = 4  # faults that a message tells each with what is accepted
 
 PARTS = tuple(_parts())
 """All that the MJCF of a vehicle must name; docs/howto/own_car.md shows it."""
-
-
-def parsed(text: str, where: str) -> Any:
-    """Return the mujoco.MjSpec of an MJCF text.
-
-    Raises:
-      ModelError: no XML, no MJCF, a name that is there twice, or what `checked_mjcf` refuses.
-    """
-    if re.search(r"<(robot|sdf)\b", text[:_HEAD]):
-        raise ModelError(f"{where}: is a URDF or SDF, of ROS or Gazebo; accepted: {OWN_CAR}")
-    try:
-        document = checked_mjcf(text)
-    except ValueError as error:
-        known = sum(f'"{part.name}"' in text for part in PARTS)
-        other = f"; {_something_else(known)}" if "<mujoco" in text and known <= len(PARTS) // 2 else ""
-        raise ModelError(f"{where}: {error}{other}") from error
-    try:
-        return mujoco.MjSpec.from_string(document.text)
-    except ValueError as error:
-        raise ModelError(f"{where}: {_reason(error)}") from error
-
-
-def compiled(spec: Any, where: str) -> Any:
-    """Return the compiled mujoco.MjModel of a spec.
-
-    Raises:
-      ModelError: what MuJoCo refuses, as a body without mass.
-    """
-    try:
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{where}: {_reason(error)}") from error
-
-
-def _reason(error: Exception) -> str:
-    """Return MuJoCo's error in one line, with what it would accept."""
-    text = " ".join(str(error).split())
-    line = re.search(r"line (\d+)", text)
-    at = f" (line {line[1]})" if line else ""
-    if twice := re.search(r"repeated name '(.+?)' in (\w+)", text):
-        return f"{twice[2]} {twice[1]!r} is there twice{at}; accepted: each name once"
-    if "mass and inertia" in text and (body := re.search(r"name '(.+?)'", text)):
-        return f"mass or inertia of body {body[1]!r} is not positive{at}; accepted: numbers above 0 [kg, kg m^2]"
-    return f"{text}; accepted: an MJCF file that MuJoCo {mujoco.__version__} compiles"
 
 
 def check_names(spec: Any, where: str) -> None:
@@ -160,6 +109,12 @@ def check_names(spec: Any, where: str) -> None:
         raise ModelError(f"{where}: {told}; accepted: {accepted}")
 
 
+def hint_at_another(text: str) -> str:
+    """Return that an MJCF text is that of something else, if it has few of the names of PARTS; else nothing."""
+    known = sum(f'"{part.name}"' in text for part in PARTS)
+    return f"; {_something_else(known)}" if "<mujoco" in text and known <= len(PARTS) // 2 else ""
+
+
 def _something_else(known: int) -> str:
     """Say of an MJCF with few of the names of PARTS what it is."""
     return f"is the MJCF of something else: it has {known} of the {len(PARTS)} names of a vehicle; accepted: {OWN_CAR}"
@@ -174,62 +129,6 @@ def _is_part(kind: str, name: str) -> bool:
 
 def _type_name(kind: Any) -> str:
     return str(kind.name).split("_", 1)[1].lower()
-
-
-def find_lidar(spec: Any, folder: Path | None, where: str) -> LidarModel:
-    """Return the LiDAR that a vehicle's text `lidar` names, or the default one.
-
-    Raises:
-      ModelError: a file that is neither in the vehicle's folder nor bundled, or not that of a LiDAR.
-    """
-    file = _named_file(spec, "lidar", folder, where, default=DEFAULT_LIDAR)
-    assert file is not None
-    return LidarModel.load(file)
-
-
-def find_look(spec: Any, folder: Path | None, where: str) -> str | None:
-    """Return the file of meshes that a vehicle's text `look` names, if it does.
-
-    Raises:
-      ModelError: a file that is neither in the vehicle's folder nor bundled.
-    """
-    return _named_file(spec, "look", folder, where)
-
-
-def find_tires(spec: Any, folder: Path | None, where: str) -> Tires:
-    """Return the tires that a vehicle's text `tires` names, or the default set.
-
-    Raises:
-      ModelError: neither a file in the vehicle's folder nor a bundled set, or not that of tires.
-    """
-    element = spec.text("tires")
-    if element is None:
-        return Tires.load(DEFAULT_TIRES)
-    name = str(element.data)
-    own = None if folder is None else inside(folder, name)
-    try:
-        if own is not None and is_file(own):
-            return Tires.load(own)
-        if "/" not in name and not name.endswith(".toml"):
-            return Tires.load(name)
-    except SettingsError as error:
-        raise ModelError(f"{where}: text 'tires': {error}") from error
-    named = short_text(repr(name))
-    raise ModelError(f"{where}: text 'tires' names {named}; accepted: a file in its folder, or a bundled set")
-
-
-def _named_file(spec: Any, text: str, folder: Path | None, where: str, default: str | None = None) -> str | None:
-    element = spec.text(text)
-    if element is None:
-        return default
-    name = str(element.data)
-    own = None if folder is None else inside(folder, name)
-    if own is not None and is_file(own):
-        return str(own)
-    if Path(name).name == name and is_file(str(files("fg_mujoco.models") / name)):
-        return name
-    named = short_text(repr(name))
-    raise ModelError(f"{where}: text {text!r} names {named}; accepted: a file in its folder, or a bundled one")
 
 
 def check_model(model: Any, beams: Beams, where: str) -> None:

@@ -29,13 +29,14 @@ from ..registry import Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
-from .command_response import CommandResponse, command_response
-from .contract import OWN_CAR, check_model, check_names, compiled, find_lidar, find_look, find_tires, parsed
 from .tire_forces import put_on
 from .tires import DEFAULT_TIRES, Tires
+from .vehicle_mjcf import OWN_CAR, compiled, find_lidar, find_look, find_tires, parsed
 
 if TYPE_CHECKING:
     from importlib.abc import Traversable
+
+    from .command_response import CommandResponse
 
 DEFAULT_VEHICLE = "f1tenth"
 
@@ -127,6 +128,8 @@ class Vehicle:
     @cached_property
     def command_response(self) -> CommandResponse:
         """How the real car answers the commands that it is sent, as its MJCF says."""
+        from .command_response import command_response
+
         return command_response(self._model)
 
     @cached_property
@@ -210,18 +213,25 @@ def _bundled(name: str) -> Vehicle:
     file = _vehicles().find(name, ", or path/to/file.xml")
     if name not in _vehicles():
         return Vehicle.load(Path(str(file)))
-    return _checked(name, f"models/{name}.xml", file.read_text("utf-8"), None)
+    return _read(name, f"models/{name}.xml", file.read_text("utf-8"), None)
 
 
 @lru_cache(maxsize=32)
-def _checked(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
-    """Return the vehicle of an MJCF text that keeps what is asked of one; `folder` is where its files may lie."""
+def _checked(name: str, file: str, text: str, folder: Path) -> Vehicle:
+    """Return the vehicle of a user's MJCF, which is checked; `folder` is where its files may lie."""
+    from .contract import check_model, check_names, hint_at_another
+
+    where = f"vehicle file {file}"
+    check_names(parsed(text, where, hint_at_another), where)
+    vehicle = _read(name, file, text, folder)
+    check_model(compiled(add_hull(parsed(text, where)), where), vehicle.lidar.beams, where)
+    return vehicle
+
+
+def _read(name: str, file: str, text: str, folder: Path | None) -> Vehicle:
     where = f"vehicle file {file}"
     spec = parsed(text, where)
-    check_names(spec, where)
-    vehicle = Vehicle(
+    return Vehicle(
         name=name, file=file, text=text, lidar=find_lidar(spec, folder, where), look=find_look(spec, folder, where),
         tires=find_tires(spec, folder, where),
     )  # fmt: skip
-    check_model(compiled(add_hull(spec), where), vehicle.lidar.beams, where)
-    return vehicle

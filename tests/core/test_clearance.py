@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.course.clearance import least_clearance, outline, rectangle_distance
-from fg_mujoco.racing.resolved import Ground
+from fg_mujoco.course.clearance import least_clearance, rectangle_distance
+from fg_mujoco.course.course import outline
 
 CAR = fg.Vehicle.load().parameters
 FRONT = CAR.length - CAR.rear_overhang

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.course.clearance import outline
-from fg_mujoco.course.course import wall_outlines
+from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
 from fg_mujoco.course.moving_obstacles import motion_table, obstacle_position
 from fg_mujoco.course.random_moving import with_moving

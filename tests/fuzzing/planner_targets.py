@@ -14,8 +14,8 @@ from fg_mujoco.addons.look.debug import debug_page
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.addons.ros.bag_messages import markers_message, to_cdr
 from fg_mujoco.addons.ros.node_host.program import read_program
-from fg_mujoco.simulation.intermediate_values import POINTS
 from fg_mujoco.racing.planners import bundled_names, make_controller
+from fg_mujoco.simulation.intermediate_values import POINTS
 
 from .course_targets import ring
 from .mutations import mutated, one_of

@@ -15,7 +15,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from fg_mujoco.course.clearance import least_clearance, outline
+from fg_mujoco.course.clearance import least_clearance
+from fg_mujoco.course.course import outline
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray, require
 from fg_mujoco.racing.entries import NO_FAULT

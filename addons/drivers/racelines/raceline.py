@@ -21,8 +21,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.course.clearance import clearances, outline
-from fg_mujoco.course.course import Course
+from fg_mujoco.course.clearance import clearances
+from fg_mujoco.course.course import Course, outline
 from fg_mujoco.course.obstacles import Obstacle
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.writing import write_file

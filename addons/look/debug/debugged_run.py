@@ -11,10 +11,9 @@ from fg_mujoco.arguments import explain_class
 from fg_mujoco.errors import FgMujocoError, RunFolderError, SettingsError
 from fg_mujoco.messages import Controller, FloatArray, LaserScan, Odometry
 from fg_mujoco.pictures.rendering.recorded_drive import Drive, read_drive
-from fg_mujoco.racing.resimulation import load_world, resimulate
+from fg_mujoco.racing.resimulation import load_world, recorded_planner, resimulate
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import FAILED_SCAN, RECORDED, Run, read_failed_scan, read_run
-from fg_mujoco.racing.trust import recorded_planner
 from fg_mujoco.simulation.world import World
 
 from ..report.map_shapes import map_shapes

@@ -20,8 +20,7 @@ from ...lidar.beams import lidar_body
 from ...lidar.effects import LidarEffects
 from ...lidar.lidar import make_lidar
 from ...messages import FloatArray, LaserScan
-from ...racing.resimulation import resimulate
-from ...racing.trust import recorded_planner
+from ...racing.resimulation import recorded_planner, resimulate
 from ...simulation.cars import car_prefix, lidar_prefix
 from ...simulation.physics import STATE
 from ...simulation.world import World

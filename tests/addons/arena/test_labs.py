@@ -15,7 +15,7 @@ from fg_mujoco.addons.arena.labs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.labs.grading import grade
 from fg_mujoco.addons.arena.labs.lab_file import read_lab
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.clearance import outline
+from fg_mujoco.course.course import outline
 from fg_mujoco.errors import SettingsError
 from refusals import refused
 

@@ -21,7 +21,6 @@ from fg_mujoco.addons.drivers.localisation.particle_filter import (
 )
 from fg_mujoco.errors import ControllerError, MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, MapLine
-from fg_mujoco.racing.planners import build_controller
 from fg_mujoco.simulation.settings import DriveSettings
 from scan_worlds import CAR, odometry_of
 

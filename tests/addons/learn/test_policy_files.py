@@ -11,7 +11,7 @@ from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Pe
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
-from fg_mujoco.racing.trust import recorded_planner
+from fg_mujoco.racing.resimulation import recorded_planner
 from refusals import refused
 from scan_worlds import corridor, odometry_of, scan_of
 from small_policies import FLAT, PARTS, interface_of, network_for

@@ -27,8 +27,8 @@ from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.messages import STOP, DriveCommand, MapLine, ScanGeometry
-from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
 from fg_mujoco.racing.planners import controller_names, make_controller
+from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
 from small_policies import FLAT, network_for
 
 TOP_SPEED = 6.0
