@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,12 +17,7 @@ from typing import Any
 
 from ..errors import SettingsError
 from ..messages import MOST_WHOLE, shown
-from .files import read_bytes
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from .files import parse_toml, read_bytes
 
 _MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 2**20, 1000, 2000  # of a TOML file, the last of one line in it
 _BARE = re.compile(r"[A-Za-z0-9_-]+")  # a key that needs no quotes
@@ -97,7 +91,7 @@ def read_toml_table(text: str, where: str, accepted: str) -> dict[str, Any]:
 
 def _toml(text: str, where: str, accepted: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        return parse_toml(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         reason = "nested too deep" if isinstance(error, RecursionError) else error
         raise SettingsError(f"{where}: is no TOML: {reason}; accepted: {accepted}") from error
@@ -110,7 +104,7 @@ def read_value(text: str) -> Any:
       SettingsError: it has a number that is too large.
     """
     try:
-        found = tomllib.loads(f"value = {text}")["value"]
+        found = parse_toml(f"value = {text}")["value"]
     except (ValueError, RecursionError, KeyError):
         with suppress(ValueError):
             return float(text)  # as .5
@@ -214,8 +208,8 @@ def _line(text: str, key: str) -> int:
     lines, begins = text.splitlines(keepends=True), 1
     for count in range(1, len(lines) + 1):
         try:
-            content = tomllib.loads("".join(lines[:count]))
-        except tomllib.TOMLDecodeError:  # within a value of several lines
+            content = parse_toml("".join(lines[:count]))
+        except ValueError:  # within a value of several lines
             continue
         if key in content:
             return begins

@@ -9,6 +9,7 @@ import hashlib
 import math
 import os
 import stat
+import sys
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +18,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import SettingsError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 MOST_BYTES = 64 * 2**20
 """Of a file that is read whole as text."""
@@ -151,6 +157,15 @@ def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
             raise ValueError(f"{member.filename} has {values} bytes of an array {shape} of {dtype}"[:200])
         content = np.frombuffer(file.read(size), dtype)
         return content.reshape(shape, order="F" if fortran_order else "C")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text as it stands; that of a user is read by `documents`, with bounds.
+
+    Raises:
+      ValueError, RecursionError: it is no TOML.
+    """
+    return tomllib.loads(text)
 
 
 def file_sha256(*paths: str | Path) -> str:

@@ -23,7 +23,6 @@ from typing import Any
 
 from ..arguments import explain_class, unknown_argument
 from ..course.course import Course, require_course
-from ..course.documents import read_toml, toml_text
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
 from ..display import brief, changed
@@ -243,6 +242,8 @@ class Setup:
     @property
     def toml(self) -> str:
         """The text of a TOML file, which `read` reads back; errors as of `described`."""
+        from ..course.documents import toml_text
+
         return toml_text(self.described())
 
     def write(self, path: str | Path) -> Path:
@@ -261,6 +262,8 @@ class Setup:
         """
         if isinstance(source, Mapping):
             return _read(source)
+        from ..course.documents import read_toml
+
         content = read_toml(source)
         try:
             return _read(content.values)

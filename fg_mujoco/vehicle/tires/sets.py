@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ...arguments import explain_class
-from ...course.documents import read_toml_table
-from ...course.files import read_setting
+from ...course.files import parse_toml, read_setting
 from ...display import brief, quoted
 from ...errors import ModelError, SettingsError, accepted_names
 from ...messages import require
@@ -290,10 +289,12 @@ def _bundled(name: str) -> Tires:
     file = _sets().find(name, ", or path/to/file.toml")
     if name not in _sets():
         return Tires.load(Path(str(file)))
-    return _parsed(file.read_text("utf-8"), f"tire file models/tires/{name}.toml", name)
+    return _of({"name": name, **parse_toml(file.read_text("utf-8"))}, f"tire file models/tires/{name}.toml")
 
 
 def _parsed(text: str, where: str, name: str) -> Tires:
+    from ...course.documents import read_toml_table
+
     table = read_toml_table(text, where, "as models/tires/forzaeth_nuc2.toml")
     return _of({"name": name, **table}, where)
 
