@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.chicanes import Block, with_boxes
 from fg_mujoco.course.clearance import least_clearance
-from fg_mujoco.course.drivable import MARGIN, STEP, drivable_lap
 from fg_mujoco.course.course import outline
+from fg_mujoco.course.drivable import MARGIN, STEP, drivable_lap
 from fg_mujoco.course.lanes import corner_radii, lane, patch
 from fg_mujoco.course.lanes import outline as outline_of
 from fg_mujoco.course.polyline import self_crossings
