@@ -1,6 +1,6 @@
 """Fills the tables of README.md and docs/ from docs/figures.json and from docstrings.
 
-    python docs/tables.py           # rewrites what stands between the markers
+    python docs/tables.py           # rewrites the lines between the markers
     python docs/tables.py --check   # exits with 1 where a page says something else
 
 A table stands between `<!-- table NAME: made by make figures -->` and `<!-- end of table -->`. TABLES has the function
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
-PAGES = ("README.md", "docs/results.md", "docs/planners.md", "docs/howto/own_terms.md")
+PAGES = ("README.md", "docs/results.md", "docs/planners.md")
 
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight")
 REAL = ("Spielberg", "Monza", "Zandvoort")
@@ -116,22 +116,6 @@ def scenes(figures: dict[str, Any]) -> str:
     return _table(("", *SCENES.values()), rows)
 
 
-def reward_terms(figures: dict[str, Any]) -> str:
-    """Return the bundled reward terms of environments."""
-    return _table(("name", "value of a tick"), [row[:2] for row in _terms("rewards", "reward")], numbers=False)
-
-
-def end_conditions(figures: dict[str, Any]) -> str:
-    """Return the bundled end conditions of environments."""
-    rows = [(name, said, ast.literal_eval(by.args[0])) for name, said, by in _terms("end_conditions", "end_condition")]
-    return _table(("name", "when", "the episode is"), rows, numbers=False)
-
-
-def observations(figures: dict[str, Any]) -> str:
-    """Return the bundled observations of environments that are functions of the state."""
-    return _table(("name", "value"), [row[:2] for row in _terms("observations", "observation")], numbers=False)
-
-
 TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
     function.__name__: function
     for function in (
@@ -141,22 +125,8 @@ TABLES: dict[str, Callable[[dict[str, Any]], str]] = {
         published,
         planners,
         scenes,
-        reward_terms,
-        end_conditions,
-        observations,
     )
 }
-
-
-def _terms(module: str, decorator: str) -> list[tuple[str, str, Any]]:
-    """Return the functions of a module of environments that a decorator registers: name, what it says, decorator."""
-    rows = []
-    for node in ast.parse((ROOT / "fg_mujoco" / "envs" / f"{module}.py").read_text("utf-8")).body:
-        for by in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
-            if ast.unparse(by).partition("(")[0] == decorator:
-                said = " ".join((ast.get_docstring(node) or "").split())
-                rows.append((f"`{node.name}`", said.removesuffix("."), by))
-    return rows
 
 
 def _lap(run: dict[str, Any]) -> str:

@@ -33,7 +33,7 @@ def test_the_page_has_some_of_the_cases_with_the_verdicts_that_are_tested():
     page = (Path(__file__).parents[2] / "docs" / "race_control.md").read_text("utf-8")
     said = {"a": "A", "b": "B"}
     shown = re.findall(r"^\| (\d+) \| (.+?) \| (.+?) \| (.+?) \|$", page, re.MULTILINE)
-    assert len(shown) >= 15
+    assert len(shown) >= 10
     for number, *verdict in shown:
         case = CASES[int(number) - 1]
         name = f"{case.name}, in a bend" if case.bend else case.name
