@@ -497,7 +497,7 @@ def command(*arguments: str) -> Facts:
 
 def friction() -> Iterator[Case]:
     """The quick cells of the friction lab."""
-    for name in ("skidpad", "transient", "braking", "mismatch", "patches", "laps", "convergence", "models"):
+    for name in ("skidpad", "transient", "braking", "mismatch", "patches", "laps"):
         run = partial(command, "friction", name, "--quick", "--workers", "1")
         yield Case(name=f"friction/{name}", run=run, quick=name == "braking")
 

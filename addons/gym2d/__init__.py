@@ -21,17 +21,22 @@ follows its command as the servo lets it; speed follows by the gains of the 2D g
 centre of gravity. The map's thresholds are honoured. Cars that touch push each other and drive on; each carries the box
 that makes it visible.
 
-Written afresh from the documentation of f1tenth_gym.
+Needs the extra `gym`. Written afresh from the documentation of f1tenth_gym.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import SettingsError, missing_extra
 
-from .installing import install
-from .old_api import F110Env, GymEnv
+try:
+    from .installing import install
+    from .old_api import F110Env, GymEnv
+except ModuleNotFoundError as error:
+    if error.name != "gymnasium":
+        raise
+    raise missing_extra("environments of f1tenth_gym need Gymnasium", "gym") from error
 
 __all__ = ["F110Env", "install", "make"]
 
@@ -58,6 +63,6 @@ def environment_of_gym(**settings: Any) -> Any:
 
 
 def _new(**settings: Any) -> Any:
-    from .new_api import F110Env as Environment  # which imports gymnasium, where it is installed
+    from .new_api import F110Env as Environment
 
     return Environment(**settings)

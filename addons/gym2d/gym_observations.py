@@ -14,10 +14,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 
 from fg_mujoco.errors import SettingsError, accepted_names
-
-from .gym_stub import spaces
 
 _LARGE = 1e30  # of a number without limits, as in the gym
 _OF_CARS = ("poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z", "collisions",
@@ -67,23 +66,23 @@ class Observation:
 
     def space(self) -> Any:
         """Return the space of it."""
-        env, box = self._env, spaces().Box
+        env, box = self._env, spaces.Box
         beams, reach = env.sim.num_beams, float(env.driving.engine.beams.range_max) + 0.5
         if self.type == "rl":
             return box(low=0.0, high=reach, shape=(beams,), dtype=np.float32)
         if self.type == "original":
-            found = {"ego_idx": spaces().Discrete(env.num_agents)}
+            found: dict[str, spaces.Space[Any]] = {"ego_idx": spaces.Discrete(env.num_agents)}
             found["scans"] = box(low=0.0, high=reach, shape=(env.num_agents, beams), dtype=np.float32)
             for name in _OF_CARS:
                 found[name] = box(low=-_LARGE, high=_LARGE, shape=(env.num_agents,), dtype=np.float32)
-            return spaces().Dict(found)
-        parts = {
+            return spaces.Dict(found)
+        parts: dict[str, spaces.Space[Any]] = {
             name: box(low=0.0, high=reach, shape=(beams,), dtype=np.float32)
             if name == "scan"
             else box(low=-_LARGE, high=_LARGE, shape=_SHAPES.get(name, ()), dtype=np.float32)
             for name in self.features
         }
-        return spaces().Dict({agent: spaces().Dict(parts) for agent in env.agent_ids})
+        return spaces.Dict({agent: spaces.Dict(parts) for agent in env.agent_ids})
 
     def observe(self) -> Any:
         """Return it, of the present state."""

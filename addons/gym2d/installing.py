@@ -4,9 +4,9 @@
     f110.install(maps="f1tenth_racetracks")
     import gym, f110_gym, pyglet                  # in the script, unedited
 
-`f110_gym`, `f1tenth_gym` and `pyglet` are always those of here. `gym` and `gymnasium` stay themselves where they are
-installed, and then the environments are registered with them. A name that is not here is reported with the file and the
-line that asks for it.
+`f110_gym`, `f1tenth_gym` and `pyglet` are always those of here. `gym` stays itself where it is installed; else it is
+`old_gym`, on top of Gymnasium. The environments are registered with both. A name of f1tenth_gym that is not here is
+reported with the file and the line that asks for it.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .environment import TIRES, VEHICLE
-from .gym_stub import Registry, really_installed
 from .maps import FOLDER
-from .module_tables import GYMS, RACING, module_tables
+from .module_tables import RACING, module_tables
+from .old_gym import names_of_gym, parts_of_gym, really_installed
 from .pyglet_stub import Pyglet, names_of
 
 _PACKAGE = str(Path(__file__).parents[1])
@@ -66,11 +66,10 @@ def install(
 
 
 class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Finds the modules of f1tenth_gym, of pyglet, and of gym and gymnasium where they are not installed."""
+    """Finds the modules of f1tenth_gym, of pyglet, and of gym where it is not installed."""
 
     def __init__(self) -> None:
         self._tables = module_tables()
-        self._registries = {name: Registry() for name in GYMS}
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None
@@ -78,12 +77,15 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         """Return a module of here; None: of another library.
 
         Raises:
-          ImportError: a module that is not here, of a library that is.
+          ImportError: a module of f1tenth_gym that is not here.
         """
         top = fullname.partition(".")[0]
-        if top not in (*RACING, *GYMS, "pyglet") or (top in GYMS and really_installed(top)):
+        if top == "gym":
+            if really_installed(top) or names_of_gym(fullname) is None:
+                return None
+        elif top not in (*RACING, "pyglet"):
             return None
-        if top != "pyglet" and fullname not in self._tables:
+        elif top != "pyglet" and fullname not in self._tables:
             parent, _, last = fullname.rpartition(".")
             known = [name for name in self._names(parent) if not name.startswith("_")]
             if last in known:  # imported as if it were a module
@@ -94,6 +96,8 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType:
         """Return the module, empty."""
+        if spec.name.partition(".")[0] == "gym":
+            return ModuleType(spec.name)
         return Pyglet(spec.name) if spec.name.partition(".")[0] == "pyglet" else StandIn(spec.name, self)
 
     def exec_module(self, module: ModuleType) -> None:
@@ -101,6 +105,11 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         name = module.__name__
         top = name.partition(".")[0]
         vars(module)["__file__"] = f"<{name} of fg_mujoco.addons.gym2d>"
+        if top == "gym":
+            vars(module).update(names_of_gym(name) or {})
+            for part in parts_of_gym(name):
+                setattr(module, part.rpartition(".")[2], importlib.import_module(part))
+            return
         if top == "pyglet":
             vars(module).update(names_of(name))
         vars(module)["__all__"] = [each for each in self._names(name) if not each.startswith("_")]
@@ -120,9 +129,6 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
                 return found
             if found == "environment":
                 return self._environment(module)
-            if found.startswith("registry."):
-                registry = self._registries[module.partition(".")[0]]
-                return registry if found == "registry.itself" else getattr(registry, found.partition(".")[2])
             if found.startswith("value."):
                 return found.partition(".")[2]
             source, _, attribute = found.partition(":")
@@ -146,13 +152,11 @@ class Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return getattr(importlib.import_module(f"{__package__}.{source}"), name)
 
     def _register(self) -> None:
-        """Register the environments with the stubs, and with the libraries that are installed."""
+        """Register the environments with Gymnasium, and with gym where it is installed."""
         new = f"{__package__}.new_api:F110Env"
-        for library, registry in self._registries.items():
-            old = new if library == "gymnasium" else f"{__package__}:environment_of_gym"
-            for id, entry in (("f110-v0", old), ("f1tenth-v0", new)):
-                registry.register(id, entry)
-                if really_installed(library):
+        for library, old in (("gymnasium", new), ("gym", f"{__package__}:environment_of_gym")):
+            if really_installed(library):
+                for id, entry in (("f110-v0", old), ("f1tenth-v0", new)):
                     _register_with(importlib.import_module(library), id, entry)
 
 

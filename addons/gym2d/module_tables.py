@@ -1,17 +1,14 @@
-"""The modules of f1tenth_gym, gym and gymnasium that are here, and where each of their names is.
+"""The modules of f1tenth_gym that are here, and where each of their names is.
 
-A name's source is `chapter:name` of this room; `environment`, `registry.NAME` and `value.TEXT` are resolved by the
-finder.
+A name's source is `chapter:name` of this room; `environment` and `value.TEXT` are resolved by the finder.
 """
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 RACING = ("f110_gym", "f1tenth_gym")
 """Packages of f1tenth_gym: the first of v0.2, both of v1.0."""
-GYMS = ("gym", "gymnasium")
 
 Table = dict[str, Any]
 
@@ -94,51 +91,6 @@ _RACING: dict[str, Table] = {
     "envs.utils": {"deep_update": "gym_functions:deep_update"},
 }
 
-_WRAPPERS = {name: f"gym_stub:{name}" for name in (
-    "Env", "Wrapper", "ObservationWrapper", "ActionWrapper", "RewardWrapper",
-)}  # fmt: skip
-_SPACES = {name: f"gym_stub:{name}" for name in (
-    "Space", "Box", "Discrete", "MultiDiscrete", "MultiBinary", "Dict", "Tuple",
-)}  # fmt: skip
-_REGISTERS = {
-    "make": "registry.make", "register": "registry.register", "spec": "registry.find", "registry": "registry.itself",
-    "EnvSpec": "gym_stub:EnvSpec",
-}  # fmt: skip
-_OF_ENVIRONMENTS = dict.fromkeys(
-    ("RecordVideo", "Monitor", "OrderEnforcing", "PassiveEnvChecker"), "gym_stub:RecordNothing"
-) | {name: f"gym_stub:{name}" for name in (
-    "RecordEpisodeStatistics", "TimeLimit", "RescaleAction", "ClipAction", "FlattenObservation", "TransformObservation",
-    "TransformReward",
-)}  # fmt: skip
-_LOGGER = dict.fromkeys(("set_level", "info", "warn", "error", "debug", "deprecation"), "drawing:Nothing")
-
-_GYM: dict[str, Table] = {
-    "": _WRAPPERS | _REGISTERS | {"Space": "gym_stub:Space"},
-    "core": _WRAPPERS | {"Space": "gym_stub:Space"},
-    "spaces": _SPACES | {"flatten": "gym_stub:flatten"},
-    "spaces.box": _SPACES,
-    "spaces.utils": {"flatten": "gym_stub:flatten"},
-    "wrappers": _OF_ENVIRONMENTS,
-    **{f"wrappers.{re.sub('(?<=[a-z])(?=[A-Z])', '_', name).lower()}": {name: source}
-       for name, source in _OF_ENVIRONMENTS.items()},
-    "envs": _REGISTERS,
-    "envs.registration": _REGISTERS,
-    "utils": {"EzPickle": "gym_stub:EzPickle"},
-    "utils.seeding": {"np_random": "gym_stub:np_random"},
-    "error": {"Error": RuntimeError, "DependencyNotInstalled": ImportError, "InvalidAction": ValueError},
-    "logger": _LOGGER | {"INFO": 20, "WARN": 30, "ERROR": 40, "DEBUG": 10, "DISABLED": 50},
-}
-
-_VERSIONS = {"gym": "0.21.0", "gymnasium": "0.29.1"}
-
-
 def module_tables() -> dict[str, Table]:
     """Return the names of every module that is here, by the module's name."""
-    found: dict[str, Table] = {}
-    for tops, parts in ((RACING, _RACING), (GYMS, _GYM)):
-        for top in tops:
-            for part, table in parts.items():
-                found[f"{top}.{part}" if part else top] = dict(table)
-    for gym, version in _VERSIONS.items():
-        found[gym]["__version__"] = f"value.{version}"
-    return found
+    return {f"{top}.{part}" if part else top: table for top in RACING for part, table in _RACING.items()}

@@ -16,7 +16,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from fg_mujoco.errors import SettingsError, accepted_names
@@ -29,7 +31,6 @@ from .environment import RaceEnvironment, say_of_others, simulator_of
 from .gym_config import EnvConfig, VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_observations import Observation
-from .gym_stub import installed_base, spaces
 from .gym_track import Raceline
 from .gym_world import BEAMS, FIELD_OF_VIEW
 from .params import F1TENTH, mapping, number
@@ -94,10 +95,10 @@ class CarAction:
         """Return the space of so many cars' actions."""
         bounds = np.array([self.limits[self.steering], self.limits[self.longitudinal]], np.float32).T
         low, high = bounds if agents is None else np.repeat(bounds[:, None], agents, axis=1)
-        return spaces().Box(low=low, high=high, shape=low.shape, dtype=np.float32)
+        return spaces.Box(low=low, high=high, shape=low.shape, dtype=np.float32)
 
 
-class F110Env(RaceEnvironment, installed_base("gymnasium")):  # type: ignore[misc]
+class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     """Some cars on a map, two by default, by the interface of f1tenth_gym v1.0.
 
     Args:

@@ -21,12 +21,12 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .environment import RaceEnvironment, say_of_others, simulator_of
-from .gym_stub import installed_base
 from .gym_world import BEAMS, FIELD_OF_VIEW
+from .old_gym import base_of_gym
 from .simulator import DynamicModel, Integrator, say_of_model
 
 
-class F110Env(RaceEnvironment, installed_base("gym")):  # type: ignore[misc]
+class F110Env(RaceEnvironment, base_of_gym()):  # type: ignore[misc]
     """Some cars on a map, one on the oval by default, by the interface of f1tenth_gym v0.2.
 
     Args:

@@ -13,27 +13,18 @@ from .drawing import Batch, Nothing
 
 _CONSTANTS = {
     "GL_POINTS": 0, "GL_LINES": 1, "GL_LINE_LOOP": 2, "GL_LINE_STRIP": 3, "GL_TRIANGLES": 4, "GL_TRIANGLE_STRIP": 5,
-    "GL_TRIANGLE_FAN": 6, "GL_QUADS": 7, "GL_QUAD_STRIP": 8, "GL_POLYGON": 9, "GL_ZERO": 0, "GL_ONE": 1, "GL_FALSE": 0,
-    "GL_TRUE": 1, "GL_SRC_ALPHA": 770, "GL_ONE_MINUS_SRC_ALPHA": 771, "GL_BLEND": 3042, "GL_DEPTH_TEST": 2929,
-    "GL_LINE_SMOOTH": 2848, "GL_POINT_SMOOTH": 2832, "GL_MODELVIEW": 5888, "GL_PROJECTION": 5889,
-    "GL_COLOR_BUFFER_BIT": 16384, "GL_DEPTH_BUFFER_BIT": 256, "GL_TEXTURE_2D": 3553, "GL_UNSIGNED_BYTE": 5121,
-    "GL_FLOAT": 5126, "GL_RGB": 6407, "GL_RGBA": 6408, "GL_FRONT_AND_BACK": 1032, "GL_LINE": 6913, "GL_FILL": 6914,
-    "GL_LINE_SMOOTH_HINT": 3154, "GL_NICEST": 4354, "GL_LINE_STIPPLE": 2852, "GL_CULL_FACE": 2884, "GL_BACK": 1029,
-    "GL_FRONT": 1028, "GL_LESS": 513, "GL_LEQUAL": 515, "GL_NEAREST": 9728, "GL_LINEAR": 9729, "GL_COMPILE": 4864,
-    "GL_PACK_ALIGNMENT": 3333, "GL_MULTISAMPLE": 32925, "GL_SCISSOR_TEST": 3089, "GL_STENCIL_TEST": 2960,
-    "GL_CURRENT_BIT": 1, "GL_POINT_BIT": 2, "GL_LINE_BIT": 4, "GL_ENABLE_BIT": 8192, "GL_ALL_ATTRIB_BITS": 1048575,
-    "GL_POINT_SIZE": 2833, "GL_LINE_WIDTH": 2849, "GL_VIEWPORT": 2978, "GL_BLEND_DST": 3040, "GL_BLEND_SRC": 3041,
+    "GL_TRIANGLE_FAN": 6, "GL_QUADS": 7, "GL_QUAD_STRIP": 8, "GL_POLYGON": 9, "GL_SRC_ALPHA": 770,
+    "GL_ONE_MINUS_SRC_ALPHA": 771, "GL_BLEND": 3042, "GL_DEPTH_TEST": 2929, "GL_LINE_SMOOTH": 2848,
+    "GL_POINT_SMOOTH": 2832, "GL_MODELVIEW": 5888, "GL_PROJECTION": 5889, "GL_COLOR_BUFFER_BIT": 16384,
+    "GL_DEPTH_BUFFER_BIT": 256, "GL_FRONT_AND_BACK": 1032, "GL_LINE": 6913, "GL_FILL": 6914, "GL_RGB": 6407,
+    "GL_RGBA": 6408, "GL_UNSIGNED_BYTE": 5121, "GL_FLOAT": 5126,
 }  # fmt: skip
 
 _FUNCTIONS = (
-    "glBegin", "glEnd", "glVertex2f", "glVertex2d", "glVertex2i", "glVertex3f", "glVertex3d", "glColor3f", "glColor3ub",
-    "glColor4f", "glColor4ub", "glClear", "glClearColor", "glEnable", "glDisable", "glBlendFunc", "glHint",
-    "glPointSize", "glLineWidth", "glLineStipple", "glMatrixMode", "glLoadIdentity", "glPushMatrix", "glPopMatrix",
-    "glTranslatef", "glRotatef", "glScalef", "glOrtho", "gluOrtho2D", "gluPerspective", "glViewport", "glPolygonMode",
-    "glFlush", "glFinish", "glReadPixels", "glReadBuffer", "glPushAttrib", "glPopAttrib", "glGetFloatv",
-    "glGetIntegerv", "glGetString", "glGenLists", "glNewList", "glEndList", "glCallList", "glDeleteLists",
-    "glBindTexture", "glTexParameteri", "glDepthFunc", "glCullFace", "glFrontFace", "glShadeModel", "glScissor",
-    "glRectf", "glMultMatrixf", "glLoadMatrixf",
+    "glBegin", "glEnd", "glVertex2f", "glVertex3f", "glColor3f", "glColor3ub", "glColor4f", "glColor4ub", "glClear",
+    "glClearColor", "glEnable", "glDisable", "glBlendFunc", "glHint", "glPointSize", "glLineWidth", "glMatrixMode",
+    "glLoadIdentity", "glPushMatrix", "glPopMatrix", "glTranslatef", "glRotatef", "glScalef", "glOrtho", "gluOrtho2D",
+    "glViewport", "glPolygonMode", "glFlush", "glReadPixels",
 )  # fmt: skip
 
 _MODULES = (

@@ -2,7 +2,7 @@
 
 The model takes the parts of an observation by their names, each (n, ...) float32, and returns actions (n, 2). A flat
 observation is its only input, of any name. A normaliser of the observation is part of the model. Reading needs the
-extra `policies`, which is onnxruntime; writing needs the extra `train`, too.
+extra `policies`, which is onnxruntime. Torch writes, with the extra `train`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -24,18 +24,16 @@ from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError, missing_extra
 from fg_mujoco.simulation.planner_failure import one_line
 
-from .perceptron import Perceptron
 from .policy_shapes import ACTION_SIZE, Act, Values, observed_shapes, parts_of, require_shapes
 
 METADATA = "fg_mujoco_policy"
 """Key of the description, a JSON text, in `metadata_props`."""
 
-_OPSET, _IR = 17, 9  # which onnxruntime has read since 1.14
+_OPSET = 18  # which onnxruntime has read since 1.14
 LONGEST = 5.0
 """[s] that a model may run for an action."""
 
 _PULSE = 0.25  # [s] between two looks at how long the runs have taken
-_OPERATORS = {"relu": "Relu", "tanh": "Tanh", "elu": "Elu", "sigmoid": "Sigmoid"}
 
 
 def read_onnx(content: bytes) -> tuple[Any, Callable[[PolicyInterface], Act]]:
@@ -127,67 +125,6 @@ def _end_late_runs(of: weakref.ref[_Runs]) -> None:
         time.sleep(_PULSE)
 
 
-def onnx_of_network(
-    described: Mapping[str, Any], interface: PolicyInterface, network: Perceptron, inputs: Sequence[str]
-) -> bytes:
-    """Return an ONNX model of a Perceptron.
-
-    Args:
-      described: the description of the policy.
-      interface: of the policy.
-      network: that returns its action.
-      inputs: names of the observation's parts in the order in which the network takes them.
-
-    Raises:
-      MissingExtraError: onnx is not installed.
-    """
-    onnx = require_onnx()
-    helper, arrays = onnx.helper, onnx.numpy_helper.from_array
-    shapes = observed_shapes(interface)
-    nodes: list[Any] = []
-    constants: list[Any] = []
-
-    def add(kind: str, taken: Sequence[str], **attributes: Any) -> str:
-        made = f"{kind.lower()}_{len(nodes)}"
-        nodes.append(helper.make_node(kind, list(taken), [made], **attributes))
-        return made
-
-    def constant(values: Any) -> str:
-        name = f"constant_{len(constants)}"
-        constants.append(arrays(np.asarray(values, np.float32), name))
-        return name
-
-    flat = [add("Flatten", [name], axis=1) for name in inputs]
-    now = flat[0] if len(flat) == 1 else add("Concat", flat, axis=1)
-
-    def through(own: Perceptron, now: str) -> str:
-        if own.normaliser is not None:
-            mean, std, clip = own.normaliser.mean, own.normaliser.std, own.normaliser.clip
-            now = add("Div", [add("Sub", [now, constant(mean)]), constant(std)])
-            now = add("Clip", [now, constant(-clip), constant(clip)])
-        if own.estimator is not None:
-            now = add("Concat", [now, through(own.estimator, now)], axis=1)
-        for layer in own.layers:
-            now = add("Gemm", [now, constant(layer.weights), constant(layer.bias)], transB=1)
-            if layer.activation == "silu":
-                now = add("Mul", [now, add("Sigmoid", [now])])
-            elif layer.activation != "none":
-                now = add(_OPERATORS[layer.activation], [now])
-        return now
-
-    now = through(network, now)
-    nodes.append(helper.make_node("Identity", [now], ["action"]))
-    real = onnx.TensorProto.FLOAT
-    graph = helper.make_graph(
-        nodes, "policy",
-        [helper.make_tensor_value_info(name, real, ["n", *shapes[name]]) for name in inputs],
-        [helper.make_tensor_value_info("action", real, ["n", ACTION_SIZE])],
-        constants,
-    )  # fmt: skip
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
-    return with_description(model, described)
-
-
 def onnx_of_module(described: Mapping[str, Any], interface: PolicyInterface, module: Any) -> bytes:
     """Return an ONNX model of a torch module, which takes the parts of observations (n, ...) in their order.
 
@@ -208,7 +145,7 @@ def onnx_of_module(described: Mapping[str, Any], interface: PolicyInterface, mod
     with tempfile.TemporaryDirectory() as folder, torch.no_grad():
         file = f"{folder}/policy.onnx"
         torch.onnx.export(
-            module, example, file, input_names=list(shapes), output_names=["action"], opset_version=_OPSET + 1,
+            module, example, file, input_names=list(shapes), output_names=["action"], opset_version=_OPSET,
             dynamo=True, verbose=False, external_data=False,
         )  # fmt: skip
         return with_description(onnx.load(file), described)

@@ -3,8 +3,8 @@
     network = Perceptron.read(json.loads(text))
     action = network(observation)
 
-All arithmetic on an observation is elementwise, and sums go through the inputs in their order. So the result has the
-same bits on any processor, which a matrix product has not. One evaluation of 112-64-64-2 takes 16 us.
+Sums go through the inputs in their order. So the result has the same bits on any processor, and in a batch of any size,
+which a matrix product has not.
 """
 
 from __future__ import annotations
@@ -130,16 +130,7 @@ class Perceptron:
 
     def __call__(self, values: ArrayLike) -> Values:
         """Return the outputs (outputs,) for inputs (inputs,)."""
-        found: Values = np.asarray(values, np.float32)
-        if self.normaliser is not None:
-            found = self.normaliser(found)
-        if self.estimator is not None:
-            found = np.concatenate((found, self.estimator(found)))
-        with np.errstate(over="ignore"):
-            for layer, columns in zip(self.layers, self._columns, strict=True):  # type: ignore[attr-defined]
-                found = np.add.reduce(found[:, np.newaxis] * columns, axis=0) + layer.bias
-                if layer.activation != "none":
-                    found = ACTIVATIONS[layer.activation](found.astype(np.float64)).astype(np.float32)
+        found: Values = self.of_each(np.asarray(values, np.float32)[np.newaxis])[0]
         return found
 
     def of_each(self, values: Values) -> Values:

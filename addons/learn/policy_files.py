@@ -86,7 +86,7 @@ def save_policy(
 
     Args:
       policy: an algorithm of Stable-Baselines3, a torch module that takes the parts of observations (n, ...) in their
-        order and returns actions (n, 2), or a Perceptron.
+        order and returns actions (n, 2), or a Perceptron, for a .json file.
       path: a .json, .onnx or .zip file, or a folder, which gets a policy.json.
       interface: `env.policy_interface` of the environment that it was trained in; None: that of the algorithm's own.
       trained: facts of its training, as JSON takes them.
@@ -141,19 +141,14 @@ def policy_content(
         return zip_of_model(described, model)
     normalize = None if model is None else normalize_described(model)
     module = policy if model is None else model.policy
-    try:
-        network = policy if isinstance(policy, Perceptron) else network_of(module, normalize, inputs)
-    except SettingsError:
-        if ending != ".onnx":
-            raise
+    if ending == ".onnx":
+        if isinstance(policy, Perceptron):
+            raise SettingsError("a .onnx file of a Perceptron; accepted: of a torch module, or a .json file")
         from .onnx_policy import onnx_of_module
 
         return onnx_of_module(described, interface, module if model is None else module_of(module, normalize, inputs))
+    network = policy if isinstance(policy, Perceptron) else network_of(module, normalize, inputs)
     _require_width(interface, network)
-    if ending == ".onnx":
-        from .onnx_policy import onnx_of_network
-
-        return onnx_of_network(described, interface, network, inputs)
     return json_policy(interface, network, trained, inputs)
 
 

@@ -302,7 +302,9 @@ def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str
 
     statistics, clip = statistics_of({"vec_normalize": normalize})
     tensors = {name: tuple(torch.as_tensor(each, dtype=torch.float32) for each in pair)
-               for name, pair in statistics.items()}  # fmt: skip
+               for name, pair in statistics.items() if name in inputs}  # fmt: skip
+    spaces = getattr(policy.observation_space, "spaces", {})
+    unseen = {name: space.shape for name, space in spaces.items() if name not in inputs}  # by the actor
 
     class MeanAction(torch.nn.Module):  # type: ignore[misc]
         """The mean action of a policy, as `predict` returns it before it is clipped."""
@@ -315,6 +317,8 @@ def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str
             named = dict(zip(inputs, parts, strict=True))
             for name, (mean, std) in tensors.items():
                 named[name] = torch.clamp((named[name] - mean) / std, -clip, clip)
+            for name, shape in unseen.items():
+                named[name] = parts[0].new_zeros((len(parts[0]), *shape))
             flat = inputs == ["observation"]
             action = self.policy._predict(named["observation"] if flat else named, deterministic=True)
             if not self.policy.squash_output:

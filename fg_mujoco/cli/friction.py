@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import EngineError, SettingsError
-from ..lab.experiment import OF_TIRES, ON_CIRCLES, LabSettings
+from ..lab.experiment import ON_CIRCLES, LabSettings
 from ..lab.lab import EXPERIMENTS, LabProgress, run_lab
 from .options import can_draw, number, whole
 from .out import STUDY, add_out_options
@@ -39,12 +39,8 @@ def add_friction(add_command: Callable[..., argparse.ArgumentParser], commands: 
     add("--workers", type=whole, metavar="N", help="processes; default: as many as there are cores")
     add("--quick", action="store_true", help="a small part of each experiment, for a first look")
     add("--seed", type=whole, default=0, metavar="N", help="of whatever is drawn; default: 0")
-    add(
-        "--mu", type=_numbers, metavar="LIST",
-        help="friction coefficients of skidpad and tire_law, a comma between two",
-    )  # fmt: skip
-    add("--steering", type=_numbers, metavar="LIST", help="steering angles of skidpad and tire_law [rad]")
-    add("--tires", type=_names, metavar="LIST", help="sets of tire_law: names or TOML files; default: all bundled sets")
+    add("--mu", type=_numbers, metavar="LIST", help="friction coefficients of skidpad, a comma between two")
+    add("--steering", type=_numbers, metavar="LIST", help="steering angles of skidpad [rad]")
     add(
         "--redraw", action="store_true",
         help="measure nothing: write the report of DIR anew, from cells that other sources may have measured",
@@ -53,15 +49,10 @@ def add_friction(add_command: Callable[..., argparse.ArgumentParser], commands: 
 
 def _friction(options: argparse.Namespace) -> int:
     names = list(EXPERIMENTS) if options.experiment == _ALL else [options.experiment]
-    for option, values, takers in (
-        ("--mu", options.mu, ON_CIRCLES), ("--steering", options.steering, ON_CIRCLES),
-        ("--tires", options.tires, (OF_TIRES,)),
-    ):  # fmt: skip
-        if values is not None and not set(takers) & set(names):
-            raise SettingsError(f"{option} with {options.experiment}; accepted: with {', '.join(takers)}, or all")
-    settings = LabSettings(
-        quick=options.quick, seed=options.seed, mus=options.mu, steerings=options.steering, tires=options.tires
-    )
+    for option, values in (("--mu", options.mu), ("--steering", options.steering)):
+        if values is not None and ON_CIRCLES not in names:
+            raise SettingsError(f"{option} with {options.experiment}; accepted: with {ON_CIRCLES}, or all")
+    settings = LabSettings(quick=options.quick, seed=options.seed, mus=options.mu, steerings=options.steering)
     with contextlib.redirect_stdout(sys.stderr), shown_as(_progress, "preparing cells") as watch:
         try:
             result = run_lab(
@@ -91,10 +82,6 @@ def _friction(options: argparse.Namespace) -> int:
 
 def _numbers(text: str) -> tuple[float, ...]:
     return tuple(number(part.strip()) for part in text.split(","))
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(","))
 
 
 def _progress(progress: LabProgress) -> str:

@@ -30,7 +30,7 @@ def register_once_imported() -> None:
     if gymnasium is None:
         if not any(isinstance(finder, _Waiting) for finder in sys.meta_path):
             sys.meta_path.insert(0, _Waiting())
-    elif hasattr(gymnasium, "registry"):  # the stub of f110 has none
+    elif hasattr(gymnasium, "registry"):  # else it is being imported
         register(gymnasium)
 
 

@@ -16,13 +16,13 @@ from ..errors import SettingsError
 from ..messages import require_whole
 from ..pictures.pages.figure_kit import render
 from ..vehicle.changes import GREATEST_MU
-from ..vehicle.tires import CONTACT, DEFAULT_TIRES, Tires
+from ..vehicle.tires import CONTACT, DEFAULT_TIRES
 
 if TYPE_CHECKING:
     import matplotlib.figure
 
-ON_CIRCLES, OF_TIRES = ("skidpad", "tire_law"), "tire_law"
-"""The experiments that take frictions and steering angles, and the one that takes sets of tires."""
+ON_CIRCLES = "skidpad"
+"""The experiment that takes frictions and steering angles."""
 
 LAW_TIRES = (DEFAULT_TIRES, CONTACT)
 """The sets of tires that the law itself is measured on: ours, and MuJoCo's contacts, which were not made for it. Each
@@ -43,21 +43,17 @@ class LabSettings:
     """Settings that all experiments share.
 
     Raises:
-      SettingsError: a friction or steering angle that no cell can be measured at, or tires that are not known.
+      SettingsError: a friction or steering angle that no cell can be measured at.
     """
 
     quick: bool = False  # a sub-grid only, for tests and a first look
     seed: int = 0  # of whatever is drawn
     mus: tuple[float, ...] | None = None  # [-] of the tires, in ON_CIRCLES; None: the experiment's own
     steerings: tuple[float, ...] | None = None  # [rad] in ON_CIRCLES; None: the experiment's own
-    tires: tuple[str, ...] | None = None  # sets of OF_TIRES: names, or TOML files; None: all bundled ones
 
     def __post_init__(self) -> None:
         require_whole("seed", self.seed, 0)
-        for source in self.tires or ():
-            if Tires.load(source).is_contact:
-                raise SettingsError(f"tires {source!r} have no curve; accepted: sets that have one, as of models/tires")
-        for name, values in (("mu", self.mus), ("steering", self.steerings), ("tires", self.tires)):
+        for name, values in (("mu", self.mus), ("steering", self.steerings)):
             if values is not None and (not values or len(set(values)) < len(values)):
                 raise SettingsError(f"{name} is {values!r}; accepted: one value or more, each once")
         for mu in self.mus or ():

@@ -1,6 +1,6 @@
 """Runs experiments of the friction lab, cell by cell in worker processes, and writes the report.
 
-    result = run_lab(["skidpad", "models"], out="runs/friction")
+    result = run_lab(["skidpad", "laps"], out="runs/friction")
     print(result.text())
 
 Finished cells are in the folder at once, and the same call goes on where one was interrupted. A folder may be filled
@@ -40,10 +40,6 @@ EXPERIMENTS: dict[str, str] = {
     "mismatch": f"{_HERE}.mismatch",
     "patches": f"{_HERE}.patches",
     "laps": f"{_HERE}.laps",
-    "convergence": f"{_HERE}.convergence",
-    "models": f"{_HERE}.models",
-    "tire_bench": f"{_HERE}.tire_bench",
-    "tire_law": f"{_HERE}.tire_law",
 }
 """The modules of the experiments by their names, in the order of the report; each has an `EXPERIMENT`."""
 

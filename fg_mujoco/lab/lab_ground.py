@@ -1,4 +1,4 @@
-"""The car on its endless level ground, at any settings of the engine: where the lab drives without walls.
+"""The car on its endless level ground: where the lab drives without walls.
 
     ground = LabGround(mu=0.7)
     ground.place(speed=3.0)
@@ -10,16 +10,14 @@ All that a `Trace` tells is read off the car's own sensors, of each step.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import mujoco
 import numpy as np
 
-from ..errors import SettingsError, accepted_names
-from ..messages import DriveCommand, FloatArray, Odometry, require
+from ..errors import SettingsError
+from ..messages import DriveCommand, FloatArray, Odometry
 from ..simulation.engine import whole_steps
 from ..simulation.physics import STATE
 from ..simulation.simulation import complete_state
@@ -37,45 +35,6 @@ TICK = 0.025
 Driver: TypeAlias = Callable[[Odometry], DriveCommand]
 """What decides, once a period, from the present motion."""
 
-_SOLVERS = {"Newton": mujoco.mjtSolver.mjSOL_NEWTON, "CG": mujoco.mjtSolver.mjSOL_CG}
-_CONES = {"elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC, "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engine:
-    """Settings of the physics engine; None: as in the vehicle's MJCF.
-
-    Raises:
-      SettingsError: an unknown solver or cone, or a number out of its range.
-    """
-
-    timestep: float | None = None  # [s]
-    impratio: float | None = None  # [-] of frictional to normal impedance
-    solver: str | None = None
-    cone: str | None = None
-    iterations: int | None = None  # of the solver, at most
-    tolerance: float | None = None  # at which it stops
-
-    def __post_init__(self) -> None:
-        positive = tuple(name for name in ("timestep", "impratio", "iterations") if getattr(self, name) is not None)
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-        if self.tolerance is not None:
-            require(self, lambda value: 0.0 <= value < 1.0, "a number from 0, below 1", ("tolerance",), SettingsError)
-        for name, known in (("solver", _SOLVERS), ("cone", _CONES)):
-            value = getattr(self, name)
-            if value not in (None, *known):
-                raise SettingsError(f"Engine.{name} is {value!r}; {accepted_names(value, known)}")
-
-    def apply(self, model: mujoco.MjModel) -> None:
-        """Set a compiled model to it."""
-        for name in ("timestep", "impratio", "iterations", "tolerance"):
-            if getattr(self, name) is not None:
-                setattr(model.opt, name, getattr(self, name))
-        if self.solver is not None:
-            model.opt.solver = _SOLVERS[self.solver]
-        if self.cone is not None:
-            model.opt.cone = _CONES[self.cone]
-
 
 def require_mu(mu: float) -> None:
     """Make sure that a friction coefficient is one that the lab accepts.
@@ -89,12 +48,18 @@ def require_mu(mu: float) -> None:
         )
 
 
+def set_timestep(model: mujoco.MjModel, timestep: float | None) -> None:
+    """Set a compiled model's timestep [s]; None: leave that of its MJCF."""
+    if timestep is not None:
+        model.opt.timestep = timestep
+
+
 class LabGround:
     """A car on endless level ground.
 
     Args:
       mu: friction coefficient of the tires, or the greatest peak of those with a curve [-]; None: as in the MJCF.
-      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
+      timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
       vehicle: the car.
       changes: what differs from its MJCF.
@@ -112,7 +77,7 @@ class LabGround:
     def __init__(
         self,
         mu: float | None = None,
-        engine: Engine | None = None,
+        timestep: float | None = None,
         tires: Tires | None = None,
         vehicle: str | Vehicle = DEFAULT_VEHICLE,
         changes: CarChanges | None = None,
@@ -124,7 +89,7 @@ class LabGround:
         spec = built.spec(mu, changes, tires)
         add_axle_sensors(spec)
         self.model = spec.compile()
-        (engine or Engine(timestep=tires.sliding_timestep)).apply(self.model)
+        set_timestep(self.model, timestep or tires.sliding_timestep)
         self.data = mujoco.MjData(self.model)
         self.car = Car(self.model)
         self.forces = TireForces(self.model)

@@ -20,7 +20,7 @@ from ..pictures.pages.figure_kit import inlined
 from ..pictures.pages.page import data_url, names_and_values, scroll, write_page
 from ..pictures.pages.table import Table
 from ..rollouts.store import WRITABLE, blame
-from .experiment import OF_TIRES, ON_CIRCLES, Figure, Row, Section, Tables
+from .experiment import ON_CIRCLES, Figure, Row, Section, Tables
 
 _FOLDED = 12  # rows of a table; a longer one is opened by the reader
 _UNITS = {
@@ -95,10 +95,8 @@ def again(name: str, settings: Mapping[str, Any]) -> str:
         words += ["--seed", str(settings["seed"])]
     for option in ("mu", "steering"):
         values = settings.get(f"{option}s")
-        if values and name in ON_CIRCLES:
+        if values and name == ON_CIRCLES:
             words += [f"--{option}", ",".join(f"{value:g}" for value in values)]
-    if settings.get("tires") and name == OF_TIRES:
-        words += ["--tires", ",".join(settings["tires"])]
     return shlex.join(words)
 
 

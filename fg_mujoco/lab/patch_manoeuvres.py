@@ -28,7 +28,7 @@ from ..vehicle.tire_forces import LOAD, USERDATA, TireForces
 from ..vehicle.tire_slip import TireSlip, TireSlipMeter
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle
-from .lab_ground import Engine
+from .lab_ground import set_timestep
 
 WAYS = ("maximum", "priority", "pair", "raised", "site")
 
@@ -59,7 +59,7 @@ class Slab:
         else:
             _add_geom(spec, way, patch)
         self.model = spec.compile()
-        Engine(timestep=timestep or tires.sliding_timestep).apply(self.model)
+        set_timestep(self.model, timestep or tires.sliding_timestep)
         self._forces = TireForces(self.model)
         self.data, self.car = mujoco.MjData(self.model), Car(self.model)
         self.base = self.model.body("base_link").id

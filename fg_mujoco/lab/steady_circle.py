@@ -26,7 +26,7 @@ from ..vehicle.car import WHEELS
 from ..vehicle.changes import CarChanges
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
-from .lab_ground import Engine, LabGround
+from .lab_ground import LabGround
 from .trace import Trace, join
 
 _PERIOD = 0.01  # [s] of the speed's control: whole steps of 0.25 to 5 ms
@@ -97,7 +97,7 @@ class SteadyCircle:
     Args:
       mu: friction coefficient of the tires [-]; of those with a curve the least peak, which planners are told.
       steering: angle [rad], left positive.
-      engine: settings of the physics; None: at the timestep at which the tires are right when they slide.
+      timestep: of the physics [s]; None: at which the tires are right when they slide.
       tires: that the car stands on; None: its own.
       vehicle: the car.
       changes: what differs from its MJCF.
@@ -115,13 +115,13 @@ class SteadyCircle:
         self,
         mu: float,
         steering: float,
-        engine: Engine | None = None,
+        timestep: float | None = None,
         tires: Tires | None = None,
         vehicle: str | Vehicle = DEFAULT_VEHICLE,
         changes: CarChanges | None = None,
     ) -> None:
         self.tires = tires or Vehicle.load(vehicle).tires
-        self.ground = LabGround(greatest_peak(self.tires, mu), engine, self.tires, vehicle, changes)
+        self.ground = LabGround(greatest_peak(self.tires, mu), timestep, self.tires, vehicle, changes)
         self.car = self.ground.car.parameters
         self.mu, self.steering = mu, steering
         lock = self.car.max_steering_angle

@@ -19,7 +19,7 @@ MODULES = {
 NAMED_AT_RUN_TIME = {
     "fg_mujoco": "the public names, above all rooms",
     "fg_mujoco.registry": "what rooms above have registered",
-    "fg_mujoco.addons.gym2d.gym_stub": "modules of a script",
+    "fg_mujoco.addons.gym2d.old_gym": "modules of gymnasium and of a script",
     "fg_mujoco.addons.gym2d.installing": "modules of its own room, by the names that scripts import",
     "fg_mujoco.addons.gym2d.pyglet_stub": "its own parts",
     "fg_mujoco.addons.ros.node_host.imports": "modules of a node",

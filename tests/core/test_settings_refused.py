@@ -19,12 +19,11 @@ from fg_mujoco.course.drivable import Footprint
 from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.tight import TightSettings
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lab.lab_ground import Engine
 from fg_mujoco.lab.manoeuvres import MANOEUVRES
 from fg_mujoco.vehicle.sensors import SENSORS
 
 MADE = {
-    **{made: {} for made in (Footprint, GeneratorSettings, TightSettings, Engine, fg.LidarEffects, fg.Start)},
+    **{made: {} for made in (Footprint, GeneratorSettings, TightSettings, fg.LidarEffects, fg.Start)},
     **{made: {} for made in (fg.CarChanges, *MANOEUVRES.values())},
     fg.Box: {"x": 0.0, "y": 0.0, "length": 1.0, "width": 1.0},
     fg.Cylinder: {"x": 0.0, "y": 0.0, "radius": 0.2},

@@ -5,7 +5,9 @@ from functools import cache
 import numpy as np
 
 import fg_mujoco as fg
+from fg_mujoco.addons.learn.onnx_policy import with_description
 from fg_mujoco.addons.learn.perceptron import Layer, Normaliser, Perceptron
+from fg_mujoco.addons.learn.policy_files import description_of
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
@@ -42,3 +44,36 @@ def network_for(interface, *, hidden=8, activation="tanh", seed=0, normalised=Fa
         layers=(first, second), normaliser=Normaliser(mean=mean, std=std, clip=3.0) if normalised else None,
         estimator=Perceptron(layers=(guess,)) if estimates else None,
     )  # fmt: skip
+
+
+def write_onnx(network, path, interface, trained):
+    """Write a network as ONNX, as torch's exporter writes one: the parts of an observation are its inputs."""
+    import onnx
+
+    helper, real = onnx.helper, onnx.TensorProto.FLOAT
+    shapes = observed_shapes(interface)
+    nodes, constants = [], []
+
+    def add(kind, *taken, **attributes):
+        names = [each if isinstance(each, str) else f"constant_{len(constants) + i}" for i, each in enumerate(taken)]
+        constants.extend(
+            onnx.numpy_helper.from_array(np.asarray(each, np.float32), name)
+            for each, name in zip(taken, names, strict=True) if not isinstance(each, str)
+        )  # fmt: skip
+        nodes.append(helper.make_node(kind, names, [f"made_{len(nodes)}"], **attributes))
+        return nodes[-1].output[0]
+
+    now = add("Concat", *(add("Flatten", name, axis=1) for name in shapes), axis=1)
+    if network.normaliser is not None:
+        own = network.normaliser
+        now = add("Clip", add("Div", add("Sub", now, own.mean), own.std), -own.clip, own.clip)
+    for layer in network.layers:
+        now = add("Gemm", now, layer.weights, layer.bias, transB=1)
+        now = now if layer.activation == "none" else add(layer.activation.capitalize(), now)
+    nodes.append(helper.make_node("Identity", [now], ["action"]))
+    inputs = [helper.make_tensor_value_info(name, real, ["n", *shape]) for name, shape in shapes.items()]
+    output = helper.make_tensor_value_info("action", real, ["n", 2])
+    graph = helper.make_graph(nodes, "policy", inputs, [output], constants)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    path.write_bytes(with_description(model, description_of(interface, trained)))
+    return path

@@ -14,7 +14,7 @@ from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.resimulation import recorded_planner
 from refusals import refused
 from scan_worlds import corridor, odometry_of, scan_of
-from small_policies import FLAT, PARTS, interface_of, network_for
+from small_policies import FLAT, PARTS, interface_of, network_for, write_onnx
 
 WORLD = fg.World("oval")
 CAR, BEAMS = WORLD.parameters, WORLD.vehicle.lidar.beams
@@ -26,7 +26,8 @@ def written(path, settings=FLAT, **network):
         pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
         pytest.importorskip("onnx", reason="onnx is not installed")
     interface = interface_of(**settings)
-    return str(save_policy(network_for(interface, **network), path, interface, trained={"steps": 3}))
+    write = write_onnx if path.suffix == ".onnx" else save_policy
+    return str(write(network_for(interface, **network), path, interface, trained={"steps": 3}))
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)
@@ -96,7 +97,7 @@ def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
 def test_the_forms_hold_the_same_policy(settings, tmp_path):
-    texts = [written(tmp_path / name, settings, normalised=True, estimates=2) for name in ("first", "second.onnx")]
+    texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
     policies = [read_policy(text) for text in texts]
     shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
     parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
@@ -233,6 +234,8 @@ def test_a_policy_that_does_not_fit_its_interface_is_not_saved(tmp_path):
         save_policy(network_for(interface_of(**PARTS)), tmp_path / "policy.json", interface)
     with pytest.raises(SettingsError, match="lacks the interface"):
         save_policy(network_for(interface), tmp_path / "policy.json")
+    with pytest.raises(SettingsError, match=r"a \.onnx file of a Perceptron; accepted: of a torch module"):
+        save_policy(network_for(interface), tmp_path / "policy.onnx", interface)
     assert not list(tmp_path.iterdir())
 
 
