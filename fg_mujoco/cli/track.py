@@ -12,8 +12,7 @@ from ..course.centreline_csv import write_centreline
 from ..course.course import describe_course
 from ..course.formats import TIGHT, track_names
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
-from ..course.maps.map_server import RESOLUTION
-from ..course.maps.map_server import image_yaml
+from ..course.maps.map_server import RESOLUTION, image_yaml
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes.catalogue import describe_scene, scene_names
 from ..course.writing import write_file
