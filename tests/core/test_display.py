@@ -5,7 +5,7 @@ import re
 import sys
 import webbrowser
 from dataclasses import replace
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,7 +17,7 @@ from fg_mujoco.addons.gym2d import F110Env
 from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.tight import TightSettings
-from fg_mujoco.display import LONGEST, Drawing, brief, changed, quoted, table
+from fg_mujoco.display import LONGEST, Drawing
 from fg_mujoco.lab.manoeuvres import find_manoeuvre
 from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.race import RaceProgress
@@ -130,15 +130,6 @@ def test_every_repr_is_one_short_line_that_says_what_it_is(objects):
             assert not re.search(r"object at 0x", text), text
 
 
-def test_environments_of_gymnasium_say_what_they_are():
-    pytest.importorskip("gymnasium")
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
-    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
-
-    assert repr(F1TenthEnv(track="tight")).startswith("F1TenthEnv(World('tight', 'f1tenth', ")
-    assert repr(F1TenthVectorEnv(3, threads=1)).startswith("F1TenthVectorEnv(3 environments, World('oval', ")
-
-
 def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     track = lap.world.track
     points = len(track.centreline)
@@ -153,33 +144,6 @@ def test_reprs_have_their_figures_with_units(lap, crashed, comparison, worlds):
     assert "1 runs, 1 controllers on 1 courses: 1 finished" in repr(comparison)
     assert repr(worlds).startswith("RolloutResult(12 worlds on 'oval': ends 12 time_limit; median first lap none; ")
     assert repr(worlds.setup(0)).startswith("Setup('oval', gap_finder(changes=CarChanges(mu=")
-
-
-def test_the_repr_of_a_scan_counts_beams_without_a_return():
-    ranges = np.full(11, 2.0)
-    ranges[[1, 2, 3]] = np.inf, np.nan, -np.inf
-    scan = fg.LaserScan(
-        stamp=1.5, angle_min=-1.0, angle_max=1.0, angle_increment=0.2, range_min=0.1, range_max=10.0, ranges=ranges
-    )
-    assert repr(scan) == (
-        "LaserScan(stamp 1.500 s, 11 beams from -57.3 to 57.3 deg, ranges 2.00 to 2.00 m, 3 beams without a return)"
-    )
-    dots = parsed(scan._repr_html_()).find(f".//{SVG}path").attrib["d"]
-    assert dots.count("M") == 8
-    nothing = replace(scan, ranges=np.full(11, np.inf))
-    assert "no ranges" in repr(nothing) and "<svg" in nothing._repr_html_()
-
-
-def test_brief_is_bounded_and_quoted_keeps_both_ends():
-    assert brief(3, "a\n b", "c") == "int(a b, c)"
-    assert len(brief(3, "x" * 1000)) == LONGEST and brief(3, "x" * 1000).endswith("...)")
-    assert quoted("runs/a") == "'runs/a'"
-    assert re.fullmatch(r"'/home/x+\.\.\.x+/end'", quoted("/home/" + "x" * 100 + "/end"))
-
-
-def test_changed_names_what_differs():
-    assert changed(fg.Start(s=2.0), fg.Start()) == ["s=2.0"]
-    assert changed(fg.Start(), fg.Start()) == []
 
 
 def parsed(html):
@@ -209,16 +173,6 @@ def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparis
         assert hostile in texts(parsed(found._repr_html_())), type(found)
     for found in (lap, crashed, fg.load_track("scene:slow_leader:1"), fg.load_track("random:3:tight")):
         assert parsed(found._repr_html_()).find(f"{SVG}svg") is not None
-
-
-def test_the_tables_have_the_figures(lap, crashed, comparison, worlds):
-    assert f"{lap.car.lap_times_s[0]:.2f} s" in texts(parsed(lap._repr_html_()))
-    assert str(crashed.car.crash) in texts(parsed(crashed._repr_html_()))
-    assert f"{lap.car.lap_times_s[0]:.2f}" in texts(parsed(comparison._repr_html_()))  # the same race
-    rows = parsed(worlds._repr_html_()).findall("table")[1].findall("tbody/tr")
-    assert [row[0].text for row in rows] == [str(number) for number in range(10)]
-    assert [row[1].text for row in rows] == ["oval"] * 10
-    assert "The first 10 of 12 worlds:" in texts(parsed(worlds._repr_html_()))
 
 
 def numbers(text):
@@ -251,14 +205,6 @@ def test_the_driven_line_is_where_the_car_was_in_the_colours_of_its_speed(crashe
     crash = crashed.car.crash
     place = ((crash.x_m - low[0] + 0.5) * scale, (high[1] + 0.5 - crash.y_m) * scale)
     np.testing.assert_allclose(numbers(cross.attrib["d"])[:2] + 5.0, place, atol=0.06)
-
-
-def test_pictures_stay_small_however_long_the_race_is(lap):
-    times = 300
-    many = replace(lap, cars=(replace(lap.car, telemetry=np.tile(lap.car.telemetry, (times, 1))),))
-    assert len(many._repr_html_()) < 1_000_000
-    few = replace(lap, cars=(replace(lap.car, telemetry=lap.car.telemetry[:0]),))
-    assert "<svg" in few._repr_html_()
 
 
 def test_show_writes_a_page_and_says_where(crashed, tmp_path, capsys, monkeypatch):
@@ -297,22 +243,3 @@ def test_show_opens_a_browser_only_where_it_takes_nothing_over(kind, display, op
     lap.show()
     (place,) = tmp_path.glob("*.html")
     assert pages == [place.as_uri()] * opened
-
-
-def test_show_in_a_notebook_displays_and_writes_nothing(lap, tmp_path, monkeypatch, capsys):
-    shown = []
-    package, display = ModuleType("IPython"), ModuleType("IPython.display")
-    package.get_ipython = lambda: SimpleNamespace(kernel=object())
-    display.display = shown.append
-    monkeypatch.setitem(sys.modules, "IPython", package)
-    monkeypatch.setitem(sys.modules, "IPython.display", display)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    lap.show()
-    assert shown == [lap] and list(tmp_path.iterdir()) == [] and capsys.readouterr().out == ""
-    package.get_ipython = lambda: SimpleNamespace()  # IPython in a terminal
-    lap.show(tmp_path / "a.html")
-    assert shown == [lap] and (tmp_path / "a.html").exists()
-
-
-def test_a_table_without_a_header_has_none():
-    assert "<th" not in table((), [("a", 1)]) and "<th" in table(("x", "y"), [])

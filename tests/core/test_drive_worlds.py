@@ -71,18 +71,6 @@ def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
         assert row[name] == told[name], name
 
 
-def test_the_scenarios_differ(together):
-    assert len({states[-1].tobytes() for states in together.states}) == len(SCENARIOS)
-
-
-@pytest.mark.parametrize("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
-def test_the_others_and_the_order_make_no_difference(together, order):
-    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
-    for place, i in enumerate(order):
-        assert same_bits(again.states[place], together.states[i])
-        assert again.rows[place].tobytes() == together.rows[i].tobytes()
-
-
 def test_threads_make_no_difference(together):
     found = {}
 
@@ -96,17 +84,6 @@ def test_threads_make_no_difference(together):
         thread.join()
     for place, results in found.items():
         assert results.rows.tobytes() == together.rows[place::2].tobytes()
-
-
-def test_laps_are_timed_as_in_a_race():
-    results = drive_worlds([Scenario(), Scenario(changes=CarChanges(mass=3.5))], "gap_finder", laps=2)
-    raced = fg.race("oval", laps=2)
-    assert results.rows["end_reason"].tolist() == ["finished"] * 2
-    assert tuple(results.lap_times_s[0]) == raced.car.lap_times_s
-    assert results.rows["first_lap_s"][0] == raced.car.lap_times_s[0]
-    assert results.rows["best_lap_s"][0] == min(raced.car.lap_times_s)
-    assert results.rows["distance_m"][0] >= 2 * raced.world.track.length
-    assert results.lap_times_s[1, 0] != results.lap_times_s[0, 0]
 
 
 @pytest.mark.parametrize(
@@ -132,14 +109,6 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
         if isinstance(value, np.ndarray):
             assert value.tobytes() == getattr(changed, name).tobytes(), name
     assert batch.get_model(0).body_mass.tobytes() == plain.model.body_mass.tobytes()
-
-
-def test_a_changed_mass_and_height_are_those_of_the_whole_car():
-    changes = CarChanges(mass=4.4, center_of_gravity_height=0.085)
-    parameters = fg.World("oval", changes=changes).parameters
-    assert parameters.mass == pytest.approx(4.4, rel=1e-5)
-    assert parameters.center_of_gravity_height == pytest.approx(0.085, rel=1e-4)
-    assert fg.World("oval", changes=CarChanges(mu=0.5)).car.mu == 0.5
 
 
 def test_a_delay_holds_a_command_back():
@@ -199,16 +168,6 @@ def planners(tmp_path_factory):
     return path
 
 
-def test_a_planner_of_plain_python_drives_as_in_a_race(planners):
-    source = f"{planners}:Straight"
-    scenarios = [Scenario(effects=NOISY, max_speed=2.0), Scenario(max_speed=7.0, track="tight")]
-    results = drive_worlds(scenarios, source, time_limit=DURATION, record="states")
-    for i, scenario in enumerate(scenarios):
-        assert same_bits(results.states[i], alone(scenario, controller=source).states)
-    assert results.rows["end_reason"].tolist() == ["time_limit", "crash"]
-    assert results.rows["collisions"].tolist() == [0, 1]
-
-
 @pytest.mark.parametrize(("name", "ticks"), (("Raises", 3), ("Together", 5)))
 def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks):
     scenarios = [Scenario(max_speed=speed) for speed in (1.0, 3.0, 2.0)]
@@ -255,29 +214,6 @@ def test_stop_ends_what_still_runs():
 def test_what_cannot_be_driven_is_refused(settings, message):
     with pytest.raises(fg.SettingsError, match=message):
         drive_worlds([Scenario()], "gap_finder", **settings)
-
-
-def test_motion_distortion_is_for_races_only():
-    with pytest.raises(fg.SettingsError, match="motion distortion"):
-        drive_worlds([Scenario(effects=LidarEffects(motion_distortion=True))], "gap_finder", laps=1)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    (
-        ({"mu": 0.0}, "CarChanges.mu is 0.0"),
-        ({"mass": -1.0}, "CarChanges.mass"),
-        ({"command_delay": 0.5}, "command_delay is 0.5; accepted: 0 to 0.15 s"),
-    ),
-)
-def test_changes_no_car_can_have_are_refused(changes, message):
-    with pytest.raises(fg.SettingsError, match=message):
-        CarChanges(**changes)
-
-
-def test_a_car_lighter_than_its_wheels_is_refused():
-    with pytest.raises(fg.SettingsError, match=r"CarChanges.mass is 0\.3; accepted: more than 0\.62 kg"):
-        fg.World("oval", changes=CarChanges(mass=0.3))
 
 
 def test_models_are_left_alone():

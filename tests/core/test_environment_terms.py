@@ -1,7 +1,6 @@
 """Reward terms, end conditions and observations: what each is, and that all environments have them."""
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -10,14 +9,13 @@ import fg_mujoco as fg
 from fg_mujoco.addons.arena.comparison.ground import course_ground
 from fg_mujoco.envs import rewards
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
-from fg_mujoco.envs.observations import DEFAULT_OBSERVATIONS, OBSERVATIONS, SENSED, ObservationTerm, observation
-from fg_mujoco.envs.rewards import REWARDS, Rewards, reward
+from fg_mujoco.envs.observations import OBSERVATIONS, SENSED, ObservationTerm, observation
+from fg_mujoco.envs.rewards import REWARDS, reward
 from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
 
 gymnasium = pytest.importorskip("gymnasium")
 
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
@@ -102,10 +100,6 @@ def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():
     np.testing.assert_allclose(REWARDS.find("near_wall")(near), expected)
 
 
-def test_every_bundled_term_has_a_test_by_hand():
-    assert set(TERMS) == {*BY_HAND, "near_wall"}
-
-
 @pytest.mark.parametrize("name", [name for name in PARTS if name not in (*SENSED, "slip")])
 def test_a_bundled_observation_is_a_quantity_of_the_state(name):
     made = state(
@@ -147,19 +141,6 @@ def test_conditions_hold_where_they_say():
     turned = state(pose=[[0.0, 0.0, HEADING + angle] for angle in (1.5, 1.6, -3.0)])
     assert END_CONDITIONS.find("turned_round").holds(turned).tolist() == [False, True, True]
     assert END_CONDITIONS.find("touched_car").holds(state(touches=[0, 1, 2])).tolist() == [False, True, True]
-
-
-def test_a_state_cannot_be_written_to_and_names_the_attribute_that_was_meant():
-    kept = []
-    env = F1TenthEnv(beam_step=540, rewards={"mine": (lambda state: kept.append(state) or state.speed, 1.0)})
-    env.reset(seed=0)
-    env.step(STAND)
-    with pytest.raises(ValueError, match="read-only"):
-        kept[0].progress[0] = 1.0
-    with pytest.raises(AttributeError, match="did you mean 'progress'"):
-        _ = kept[0].progres
-    with pytest.raises(AttributeError, match="ranges"):  # which are those from before the tick, in a reward
-        _ = kept[0].ranges
 
 
 def actions(ticks, seed=0):
@@ -227,21 +208,6 @@ def test_the_compiled_terms_are_their_functions():
         for name in defaults:
             assert info[f"reward_{name}_function"] == pytest.approx(info[f"reward_{name}"], abs=1e-12)
     assert slid > 0.0
-
-
-def test_default_terms_are_not_changed_by_others():
-    """Same rewards, bit for bit, where the others weigh nothing; and the same observations, in another order."""
-    plain = F1TenthEnv(start="line", beam_step=60)
-    names = tuple(name for name in reversed(SENSED) if name in PARTS)
-    other = F1TenthEnv(start="line", beam_step=60, observation=names, rewards=dict.fromkeys(OTHERS, 0.0))
-    assert tuple(other.reset(seed=0)[0]) == names
-    plain.reset(seed=0)
-    for action in actions(20):
-        first, second = plain.step(action), other.step(action)
-        assert first[1:4] == second[1:4]
-        assert all(first[0][name].tobytes() == second[0][name].tobytes() for name in DEFAULT_OBSERVATIONS)
-        wheels = second[0]["wheel_speeds"]
-        assert wheels.mean() == pytest.approx(second[0]["speed"].item(), abs=1e-5) and wheels.shape == (4,)
 
 
 def told_by_gym(settings, commands):
@@ -329,32 +295,6 @@ def test_all_doors_tell_the_same(told):
     assert info["end_reason"] == "far" and info["return_mine_at_all_doors"] != 0.0 != info["return_other"]
 
 
-def test_worlds_and_threads_make_no_difference():
-    def told(count, threads):
-        envs = F1TenthVectorEnv(count, threads=threads, beam_step=60, autoreset_mode="SameStep", **ALL)
-        rng = np.random.default_rng(1)
-        rows, ends = [envs.reset(seed=4)], 0
-        for _ in range(60):
-            drawn = rng.uniform((-0.4, 1.0), (0.4, 6.0), (24, 2))
-            rows.append(envs.step(drawn[:count]))
-            ends += int(rows[-1][2][:3].sum())
-        envs.close()
-        assert ends  # and some of them began anew
-        parts = [(*row[:-1], {name: row[-1][name] for name in row[-1] if "return_" in name}) for row in rows]
-        return [_bytes_of(part, 3) for part in parts]
-
-    assert told(3, 1) == told(24, 1) == told(24, 3)
-
-
-def _bytes_of(values, count):
-    """The bits of the first worlds, all the way down."""
-    if isinstance(values, dict):
-        return {name: _bytes_of(value, count) for name, value in values.items()}
-    if isinstance(values, tuple):
-        return [_bytes_of(value, count) for value in values]
-    return np.asarray(values)[:count].tobytes()
-
-
 def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_before():
     def at(seconds, outcome):
         return lambda name: EndCondition(name=name, function=lambda s: s.time > seconds - 0.01, outcome=outcome)
@@ -378,23 +318,6 @@ def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_bef
     env.reset(seed=0)
     infos = [env.step(STAND)[4] for _ in range(4)]
     assert infos[-1]["end_reason"] == "time_limit"
-
-
-def test_touching_a_parked_car_ends_costs_and_loses_nothing_else():
-    env = F1TenthEnv(
-        start={"s": 4.0}, beam_step=540, grid_order="reversed", end_conditions=["touched_car"],
-        rewards={"car_contact": 5.0, "overtaking": 1.0}, opponents=[lambda observation: STAND],
-    )  # fmt: skip
-    env.reset(seed=0)
-    terminated, total = False, 0.0
-    for tick in range(80):  # it starts behind the other car and a little aside, and drives into it
-        _, value, terminated, truncated, info = env.step(np.array([0.15 if tick < 20 else 0.0, 2.0]))
-        total += value
-        if terminated or truncated:
-            break
-    assert (terminated, truncated, info["end_reason"]) == (True, False, "touched_car")
-    assert info["touches"] == 1 and info["return_car_contact"] == -5.0 and info["return_overtaking"] == 0.0
-    assert total == pytest.approx(sum(value for name, value in info.items() if name.startswith("return_")))
 
 
 def test_passing_a_car_is_rewarded_once_and_taken_back_when_it_passes_again():
@@ -438,24 +361,6 @@ def test_policies_of_opponents_see_the_chosen_observations():
     assert both["car_0"]["lead"].item() == -both["car_1"]["lead"].item() != 0.0
 
 
-def test_an_agent_that_a_condition_ends_stays_as_an_obstacle_and_one_that_finishes_was_on_the_course():
-    pytest.importorskip("pettingzoo")
-    fast = EndCondition(name="fast", function=lambda state: state.speed > 0.5, outcome="terminated")
-    env = fg.parallel_env(beam_step=540, start="line", end_conditions=[fast], observation=["cross_track_error"])
-    env.reset(seed=0)
-    while "car_1" in env.agents:
-        _, _, terminations, _, infos = env.step({"car_0": STAND, "car_1": np.array([0.0, 1.0])})
-    assert terminations == {"car_0": False, "car_1": True} and infos["car_1"]["end_reason"] == "fast"
-    assert env.agents == ["car_0"]
-    env = fg.parallel_env(beam_step=540, start="line", observation=["cross_track_error", "wall_distance"])
-    env.reset(seed=0)
-    timers, length = env._worlds.engine.monitor.timers, env._worlds.world.track.length
-    timers["progress"][0] = timers["furthest"][0] = length - 0.1
-    while "car_0" in env.agents:
-        seen, *_ = env.step({"car_0": np.array([0.0, 2.0]), "car_1": STAND})
-    assert abs(seen["car_0"]["cross_track_error"].item()) < 0.5 and 0.0 < seen["car_0"]["wall_distance"].item() < 1.5
-
-
 def test_own_terms_are_registered_by_their_functions_names():
     @reward
     def mine_rewarded(state):
@@ -485,36 +390,19 @@ def test_own_terms_are_registered_by_their_functions_names():
             decorate(taken)
 
 
-def test_rewards_are_values():
-    weights = Rewards(sliding=2.0, command_rate=0.5)
-    assert weights == Rewards.of({"command_rate": 0.5, "sliding": 2}) != Rewards()
-    assert pickle.loads(pickle.dumps(weights)) == weights and hash(weights) == hash(Rewards.of(weights))
-    assert repr(weights) == "Rewards(progress=1.0, collision=10.0, sliding=2.0, impact=1.0, command_rate=0.5)"
-    assert (weights.sliding, weights.command_rate) == (2.0, 0.5)
-
-
 BAD_SETTINGS = [
     ({"rewards": 3}, "mapping of weights"),
-    ({"rewards": {"command_rat": 1.0}}, "did you mean 'command_rate'"),
     ({"rewards": {"command_rate": -1.0}}, "from 0 on"),
     ({"rewards": {"command_rate": math.nan}}, "from 0 on"),
-    ({"rewards": {"command_rate": True}}, "from 0 on"),
     ({"rewards": {"mine": (3.0, 1.0)}}, r"\(function, weight\)"),
-    ({"rewards": {"mine": (len, "1")}}, "from 0 on"),
     ({"rewards": {"progress": (len, 1.0)}}, "another name"),
     ({"end_conditions": "turned_round"}, "a list"),
-    ({"end_conditions": ["turned"]}, "did you mean 'turned_round'"),
     ({"end_conditions": [len]}, "@end_condition"),
     ({"end_conditions": ["turned_round"] * 2}, "twice"),
     ({"observation": 3}, "history:K, normalised"),
-    ({"observation": []}, "no part"),
-    ({"observations": ["scan"]}, "did you mean 'observation'"),
-    ({"observation": ["scam"]}, "did you mean 'scan'"),
     ({"observation": ["scan", "scan"]}, "twice"),
     ({"observation": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),
     ({"observation": [ObservationTerm(name="mine", function=len, bounds=(0.0, math.inf))]}, "finite"),
-    ({"observation": [ObservationTerm(name="mine", function=len, bounds=((0.0, 0.0), (1.0,)))]}, "two arrays"),
-    ({"observation": [ObservationTerm(name="mine", function=len, bounds=3.0)]}, "least and greatest"),
 ]
 
 
@@ -526,30 +414,12 @@ def test_bad_settings_are_refused_in_one_line(settings, match):
 
 
 @pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (lambda: EndCondition(name="crash", function=len, outcome="terminated"), "besides"),
-        (lambda: EndCondition(name="a b", function=len, outcome="terminated"), "one word"),
-        (lambda: EndCondition(name="mine", function=3, outcome="terminated"), "a function"),
-        (lambda: end_condition("truncate")(len), "did you mean 'truncated'"),
-        (lambda: ObservationTerm(name="scan", function=len, bounds=(0.0, 1.0)), "besides"),
-        (lambda: ObservationTerm(name="mine", function=None, bounds=(0.0, 1.0)), "a function"),
-    ],
-)
-def test_bad_terms_are_refused(make, match):
-    with pytest.raises(fg.SettingsError, match=match):
-        make()
-
-
-@pytest.mark.parametrize(
     ("settings", "match"),
     [
         ({"rewards": {"mine": (lambda state: state.pose, 1.0)}}, r"'mine' returned .*shape \(1,\)"),
         ({"rewards": {"mine": (lambda state: 1.0, 1.0)}}, "one number for each car"),
-        ({"rewards": {"mine": (lambda state: ["a"], 1.0)}}, "one number for each car"),
         ({"rewards": {"mine": (lambda state: state.lead, 1.0)}}, "'mine' is inf for car 0 of 1"),
         ({"end_conditions": [EndCondition(name="mine", function=lambda s: s.speed, outcome="truncated")]}, "one bool"),
-        ({"end_conditions": [EndCondition(name="mine", function=lambda s: True, outcome="truncated")]}, "one bool"),
         (
             {"observation": [ObservationTerm(name="mine", function=lambda s: s.pose, bounds=(0.0, 1.0))]},
             r"'mine' returned .*shape \(1, 1\)",

@@ -117,11 +117,3 @@ def test_an_approach_that_cannot_be_is_refused(name, value):
     good = {"length": 0.5, "width": 0.3, "along": [0.0], "across": [0.0], "heading": [0.0], "grip": 10.0}
     with pytest.raises(SettingsError, match="accepted"):
         Approach(**good | {name: value})
-
-
-def test_an_incident_whose_times_go_back_is_refused():
-    found = incident(CASES[0])
-    with pytest.raises(SettingsError, match="times of an incident"):
-        replace(found, time=found.time[::-1])
-    with pytest.raises(SettingsError, match="normal of an incident"):
-        replace(found, normal=(0.0, 0.0))

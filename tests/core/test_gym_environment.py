@@ -3,8 +3,6 @@
 import copy
 import math
 import pickle
-import subprocess
-import sys
 import warnings
 
 import numpy as np
@@ -12,13 +10,13 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
-from fg_mujoco.envs.actions import ActionBounds, ActionReader
+from fg_mujoco.envs.actions import ActionBounds
 from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
 from fg_mujoco.envs.observer import Observer
 from fg_mujoco.envs.reward_kernels import reward_ticks, sum_terms
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
-from fg_mujoco.errors import MessageError, install_command
+from fg_mujoco.errors import MessageError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.car import car_parameters
@@ -62,31 +60,6 @@ def test_env_checker_of_gymnasium_finds_nothing(settings):
     texts = [str(warning.message) for warning in found]
     advice = [] if "beam_step" in settings else ["symmetric and normalized"]  # for who wants it, `normalised_actions`
     assert len(texts) == len(advice) and all(part in text for part, text in zip(advice, texts, strict=True)), texts
-
-
-@pytest.mark.slow
-def test_id_needs_no_import_when_it_names_the_module():
-    code = (
-        "import gymnasium\n"
-        "env = gymnasium.make('fg_mujoco.envs.gym_environment:fg_mujoco/F1Tenth-v0', track='hairpins', laps=2)\n"
-        "print(env.reset(seed=1)[0]['scan'].shape)"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "(1081,)"
-
-
-def test_importing_fg_mujoco_does_not_import_gymnasium():
-    code = "import fg_mujoco, sys; print('gymnasium' in sys.modules, 'dm_env' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "False False"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("module", ["gym_environment", "gym_vector"])
-def test_without_gymnasium_the_message_is_the_command_that_installs_it(module):
-    code = f"import sys; sys.modules['gymnasium'] = None\nimport fg_mujoco.envs.{module}"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert install_command("gym") in run.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
@@ -197,21 +170,6 @@ def test_what_is_no_distance_reads_within_the_bounds():
     assert seen["scan"].tolist() == [[30.0, 0.0, 0.0, 29.0, 5.0]]
     assert seen["speed"][0] == layout.bounds["speed"].high
     assert (seen["acceleration"][0] == layout.bounds["acceleration"].low).all()
-
-
-def test_action_bounds_are_those_of_the_car(env):
-    np.testing.assert_allclose(env.action_space.low, [-CAR.max_steering_angle, CAR.min_speed], rtol=1e-6)
-    np.testing.assert_allclose(env.action_space.high, [CAR.max_steering_angle, CAR.max_speed], rtol=1e-6)
-
-
-def test_normalised_actions_span_the_bounds():
-    bounds = ActionReader(ActionBounds(CAR, (0.0, 6.0), normalised=True), 3)
-    taken = np.ones(3, bool)
-    commands, clipped = np.empty((3, 2)), np.zeros(3, np.int64)
-    bounds.read([[-1.0, -1.0], [0.0, 0.0], [1.0, 1.0]], taken, commands, clipped)
-    limit = CAR.max_steering_angle
-    np.testing.assert_allclose(commands, [[-limit, 0.0], [0.0, 3.0], [limit, 6.0]], atol=1e-15)
-    assert not clipped.any()
 
 
 def test_actions_out_of_bounds_are_held_within_them_and_counted(env):
@@ -331,19 +289,6 @@ def test_bad_settings_are_refused(settings):
         F1TenthEnv(**settings)
 
 
-def test_unknown_setting_names_the_nearest():
-    with pytest.raises(fg.SettingsError, match="did you mean 'beam_step'"):
-        gymnasium.make(ID, beam_steps=3)
-
-
-@pytest.mark.parametrize(
-    "options", [{"begin": 1}, {"start": {"speeed": 1.0}}, {"start": 3.0}, {"start": {"offset": 1.08}}]
-)
-def test_bad_starts_are_refused(env, options):
-    with pytest.raises(fg.SettingsError, match="accepted"):
-        env.reset(options=options)
-
-
 AWAY, HOME = np.array([0.1, 3.0]), np.array([0.0, 1.0])
 FACES = {  # how it is made, what a reset and a step return
     "gymnasium": (
@@ -389,16 +334,6 @@ def test_a_copied_environment_is_a_new_one_that_drives_apart(face, how):
     own, undisturbed = step(first, HOME), step(other, HOME)
     assert np.array_equal(all_numbers(own), all_numbers(undisturbed))
     assert not np.array_equal(all_numbers(own), all_numbers(moved))
-
-
-def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last():
-    env = F1TenthEnv(beam_step=60, randomize={"mu": (0.9, 1.0)})
-    env.set_randomization({"mu": (0.4, 0.41)})
-    copied = copy.deepcopy(env)
-    assert copied.reset(seed=1)[1]["drawn_mu"] == env.reset(seed=1)[1]["drawn_mu"] < 0.42
-    gym = fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
-    gym.update_map("hairpins")
-    assert copy.deepcopy(gym).world.track.name == "hairpins"
 
 
 @pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])

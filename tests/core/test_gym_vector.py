@@ -5,7 +5,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
 from fg_mujoco.errors import MessageError
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -13,10 +12,8 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 from fg_mujoco.envs.environment_settings import EnvironmentSettings  # noqa: E402
-from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
-from fg_mujoco.envs.worlds import Worlds  # noqa: E402
-from fg_mujoco.simulation.settings import Start  # noqa: E402
 
 WORLDS = 4
 NOISE = {"range_noise_std": 0.02, "dropout_probability": 0.02, "latency": 0.025}
@@ -120,17 +117,6 @@ def test_worlds_tell_what_single_environments_tell(case):
         assert_same(first, second, f"step {step}")
 
 
-def test_states_are_those_of_a_single_world():
-    settings = EnvironmentSettings.of({"track": "scene:crossing_box:1", "start": "line"})
-    many, one = Worlds(settings, 3), Worlds(settings)
-    commands = np.tile([0.05, 1.5], (3, 1))
-    for worlds, count in ((many, 3), (one, 1)):
-        worlds.begin(np.ones(count, bool), [Start()] * count, [0] * count)
-        for _ in range(7):
-            worlds.drive(commands[:count])
-    assert many.state(2).tobytes() == one.state(0).tobytes()
-
-
 def test_unstable_world_ends_and_begins_anew_as_if_new():
     """A physics that broke down leaves nothing in its world, and the others do not notice."""
     envs, others = vector(3), vector(3)
@@ -167,42 +153,6 @@ def test_result_does_not_depend_on_the_number_of_threads():
         assert_same(first, second)
 
 
-def test_world_does_not_depend_on_the_others():
-    few, many = vector(2), vector(WORLDS)
-    seen_few, seen_many = few.reset(seed=4)[0], many.reset(seed=4)[0]
-    rng = np.random.default_rng(1)
-    for _ in range(60):
-        actions = rng.uniform((-0.4, 1.0), (0.4, 5.0), (WORLDS, 2))
-        seen_few, rewards_few, *_ = few.step(actions[:2])
-        seen_many, rewards_many, *_ = many.step(actions)
-        assert rewards_few.tobytes() == rewards_many[:2].tobytes()
-        assert seen_few["scan"].tobytes() == seen_many["scan"][:2].tobytes()
-
-
-def test_make_vec_makes_it_and_passes_settings_on():
-    envs = gymnasium.make_vec(ID, num_envs=3, beam_step=90, max_episode_steps=2, autoreset_mode="SameStep")
-    assert isinstance(envs.unwrapped, F1TenthVectorEnv)
-    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    seen, _ = envs.reset(seed=0)
-    assert seen in envs.observation_space
-    assert seen["scan"].shape == (3, 13)
-    for step in range(2):
-        *_, truncated, infos = envs.step(np.zeros((3, 2), np.float32))
-        assert truncated.tolist() == [step == 1] * 3
-    assert infos["_final_obs"].all()
-    assert infos["final_obs"][0] in envs.single_observation_space
-    envs.close()
-
-
-def test_seed_may_be_one_for_each_world():
-    envs = vector(3)
-    one, _ = envs.reset(seed=[7, 8, 7])
-    assert one["scan"][0].tobytes() == one["scan"][2].tobytes() != one["scan"][1].tobytes()
-    assert envs.np_random_seed == (7, 8, 7)
-    with pytest.raises(fg.SettingsError, match="2 seeds for 3 worlds"):
-        envs.reset(seed=[1, 2])
-
-
 def test_returned_arrays_are_not_written_to_later():
     envs = vector(2)
     kept, infos = envs.reset(seed=0)
@@ -223,16 +173,6 @@ def test_nan_is_refused_with_its_world_and_nothing_is_driven():
     assert envs.step(np.zeros((3, 2)))[4]["time_s"].tolist() == [0.025] * 3
 
 
-def test_actions_out_of_bounds_are_held_and_counted_in_each_world():
-    held, asked = vector(2), vector(2)
-    held.reset(seed=0), asked.reset(seed=0)
-    for _ in range(3):
-        first = held.step(np.array([[0.1, 5.0], [0.1, 1.0]]))
-        second = asked.step(np.array([[0.1, np.inf], [0.1, 1.0]]))
-    assert second[4]["clipped_actions"].tolist() == [3, 0]
-    assert first[0]["scan"].tobytes() == second[0]["scan"].tobytes()
-
-
 def test_stepping_what_does_not_run_is_refused():
     envs = vector(2, autoreset_mode="Disabled", max_episode_steps=1)
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[0, 1\]"):
@@ -242,28 +182,6 @@ def test_stepping_what_does_not_run_is_refused():
     envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[1\]"):
         envs.step(np.zeros((2, 2)))
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"num_envs": 0},
-        {"num_envs": 2, "threads": 0},
-        {"num_envs": 2, "autoreset_mode": "never"},
-        {"num_envs": 2, "render_mode": "human"},
-        {"num_envs": 2, "lap": 3},
-    ],
-)
-def test_bad_settings_are_refused(settings):
-    with pytest.raises(fg.SettingsError, match="accepted"):
-        F1TenthVectorEnv(**settings)
-
-
-@pytest.mark.parametrize("mask", [np.zeros(2, bool), np.ones(3, bool), [True, False], np.ones(2)])
-def test_bad_reset_masks_are_refused(mask):
-    envs = vector(2)
-    with pytest.raises(fg.SettingsError, match="reset_mask"):
-        envs.reset(options={"reset_mask": mask})
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])

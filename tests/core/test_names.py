@@ -1,6 +1,5 @@
 """A name that is mistyped is refused with the one that was probably meant, at every door."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco import controllers
-from fg_mujoco.course.maps.map_server import read_map_file
 from fg_mujoco.course.recipes import write_bundled
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
@@ -18,7 +16,6 @@ from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.pictures.rendering.cameras import find_camera
 from fg_mujoco.pictures.rendering.overlays import find_overlays
 from fg_mujoco.pictures.rendering.presets import find_quality
-from fg_mujoco.racing.planners import find_controller
 from fg_mujoco.simulation.settings import as_part
 from refusals import refused
 
@@ -151,13 +148,6 @@ def test_a_call_in_python_says_which_name_was_probably_meant(call, meant):
     assert str(refusal.value).endswith(f"did you mean {meant!r}?")
 
 
-def test_a_key_of_a_map_that_is_mistyped_is_named(here):
-    pytest.importorskip("yaml")
-    (here / "map.yaml").write_text("image: a.png\nresolutoin: 0.05\norigin: [0, 0, 0]\noccupied_thresh: 0.6\n")
-    with pytest.raises(fg.TrackError, match=r"has no .*resolution.*but.*resolutoin"), warnings.catch_warnings():
-        read_map_file("map.yaml")
-
-
 def test_a_name_that_resembles_nothing_gets_no_hint():
     assert accepted_names("zzz", ("oval", "tight"), ", or FILE") == "accepted: oval, tight, or FILE"
     assert (
@@ -166,32 +156,11 @@ def test_a_name_that_resembles_nothing_gets_no_hint():
     assert accepted_names(3.5, ("oval",)) == "accepted: oval"
 
 
-def test_case_hyphens_and_further_names_are_looked_at():
-    assert nearest("GAP-FINDER", ("follow_the_gap", "gap_finder")) == "gap_finder"
-    assert nearest("front_left", ("front_right",), cutoff=0.9) is None
-    assert accepted_names("scene:x", ("oval",), besides=("scene:xy",)).endswith("did you mean 'scene:xy'?")
-
-
 def test_a_part_of_one_name_is_that_name_and_a_part_of_several_is_none():
     tires = ("contact", "forzaeth_nuc5", "forzaeth_nuc6", "forzaeth_sim")
     assert nearest("nuc5", tires) == "forzaeth_nuc5"
     assert nearest("nuc", tires) is None  # two
     assert nearest("im", tires) is None  # too short to say anything
-
-
-@pytest.mark.parametrize("source", ["mine.py", "mine.py:", "./mine.py"])
-def test_a_planner_file_without_a_class_names_those_that_it_has(source):
-    with pytest.raises(fg.ControllerError) as refusal:
-        find_controller(source)
-    path = source.rstrip(":")
-    assert f"accepted: {path}:Planner, {path}:Other" in str(refusal.value)
-    assert "Helper" not in str(refusal.value)
-
-
-def test_a_planner_file_without_any_class_says_so(here):
-    (here / "empty.py").write_text("x = 1\n")
-    with pytest.raises(fg.ControllerError, match="there is no class in the file"):
-        find_controller("empty.py")
 
 
 def test_there_is_one_place_that_compares_names():

@@ -1,7 +1,5 @@
 """Opponents in the Gymnasium environments: planners and policies that drive beside the one that learns."""
 
-import dataclasses
-import warnings
 
 import numpy as np
 import pytest
@@ -12,9 +10,8 @@ from fg_mujoco.racing.entries import Entry, grid_starts
 
 gymnasium = pytest.importorskip("gymnasium")
 
-from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 PARKED = np.zeros(2)
@@ -48,14 +45,6 @@ def states(env, ticks, action=PARKED):
         env.step(np.asarray(action))
         found.append(env._world.state(0))
     return np.array(found)
-
-
-@pytest.mark.parametrize("opponents", [["gap_finder"], [steady, "gap_finder"]])
-def test_env_checker_of_gymnasium_finds_nothing(opponents):
-    made = gymnasium.make(ID, opponents=opponents, beam_step=20, normalised_actions=True)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(made.unwrapped, skip_render_check=True)
 
 
 def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
@@ -140,15 +129,6 @@ def test_a_policy_sees_what_the_learning_car_would_see_and_its_actions_mean_the_
         seen, *_ = other.step(command)
 
 
-def test_actions_of_policies_are_those_of_the_settings():
-    full = F1TenthEnv(opponents=[lambda seen: [0.0, 3.0]], start="line")
-    scaled = F1TenthEnv(
-        opponents=[lambda seen: [0.0, 1.0]], start="line", normalised_actions=True, speed_range=(-1.0, 3.0)
-    )
-    full.reset(seed=0), scaled.reset(seed=0)
-    np.testing.assert_array_equal(states(full, 20), states(scaled, 20, (0.0, -0.5)))
-
-
 @pytest.mark.parametrize(
     ("order", "positions"), [("as_listed", {1}), ("reversed", {3}), ("random", {1, 2, 3})]
 )  # fmt: skip
@@ -175,16 +155,6 @@ def test_grids_at_random_places_are_clear_and_all_over_the_lap():
         assert not env._world.engine.crashed.any()
         places.append(float(env._world.monitor.timers["place"][0]))
     assert np.ptp(places) > 0.6 * env._world.world.track.length
-
-
-def test_an_opponent_can_start_where_it_is_told():
-    opponent = Entry(controller=parked, start=fg.Start(s=6.0, offset=0.2, heading=0.1))
-    env = F1TenthEnv(start="line", opponents=[opponent], beam_step=540)
-    env.reset(seed=0)
-    x, y, along = env._world.world.track.start_pose(6.0, 0.2)
-    qpos = env._world.engine.qpos(0)[env._world.world.cars[1].constants["free_qpos"][0] :]
-    assert qpos[:2].tolist() == pytest.approx([x, y])
-    assert 2.0 * np.arctan2(qpos[6], qpos[3]) == pytest.approx(along + 0.1)
 
 
 def test_touches_are_told_and_end_nothing():
@@ -236,14 +206,6 @@ def test_a_planner_that_fails_stops_and_the_episode_goes_on(tmp_path):
         assert env._episodes.running[0] and list(env._world._opponents.failures) == [1]
 
 
-def test_an_opponent_without_a_car_of_its_own_has_that_of_the_learning_one():
-    env = F1TenthEnv(
-        vehicle="nuc2", mu=0.7, beam_step=540, opponents=["gap_finder", {"controller": steady, "vehicle": "f1tenth"}]
-    )
-    assert [vehicle.name for vehicle in env._world.world.vehicles] == ["nuc2", "nuc2", "f1tenth"]
-    assert [car.mu for car in env._world.world.cars] == pytest.approx([0.7, 0.7, 1.0489])
-
-
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
@@ -268,19 +230,6 @@ def test_bad_opponents_are_refused_in_one_line(settings, error, message):
 
 
 @pytest.mark.parametrize(
-    ("start", "opponents", "message"),
-    [
-        ("line", [Entry(controller=parked, start=fg.Start(s=0.1))], "'car_1' and 'car_0' start in one place"),
-        ({"s": 2.0, "offset": 0.8}, [parked], "'car_0' does not fit on 'oval' at s = 2 m"),
-    ],
-)
-def test_grids_that_do_not_fit_are_refused(start, opponents, message):
-    env = F1TenthEnv(beam_step=540, start=start, opponents=opponents)
-    with pytest.raises(fg.SettingsError, match=message):
-        env.reset(seed=0)
-
-
-@pytest.mark.parametrize(
     ("answer", "message"),
     [
         (None, "the policy of opponent 1.*accepted"),
@@ -294,18 +243,3 @@ def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
     env.reset(seed=0)
     with pytest.raises(MessageError, match=message):
         env.step(PARKED)
-
-
-def test_dm_env_says_where_opponents_are_accepted():
-    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
-    from fg_mujoco.envs.dm_environment import load
-
-    with pytest.raises(fg.SettingsError, match="1 opponents in a dm_env environment; accepted: in Gymnasium's"):
-        load("oval", opponents=["gap_finder"])
-
-
-def test_entries_are_not_changed_by_the_environment():
-    entry = Entry(controller="gap_finder", max_speed=3.0)
-    before = dataclasses.asdict(entry)
-    F1TenthEnv(beam_step=540, opponents=[entry]).reset(seed=0)
-    assert dataclasses.asdict(entry) == before

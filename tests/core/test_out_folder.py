@@ -117,14 +117,6 @@ def test_a_folder_of_runs_numbers_itself(run, without_pictures, capsys, given):
         read_summary(run.parent / number)
 
 
-def test_a_new_folder_and_one_that_is_empty_are_written_to_as_before(tmp_path):
-    (tmp_path / "empty").mkdir()
-    for name in ("new", "empty"):
-        given = options(tmp_path / name)
-        with chosen_folder(given, RUN):
-            assert given.out == str(tmp_path / name)
-
-
 def test_a_number_that_is_not_used_is_given_back_and_the_next_one_is_above_all(tmp_path):
     (tmp_path / "runs/007").mkdir(parents=True)
     for _ in range(2):
@@ -163,16 +155,6 @@ def test_force_removes_no_folder_with_files_of_others(run, name, said):
     with pytest.raises(RunFolderError, match=said), chosen_folder(options(run, force=True), RUN):
         raise AssertionError
     assert (run / name).exists() and (run / "summary.json").exists()
-
-
-@pytest.mark.parametrize(("name", "text"), [("summary.json", "{}"), ("manifest.json", "[]"), ("lab.json", "{}")])
-@pytest.mark.parametrize("kind", [RUN, STUDY])
-def test_force_removes_no_folder_that_only_looks_like_one_of_ours(tmp_path, name, text, kind):
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / name).write_text(text)
-    with pytest.raises(RunFolderError, match="accepted"), chosen_folder(options(tmp_path / "data", True), kind):
-        raise AssertionError
-    assert (tmp_path / "data" / name).read_text() == text
 
 
 def test_force_leaves_what_is_no_run_alone_and_numbers(tmp_path):

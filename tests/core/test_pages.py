@@ -27,13 +27,6 @@ def test_what_is_no_html_is_escaped_wherever_it_stands():
         assert "&lt;b a=&#x27;1&#x27;&gt;&amp;&quot;&lt;/b&gt;" in part
 
 
-def test_html_is_not_escaped_again_and_braces_in_a_part_are_no_template():
-    inner = element("i", "{x} & y", class_="a", data_time=3, hidden=True, id=None, open=False)
-    assert inner == '<i class="a" data-time="3" hidden>{x} &amp; y</i>'
-    assert html("<p>{part}</p>", part=inner) == f"<p>{inner}</p>"
-    assert element("img", src="a.png") == '<img src="a.png">'
-
-
 def test_a_table_is_the_same_in_three_formats():
     table = Table(header=("name", "x [m]", "good"), rows=[("a|b", 1.23456, True), ("c", None, False)], left=("name",))
     assert [*csv.reader(io.StringIO(table.csv()))] == [

@@ -1,18 +1,12 @@
 """The files that a planner reads besides its code are part of what a result depends on: weights, lines, parameters."""
 
-import hashlib
 import json
 import os
 import shutil
-from dataclasses import replace
 
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
-from fg_mujoco.addons.arena.comparison.run import RunKey, RunRow
-from fg_mujoco.addons.arena.overtaking.duel import DuelKey
-from fg_mujoco.addons.arena.overtaking.overtaking import DuelSettings, plan_duels
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
@@ -105,19 +99,6 @@ def test_a_folder_that_a_setting_names_counts_with_all_that_is_in_it(here):
     assert read_by("mine.py:Learned[weights=net]") not in (before, after)
 
 
-def test_a_word_that_names_a_choice_is_no_file(here):
-    (here / "slow").write_text("")
-    assert list(read_by("mine.py:Learned[mode=slow]")) == ["policy.txt"]
-
-
-def test_the_line_of_a_bundled_planner_counts_and_its_words_do_not(here):
-    (here / "middle").mkdir()
-    (here / "middle.txt").write_text("")
-    line(here / "line.csv", 5)
-    assert read_by("follow_the_gap[point=middle]") == {}
-    assert list(read_by("pure_pursuit[line=line.csv]")) == ["line.csv"]
-
-
 def test_a_file_beside_the_planner_counts(here):
     (here / "sub").mkdir()
     shutil.move("mine.py", "sub/mine.py")
@@ -136,14 +117,6 @@ def test_it_is_the_contents_that_count_and_not_the_time(here):
     assert changed_file(before).startswith("policy.txt, which it read, has sha256 ")
 
 
-def test_a_file_that_comes_or_goes_is_another_one(here):
-    before = read_by("mine.py:Told")
-    assert before["line.csv"] is None
-    (here / "line.csv").write_text("")
-    assert read_by("mine.py:Told")["line.csv"] is not None
-    assert changed_file(before).endswith(f"has sha256 {read_by('mine.py:Told')['line.csv'][:12]}, recorded is None")
-
-
 @pytest.mark.parametrize(
     ("files", "paths"),
     [("'a.csv'", ["a.csv"]), ("('a.csv', b'b.csv')", ["a.csv", "b.csv"]), ("lambda: ['a.csv']", ["a.csv"]), ("()", [])],
@@ -152,13 +125,6 @@ def test_files_are_a_list_one_path_or_a_method(here, files, paths):
     (here / "mine.py").write_text(PLANNER + f"        self.files = {files}\n")
     (here / "policy.txt").rename(here / "weights")
     assert list(read_by("mine.py:Told[weights=weights]")) == [*paths, "weights"]  # a file that is named counts always
-
-
-@pytest.mark.parametrize("files", ["7", "[7]", "[None]", "lambda: 1 / 0"])
-def test_what_is_no_list_of_paths_is_refused_in_one_line(here, files):
-    (here / "mine.py").write_text(PLANNER + f"        self.files = {files}\n")
-    with pytest.raises(ControllerError, match=r"controller Told: its attribute files: .*accepted: .*list of paths"):
-        read_by("mine.py:Told")
 
 
 def test_a_folder_of_too_many_files_is_refused_with_what_to_do(here, monkeypatch):
@@ -176,16 +142,6 @@ def test_the_current_folder_is_a_place_to_look_in_and_no_data(here):
     for around in (".", str(here), str(here.parent)):
         (here.parent / "speed").write_text("1.0")
         assert read_by(f"mine.py:Learned[weights={around}]") == {}
-
-
-def test_a_race_is_driven_though_a_folder_has_too_many_files(here, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.racing.trust.MOST_FILES", 2)
-    (here / "net").mkdir()
-    for name in ("speed", "a", "b"):
-        (here / "net" / name).write_text("1.0")
-    with pytest.warns(UserWarning, match=r"controller Learned: net: has more than 2 files; accepted: .*`files`"):
-        raced = fg.race("oval", "mine.py:Learned[weights=net]", laps=1, time_limit=0.1)
-    assert raced.car.controller_origin["files"] == {}
 
 
 # the studies
@@ -206,57 +162,6 @@ def test_a_comparison_drives_a_planner_with_other_weights_again(here, change):
     assert faster == (change == "weights")
 
 
-@pytest.mark.slow
-def test_pages_of_a_comparison_say_that_the_weights_are_others_now(here):
-    pytest.importorskip("bokeh")
-    compare()
-    (here / "policy.txt").write_text("3.0")
-    with pytest.warns(UserWarning, match="policy.txt, which it reads, is another one now"):
-        page = write_comparison_report("out", trust=True)
-    assert "policy.txt, which it reads, is another one now" in page.read_text("utf-8")
-    (here / "policy.txt").write_text("1.0")
-    assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
-
-
-@pytest.mark.slow
-def test_pages_of_a_comparison_say_that_the_weights_of_an_opponent_are_others_now(here):
-    pytest.importorskip("bokeh")
-    (here / "nets").mkdir()
-    (here / "nets" / "a.txt").write_text("1.0")
-    opponents = ["mine.py:Learned[weights=nets/a]"]
-    fg.compare(["gap_finder"], out="out", opponents=opponents, **SHORT)
-    assert "another one now" not in write_comparison_report("out", trust=True).read_text("utf-8")
-    shutil.rmtree(here / "out" / "report")
-    (here / "nets" / "a.txt").write_text("3.0")
-    with pytest.warns(UserWarning, match=r"planner 'mine.py:Learned.*a.txt, which it reads, is another one now"):
-        write_comparison_report("out", trust=True)
-
-
-@pytest.mark.slow
-def test_a_comparison_of_a_version_that_did_not_ask_for_files_is_reported(here):
-    pytest.importorskip("bokeh")
-    row = compare().rows[0]
-    old = replace(row, key=replace(row.key, controller_files_sha256=None))
-    values = old.as_dict()
-    del values["controller_files_sha256"]
-    (here / "out" / "runs.jsonl").write_text(json.dumps(values) + "\n")
-    (poses,) = (here / "out" / "poses").iterdir()
-    poses.rename(poses.with_name(f"{old.key.sha256[:24]}.npy"))
-    pages = sorted(write_comparison_report("out", trust=True).parent.glob("oval-*.html"))
-    assert len(pages) == 1 and "the same run, bit for bit" in pages[0].read_text("utf-8")
-
-
-def test_rows_of_versions_that_did_not_ask_for_files_are_read():
-    key = RunKey("a", None, "oval", None, 8.0, None)
-    new = RunKey("a", None, "oval", None, 8.0, None, "00")
-    assert key.sha256 == hashlib.sha256(b"('a', None, 'oval', None, 8.0, None)").hexdigest() != new.sha256
-    row = compare().rows[0]
-    values = row.as_dict()
-    del values["controller_files_sha256"]
-    assert RunRow.of(values).key.controller_files_sha256 is None
-    assert row.key.controller_files_sha256 is not None
-
-
 def test_a_rollout_with_other_weights_is_another_one(here, monkeypatch):
     monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", stand_in)
 
@@ -275,12 +180,6 @@ def test_a_rollout_with_other_weights_is_another_one(here, monkeypatch):
     (here / "fast.txt").write_text("5.0")
     with pytest.raises(RunFolderError, match="controller_files"):
         rollout(out="drawn", randomize={"planner.weights": ["policy", "fast"]})
-
-
-def test_a_rollout_of_a_planner_without_files_says_nothing_of_them(here, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", stand_in)
-    fg.rollout("oval", n=2, laps=1, workers=1, out="out")
-    assert "controller_files" not in json.loads((here / "out" / "manifest.json").read_text())["settings"]
 
 
 @pytest.mark.parametrize("study", ["compare", "rollout"])
@@ -305,19 +204,6 @@ def test_the_weights_of_an_opponent_count(here, monkeypatch, study):
         run()
 
 
-def test_a_duel_of_a_planner_with_other_weights_is_another_one(here):
-    def key():
-        choice = ControllerChoice.of("mine.py:Learned")
-        return plan_duels([choice], ["oval"], ["centreline"], [0], DuelSettings())[0].key
-
-    before = key()
-    assert key() == before
-    (here / "policy.txt").write_text("3.0")
-    assert key() != before
-    text = repr(("a", None, "oval", "centreline", 0))
-    assert DuelKey("a", None, "oval", "centreline", 0).sha256 == hashlib.sha256(text.encode()).hexdigest()
-
-
 # run folders
 
 
@@ -339,26 +225,6 @@ def test_a_run_folder_has_the_hashes_and_a_race_again_says_which_file_is_another
     assert "policy.txt, which it read, has sha256" in " ".join(fg.debug("run", trust=True).notes)
     (here / "policy.txt").unlink()
     assert "policy.txt, which it read, is not there" in refused(here, capsys, "race", "--config", "run", "--trust")
-
-
-def test_the_line_of_a_bundled_planner_is_asked_for_too(here, capsys, without_pictures):
-    line(here / "line.csv", 5)
-    assert race("--controller", "pure_pursuit[line=line.csv]", "--out", "run") == 1
-    capsys.readouterr()
-    line(here / "line.csv", 6)
-    said = refused(here, capsys, "race", "--config", "run")
-    assert "planner 'pure_pursuit': line.csv, which it read, has sha256" in said
-
-
-def test_a_race_of_several_cars_keeps_the_files_of_each(here, capsys, without_pictures):
-    assert race("--opponents", "mine.py:Learned", "--out", "run") == 1
-    cars = json.loads((here / "run" / "summary.json").read_text())["cars"]
-    assert cars[0]["controller_origin"]["files"] == {}
-    assert list(cars[1]["controller_origin"]["files"]) == ["policy.txt"]
-    (here / "policy.txt").write_text("3.0")
-    capsys.readouterr()
-    said = refused(here, capsys, "race", "--config", "run", "--trust")
-    assert "planner 'mine.py:Learned': policy.txt, which it read" in said
 
 
 def test_a_summary_whose_files_are_none_is_refused(here, without_pictures):

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from conftest import Straight
-from fg_mujoco.course.course import describe_course
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 
@@ -33,22 +31,6 @@ def test_track_picture_shows_both_walls_all_the_way_round(name):
     area = track.length * float(np.mean(track.corridor_left + track.corridor_right))
     extent = np.ptp(np.concatenate((track.left_wall, track.right_wall)), axis=0) + 1.0
     assert corridor == pytest.approx(0.75 * area / np.prod(extent), rel=0.35)
-
-
-def test_track_description_has_its_figures():
-    track = fg.load_track("oval")
-    text = describe_course(track)
-    assert text.startswith(f"oval: {track.length:.1f} m long, 2.20 m wide")
-
-
-@pytest.mark.slow
-def test_trace_picture_differs_with_the_race(short_race, lap):
-    first = pixels(lambda file: fg.trace_picture(short_race, file))
-    assert first.shape[1] == 1080
-    assert first.std() > 0.05
-    second = pixels(lambda file: fg.trace_picture(lap, file))
-    assert first.shape == second.shape  # the same track
-    assert np.abs(first - second).mean() > 0.005
 
 
 def test_trace_picture_draws_what_was_measured(lap, monkeypatch):
@@ -90,35 +72,6 @@ def with_car(result, **changes):
     return replace(result, cars=(replace(result.car, **changes),))
 
 
-@pytest.mark.slow
-def test_trace_picture_lays_laps_over_each_other_and_marks_where_a_tire_slid(lap, monkeypatch):
-    drawn = []
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
-    ticks, length = 400, lap.world.track.length
-    telemetry = np.tile(lap.car.telemetry[:1], (ticks, 1))
-    column = {name: telemetry[:, index] for index, name in enumerate(fg.TELEMETRY)}
-    column["time_s"][:] = 0.025 * np.arange(ticks)
-    column["progress_m"][:] = np.linspace(0.0, 2.0 * length, ticks, endpoint=False)
-    column["lap"][:] = 1.0 + np.arange(ticks) // 200
-    column["friction_use_rear_left"][:] = 0.25
-    column["friction_use_rear_left"][300:310] = 0.75  # from the middle of the second lap on
-    column["slide_rear_left_m_s"][:] = 0.01
-    column["slide_rear_left_m_s"][340] = 0.2
-    fg.trace_picture(with_car(lap, telemetry=telemetry), "not written")
-    tire = drawn[0].axes[6]
-    assert tire.get_ylabel() == "rear\nleft"
-    place, use = tire.lines[0].get_data()
-    assert np.isnan(place).sum() == 1  # between the laps no line
-    assert np.nanmax(place) < length
-    assert sorted(use[np.isfinite(use)]) == sorted(column["friction_use_rear_left"])
-    slid = tire.lines[1].get_xdata()
-    np.testing.assert_allclose(slid, [column["progress_m"][340] - length])
-    values, edges, _ = tire.patches[0].get_data()
-    above = edges[:-1][values == 0.75]
-    assert 0.48 * length < above.min() < above.max() < 0.56 * length
-    assert set(np.unique(values)) == {0.25, 0.75}
-
-
 def cut_off(figure):
     """Return the texts of a figure that are not wholly in it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -143,39 +96,10 @@ def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
 
 
 @pytest.mark.slow
-def test_no_name_of_many_cars_is_cut_in_a_trace_picture(monkeypatch):
-    drawn = []
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
-    entries = [fg.Entry(controller=Straight(), name=f"a car of a long name {number}") for number in range(8)]
-    fg.trace_picture(fg.race("oval", entries=entries, time_limit=0.1), "not written")
-    assert cut_off(drawn[0]) == []
-
-
-@pytest.mark.slow
-def test_trace_picture_of_a_race_of_one_tick():
-    def interrupt(progress):
-        raise KeyboardInterrupt
-
-    result = fg.race("oval", Straight(), laps=1, watch=interrupt)
-    assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
-
-
-@pytest.mark.slow
 def test_trace_picture_of_a_race_of_no_tick(lap):
     """As of a planner that does not answer its first scan."""
     result = replace(with_car(lap, telemetry=lap.car.telemetry[:0], lap_times_s=()), sim_time_s=0.0)
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
-
-
-@pytest.mark.slow
-def test_pictures_leave_the_users_matplotlib_alone(short_race, tmp_path):
-    import matplotlib as mpl
-    import matplotlib.pyplot as plt
-
-    before = dict(mpl.rcParams)
-    fg.trace_picture(short_race, tmp_path / "trace.png")
-    assert dict(mpl.rcParams) == before
-    assert plt.get_fignums() == []
 
 
 def test_without_matplotlib_the_message_is_the_install_command(monkeypatch, short_race, tmp_path):

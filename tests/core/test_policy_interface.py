@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import MessageError
-
-gymnasium = pytest.importorskip("gymnasium")
-
-from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 CAR = fg.World("oval").parameters
 ISSUE = "beams:108,history:3,speed,steering,previous_action"
@@ -240,43 +237,6 @@ def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_
     assert (info["end_reason"] == "crash" and ticks < 3) or info["time_s"] > 0.0
 
 
-def test_a_flat_observation_passes_the_checkers_of_gymnasium_and_stable_baselines3():
-    from gymnasium.utils.env_checker import check_env
-
-    env = F1TenthEnv(observation=f"{ISSUE},normalised,flat", action="steering_rate,speed", normalised_actions=True)
-    check_env(env, skip_render_check=True)
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    checker.check_env(env)
-    checker.check_env(F1TenthEnv(observation=f"{ISSUE},flat", privileged="mu", normalised_actions=True))
-
-
-def test_all_interfaces_have_a_flat_observation_and_its_actions():
-    pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
-    from fg_mujoco.envs.dm_environment import load
-
-    settings = {"observation": "beams:9,speed,previous_action,history:2,flat", "action": "steering_rate,speed"}
-    env = F1TenthEnv(start="line", **settings)
-    dm = load("oval", laps=1, start="line", **settings)
-    seen, step = [env.reset(seed=0)[0]], dm.reset()
-    others = [step.observation["observation"]]
-    for action in ([1.0, 2.0], [-2.0, 1.0], [0.5, 3.0]):
-        seen.append(env.step(np.array(action))[0])
-        others.append(dm.step(np.array(action)).observation["observation"])
-    assert bits(np.array(seen)) == bits(np.array(others))
-    assert dm.observation_spec()["observation"].shape == env.observation_space.shape == (24,)
-    assert dm.action_spec().name == "steering_rate,speed"
-    with pytest.raises(fg.SettingsError, match="action_repeat is 2 in a dm_env environment; accepted: 1"):
-        load("oval", action_repeat=2)
-    pytest.importorskip("pettingzoo")
-    parallel = fg.parallel_env(agents=2, action_repeat=2, privileged="mu", **settings)
-    each, _ = parallel.reset(seed=0)
-    for _ in range(3):
-        each, *_ = parallel.step({agent: np.array([0.0, 1.0]) for agent in parallel.agents})
-    assert all(parallel.observation_space(agent).contains(each[agent]) for agent in parallel.agents)
-    now, before = each["car_1"]["observation"].reshape(2, 12)[::-1]
-    assert now[9] > before[9] > 0.0 and now[-2:].tolist() == [0.0, 1.0]  # it speeds up; its own action
-
-
 def test_the_text_of_an_observation_is_that_observation():
     for text in (ISSUE, "scan,speed:delay=0.05:noise=0.1", "beams:9:max=8.0,command,normalised,flat"):
         found = Observation.of(text)
@@ -287,29 +247,17 @@ ANOTHER = ObservationTerm(name="another", function=len, bounds=(0.0, 1.0))
 BAD = [
     ({"observation": "beams"}, "beams:N"),
     ({"observation": "beams:2000"}, "of 1081; accepted: beams:1 to beams:1081"),
-    ({"observation": "beams:9,scan"}, "twice"),
     ({"observation": "beams:9", "beam_step": 10}, "one of the two"),
-    ({"observation": "sped"}, "did you mean 'speed'"),
     ({"observation": "speed:late=3"}, "delay=NUMBER"),
-    ({"observation": "speed:delay=x"}, "a number"),
     ({"observation": "speed:delay=9"}, "0 to 1 s"),
     ({"observation": "speed:noise=-1"}, "from 0 on"),
     ({"observation": "speed:max=3"}, "of the scan only"),
-    ({"observation": "speed,history:x"}, "history:K"),
-    ({"observation": "speed,history:0"}, "a whole number from 1"),
-    ({"observation": "speed:history=2.5"}, "a whole number"),
     ({"observation": "speed:every=4"}, "with history=2 or more"),
     ({"observation": "speed:history=100:every=20"}, r"\(history - 1\) \* every up to 1000"),
-    ({"observation": "flat"}, "no part"),
     ({"privileged": "speed"}, "pose"),
-    ({"privileged": "mu,mu"}, "twice"),
-    ({"privileged": 3}, "accepted: names"),
     ({"action": "speed,steering"}, "steering_rate"),
-    ({"action": "steering"}, "acceleration"),
-    ({"action": 3}, "such as 'steering,speed'"),
     ({"action_repeat": 0}, "a whole number from 1"),
     ({"smoothing": -1.0}, "0 to 1 s"),
-    ({"smoothing": True}, "0 to 1 s"),
 ]
 
 

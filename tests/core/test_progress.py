@@ -9,7 +9,7 @@ import pytest
 
 from fg_mujoco.cli import progress
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.progress import ProgressLine, clock, shown_as, to_go
+from fg_mujoco.cli.progress import ProgressLine, shown_as, to_go
 
 
 class Stderr(io.StringIO):
@@ -60,14 +60,6 @@ def test_a_pipe_is_told_the_last_text_in_a_line(stderr, monkeypatch):
     assert "\r" not in stream.getvalue() and stream.getvalue().endswith("\n")
 
 
-def test_a_pipe_is_told_nothing_before_a_minute_is_over(stderr, monkeypatch):
-    stream = stderr(terminal=False)
-    monkeypatch.setattr(progress, "MINUTE", 60.0)
-    with ProgressLine("preparing runs") as line:
-        line.write("1/3 runs")
-    assert stream.getvalue() == ""
-
-
 @pytest.mark.parametrize("terminal", [True, False])
 def test_nothing_is_written_where_it_is_not_to_be_shown(stderr, terminal):
     stream = stderr(terminal=terminal)
@@ -86,10 +78,6 @@ def test_the_thread_ends_with_the_work_and_a_closed_stderr_does_no_harm(stderr):
         line.write("1/3 runs")
         raise ValueError("of the work")
     assert threading.active_count() == threads
-
-
-def test_times_are_hours_minutes_and_seconds():
-    assert (clock(3661.4), to_go(59.6), to_go(None)) == ("1:01:01", "  0:01:00 to go", "")
 
 
 COMMANDS = {

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, RaceResult, RunFolderError, SettingsError, Setup, Start, race, read_run, replay, write_run
+from fg_mujoco import Entry, RaceResult, SettingsError, Start, race, read_run, replay, write_run
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.options import with_opponents
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
-from fg_mujoco.racing.run_folder import SUMMARY, of_car
+from fg_mujoco.racing.run_folder import SUMMARY
 
 
 class Straight:
@@ -66,12 +65,6 @@ def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken: RaceRes
     assert time[-1] > overtake.time_s + OVERTAKE_HELD
     assert overtaken.contacts == ()
     assert [car.position for car in (fast, slow)] == [1, 2]
-
-
-def test_half_a_length_that_is_not_held_is_no_overtake() -> None:
-    entries = [entry("slow", 0.5, 1.5, -0.4), entry("fast", 1.5, 0.0, 0.4)]
-    lasted = race("oval", entries=entries, laps=1, time_limit=4.0).overtakes[0].time_s + 0.5 * OVERTAKE_HELD
-    assert race("oval", entries=entries, laps=1, time_limit=lasted).overtakes == ()
 
 
 def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was() -> None:
@@ -127,13 +120,6 @@ def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
         assert gap == pytest.approx(2.0 + warned.world.car.parameters.length, abs=0.15)
 
 
-def test_without_rules_the_same_car_is_not_put_back() -> None:
-    entries = [entry("stands", 0.0, 3.5), entry("rams", 3.0, 0.0)]
-    result = race("oval", entries=entries, laps=1, time_limit=4.0)
-    assert result.contacts
-    assert result.warnings == result.restarts == ()
-
-
 @pytest.mark.slow
 def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: Path) -> None:
     write_run(warned, tmp_path / "run", picture=False)
@@ -157,14 +143,6 @@ def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Pa
     path.write_text(json.dumps(summary), encoding="utf-8")
     report = replay(tmp_path / "run")
     assert [difference.name for difference in report.differences] == [f"{SUMMARY}, {key}"]
-
-
-def test_a_damaged_telemetry_of_another_car_is_told(warned: RaceResult, tmp_path: Path) -> None:
-    write_run(warned, tmp_path / "run", picture=False)
-    path = tmp_path / "run" / of_car("telemetry.csv", 1)
-    path.write_text(path.read_text("utf-8").replace("0.025,", "0.026,", 1), encoding="utf-8")
-    with pytest.raises(RunFolderError, match=r"telemetry_car_1\.csv: is damaged or edited"):
-        read_run(tmp_path / "run")
 
 
 def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None:
@@ -194,17 +172,6 @@ def test_a_finished_car_is_in_nobodys_way() -> None:
     assert first.max_speed_m_s <= 6.1
 
 
-def test_the_settings_of_one_car_are_refused_beside_entries() -> None:
-    with pytest.raises(SettingsError, match=r"max_speed is 3\.0 beside entries; accepted: max_speed of each Entry"):
-        race("oval", entries=[Entry(), Entry()], max_speed=3.0)
-    with pytest.raises(SettingsError, match="two entries are called 'a'"):
-        race("oval", entries=[Entry(name="a"), Entry(name="a")])
-    with pytest.raises(SettingsError, match="rules is 'f1'; accepted"):
-        race("oval", entries=[Entry(), Entry()], rules="f1")
-    with pytest.raises(SettingsError, match="grid is 'pile'; accepted"):
-        race("oval", entries=[Entry(), Entry()], grid="pile")
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -232,13 +199,6 @@ def test_bad_opponents_are_one_line_and_exit_2(
     assert out == ""
     assert message in err
     assert err.count("\n") == 1
-
-
-def test_opponents_have_seeds_of_their_own() -> None:
-    setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], {"opponent_max_speed": [3.0]})
-    assert [(entry.controller, entry.max_speed, entry.seed) for entry in setup.entries[1:]] == [
-        ("wall_follow", 3.0, 8), ("wall_follow", 3.0, 9),
-    ]  # fmt: skip
 
 
 def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(

@@ -1,6 +1,5 @@
 """Boxes on the track of a race, at random places that a number repeats; and scenes, on the command line."""
 
-import json
 
 import numpy as np
 import pytest
@@ -23,13 +22,6 @@ def test_the_same_seed_places_the_same_boxes_and_the_result_says_which():
     assert first.trajectory_sha256 == again.trajectory_sha256
     assert (first.obstacles, first.obstacle_seed) == (5, 3)
     assert (first.summary()["obstacles"], first.summary()["obstacle_seed"]) == (5, 3)
-
-
-def test_boxes_that_were_placed_by_hand_have_no_seed():
-    box = fg.Box(x=8.0, y=0.0, length=0.3, width=0.3)
-    by_hand, none = race(obstacles=(box,)), race()
-    assert (by_hand.obstacles, by_hand.obstacle_seed, by_hand.world.obstacles) == (1, None, (box,))
-    assert (none.obstacles, none.obstacle_seed, none.world.obstacles) == (0, None, ())
 
 
 def test_the_start_is_clear_of_them_wherever_it_is():
@@ -56,13 +48,6 @@ def test_what_cannot_be_placed_is_refused(settings):
         race(**settings)
 
 
-def test_a_scene_has_its_own_obstacles():
-    with pytest.raises(
-        fg.SettingsError, match=r"random obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr"
-    ):
-        race("scene:dead_end", obstacles=3)
-
-
 def test_a_race_with_obstacles_is_replayed_bit_for_bit(tmp_path):
     fg.write_run(race(obstacles=5, obstacle_seed=2), tmp_path / "run", picture=False)
     assert fg.replay(tmp_path / "run").identical
@@ -70,15 +55,6 @@ def test_a_race_with_obstacles_is_replayed_bit_for_bit(tmp_path):
 
 
 # On the command line
-
-
-def test_race_takes_obstacles_and_says_so(capsys):
-    arguments = ["race", "--laps", "1", "--time-limit", "0.1", "--obstacles", "4", "--obstacle-seed", "9"]
-    assert main([*arguments, "--json"]) == 1
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["obstacles"], summary["obstacle_seed"]) == (4, 9)
-    assert main(arguments) == 1
-    assert "obstacles         4, seed 9" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -105,18 +81,3 @@ def test_what_a_scene_cannot_is_refused_in_one_line(arguments, text, capsys):
     assert main(["race", *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == "" and text in err and err.count("\n") == 1
-
-
-def test_scenes_are_listed_with_what_they_are(capsys):
-    assert main(["track", "scenes"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split(": ")[0] for line in lines] == [f"scene:{name}" for name in fg.scene_names()]
-    texts = {line.split(": ", 1)[1] for line in lines}
-    assert len(texts) == len(lines) and all("corridor" in text or len(text) > 40 for text in texts)
-
-
-def test_a_scene_is_shown(capsys, tmp_path):
-    picture = tmp_path / "scene.png"
-    assert main(["track", "show", "scene:u_turn_trap:2", "--out", str(picture)]) == 0
-    assert "scene:u_turn_trap:2: " in capsys.readouterr().out
-    assert picture.stat().st_size > 10_000

@@ -12,14 +12,12 @@ import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.pictures.rendering import car_meshes
 from fg_mujoco.pictures.rendering.cameras import CAMERAS, Moment, View
-from fg_mujoco.pictures.rendering.colours import friction_colour
 from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
 from fg_mujoco.pictures.rendering.gg_diagram import accelerations, gg_picture
-from fg_mujoco.pictures.rendering.planner_view import PlannerEye, intermediate_scans
+from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import road, wall_chains
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
-from fg_mujoco.pictures.rendering.telemetry_strip import _Strip, law_limit
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
@@ -69,21 +67,6 @@ def test_car_stays_below_the_beams_but_for_the_lidar_and_within_its_length(scene
         assert low[axis] >= chassis.pos[axis] - chassis.size[axis] - 0.001
         assert high[axis] <= chassis.pos[axis] + chassis.size[axis] + 0.001
     assert len(parts) > 20
-
-
-def test_suspension_and_steering_rods_follow_the_wheels(scenery):
-    def lengths(**joints):
-        data = mujoco.MjData(scenery)
-        for name, value in joints.items():
-            data.qpos[scenery.joint(f"car/{name}").qposadr] = value
-        mujoco.mj_forward(scenery, data)
-        return {scenery.tendon(i).name: data.ten_length[i] for i in range(scenery.ntendon)}
-
-    rest, up = lengths(), lengths(front_left_suspension=0.01)
-    assert rest["look/front_left_damper"] - up["look/front_left_damper"] > 0.004
-    assert up["look/front_right_damper"] == rest["look/front_right_damper"]
-    steered = lengths(front_left_kingpin=0.3)
-    assert abs(steered["look/front_left_tie_rod"] - rest["look/front_left_tie_rod"]) > 1e-4
 
 
 def test_meshes_in_the_repository_are_those_that_the_module_makes(tmp_path):
@@ -164,20 +147,6 @@ def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
         assert (forces.use <= np.array(recorded) + 1e-6).all()  # greatest of the tick, of which this is the first step
 
 
-def test_law_s_limit_is_that_of_the_friction_law(lap):
-    car = lap.world.parameters
-    assert law_limit(0.0, 1.0, car) == math.inf
-    limit = law_limit(-0.2, 0.9, car)
-    assert limit**2 / (car.wheelbase / math.tan(0.2)) == pytest.approx(0.9 * car.gravity)
-
-
-def test_friction_colours_go_from_blue_to_red():
-    low, _, high, beyond, unknown = friction_colour([0.0, 0.6, 1.0, 3.0, np.nan])
-    assert low[2] > 2 * low[0] and high[0] > 2 * high[2]
-    np.testing.assert_array_equal(beyond, high)
-    np.testing.assert_array_equal(unknown, low)
-
-
 PLANNERS_WITH_GAPS = (
     "gap_finder", "scout", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
 )  # fmt: skip
@@ -205,35 +174,6 @@ def test_intermediate_scans_only_shorten_beams_and_the_gap_is_where_the_planner_
             assert "gap" not in made
 
 
-def test_planner_of_ones_own_gives_its_intermediate_scans(lap):
-    class Own:
-        def intermediate_scans(self, scan):
-            return {"gap": 0.5 * scan.ranges}
-
-    scan = PlannerEye(read_drive(lap)).at_tick(0).scan
-    np.testing.assert_array_equal(intermediate_scans(Own(), scan)["gap"], 0.5 * scan.ranges)
-    assert intermediate_scans(object(), scan) == {}
-
-
-def test_scan_that_the_planner_saw_is_measured_again_with_its_noise(lap):
-    effects = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.01, latency=0.03)
-    heard = []
-
-    class Listener:
-        def reset(self):
-            pass
-
-        def __call__(self, scan, odometry):
-            heard.append(scan)
-            return fg.DriveCommand(steering_angle=0.05, speed=0.5)
-
-    race = fg.race("oval", Listener(), laps=1, time_limit=0.3, effects=effects, seed=7)
-    eye = PlannerEye(read_drive(race))
-    assert eye.missing  # a class of this test is no planner by name
-    for tick in (9, 0, 4):
-        np.testing.assert_array_equal(eye.at_tick(tick).scan.ranges, heard[tick].ranges)
-
-
 def test_view_projects_as_a_pinhole_does():
     view = View(
         position=np.array([0.0, 0.0, 1.0]), forward=np.array([1.0, 0.0, 0.0]), up=np.array([0.0, 0.0, 1.0]),
@@ -255,26 +195,6 @@ def test_track_camera_shows_the_whole_course(lap, aspect):
     places, _ = CAMERAS["track"](moment, aspect).project(corners, size)
     assert (places > 0).all() and (places < size).all()
     assert np.ptp(places, axis=0).max() > 0.8 * min(size)  # and fills it
-
-
-def test_chase_camera_is_smooth_and_sees_the_car_in_the_middle(lap):
-    drive = read_drive(lap)
-    ways = []
-    for tick in range(40, 360):
-        position = np.array([*(drive.column(name)[tick] for name in ("x_m", "y_m")), 0.0486])
-        heading = drive.headings[tick]
-        cos, sin = math.cos(heading), math.sin(heading)
-        rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        moment = Moment(
-            time=float(drive.time[tick]), position=position, rotation=rotation, times=drive.time[:-1],
-            headings=drive.headings, bounds=lap.world.track.bounds,
-        )  # fmt: skip
-        view = CAMERAS["chase"](moment, 16 / 9)
-        ways.append(math.atan2(view.forward[1], view.forward[0]))
-        ((column, row),), _ = view.project(position, (160, 90))
-        assert 40 < column < 120 and 30 < row < 80
-    turning = np.abs(np.diff(np.unwrap(ways), n=2)) / 0.025**2
-    assert turning.max() < 40.0  # [rad/s^2]; the car's own heading reaches more
 
 
 def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
@@ -305,50 +225,3 @@ def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
     assert np.hypot(*felt.T).max() < 1.02 * lap.car.mu * lap.world.parameters.gravity
     gg_picture(lap, tmp_path / "gg.png")
     assert (tmp_path / "gg.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_time_outside_of_the_drive_is_refused(short_race):
-    drive = read_drive(short_race)
-    assert drive.tick_at(0.0) == 0 and drive.tick_at(drive.end) == len(drive.ctrl) - 1
-    assert drive.tick_at(0.0749) == 2 and drive.tick_at(0.075) == 3
-    with pytest.raises(fg.SettingsError, match=f"0 to {drive.end:.3f} s"):
-        drive.tick_at(drive.end + 0.1)
-
-
-class Pen:
-    """Writes down what is drawn with it."""
-
-    def __init__(self):
-        self.texts, self.boxes = [], []
-
-    def text(self, at, text, **how):
-        self.texts.append(text)
-
-    def line(self, at, **how):
-        pass
-
-    def rectangle(self, box, fill=None, outline=None, **how):
-        self.boxes.append((box, fill, outline))
-
-
-@pytest.mark.parametrize(("width", "rows"), [(1280, 76), (1920, 113), (640, 38), (320, 30)])
-def test_strip_has_a_bar_for_each_tire_named_where_there_is_room(lap, width, rows):
-    pytest.importorskip("PIL")
-    row = dict.fromkeys(fg.TELEMETRY, 0.0)
-    shares = dict(zip(WHEELS, (0.25, 0.5, 0.75, 1.0), strict=True))
-    row |= {f"friction_use_{wheel}": share for wheel, share in shares.items()}
-    row |= {f"slide_{wheel}_m_s": 0.01 for wheel in WHEELS} | {"slide_rear_right_m_s": 0.62}
-    pen = Pen()
-    _Strip(pen, width, rows).draw(row, 1.0, 8.0, {"laps_requested": 1}, lap.world.parameters)
-    colours = [tuple(int(255 * part) for part in friction_colour(share)) for share in shares.values()]
-    bars = [next(box for box, fill, _ in pen.boxes if fill == colour) for colour in colours]
-    lengths = np.array([right - left for left, _, right, _ in bars])
-    np.testing.assert_allclose(lengths / lengths[3], list(shares.values()))
-    assert bars[0][0] == bars[2][0] < bars[1][0] == bars[3][0] < width  # left and right
-    assert bars[0][1] == bars[1][1] < bars[2][1] == bars[3][1] < rows  # front and rear
-    framed = [box for box, _, outline in pen.boxes if outline is not None]
-    assert framed == [bars[3]]  # the one that slides
-    assert any("slides" in text for text in pen.texts)
-    if width >= 1280:
-        assert {"front left", "front right", "rear left", "rear right"} <= set(pen.texts)
-        assert {"25 %", "50 %", "75 %", "100 %", "framed: slides, 0.62 m/s"} <= set(pen.texts)

@@ -3,7 +3,6 @@
 import json
 import os
 import pty
-import re
 import signal
 import subprocess
 import sys
@@ -13,7 +12,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError, install_command
+from fg_mujoco.errors import EngineError
 from fg_mujoco.rollouts.intervals import wilson
 from refusals import refused
 from rollout_worlds import stand_in
@@ -53,18 +52,6 @@ def refusal(here, capsys, *arguments):
     return refused(here, capsys, "rollout", *arguments)
 
 
-def test_worlds_are_driven_and_told_of_in_a_table_and_a_folder(here):
-    arguments = ["--track", "oval", "--n", "6", "--randomize", "mu=0.6:1.2", "--time-limit", "0.5", "--out", "runs/a"]
-    done = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # nothing but the results in a pipe
-    for text in ("oval, gap_finder", "0.6:1.2", "6: 6 time limit", "world-seconds/s", "written to", "runs/a"):
-        assert text in done.stdout
-    result = fg.read_rollout("runs/a")
-    assert result["sim_time_s"] == pytest.approx(0.5)
-    assert (here / "runs/a/worlds.csv").exists()
-
-
 def test_the_command_is_the_function(no_engine, here, capsys):
     arguments = [
         "--track", "oval", "--track", "tight", "--n", "9", "--seed", "4", "--laps", "2", "--time-limit", "30",
@@ -100,56 +87,13 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["world_seconds_per_second"] > 0
 
 
-def test_the_table_says_of_how_many_worlds_its_figures_are(no_engine, capsys):
-    assert main(["rollout", "--n", "20", "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert main(["rollout", "--n", "20"]) == 0
-    out = capsys.readouterr().out
-    low, high = (f"{100.0 * end:.1f}" for end in summary["finished_interval"])
-    assert f" %; 95 % interval: {low} to {high} %\n" in out
-    assert re.search(rf"first lap +median [0-9.]+ s; 5 to 95 %: .*; {summary['finished_count']} of 20 worlds\n", out)
-    assert re.search(r"greatest sliding .*; 20 of 20 worlds\n", out)
-
-
-def test_the_default_is_a_lap_of_the_oval_in_1024_worlds(no_engine, capsys):
-    assert main(["rollout", "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["n"], summary["laps"], summary["tracks"][0]["name"]) == (1024, 1, "oval")
-
-
-def test_a_finished_folder_is_told_of_again(no_engine, capsys):
-    assert main(["rollout", "--n", "4", "--out", "out"]) == 0
-    first = capsys.readouterr().out
-    assert main(["rollout", "--n", "4", "--out", "out"]) == 0
-    again = capsys.readouterr().out
-    assert "4 worlds of an earlier call" in again
-    laps = [line for line in first.splitlines() if "lap" in line]
-    assert [line for line in again.splitlines() if "lap" in line] == laps
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--n", "0"), "n is 0; accepted: a whole number from 1"),
         (("--n", "many"), "'many'; accepted: a whole number"),
-        (("--laps", "1.5"), "'1.5'; accepted: a whole number"),
-        (("--time-limit", "-1"), "--time-limit is -1.0; accepted: a positive number"),
-        (("--time-limit", "nan"), "--time-limit is nan"),
-        (("--seed", "-1"), "seed is -1"),
-        (("--workers", "0"), "workers is 0"),
-        (("--chunk", "0"), "chunk is 0"),
-        (("--memory-budget", "-1"), "--memory-budget is -1"),
-        (("--memory-budget", "lots"), "'lots'; accepted: a whole number"),
-        (("--executor", "slurm"), "--executor is 'slurm'; accepted: threads, processes, ray"),
-        (("--record", "video", "--out", "run"), "record is 'video'; accepted: summary, telemetry, states"),
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
-        (("--track", "nowhere"), "unknown track 'nowhere'"),
-        (("--controller", "nobody"), "'nobody' is not known; accepted: disparity_extender"),
         (("--randomize", "mu"), "--randomize 'mu'; accepted: NAME=RANGE, as mu=0.6:1.2"),
         (("--randomize", "mu=1", "--randomize", "mu=2"), "accepted: mu once"),
-        (("--randomize", "mu="), "randomize mu: ''"),
-        (("--randomize", "mu=1:2:3"), "randomize mu: '1:2:3'"),
-        (("--randomize", "grip=1:2"), "no parameter; accepted: mu, mass"),
         (("--randomize", "planner.gain=1:2"), "gain"),
         (("--randomize", "obstacles=500"), "accepted: at most"),
         (("--tracks", "oval"), "did you mean '--track'"),
@@ -159,17 +103,6 @@ def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, 
     line = refusal(here, capsys, *arguments)
     assert said in line
     assert "accepted" in line or "--help" in line
-
-
-def test_a_folder_of_another_rollout_is_refused(no_engine, here, capsys):
-    main(["rollout", "--n", "4", "--out", "out"])
-    capsys.readouterr()
-    assert "n is 4 there and 5 here" in refusal(here, capsys, "--n", "5", "--out", "out")
-
-
-def test_without_ray_the_command_that_installs_it_is_said(no_engine, here, capsys, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert install_command("cluster") in refusal(here, capsys, "--executor", "ray")
 
 
 def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):

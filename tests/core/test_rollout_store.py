@@ -104,12 +104,6 @@ def test_a_folder_reads_back_bit_for_bit(engine, tmp_path, record):
             assert len(read.states(world)) == len(read.ctrl(world)) + 1
 
 
-def test_worlds_that_end_at_once_have_telemetry_of_no_rows(engine, tmp_path):
-    result = fg.rollout("oval", seeds=[10, 20], record="states", out=tmp_path / "out")
-    assert result.telemetry(1).shape == (0, len(fg.TELEMETRY))
-    assert len(fg.read_rollout(tmp_path / "out").states(0)) == 1
-
-
 # -- budget
 
 
@@ -124,10 +118,6 @@ def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that
     assert all(same(kept.telemetry(world), spilled.telemetry(world)) for world in range(21))
     del spilled
     assert not folder.exists()
-
-
-def test_a_summary_never_needs_a_folder(engine):
-    assert isinstance(drive(executor=fg.Executor(chunk=4, memory_budget=0)).chunks, MemoryStore)
 
 
 def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
@@ -170,27 +160,6 @@ def test_an_interrupted_rollout_is_gone_on_with_where_it_was(engine, tmp_path, c
         assert all(same(result.states(world), whole.states(world)) for world in range(21))
 
 
-def test_a_finished_folder_is_read_and_left_as_it_is(engine, tmp_path):
-    first = drive(out=tmp_path / "out")
-    before = contents(tmp_path / "out")
-    count = engine()
-    again = drive(out=tmp_path / "out")
-    assert count.driven == 0
-    assert again.worlds_driven == 0
-    assert same(again.worlds, first.worlds)
-    assert contents(tmp_path / "out") == before
-
-
-def test_a_folder_keeps_its_chunks_whatever_is_asked_for_later(engine, tmp_path):
-    engine(2)
-    with pytest.raises(KeyboardInterrupt):
-        drive(out=tmp_path / "out")
-    engine()
-    result = drive(out=tmp_path / "out", executor=fg.Executor(chunk=7, memory_budget=5), workers=3)
-    assert same(result.worlds, drive().worlds)
-    assert len(list((tmp_path / "out/chunks").glob("*.npz"))) == 6
-
-
 def test_a_write_that_is_cut_off_leaves_no_chunk(engine, tmp_path, monkeypatch):
     def full(file, **arrays):
         file.write(b"half")
@@ -230,14 +199,6 @@ def test_another_rollout_is_refused_and_nothing_is_changed(engine, tmp_path, cha
     before = contents(tmp_path / "out")
     refusal(named, "accepted: the same settings", out=tmp_path / "out", **changed)
     assert contents(tmp_path / "out") == before
-
-
-def test_another_version_is_refused(engine, tmp_path, monkeypatch):
-    drive(out=tmp_path / "out")
-    manifest = json.loads((tmp_path / "out/manifest.json").read_text())
-    manifest["versions"]["mujoco_version"] = "3.0.0"
-    (tmp_path / "out/manifest.json").write_text(json.dumps(manifest))
-    refusal('mujoco_version is "3.0.0" there', out=tmp_path / "out")
 
 
 def test_a_controller_file_that_was_changed_is_another_rollout(engine, tmp_path):
@@ -314,17 +275,6 @@ def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollou
     assert contents(out) == before
 
 
-@pytest.mark.parametrize("number", range(6))
-def test_a_missing_chunk_is_named_and_driven_again(engine, tmp_path, number):
-    drive(out=tmp_path / "out")
-    before = contents(tmp_path / "out")
-    (tmp_path / f"out/chunks/{number:06}.npz").unlink()
-    with pytest.raises(RunFolderError, match=rf"{number:06}.npz: No such file"):
-        fg.read_rollout(tmp_path / "out")
-    drive(out=tmp_path / "out")
-    assert contents(tmp_path / "out") == before
-
-
 @pytest.mark.parametrize("name", ["worlds.csv", "summary.json"])
 def test_an_edited_table_is_named_and_written_again(engine, tmp_path, name):
     drive(out=tmp_path / "out")
@@ -339,14 +289,6 @@ def test_an_edited_table_is_named_and_written_again(engine, tmp_path, name):
     assert (tmp_path / "out/worlds.csv").read_bytes() == worlds
     assert "touch" not in path.read_text()
     assert fg.read_rollout(tmp_path / "out").summary()["end_reasons"]["crash"] > 0
-
-
-def test_settings_that_were_edited_in_a_manifest_are_refused(engine, tmp_path):
-    drive(out=tmp_path / "out")
-    path = tmp_path / "out/manifest.json"
-    path.write_text(path.read_text().replace('"seed": 5', '"seed": 6'))
-    with pytest.raises(RunFolderError, match=r"manifest.json: .*sha256"):
-        fg.read_rollout(tmp_path / "out")
 
 
 @pytest.mark.parametrize("left", ["nothing", "manifest", "chunks"])

@@ -7,11 +7,9 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.racing.replay import replay
-from fg_mujoco.racing.rollover import Rollover
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.motion import ROLLED_OVER, uprightness
 
@@ -115,21 +113,6 @@ def rolled():
     return fg.race("oval", Swerve(), tires="coulomb", start=Start(speed=7.0, offset=-0.5), planner_mu=math.inf, **TALL)
 
 
-def test_a_result_says_where_it_rolled_over(rolled):
-    place = rolled.car.rollover
-    assert (place.x_m, place.y_m) == (rolled.car.column("x_m")[-1], rolled.car.column("y_m")[-1])
-    assert place.time_s == pytest.approx(rolled.sim_time_s - 0.025) and place.lap == 1 and 3.0 < place.speed_m_s < 7.5
-    for text in (repr(rolled), rolled._repr_html_()):
-        assert f"rolled over {place}" in text
-    assert str(place).startswith(f"at ({place.x_m:.2f}, {place.y_m:.2f}) m, in lap 1, t = {place.time_s:.2f} s")
-
-
-def test_a_rollover_is_that_of_a_race_that_ended_so():
-    rows = np.zeros((2, len(TELEMETRY)))
-    assert Rollover.of("crash", rows) is None and Rollover.of("rolled_over", rows[:0]) is None
-    assert Rollover.of("rolled_over", rows) == Rollover(time_s=0.0, x_m=0.0, y_m=0.0, speed_m_s=0.0, lap=0)
-
-
 @pytest.mark.slow
 def test_its_run_is_proved_by_its_replay_and_reported(rolled, tmp_path):
     folder = fg.write_run(rolled, tmp_path / "run", picture=False)
@@ -154,28 +137,3 @@ def test_an_episode_ends_terminated_and_costs_as_a_crash():
         _, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
         assert terminated and not truncated and info["end_reason"] == "rolled_over"
         assert reward == pytest.approx(-Rewards().collision, abs=0.2)
-
-
-def test_the_live_view_stops_and_says_so():
-    from fg_mujoco.addons.look.live.live_session import LiveSession
-
-    session = LiveSession(fg.Setup.of("oval"))
-    session.tick()
-    first = session.world.car.constants[0]["free_qpos"]
-    session.simulation.data.qpos[first + 2 : first + 7] = 0.2, 0.0, 1.0, 0.0, 0.0
-    assert session.tick() and session.simulation.rolled_over and not session.simulation.crashed
-    at = session.simulation.time
-    assert not session.tick() and session.simulation.time == at
-    assert session.message == "rolled over: reset to go on"
-    session.reset()
-    assert session.tick() and not session.simulation.rolled_over
-
-
-def test_a_script_of_f1tenth_gym_is_told_of_a_collision():
-    from fg_mujoco.addons.gym2d.gym_world import Driving
-
-    driving = Driving(fg.World("oval").track, [WorldCar()], timestep=0.01)
-    driving.place([(0.0, 0.0, 0.0)])
-    assert not driving.drive([(0.0, 0.0)]).any()
-    tilt(driving.engine, 120.0)
-    assert driving.drive([(0.0, 0.0)]).all() and not driving.engine.crashed.any()

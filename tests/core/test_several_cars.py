@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, SettingsError, World, race
+from fg_mujoco import Entry, World, race
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.racing.entries import check_starts, grid_starts
+from fg_mujoco.racing.entries import grid_starts
 from fg_mujoco.simulation.cars import WorldCar, car_prefix
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
@@ -169,17 +169,3 @@ def test_the_grids_are_those_of_the_rules() -> None:
     assert [start.s for start in behind] == pytest.approx([0.0, 1.6, 0.8])
     open_course = load_track("scene:dead_end:1")
     assert min(start.s for start in grid_starts(open_course, [car] * 3)) == 0.0
-
-
-@pytest.mark.parametrize(
-    ("starts", "message"),
-    [
-        ((Start(), Start(s=0.3)), "'a' and 'b' start in one place|'b' and 'a' start in one place"),
-        ((Start(), Start(s=0.8, offset=5.0)), "'b' does not fit on 'oval' at s = 0.8 m, 5 m to the left"),
-    ],
-)
-def test_starts_in_one_place_or_in_a_wall_are_refused(starts: tuple[Start, Start], message: str) -> None:
-    course, car = load_track("oval"), World("oval").car.parameters
-    with pytest.raises(SettingsError, match=message):
-        check_starts(course, starts, [car, car], ["a", "b"])
-    check_starts(course, (Start(), Start(s=0.8)), [car, car], ["a", "b"])

@@ -2,19 +2,16 @@
 
 import json
 import math
-import socket
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
-from fg_mujoco.lab.lab_laps import drive_laps
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.settings import DriveSettings
 from fg_mujoco.simulation.telemetry import COMMAND
@@ -91,27 +88,6 @@ def test_an_opponent_in_a_car_like_the_learning_one_is_told_what_that_is_set_to(
     assert worlds.engine.commands[1:, 1].tolist() == [0.6, 0.8]
 
 
-def test_a_comparison_and_a_duel_tell_what_is_set(here):
-    grid = {"track": ["oval"], "seed": [0], "laps": 1, "time_limit": 1.0, "workers": 1, "pictures": False, "mu": 0.6}
-    for planner_mu, expected in ((None, 0.6), (0.9, 0.9)):
-        result = fg.compare([TOLD], out=f"out{planner_mu}", planner_mu=planner_mu, **grid)
-        race = fg.race("oval", TOLD, laps=1, time_limit=1.0, mu=0.6, planner_mu=expected)
-        assert result.rows[0].figures.trajectory_sha256 == race.trajectory_sha256
-        assert DuelSettings(base=Setup.of(mu=0.6, planner_mu=planner_mu)).base.first.assumed_mu == expected
-
-
-def test_a_file_of_settings_tells_what_it_sets(here, capsys):
-    (here / "race.toml").write_text(f'mu = 0.6\ncontroller = "{TOLD}"\ntime-limit = 0.02\njson = true\n')
-    main(["race", "--config", "race.toml"])
-    assert json.loads(capsys.readouterr().out)["planner_mu"] == 0.6
-
-
-def test_the_friction_lab_tells_the_mu_of_its_world_and_its_own_where_it_says_so():
-    for world, planner_mu, expected in ((fg.World("oval", mu=0.6), None, 0.6), (fg.World("oval", mu=0.6), 0.9, 0.9)):
-        race = fg.race("oval", laps=1, mu=0.6, planner_mu=expected)
-        assert drive_laps(world, laps=1, planner_mu=planner_mu).trajectory_sha256 == race.trajectory_sha256
-
-
 def test_what_is_drawn_is_not_told():
     result = fg.rollout("oval", TOLD, n=4, time_limit=0.02, record="telemetry", randomize={"mu": (0.5, 0.7)})
     assert (result["mu"] < 0.7).all()
@@ -120,41 +96,12 @@ def test_what_is_drawn_is_not_told():
     assert told(alone.car.telemetry) == OWN and alone.car.mu == pytest.approx(result["mu"][0], rel=1e-5)
 
 
-def test_what_is_drawn_for_the_planner_stays_what_it_assumes():
-    randomize = {"mu": (0.5, 0.7), "planner_mu": [0.8]}
-    result = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", randomize=randomize)
-    assert told(result.telemetry(0)) == 0.8
-    given = fg.rollout("oval", TOLD, n=1, time_limit=0.02, record="telemetry", mu=0.6, randomize={"planner_mu": [0.8]})
-    assert told(given.telemetry(0)) == 0.8
-
-
 def test_a_live_view_whose_tires_change_tells_the_planner_until_it_was_given_another():
     session = LiveSession(Setup.of(controller=TOLD))
     for name, value, expected in (("mu", 0.5, 0.5), ("planner_mu", 0.7, 0.7), ("mu", 0.4, 0.7)):
         session.change(name, value)
         session.tick()
         assert session.simulation.engine.commands[0, 1] == expected and session.message == ""
-
-
-def test_the_view_in_a_browser_shows_both_and_its_slider_follows_while_it_is_untouched():
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    from fg_mujoco.addons.look.live.browser import LiveView
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    session = LiveSession(Setup.of(mu=0.6))
-    with LiveView(session, port=port) as view:
-        for name, value, text, slider in (
-            ("max_speed", 5.0, "mu 0.6; the planner assumes 0.6", 0.6),
-            ("mu", 0.4, "mu 0.4; the planner assumes 0.4", 0.4),
-            ("planner_mu", 0.9, "mu 0.4; the planner assumes 0.9", 0.4),  # not by the slider
-        ):
-            session.change(name, value)
-            session.tick()
-            view._show_texts()
-            assert text in view._status.content and view._planner_mu.value == slider
-    assert session.settings.planner_mu == 0.9  # what the slider shows is no wish
 
 
 # -- what is written
@@ -189,13 +136,3 @@ def test_table_and_report_show_both(told_mu, text, here, capsys):
     page = (here / "run" / "report.html").read_text()
     assert "<b>0.6</b><span>μ of the tires</span>" in page
     assert f"<b>{text}</b><span>μ that the planner assumes</span>" in page
-
-
-def test_tables_of_studies_show_both(here, capsys):
-    main(["rollout", "--n", "1", "--time-limit", "0.1", "--mu", "0.6", "--planner-mu", "0.8"])
-    assert "  friction          mu 0.6; the planner assumes 0.8\n" in capsys.readouterr().out
-    main(["rollout", "--n", "1", "--time-limit", "0.1", "--randomize", "mu=0.5:0.6"])
-    assert f"  friction          mu as drawn; the planner assumes {OWN:.4g}\n" in capsys.readouterr().out
-    grid = ["--track", "oval", "--laps", "1", "--time-limit", "0.1", "--workers", "1", "--out", "out", "--seed", "0"]
-    main(["compare", "--controller", "gap_finder", *grid, "--mu", "0.6"])
-    assert "mu 0.6; the planner assumes 0.6" in capsys.readouterr().out

@@ -14,7 +14,6 @@ from fg_mujoco.rollouts.drive_worlds import make_engine
 from fg_mujoco.simulation.clock import HAS_CLOCK
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
-from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.world import World
 
@@ -72,23 +71,6 @@ def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
     alone = driven(controller, at_once, SCENARIOS[1:2])
     assert alone["ranges"][0].tobytes() == expected["ranges"][1].tobytes()
     assert alone["state 0"].tobytes() == expected["state 1"].tobytes()
-
-
-def test_verbs_and_ticks_of_one_call_follow_each_other():
-    def by_turns(engine, clock, history):
-        (verbs if history.ticks % 3 else at_once)(engine, clock, history)
-
-    assert_same_bits(driven("gap_finder", by_turns), driven("gap_finder", verbs))
-
-
-def test_a_history_of_ticks_of_one_call_grows():
-    engine = engine_of("pure_pursuit")
-    history = History(engine, capacity=5)
-    for _ in range(TICKS):
-        engine.tick(history=history)
-    assert history.ticks == TICKS
-    expected = driven("pure_pursuit", verbs)
-    assert_same_bits(expected | history.arrays(), expected)
 
 
 @pytest.mark.parametrize("attribute", ["before_substep", "after_substep"])
@@ -172,15 +154,6 @@ def test_a_command_that_is_no_number_ends_the_race_of_its_car_alone(raises):
         known = engine.running.tolist(), engine.monitor.reasons.tolist(), engine.times.tolist()
         found.append((said, failures, history.ticks, len(clock.seconds), *known))
     assert found[0] == found[1] and found[0][2:4] == ((4, 5) if raises else (7, 7))
-
-
-def test_a_decision_over_its_limit_leaves_the_cars_as_they_are():
-    engine, clock = engine_of("gap_finder"), DecisionClock(1e-9)
-    history, state = History(engine), engine.state(0).copy()
-    with pytest.raises(DecisionLimitReached):
-        engine.tick(clock=clock, history=history)
-    assert history.ticks == 0 and len(clock.seconds) == 1 and clock.seconds[0] > 0.0
-    assert engine.state(0).tobytes() == state.tobytes()
 
 
 @kernel

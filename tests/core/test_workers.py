@@ -7,9 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import pytest
-
-import fg_mujoco as fg
 from fg_mujoco.rollouts.workers import work_off
 
 
@@ -43,15 +40,6 @@ def test_an_item_whose_worker_dies_is_answered_and_the_others_are_done():
         }[item[0]]
         for item in items
     }
-
-
-@pytest.mark.parametrize(
-    ("how", "said"),
-    [("fails", r"\('fails', 2\): ValueError: no 2 \(test_workers.py, line \d+\)"), ("dies", "ended by SIGKILL")],
-)
-def test_without_an_answer_an_item_that_fails_is_an_error_that_names_it(how, said):
-    with pytest.raises(fg.EngineError, match=said):
-        answers(("returns", 1), (how, 2), ("returns", 3))
 
 
 def test_workers_end_with_the_process_that_started_them(tmp_path):

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
@@ -94,14 +92,6 @@ def test_manoeuvres_of_less_than_five_metres_never_end_a_race(backs):
     assert reason(judged(WORLDS["oval"], np.concatenate(places))) == ""
 
 
-def test_short_moves_forward_on_the_way_back_do_not_count_anew():
-    places = np.concatenate((np.arange(0.0, 6.1, 0.2), np.arange(6.0, 2.0, -0.2), np.arange(2.0, 4.1, 0.2)))
-    places = np.concatenate((places, np.arange(4.0, 0.75, -0.2)))
-    engine = judged(WORLDS["oval"], places)
-    assert reason(engine) == "wrong_way"
-    assert WrongWay.of(engine.monitor.timers[0], 100.0, 1, 1.0).s_m == pytest.approx(6.0, abs=0.01)
-
-
 def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
     world = WORLDS["oval"]
     length, start = world.track.length, 7.0
@@ -179,26 +169,6 @@ def test_a_car_that_turns_round_is_told_of():
     assert progress[-1] > turn.s_m - WRONG_WAY_LIMIT >= progress[-1] - 1.5 * TICK - 0.01
 
 
-def test_a_car_that_starts_facing_backwards_turned_at_its_start():
-    result = fg.race("oval", laps=1, start=fg.Start(s=3.0, heading=math.pi))
-    assert result.car.end_reason == "wrong_way"
-    assert result.car.wrong_way.time_s < 0.1 and result.car.wrong_way.s_m == pytest.approx(0.0, abs=0.01)
-    assert (result.car.wrong_way.x_m, result.car.wrong_way.y_m) == pytest.approx(
-        result.world.track.start_pose(3.0)[:2], abs=0.01
-    )
-
-
-def test_a_race_that_reverses_two_metres_goes_on():
-    def law(odometry):
-        return 0.0, -1.0 if 1.5 <= odometry.stamp < 3.5 else 1.0
-
-    result = fg.race("oval", Driver(law), laps=1, time_limit=5.0)
-    fallen = np.maximum.accumulate(result.car.column("progress_m")) - result.car.column("progress_m")
-    assert 1.5 < fallen.max() < 2.5
-    assert (result.car.end_reason, result.car.wrong_way) == ("time_limit", None)
-    assert result.summary()["wrong_way"] is None
-
-
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -235,14 +205,6 @@ def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, mo
     assert main(["replay", "runs/back"]) == 0
 
 
-def test_a_rollout_ends_for_the_same_reason(here):
-    raced = fg.race("oval", "turner.py:Reverser", laps=1)
-    both = (Scenario(track="oval"), Scenario(track="oval", start=fg.Start(s=1.0)))
-    results = drive_worlds(both, "turner.py:Reverser", laps=1)
-    assert results.rows["end_reason"].tolist() == ["wrong_way"] * 2
-    assert results.rows["sim_time_s"][0] == raced.sim_time_s
-
-
 def test_an_environment_is_truncated(here):
     pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
     from fg_mujoco.envs.gym_environment import F1TenthEnv
@@ -255,15 +217,3 @@ def test_an_environment_is_truncated(here):
         ended = terminated or truncated
     assert (terminated, truncated, info["end_reason"]) == (False, True, "wrong_way")
     assert info["progress_m"] == pytest.approx(-5.0, abs=0.1)
-
-
-def test_a_report_of_a_run_from_before_says_nothing(lap, tmp_path):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    from fg_mujoco.addons.look.report.recorded import read_recorded
-
-    folder = fg.write_run(lap, tmp_path / "run", picture=False)
-    path = folder / "summary.json"
-    summary = json.loads(path.read_text())
-    assert summary.pop("wrong_way", "missing") is None
-    path.write_text(json.dumps(summary))
-    assert read_recorded(folder).wrong_way is None

@@ -1,9 +1,7 @@
 """The command `compare`: what it prints, writes and answers."""
 
 import importlib.util
-import json
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -14,10 +12,8 @@ import pytest
 import fg_mujoco as fg
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.scenes.catalogue import scene_names
 from fg_mujoco.errors import install_command
 from refusals import refused
-from terminals import read_to_the_end
 
 SHORT = ["--track", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 
@@ -55,30 +51,6 @@ def test_the_command_is_the_function(here, capsys):
     assert "\x1b" not in err  # what planners print is there, and no progress
 
 
-def test_json_is_one_object_and_finished_runs_are_not_driven_again(capsys):
-    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT, "--json"]) == 0
-    first = json.loads(capsys.readouterr().out)
-    assert (first["runs"], first["runs_driven"]) == (1, 1)
-    assert first["table"][0]["controller"] == "planners.py:Gentle"
-    assert main(["compare", "--controller", "planners.py:Gentle", *SHORT]) == 0
-    assert "1 runs, 1 of them by an earlier call; written to out" in capsys.readouterr().out
-
-
-def test_by_default_all_controllers_meet_all_scenes(monkeypatch, capsys):
-    asked = []
-
-    def stand_in(*arguments, **options):
-        asked.append((arguments, options))
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("fg_mujoco.addons.arena.commands_compare.compare", stand_in)
-    assert main(["compare", "--out", "out"]) == 130
-    assert main(["compare", "--out", "out", "--track", "oval"]) == 130
-    assert [arguments for arguments, _ in asked] == [(fg.controller_names(),)] * 2
-    assert [list(options["track"]) for _, options in asked] == [[f"scene:{name}" for name in scene_names()], ["oval"]]
-    assert list(asked[0][1]["seed"]) == list(range(10))
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -98,13 +70,6 @@ def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, 
     assert said in refusal(here, capsys, *arguments)
 
 
-def test_a_folder_of_another_comparison_is_refused(here, capsys):
-    arguments = ["--controller", "planners.py:Gentle", *SHORT]
-    assert main(["compare", *arguments]) == 0
-    capsys.readouterr()
-    assert "laps is 1 there and 2 here" in refusal(here, capsys, *arguments, "--laps", "2")
-
-
 def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
@@ -112,14 +77,6 @@ def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_sa
     assert install_command("plot") in capsys.readouterr().err
     assert (here / "out/table.md").exists()
     assert not (here / "out/table.png").exists()
-
-
-def test_a_worker_that_dies_exits_1(capsys):
-    arguments = ["--controller", "planners.py:Deadly", *SHORT, "--max-speed", "4,6", "--workers", "2"]
-    assert main(["compare", *arguments]) == 1
-    out, err = capsys.readouterr()
-    assert out.count("1 worker died") == 2
-    assert "fg-mujoco: warning: planners.py:Deadly on oval: the worker ended by SIGKILL" in err.splitlines()
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
@@ -139,16 +96,3 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     found = len((here / "out/runs.jsonl").read_text().splitlines())
     assert 0 <= found < 20  # the line may just be on its way
     assert main(["compare", *arguments, "--json", "--seed", f"0:{found + 1}"]) == 0
-
-
-def test_progress_is_shown_on_a_terminal(here):
-    ours, theirs = pty.openpty()
-    arguments = ["--controller", "planners.py:Slow", *SHORT, "--max-speed", "4,5,6"]
-    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
-    os.close(theirs)
-    shown = read_to_the_end(ours)
-    out = process.communicate(timeout=100)[0]
-    assert process.returncode == 0
-    assert out.startswith("| controller ")
-    assert b"/3 runs" in shown
-    assert b" to go" in shown

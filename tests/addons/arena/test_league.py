@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from comparison_worlds import files
-from fg_mujoco.addons.arena.league.heat import CarFigures, HeatFigures, HeatKey, HeatRow, beaten
+from fg_mujoco.addons.arena.league.heat import CarFigures, HeatFigures, HeatKey, HeatRow
 from fg_mujoco.addons.arena.league.league import PAGE, league, plan_heats
 from fg_mujoco.addons.arena.league.league_tables import make_standings
 from fg_mujoco.addons.arena.league.ratings import MEAN, POINTS, ratings
-from fg_mujoco.addons.arena.turn import Turn, read_turn, stuck
+from fg_mujoco.addons.arena.turn import read_turn
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, RunFolderError, SettingsError
+from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
 from refusals import refused
 
@@ -121,11 +121,6 @@ def car(planner, place, position, **given):
     return replace(plain, **given)
 
 
-def test_who_does_not_finish_beats_nobody():
-    cars = [car("a", 1, None), car("b", 2, 1), car("c", 3, 2), car("d", 4, None)]
-    assert beaten(cars) == [("b", "a"), ("b", "c"), ("b", "d"), ("c", "a"), ("c", "d")]
-
-
 def test_the_standings_are_by_points_and_then_by_wins():
     figures = HeatFigures(
         winner=None, message=None, sim_time_s=1.0, overtakes=0, contacts=0, warnings=0, trajectory_sha256=None
@@ -222,12 +217,6 @@ def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(h
     shutil.rmtree(here / "one")
 
 
-def test_entries_of_a_file_have_their_own_cars(here):
-    assert main(["league", "--config", "cars.toml", "--track", "oval", "--workers", "1", "--out", "out"]) == 0
-    setups = [Setup.read(path) for path in sorted((here / "out/heats").iterdir())]
-    assert {(entry.name, entry.car.name) for entry in setups[0].entries} == {("slow", "nuc2"), ("other", "f1tenth")}
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -250,36 +239,6 @@ def test_entries_of_a_file_have_their_own_cars(here):
 def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here, capsys, arguments, said):
     line = refused(here, capsys, "league", *arguments, "--out", "out")
     assert said in line and not (here / "out").exists()
-
-
-def test_files_of_one_name_are_told_apart_by_their_paths(here):
-    for name in ("alice", "bob"):
-        (here / name).mkdir()
-        (here / name / "planner.py").write_text(PLANNERS)
-    planners = ["alice/planner.py:Stands", "bob/planner.py:Stands", "mine.py:Stands"]
-    found = league(planners, out="out", **SHORT | {"time_limit": 0.1})
-    assert {each.planner for each in found.cells} == set(planners)
-
-
-def test_planners_that_are_objects_are_refused():
-    with pytest.raises(SettingsError, match="a planner of the league is"):
-        league([lambda scan, odometry: None, "gap_finder"], out="out")
-    with pytest.raises(ControllerError, match="is an object"):
-        league([fg.Entry(controller=lambda scan, odometry: None), "gap_finder"], out="out")
-
-
-def test_a_process_that_ended_tells_whose_turn_it_was(tmp_path):
-    path = str(tmp_path / "turn")
-    turn = Turn(path, 1.0)
-    assert read_turn(path) is None  # nobody's yet
-    turn = Turn(path, 1.0)
-    turn(1)
-    assert read_turn(path) == 1 and not (tmp_path / "turn").exists()
-    with Turn(path, 1.0):
-        pass
-    assert read_turn(path) is None
-    assert stuck("the worker ended by SIGVTALRM", 0.5) == "no command within 0.5 s, and nothing interrupted it"
-    assert stuck("the worker ended by SIGKILL", 0.5) is None
 
 
 LOOP = """

@@ -1,6 +1,5 @@
 """The overtaking benchmark: what counts, who is to blame, who is ahead, and a folder that is gone on with."""
 
-import json
 import math
 from dataclasses import fields, replace
 
@@ -20,16 +19,14 @@ from fg_mujoco.addons.arena.overtaking.duel import (
     pace,
 )
 from fg_mujoco.addons.arena.overtaking.overtaking import overtake
-from fg_mujoco.addons.arena.overtaking.overtaking_tables import DIFFERENCES, make_cells
-from fg_mujoco.addons.arena.overtaking.slower_opponents import OPPONENTS, Pace, least_curvature, make_opponent
-from fg_mujoco.cli.main import main
-from fg_mujoco.errors import RunFolderError, SettingsError, TrackError
+from fg_mujoco.addons.arena.overtaking.overtaking_tables import DIFFERENCES
+from fg_mujoco.addons.arena.overtaking.slower_opponents import OPPONENTS, least_curvature, make_opponent
+from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.rollouts.intervals import wilson
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Start
-from refusals import refused
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 
@@ -78,12 +75,6 @@ def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_pa
     assert laps[0] == pytest.approx(laps[1] / 0.5, rel=tolerance)
 
 
-def test_a_pace_goes_round():
-    own = Pace(np.array([1.0, 9.0]), np.array([2.0, 4.0]), 10.0)
-    assert own.at(10.0) == pytest.approx(3.0)
-    assert own.at(21.0) == pytest.approx(2.0)
-
-
 def test_all_planners_meet_the_same_opponents():
     settings = DuelSettings()
     draws = [
@@ -130,50 +121,6 @@ def test_a_study_goes_on_where_it_stopped(tmp_path):
         overtake(["overtaker"], seed=[0], out=tmp_path / "a", laps=1, **SHORT)
 
 
-def test_a_damaged_line_is_driven_again(tmp_path):
-    first = overtake(["gap_finder"], seed=[0], out=tmp_path, **SHORT)
-    path = tmp_path / "duels.jsonl"
-    path.write_text(path.read_text().replace('"planner": "gap_finder"', '"planner": "another"'))
-    with pytest.warns(UserWarning, match="is damaged"):
-        again = overtake(["gap_finder"], seed=[0], out=tmp_path, **SHORT)
-    assert again.runs_driven == 1
-    same = [
-        {name: value for name, value in row.as_dict().items() if not name.startswith("decision")}
-        for row in (first.rows[0], again.rows[0])
-    ]
-    assert same[0] == same[1]
-
-
-def test_a_planner_that_cannot_drive_is_a_row(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(
-        "from fg_mujoco.messages import DriveCommand\n"
-        "class Stands:\n"
-        "    def reset(self): pass\n"
-        "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=0.0)\n"
-    )
-    study = overtake(["mine.py:Stands"], seed=[0], out=tmp_path / "out", **SHORT)
-    assert study.rows[0].figures.outcome == "failed"
-    assert "does not drive two laps" in study.rows[0].figures.message
-    assert math.isclose(make_cells(study.rows)[0].share, 0.0)
-
-
-def test_the_command_is_the_function(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    arguments = ["--track", "oval", "--opponents", "centreline", "--seed", "0:1", "--speed-ratio", ".4:.5"]
-    arguments += ["--knows", "opponents"]
-    assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out", "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert (summary["duels"], summary["table"][0]["planner"]) == (1, "gap_finder")
-    assert (tmp_path / "out" / "table.png").is_file()
-    assert json.loads((tmp_path / "out" / "manifest.json").read_text("utf-8"))["settings"]["knows"] == "opponents"
-    assert main(["overtake", *arguments, "--controller", "gap_finder", "--workers", "1", "--out", "out"]) == 0
-    out = capsys.readouterr().out
-    assert "1 duels, 1 of them by an earlier call; written to out" in out and "Wilson's at 95 %" in out
-    assert (tmp_path / "out" / "differences.csv").read_text("utf-8").count("\n") == 1  # of one planner none
-    assert "| median time lost [s] | quartiles [s] | of overtakes | median decision [us] |" in " ".join(out.split())
-
-
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is():
     settings = DuelSettings(base=fg.Setup(entries=[fg.Entry(knows="opponents")]))
     planner, told = ControllerChoice.of("gap_finder"), []
@@ -187,36 +134,6 @@ def test_a_planner_that_knows_its_opponent_is_told_where_it_is():
         drive_duel(Duel(DuelKey("gap_finder", None, "oval", "raceline", 1), planner, settings), watch)
     for reading, pose, of_opponent in told[1:]:
         assert reading.values[:3].tolist() == pose and not of_opponent
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["--speed-ratio", ".9:.3"], "--speed-ratio is 0.9:0.3; accepted: FIRST:LAST, above 0 and at most 1"),
-        (["--opponents", "ghost"], "opponent 'ghost'; accepted: centreline, raceline, reactive, blocking"),
-        (["--track", "scene:dead_end:0"], "is no circuit; accepted: a closed track"),
-        (["--controller", "overtakes"], "overtaker"),
-        (["--seed", "1,1"], "seed 1 is given twice"),
-    ],
-)
-def test_what_cannot_be_driven_is_refused_in_a_line(tmp_path, monkeypatch, capsys, arguments, said):
-    monkeypatch.chdir(tmp_path)
-    assert said in refused(tmp_path, capsys, "overtake", *arguments, "--out", "out")
-
-
-def test_times_lost_are_of_the_overtakes_alone_and_it_is_said_of_how_many():
-    nothing = dict.fromkeys(field.name for field in fields(DuelFigures))
-    lost = [("overtaken", 1.0), ("overtaken", 2.0), ("overtaken", 6.0), ("overtaken", math.nan), ("behind", 40.0)]
-    rows = [
-        DuelRow(
-            DuelKey("a", None, "oval", "centreline", seed),
-            DuelFigures(**nothing | {"outcome": how, "time_lost_s": seconds}),
-        )
-        for seed, (how, seconds) in enumerate(lost)
-    ]
-    cell = make_cells(rows)[-1]
-    assert (cell.overtaken, cell.time_lost_count) == (4, 3)
-    assert (cell.time_lost_s, cell.time_lost_q25_s, cell.time_lost_q75_s) == (2.0, 1.5, 4.0)
 
 
 def test_differences_are_within_pairs_of_duels():
@@ -242,10 +159,3 @@ def test_differences_are_within_pairs_of_duels():
     line = " ".join(DIFFERENCES.table(found).markdown().splitlines()[2].split())
     assert line == f"| b | a | 6 | +0 | {low} to {high} | 6 | +0.25 | +0.25 to +0.25 |"
     assert DIFFERENCES.table(()) is None
-
-
-def test_errors_are_of_the_one_tree():
-    with pytest.raises(SettingsError):
-        DuelSettings(slowest=0.0)
-    with pytest.raises(TrackError):
-        overtake(track=["scene:dead_end:0"], out="nowhere", pictures=False)

@@ -8,9 +8,8 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.overtaking.duel import DuelSettings
 from fg_mujoco.addons.arena.overtaking.scenario import LANES, Scaled, Scenario, ScenarioKey, lane_line, start_on
-from fg_mujoco.addons.arena.overtaking.scenario_suite import Suite, drive_suite, plan_suite
+from fg_mujoco.addons.arena.overtaking.scenario_suite import Suite, plan_suite
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.planners import ControllerChoice
 
@@ -141,8 +140,3 @@ def test_a_file_that_is_no_suite_is_refused_in_one_line(tmp_path, capsys, text, 
     printed = capsys.readouterr().err
     assert printed.count("\n") == 1 and said in printed
     assert not (tmp_path / "out").exists()
-
-
-def test_every_below_one_is_refused():
-    with pytest.raises(SettingsError, match="every is 0; accepted: a whole number from 1"):
-        drive_suite(EXAMPLES / "overtaking.toml", every=0, out="nowhere")

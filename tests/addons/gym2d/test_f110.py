@@ -92,18 +92,6 @@ def test_a_waypoint_follower_laps_a_real_map():
     assert np.corrcoef(means, moved)[0, 1] > 0.95 and np.abs(means - moved).max() < 0.02
 
 
-def test_observations_are_of_the_published_shape(drawn):
-    env = f110.make(map=str(drawn))
-    obs, reward, done, info = env.reset(np.array([[7.5, 2.25, -0.1]]))
-    assert set(obs) == KEYS
-    assert obs["ego_idx"] == 0 and reward == 0.01 and done is False and list(info) == ["checkpoint_done"]
-    assert len(obs["scans"]) == 1 and obs["scans"][0].shape == (1080,)
-    for name in KEYS - {"ego_idx", "scans"}:
-        assert len(obs[name]) == 1 and np.isfinite(obs[name][0])
-    assert (obs["poses_x"][0], obs["poses_y"][0]) == pytest.approx((7.5, 2.25), abs=1e-3)
-    assert obs["poses_theta"][0] == pytest.approx(math.tau - 0.1, abs=1e-3)
-
-
 def test_a_scan_has_the_walls_where_they_are(drawn):
     env = f110.make(map=str(drawn))
     obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
@@ -127,24 +115,6 @@ def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, 
         position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
         ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
         np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
-
-
-def test_data_are_those_of_the_present_state(drawn):
-    env = f110.make(map=str(drawn))
-    env.reset(np.array([[7.5, 2.25, 0.1]]))
-    data = env.data
-    for _ in range(10):
-        obs, *_ = env.step(np.array([[0.1, 2.0]]))
-    assert env.data is data
-    assert data.time == pytest.approx(0.11)
-    assert data.body("car/base_link").xpos[:2].tolist() == [obs["poses_x"][0], obs["poses_y"][0]]
-
-
-def test_the_noise_of_a_scan_is_that_of_the_seed(drawn):
-    pose = np.array([[7.5, 2.25, 0.0]])
-    scans = [f110.make(map=str(drawn), seed=seed).reset(pose)[0]["scans"][0] for seed in (1, 1, 2)]
-    np.testing.assert_array_equal(scans[0], scans[1])
-    assert np.std(scans[0] - scans[2]) == pytest.approx(math.sqrt(2.0) * gym_world.SCAN_NOISE, rel=0.1)
 
 
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
@@ -182,18 +152,6 @@ def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
     assert not done and obs["collisions"].tolist() == [0.0]
 
 
-def test_the_same_actions_give_the_same_bits(drawn):
-    env = f110.make(map=str(drawn))
-    runs = []
-    for _ in range(2):
-        obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
-        for _ in range(20):
-            obs, *_ = env.step(np.array([[0.05, 2.0]]))
-        runs.append(obs)
-    np.testing.assert_array_equal(runs[0]["scans"][0], runs[1]["scans"][0])
-    assert runs[0]["poses_x"] == runs[1]["poses_x"]
-
-
 def test_bundled_tracks_corridors_and_other_maps_can_be_driven(tmp_path, drawn):
     env = f110.make(map="oval")
     env.reset(np.array([[0.0, 0.0, 0.0]]))
@@ -226,15 +184,11 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
     ("settings", "error", "message"),
     [
         ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
-        ({"num_agents": 9}, SettingsError, "num_agents is 9; accepted: a whole number from 1 to 8"),
         ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
         ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
-        ({"timestep": 1e-300}, SettingsError, "timestep is 1e-300 s; accepted"),
         ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
         ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
-        ({"map": "a" * 300}, TrackError, "unknown track 'aaa"),
         ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
-        ({"map": "oval", "map_ext": [".png"]}, SettingsError, "map_ext is .*; accepted: an ending such as '.png'"),
         ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
     ],
 )
@@ -254,32 +208,12 @@ def test_a_car_that_is_not_to_reverse_brakes_to_a_stop():
     assert max(speeds) > 1.0 and abs(speeds[-1]) < 0.1
 
 
-def test_another_environment_is_refused():
-    with pytest.raises(SettingsError, match="environment 'CartPole-v1'; accepted: f110_gym:f110-v0"):
-        f110.make("CartPole-v1")
-
-
 @pytest.mark.parametrize("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
 def test_an_action_that_is_none_is_refused(action):
     env = f110.make(map="oval")
     env.reset(np.array([[0.0, 0.0, 0.0]]))
     with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
         env.step(np.array(action))
-
-
-def test_a_pose_that_is_none_is_refused():
-    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 3\), x, y, heading"):
-        f110.make(map="oval").reset(np.array([[0.0, 0.0]]))
-
-
-def test_other_ways_to_render_are_refused():
-    env = f110.make(map="oval")
-    with pytest.raises(SettingsError, match="render mode 'ansi'; accepted: human, human_fast, unlimited, rgb_array"):
-        env.render("ansi")
-    env.close()
-
-
-GRID = np.array([[8.0, 2.1, 0.0], [7.0, 2.4, 0.0], [6.0, 2.1, 0.0]])
 
 
 def run(env, poses, actions):
@@ -292,22 +226,6 @@ def run(env, poses, actions):
         obs, _, done, _ = env.step(np.array(action))
         observed.append(obs)
     return observed, done
-
-
-def test_each_of_many_cars_has_a_row_of_every_observation(drawn):
-    env = f110.make(map=str(drawn), num_agents=3, ego_idx=1)
-    obs, _, done, info = env.reset(GRID)
-    assert set(obs) == KEYS and obs["ego_idx"] == 1 and done is False
-    assert info["checkpoint_done"].tolist() == [False] * 3
-    for name in KEYS - {"ego_idx"}:
-        assert len(obs[name]) == 3
-    assert np.array(obs["scans"]).shape == (3, 1080)
-    for row, (x, y, _) in enumerate(GRID):
-        assert (obs["poses_x"][row], obs["poses_y"][row]) == pytest.approx((x, y), abs=1e-3)
-    for _ in range(30):
-        obs, *_ = env.step(np.array([[0.0, 3.0], [0.0, 2.0], [0.0, 0.0]]))
-    assert obs["linear_vels_x"][0] > obs["linear_vels_x"][1] + 0.2 > 1.0
-    assert obs["linear_vels_x"][2] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
@@ -337,13 +255,6 @@ def test_cars_that_touch_have_collided_and_the_episode_ends_with_the_ego(drawn):
         touched = np.array([obs["collisions"] for obs in observed])
         assert touched.any(axis=0).tolist() == [False, True, True]
         assert not touched[0].any()
-
-
-def test_a_wall_that_another_car_hits_does_not_end_the_episode(drawn):
-    poses = np.array([[8.0, 2.25, 0.0], [6.5, 2.25, -0.5 * math.pi]])
-    observed, done = run(f110.make(map=str(drawn), num_agents=2), poses, [[[0.0, 0.0], [0.0, 2.0]]] * 100)
-    assert done is False
-    assert observed[-1]["collisions"].tolist() == [0.0, 1.0]
 
 
 @pytest.mark.slow
@@ -387,28 +298,6 @@ def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_ow
     behind = np.arange(1080) < 400  # where the other car is not seen
     np.testing.assert_array_equal(one[behind], alone[behind])
     assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > gym_world.SCAN_NOISE
-
-
-def test_parameters_can_be_those_of_one_car():
-    env = f110.make(map="oval", num_agents=2)
-    env.update_params({"mu": 0.5}, index=1)
-    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 0.5])
-    env.update_params({"mu": 0.7})
-    assert [car.mu for car in env.world.cars] == pytest.approx([0.7, 0.7])
-    with pytest.raises(SettingsError, match="index is 2; accepted: a whole number from -1 to 1"):
-        env.update_params({"mu": 0.7}, index=2)
-
-
-@pytest.mark.parametrize(
-    ("poses", "message"),
-    [
-        ([[0.0, 0.0, 0.0]], r"accepted: finite numbers of shape \(2, 3\), x, y, heading"),
-        ([[0.0, 0.0, float("nan")]] * 2, "accepted: finite numbers"),
-    ],
-)
-def test_poses_that_are_wrong_for_two_cars_are_refused(poses, message):
-    with pytest.raises(SettingsError, match=message):
-        f110.make(map="oval", num_agents=2).reset(np.array(poses))
 
 
 @pytest.mark.parametrize("second", [(0.0, 0.0, 0.0), (0.2, 0.25, 1.5)])

@@ -9,13 +9,12 @@ import gymnasium
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
 from fg_mujoco.addons.gym2d.gym_track import Track
 from fg_mujoco.addons.gym2d.gym_world import LapCount
 from fg_mujoco.addons.gym2d.old_api import GymEnv
-from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, FULL_SCALE, own_params
+from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, own_params
 from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
 from map_oracles import draw_map, ring
 
@@ -66,18 +65,6 @@ def test_parameters_are_those_of_the_car_that_is_built(params):
     assert env.world.car.mu == pytest.approx(params.get("mu", 1.0489))
 
 
-def test_parameters_that_are_not_there_are_named_once():
-    with pytest.warns(
-        UserWarning, match=r"not in this car, f1tenth: K_sf, C_Sf \(tires='f1tenth_gym' has it\)"
-    ) as seen:
-        f110.make(map="oval", num_agents=2, params={**F1TENTH, "C_Sf": 4.0, "K_sf": 1.0})
-    assert len({str(warning.message) for warning in seen}) == 1
-    with pytest.warns(UserWarning, match="accepted: 3.74 kg by 5 at most"):
-        env = f110.make(map="oval", params=FULL_SCALE)
-    assert own_params(env.world.vehicle)["m"] == pytest.approx(3.74, rel=0.01)
-    assert own_params(env.world.vehicle)["a_max"] == pytest.approx(11.5, rel=0.01)
-
-
 def test_cornering_stiffnesses_are_those_of_linear_tires():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -93,31 +80,6 @@ def test_the_car_accelerates_as_its_parameters_say(drawn, acceleration):
     for _ in range(10):
         obs, *_ = env.step(np.array([[0.0, 20.0]]))
     assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
-
-
-@pytest.mark.parametrize("timestep", [0.001, 0.004, 0.0125, 1.0 / 60.0, 0.01, 0.05])
-def test_any_timestep_is_a_step(drawn, timestep):
-    env = f110.make(map=str(drawn), timestep=timestep)
-    env.reset(POSE)
-    for _ in range(4):
-        env.step(np.array([[0.0, 1.0]]))
-    physics = env.world.model.opt.timestep
-    assert env.data.time == pytest.approx(5 * timestep)
-    assert physics <= 0.005 and timestep / physics == pytest.approx(round(timestep / physics))
-
-
-def test_the_lidar_stands_where_it_is_asked_to(drawn, monkeypatch):
-    monkeypatch.setattr(f110.gym_world, "SCAN_NOISE", 0.0)
-    ahead = [f110.make(map=str(drawn), lidar_dist=dist).reset(POSE)[0]["scans"][0][540] for dist in (None, 0.0, 0.275)]
-    assert ahead[1] - ahead[2] == pytest.approx(0.275, abs=0.003)
-    assert ahead[0] == pytest.approx(ahead[2], abs=1e-9)
-
-
-def test_beams_and_their_field_are_as_asked_for(drawn):
-    env = new_env(drawn, num_beams=108, fov=3.0)
-    obs, _ = env.reset(options={"poses": POSE})
-    assert obs["scans"].shape == (1, 108)
-    assert env.unwrapped.sim.agents[0].scan_angles[[0, -1]].tolist() == [-1.5, 1.5]
 
 
 # What scripts read and write
@@ -156,15 +118,6 @@ def test_a_state_that_a_script_writes_is_where_the_car_goes_on(drawn):
     assert [obs[name][0] for name in ("poses_x", "poses_y", "poses_theta")] == pytest.approx([8.0, 2.0, 0.5], abs=1e-3)
 
 
-def test_a_scan_can_be_taken_from_any_pose(drawn):
-    env = f110.make(map=str(drawn))
-    env.reset(POSE)
-    scan = env.sim.agents[0].scan_simulator.scan(np.array([7.0, 2.0, 0.0]), None)
-    right, left = np.argmin(np.abs(env.sim.agents[0].scan_angles[:, None] - [-0.5 * math.pi, 0.5 * math.pi]), axis=0)
-    assert (scan[right], scan[left]) == pytest.approx((0.5, 1.0), abs=0.03)  # walls at y = 1.5 and 3
-    assert env.sim.agents[0].state[:2].tolist() == pytest.approx([7.5, 2.25], abs=1e-3)
-
-
 def test_a_reset_without_poses_is_at_the_start_of_the_course(drawn):
     env = f110.make(map=str(drawn), num_agents=3)
     obs, _, done, _ = env.reset()
@@ -200,18 +153,6 @@ def test_callbacks_draw_with_pyglets_names_and_nothing_is_shown(drawn, monkeypat
     env.close()
 
 
-def test_an_environment_can_be_made_a_class_of_ones_own(drawn):
-    class Once(f110.F110Env):
-        def _check_done(self):
-            return self.lap_counts[0] >= 1, self.lap_counts >= 1
-
-    env = Once(map=str(drawn), num_agents=1)
-    env.reset(np.array([[7.5, 2.25, -0.5 * math.pi]]))
-    for _ in range(120):
-        obs, _, done, _ = env.step(np.array([[0.0, 2.0]]))
-    assert obs["collisions"].tolist() == [1.0] and not done
-
-
 # Maps
 
 
@@ -232,11 +173,6 @@ def test_named_maps_are_those_of_a_folder(drawn, monkeypatch, tmp_path):
         assert f110.make(map="/opt/gym/maps/vegas", map_ext=".png").world.track.name == "Vegas_map"
     track = f110.make("f1tenth_gym:f1tenth-v0", config={"map": "Vegas", "num_agents": 1}).track
     assert track.spec.name == "Vegas" and track.centerline.length == pytest.approx(29.2, rel=0.1)
-
-
-def test_a_map_is_as_much_larger_as_asked_for(drawn):
-    lengths = [new_env(drawn, scale=scale).track.centerline.length for scale in (1.0, 2.0)]
-    assert lengths[1] == pytest.approx(2.0 * lengths[0], rel=0.02)
 
 
 def test_a_map_with_a_hole_is_driven_and_its_laps_count_at_the_start(tmp_path):
@@ -287,16 +223,6 @@ def test_observations_of_each_car_by_name(drawn, kind, features):
         assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
 
 
-def test_features_are_chosen_and_others_are_refused(drawn):
-    env = new_env(drawn, observation_config={"type": "features", "features": ["scan", "linear_vel_x"]})
-    obs, _ = env.reset(options={"poses": POSE})
-    assert list(obs["agent_0"]) == ["scan", "linear_vel_x"]
-    with pytest.raises(SettingsError, match="observation has feature 'speed'; accepted: scan, pose_x"):
-        new_env(drawn, observation_config={"type": "features", "features": ["speed"]})
-    with pytest.raises(SettingsError, match="observation type 'kinematic'; accepted: original"):
-        new_env(drawn, observation_config={"type": "kinematic"})
-
-
 def test_accelerations_and_steering_rates_are_driven(drawn):
     env = new_env(drawn, control_input=["accl", "steering_speed"])
     env.reset(options={"poses": POSE})
@@ -338,22 +264,6 @@ def test_a_track_of_a_line_alone_has_no_walls():
     obs, _ = env.reset(options={"poses": np.array([[5.0, 0.0, 0.5 * math.pi]])})
     assert obs["scans"].min() > 5.0
     assert track.raceline.ks[10] == pytest.approx(0.2, rel=0.01) and track.raceline.vxs[3] == 2.0
-
-
-def test_more_laps_than_two_can_be_asked_for(drawn):
-    env = new_env(drawn, max_laps=None)
-    env.reset(options={"poses": POSE})
-    env.driving.laps[0].completed = 3
-    assert env.step(np.zeros((1, 2)))[2] is False
-
-
-def test_laps_that_are_no_number_are_refused(drawn):
-    with pytest.raises(SettingsError, match="max_laps is 'many'; accepted: a finite number"):
-        new_env(drawn, max_laps="many")
-    for laps, done in (("3", False), ("0", True)):  # a number as text, of a settings file
-        env = new_env(drawn, max_laps=laps)
-        env.reset(options={"poses": POSE})
-        assert env.step(np.zeros((1, 2)))[2] is done
 
 
 def test_configuration_objects_are_the_settings(drawn):
@@ -414,16 +324,6 @@ def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
     assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
 
 
-def test_a_course_of_ours_is_scaled_with_its_lines_and_one_without_laps_is_refused():
-    env = new_env("oval", scale=1.5)
-    oval = fg.load_track("oval")
-    assert env.world.track.length == pytest.approx(1.5 * oval.length)
-    line = np.column_stack((env.track.centerline.xs, env.track.centerline.ys))
-    assert np.ptp(line, axis=0) == pytest.approx(1.5 * np.ptp(oval.centreline, axis=0), rel=1e-3)
-    with pytest.raises(SettingsError, match=r"scale is 1.5 of .*accepted: 1"):
-        new_env("scene:dead_end:1", scale=1.5)
-
-
 # Functions
 
 
@@ -478,21 +378,6 @@ def test_settings_of_another_kind_are_refused_in_a_line(drawn, name):
             assert "\n" not in str(error)
             refused += 1
     assert refused >= 8
-
-
-@pytest.mark.parametrize("name", ["control_input", "observation_config", "reset_config", "scale", "params"])
-def test_settings_of_a_config_of_another_kind_are_refused_in_a_line(drawn, name):
-    for value in (-3, object(), ["a", 1], {1: None}):
-        with pytest.raises(FgMujocoError):
-            f110.make("f1tenth-v0", config={"map": str(drawn), "num_agents": 1, name: value}).reset()
-
-
-@pytest.mark.parametrize("value", ODD)
-def test_poses_and_actions_of_another_kind_are_refused_in_a_line(drawn, value):
-    env = f110.make("f110_gym:f110-v0", map=str(drawn), num_beams=60)
-    env.reset(POSE)
-    with pytest.raises(SettingsError, match="accepted: finite numbers of shape"):
-        env.step(value)
 
 
 def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):

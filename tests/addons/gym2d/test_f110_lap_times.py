@@ -18,7 +18,6 @@ import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d.speed_controller import SpeedController
 from fg_mujoco.course.track import follow
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 STEP = 0.01  # [s]
@@ -26,7 +25,6 @@ MU, C_F, C_R, LF, LR, H, MASS, INERTIA, G = 1.0489, 4.718, 5.4562, 0.15875, 0.17
 LENGTH = LF + LR
 MOST_ANGLE, STEERING_RATE, SWITCH, MOST_ACCELERATION, LEAST_SPEED, MOST_SPEED = 0.4189, 3.2, 7.319, 9.51, -5.0, 20.0
 LOOKAHEAD = 0.82461887897713965  # [m] of the published example
-FULL_PARAMS = {"mu": MU, "C_Sf": C_F, "C_Sr": C_R, "lf": LF, "lr": LR, "h": H, "m": MASS, "I": INERTIA}
 
 
 class SingleTrack:
@@ -136,25 +134,6 @@ def test_beyond_grip_linear_tires_lap_in_the_time_of_the_gym(course, speed):
     np.testing.assert_allclose(ours, theirs, rtol=0.01)
 
 
-def test_beyond_grip_contacts_let_go():
-    with pytest.raises(AssertionError):
-        driven("chicanes", 6.0)
-
-
-def test_several_cars_have_the_tires():
-    env = f110.make(map="oval", num_agents=2, tires="f1tenth_gym", params=FULL_PARAMS)
-    first, second = (car.parameters for car in env.world.cars)
-    assert first.front_cornering_stiffness == second.front_cornering_stiffness == pytest.approx(C_F, rel=0.1)
-    assert f110.make(map="oval").world.tires.model == "coulomb"  # the default
-    with pytest.warns(UserWarning, match="h \\(linear tires have no load that moves\\)"):
-        f110.make(map="oval", tires="f1tenth_gym", params={"h": 0.1})
-
-
-def test_unknown_tires_are_refused():
-    with pytest.raises(SettingsError, match="slicks"):
-        f110.make(map="oval", tires="slicks")
-
-
 def test_poses_are_of_the_centre_of_gravity_with_linear_tires_only():
     for tires, ahead in ((None, 0.0), ("f1tenth_gym", LR)):
         env = f110.make(map="oval", tires=tires)
@@ -189,17 +168,6 @@ def test_a_speed_is_approached_by_the_gains_of_the_gym(tires, slack, change, gai
 def held(car):
     """Time that turns a mean acceleration over a step into what the motor is told beyond its speed [s]."""
     return STEP / (1.0 - math.exp(-STEP / car.speed_time_constant))
-
-
-def test_the_set_point_asks_for_no_more_than_the_motor_gives():
-    car = Vehicle.load("f1tenth").parameters
-    controller = SpeedController(car, over_ground=False, timestep=STEP)
-    reach = car.max_acceleration * held(car)
-    assert controller.set_point(20.0, 2.0, 2.0) == pytest.approx(2.0 + reach)
-    assert controller.set_point(0.0, 6.0, 6.0) == pytest.approx(6.0 - reach)
-    twice = 2.0 * car.power_limit_speed
-    assert controller.set_point(20.0, twice, twice) == pytest.approx(twice + 0.5 * reach, rel=0.01)
-    assert controller.set_point(-100.0, -4.9, -4.9) > -5.0
 
 
 def test_drag_is_made_up_for_and_forgotten():

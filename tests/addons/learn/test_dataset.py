@@ -1,6 +1,5 @@
 """Recorded scans: what the planner was given and what it commanded, the same bits however they are driven."""
 
-import dataclasses
 import json
 import shutil
 
@@ -11,7 +10,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.files import file_sha256
 from fg_mujoco.errors import RunFolderError, SettingsError
 from fg_mujoco.lidar.beams import Beams
-from fg_mujoco.rollouts.recording import Record, ScanLayout
+from fg_mujoco.rollouts.recording import ScanLayout
 
 WORLDS = {"n": 5, "randomize": {"start_s": (0.0, 30.0), "lidar_noise": (0.0, 0.02)}, "time_limit": 0.3, "seed": 3}
 WITNESS = """
@@ -77,13 +76,6 @@ def test_chunks_and_workers_change_no_bit(folder, options):
     assert [episode.track for episode in again.dataset()] == ["oval", "hairpins"] * 2 + ["oval"]
 
 
-def test_a_lone_race_commands_the_same(folder):
-    episode = fg.read_dataset(folder)[3]
-    alone = fg.race(fg.read_rollout(folder).setup(3))
-    np.testing.assert_array_equal(episode["progress"], np.float32(alone.car.column("progress")))
-    np.testing.assert_array_equal(episode.commands[:, 0], np.float32(alone.car.column("command_steering")))
-
-
 def test_an_interrupted_rollout_is_a_dataset_of_what_it_finished_and_goes_on_with_the_same_bits(folder, tmp_path):
     part = tmp_path / "part"
     shutil.copytree(folder, part)
@@ -94,19 +86,6 @@ def test_an_interrupted_rollout_is_a_dataset_of_what_it_finished_and_goes_on_wit
     fg.rollout(["oval", "hairpins"], record="scans:10", out=part, **WORLDS)
     assert same(fg.read_dataset(part), fg.read_dataset(folder))
     assert file_sha256(part / "chunks/000001.scans.npy") == file_sha256(folder / "chunks/000001.scans.npy")
-
-
-def test_ctrl_c_leaves_the_chunks_that_are_finished(tmp_path):
-    def interrupt(progress):
-        if progress.worlds_driven:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        fg.rollout(
-            "oval", record="scans:100", out=tmp_path / "out", executor=fg.Executor(chunk=2), workers=1,
-            watch=interrupt, **WORLDS,
-        )  # fmt: skip
-    assert len(fg.read_dataset(tmp_path / "out")) == 2
 
 
 def test_only_car_0_is_recorded_and_only_while_it_races():
@@ -133,12 +112,6 @@ def test_ranges_are_kept_to_half_a_millimetre_and_codes_are_told_apart(beams):
     np.testing.assert_allclose(layout.distances(layout.counts(odd)), [0.0, 0.0, 30.0, 0.001, 0.001, 30.0], rtol=1e-6)
 
 
-def test_a_lidar_that_sees_farther_than_millimetres_reach_has_a_coarser_unit(beams):
-    layout = ScanLayout.of(dataclasses.replace(beams, range_max=200.0), 1)
-    assert 0.003 < layout.unit < 0.0031
-    assert layout.distances(layout.counts(np.array([199.0])))[0] == pytest.approx(199.0, abs=layout.unit / 2)
-
-
 @pytest.mark.parametrize("step", [1, 7, 10, 540, 541, 2000])
 def test_the_beam_straight_ahead_is_among_the_recorded(beams, step):
     layout = ScanLayout.of(beams, step)
@@ -157,10 +130,6 @@ def test_another_record_is_refused_in_one_line(record):
     assert "\n" not in str(caught.value)
 
 
-def test_the_text_of_a_record_has_no_step_of_one():
-    assert (str(Record.of("scans:1")), str(Record.of("scans:4"))) == ("scans", "scans:4")
-
-
 def test_a_folder_without_scans_is_refused(tmp_path):
     result = fg.rollout("oval", n=1, time_limit=0.1, out=tmp_path / "out")
     with pytest.raises(RunFolderError, match="has no scans, but 'summary'; accepted: what `rollout --record scans`"):
@@ -169,24 +138,6 @@ def test_a_folder_without_scans_is_refused(tmp_path):
         result.dataset()
     with pytest.raises(RunFolderError, match=r"has no manifest.json"):
         fg.read_dataset(tmp_path)
-
-
-def test_a_damaged_chunk_is_named(folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "out")
-    path = tmp_path / "out/chunks/000000.scans.npy"
-    content = bytearray(path.read_bytes())
-    content[-5] ^= 1
-    path.write_bytes(content)
-    with pytest.raises(RunFolderError, match=r"000000.npz: .*sha256"):
-        fg.read_dataset(tmp_path / "out")
-
-
-def test_a_missing_world_or_field_is_named(folder):
-    found = fg.read_dataset(folder)
-    with pytest.raises(IndexError, match="accepted: 0 to 4"):
-        found[5]
-    with pytest.raises(SettingsError, match="did you mean 'speed'"):
-        found[0]["sped"]
 
 
 # -- other formats

@@ -13,7 +13,7 @@ from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.resimulation import recorded_planner
 from refusals import refused
-from scan_worlds import corridor, odometry_of, scan_of
+from scan_worlds import corridor
 from small_policies import FLAT, PARTS, interface_of, network_for, write_onnx
 
 WORLD = fg.World("oval")
@@ -125,15 +125,6 @@ def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, setting
     assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
 
 
-def test_it_stops_without_beams_and_keeps_to_the_fastest_speed(tmp_path):
-    controller = written(tmp_path / "policy")
-    with pytest.warns(UserWarning, match=r"trained with speeds up to 6 m/s; max_speed reduces them to 0.51 m/s"):
-        planner = fg.make_controller(controller, car=CAR, mu=1.0, max_speed=0.51)
-    commands = [planner(corridor(1.0, 1.0, 5.0), odometry_of(1.0)) for _ in range(5)]
-    assert {command.speed for command in commands} == {0.51}
-    assert planner(scan_of([]), odometry_of(1.0)) == fg.STOP
-
-
 def test_a_scan_with_other_beams_is_seen_along_its_own(tmp_path):
     """A bag's LiDAR has 1080 beams, or every second one; a beam that it lacks reads as a failed one."""
     planner = fg.make_controller(written(tmp_path / "policy", PARTS), car=CAR, mu=1.0, max_speed=8.0)
@@ -206,11 +197,6 @@ def test_what_is_no_policy_file_is_refused(name, content, said, tmp_path, capsys
     assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
 
 
-@pytest.mark.parametrize("name", ["nothing.json", "nothing.onnx", "nothing.zip"])
-def test_a_file_that_is_not_there_is_refused(name, tmp_path, capsys):
-    assert "No such file" in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
-
-
 def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_path):
     onnx = pytest.importorskip("onnx", reason="onnx is not installed")
     path = tmp_path / "policy.onnx"
@@ -228,17 +214,6 @@ def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_p
         read_policy(path)
 
 
-def test_a_policy_that_does_not_fit_its_interface_is_not_saved(tmp_path):
-    interface = interface_of(**FLAT)
-    with pytest.raises(SettingsError, match="takes 56 numbers, its observation has 116"):
-        save_policy(network_for(interface_of(**PARTS)), tmp_path / "policy.json", interface)
-    with pytest.raises(SettingsError, match="lacks the interface"):
-        save_policy(network_for(interface), tmp_path / "policy.json")
-    with pytest.raises(SettingsError, match=r"a \.onnx file of a Perceptron; accepted: of a torch module"):
-        save_policy(network_for(interface), tmp_path / "policy.onnx", interface)
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_run_keeps_the_policy_that_drove_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     content = (tmp_path / written(tmp_path / "policy")).read_bytes()
@@ -253,11 +228,3 @@ def test_a_run_keeps_the_policy_that_drove_it(tmp_path, monkeypatch):
     again = fg.race("oval", planner, time_limit=0.3)  # by the file in the run's folder
     assert again.ctrl.tobytes() == result.ctrl.tobytes()
     assert fg.replay("run").identical
-
-
-def test_many_worlds_and_opponents_take_it(tmp_path):
-    controller = written(tmp_path / "policy")
-    result = fg.rollout("oval", controller, n=2, seed=1, time_limit=0.2, workers=1)
-    assert result.summary()["end_reasons"] == {"time_limit": 2}
-    result = fg.race("oval", "gap_finder", opponents=[controller], time_limit=0.2)
-    assert result.cars[1].controller == controller and result.cars[1].planner_failure is None

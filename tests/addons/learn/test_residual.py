@@ -16,7 +16,6 @@ from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.envs.actions import ActionBounds, ActionReader
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
-from refusals import refused
 from small_policies import network_for
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
@@ -29,7 +28,6 @@ SETTINGS = {
     "observation": "beams:20,planner_command:history=2,speed,previous_action,normalised,flat",
 }  # fmt: skip
 CAR = fg.World("oval").parameters
-NOTHING = np.zeros(2, np.float32)
 
 
 def states_of(car):
@@ -128,28 +126,6 @@ def test_the_planner_is_told_nothing_that_is_drawn():
     assert "residual" not in F1TenthVectorEnv(1).policy_interface.described()
 
 
-def test_the_planner_command_is_seen():
-    env = F1TenthEnv(**SETTINGS | {"observation": "planner_command", "normalised_actions": False}, start="line")
-    first, _ = env.reset(seed=0)
-    seen, *_ = env.step(NOTHING)
-    np.testing.assert_allclose(env._episodes.commands[0], first["planner_command"], rtol=1e-6)
-    assert first["planner_command"][1] > 0.0 and not np.array_equal(first["planner_command"], seen["planner_command"])
-
-
-def test_an_opponent_may_correct_a_planner():
-    """One that corrects nothing drives as the planner; one of a file drives beside."""
-    shared = {"track": "oval", "start": "line", "time_limit": 20.0}
-    corrects, plans = (
-        F1TenthEnv(opponents=[opponent], **shared, **SETTINGS) for opponent in (lambda seen: NOTHING, BASE)
-    )
-    for env in (corrects, plans):
-        env.reset(seed=1)
-        for _ in range(60):
-            env.step(np.array([0.0, -1.0], np.float32))
-    states = [env._episodes.worlds.state(0) for env in (corrects, plans)]
-    np.testing.assert_array_equal(*states)
-
-
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
@@ -193,25 +169,6 @@ def test_a_policys_file_runs_no_planners_file(planner, ending, tmp_path, monkeyp
         with pytest.raises(FgMujocoError, match=r"residual has the planner .*, which is no registered one; accepted:"):
             use()
     assert not (tmp_path / "executed").exists()
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"action": "steering_rate,speed"}, "action is 'steering_rate,speed', with a residual; accepted:"),
-        ({"smoothing": 0.1}, "smoothing is 0.1, with a residual; accepted: 0"),
-        ({"residual": None}, "observation 'planner_command' without a residual; accepted: with one"),
-    ],
-)
-def test_settings_that_do_not_go_with_a_residual_are_refused(settings, said):
-    with pytest.raises(fg.SettingsError, match=said):
-        F1TenthEnv(**SETTINGS | settings)
-
-
-def test_a_teacher_and_a_residual_are_refused(tmp_path, capsys):
-    options = ["--env", f"residual={BASE}", "--teacher", "steps=5"]
-    said = refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
-    assert "teacher with a residual, which drives from the beginning; accepted: one of the two" in said
 
 
 def test_a_training_begins_as_the_planner(tmp_path):

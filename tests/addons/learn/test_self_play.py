@@ -17,7 +17,6 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.simulation.planner_adapter import MessagePlanners
-from refusals import refused
 from small_policies import FLAT, network_for
 
 
@@ -70,28 +69,6 @@ def test_what_cannot_be_played_is_refused(own, environment, said):
     with pytest.raises(FgMujocoError) as error:
         TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
     assert said in str(error.value) and "\n" not in str(error.value)
-
-
-def test_the_command_line_refuses_self_play_without_opponents(tmp_path, capsys):
-    out = str(tmp_path / "race")
-    line = refused(tmp_path, capsys, "train", "--track", "oval", "--self-play", "share=.5", "--out", out)
-    assert "self_play, in an environment without opponents" in line
-
-
-def test_a_race_has_one_friction_and_a_drawn_grid_unless_it_is_said():
-    own = TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"]}, self_play={}).environment
-    assert own["grid_order"] == "random" and own["rewards"] == "race" and own["randomize"] == {}
-
-
-def test_networks_of_rows_have_the_bits_of_each_row(tmp_path):
-    pytest.importorskip("fg_mujoco.envs.gym_environment")
-    for activation in ("tanh", "elu", "none"):
-        world = fg.World("oval")
-        beams = world.vehicle.lidar.beams
-        interface = PolicyInterface.of(EnvironmentSettings.of(FLAT), world.parameters, beams, beams.period)
-        network = network_for(interface, hidden=13, activation=activation, normalised=True)
-        values = np.random.default_rng(2).normal(size=(5, network.inputs)).astype(np.float32)
-        assert network.of_each(values).tobytes() == np.stack([network(row) for row in values]).tobytes()
 
 
 TICKS, COUNT = 30, 3

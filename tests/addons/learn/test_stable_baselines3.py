@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.errors import ControllerError
 
 sb3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
 
 from stable_baselines3.common.env_checker import check_env  # noqa: E402
-from stable_baselines3.common.evaluation import evaluate_policy  # noqa: E402
 from stable_baselines3.common.vec_env import VecNormalize  # noqa: E402
 
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy  # noqa: E402
@@ -120,17 +118,3 @@ def test_a_convolutional_policy_becomes_onnx_and_not_json(tmp_path):
     np.testing.assert_allclose(read_policy(path).act(seen), expected, atol=1e-6)
     with pytest.raises(fg.SettingsError, match="Convolution has no form"):
         save_policy(module, tmp_path / "policy.json", env.policy_interface)
-
-
-def test_a_file_that_the_model_saved_itself_is_refused(model, tmp_path):
-    model.save(tmp_path / "policy.zip")
-    with pytest.raises(ControllerError, match=r"no fg_mujoco.json.*accepted: save_policy\(model, path\)"):
-        fg.race("oval", str(tmp_path / "policy.zip"))
-
-
-def test_it_is_evaluated_without_a_warning(recwarn):
-    env = F1TenthVecEnv(1, threads=1, time_limit=0.5, **FLAT)
-    made = sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=8, device="cpu")
-    rewards, lengths = evaluate_policy(made, env, n_eval_episodes=2, return_episode_rewards=True)
-    assert lengths == [20, 20] and len(rewards) == 2
-    assert not [each for each in recwarn if "Monitor" in str(each.message)]

@@ -116,18 +116,6 @@ def teaching():
     return teaching
 
 
-def test_turns_are_as_long_as_they_are_set(teaching):
-    from fg_mujoco.addons.learn.training_settings import Teacher
-
-    turns = teaching.Turns(Teacher(policy_turn=3.0, planner_turn=1.0), 500, 0.025, np.random.default_rng(0))
-    shares = []
-    for step in range(2000):
-        turns.go_on(1.0)
-        shares.append(turns.of_policy.mean())
-        assert step > 0 or shares[0] < 0.1  # the planner begins
-    assert np.mean(shares[500:]) == pytest.approx(0.75, abs=0.02)
-
-
 def test_planners_are_told_what_holds_in_each_world(teaching):
     from fg_mujoco.addons.learn.stable_baselines3_env import F1TenthVecEnv
 

@@ -48,12 +48,6 @@ def test_learning_curve_rises(trained):
     assert np.mean(best) > 1.5  # 3.2
 
 
-def test_same_seed_learns_the_same(example, trained):
-    policy, curve = example.train("oval", seed=1, **SHORT | {"generations": 2})
-    assert curve.tobytes() == trained[1][1][:2].tobytes()
-    assert policy.shape == (example.PARAMETERS,)
-
-
 def test_what_was_learned_races_as_a_planner(example, trained, tmp_path, monkeypatch, capsys):
     """Driven by the planner's interface it does what it did in the environment, but for float32."""
     monkeypatch.chdir(tmp_path)
@@ -89,17 +83,3 @@ def test_python_in_the_docs_runs(page, capsys, tmp_path, monkeypatch):
     for block in blocks:  # ```py is not run, and says so
         if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
             exec(block, {})
-
-
-def test_policy_treats_left_and_right_alike(example):
-    rng = np.random.default_rng(0)
-    parameters, scan = rng.normal(size=(4, example.PARAMETERS)), rng.uniform(0.1, 12.0, (4, 55))
-    speed, yaw_rate = rng.normal(size=(4, 1)), rng.normal(size=(4, 1))
-    steering, faster = example.act(parameters, scan, speed, yaw_rate).T
-    mirrored, same = example.act(parameters, scan[:, ::-1], speed, -yaw_rate).T
-    np.testing.assert_allclose(mirrored, -steering, atol=1e-12)
-    np.testing.assert_allclose(same, faster, atol=1e-12)
-
-
-def test_steering_limit_is_that_of_the_car(example):
-    assert fg.World("oval").parameters.max_steering_angle == pytest.approx(example.MAX_STEERING)

@@ -22,7 +22,6 @@ from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_al
 from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
-from fg_mujoco.errors import RunFolderError, SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -64,26 +63,6 @@ def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
     assert law < 3.0
 
 
-def test_a_low_maximum_speed_is_what_holds():
-    seen = decision(corridor(1.0, 1.0, ahead=9.0), top=0.8, **LAW)
-    assert (seen.speed_step.name, seen.speed_step.speed) == ("maximum speed", 0.8)
-
-
-@pytest.mark.parametrize(("ahead", "speed"), [(0.5, 0.0), (1.5, 2.0), (2.5, 4.0)])
-def test_the_distance_ahead_holds_by_its_own_law(ahead, speed):
-    seen = decision(
-        corridor(1.0, 1.0, ahead=ahead), speed_law="forward_distance", safe_distance=0.5, full_speed_distance=4.5
-    )
-    assert seen.speed_step.name == "distance ahead"
-    assert seen.speed_step.speed == pytest.approx(speed, abs=1e-6)
-
-
-def test_the_mean_range_holds_by_its_own_law():
-    seen = decision(scan_of(np.full(1081, 1.0)), speed_law="range_ratio", nearest_bubble=1e-6)
-    assert seen.speed_step.name == "mean range"
-    assert seen.speed_step.speed == pytest.approx(8.0 * 3.0 * 1.0 / 10.0, rel=1e-6)
-
-
 def test_the_safety_filter_brakes_where_no_stop_is_free_and_is_told():
     scan = corridor(1.0, 1.0, ahead=1.2)
     seen = decision(scan, speed=7.0, **LAW)
@@ -114,15 +93,6 @@ def test_a_command_beyond_the_car_s_limits_is_held_by_the_car():
     seen = witness.look(0, scan, odometry, answer, answer)
     assert [step.name for step in seen.steps] == ["planner", "clamped by the car"]
     assert (seen.steering_step.steering_angle, seen.speed_step.speed) == (-CAR.max_steering_angle, CAR.max_speed)
-
-
-def test_a_planner_says_nothing_before_its_first_command():
-    planner = GapFinder(CAR, MU)
-    assert planner.reasons() == [] and planner.motion().shape == (0, 2)
-    planner(corridor(1.0, 1.0), odometry_of(1.0, 0.0))
-    assert planner.reasons()[0].name == "maximum speed"
-    planner.reset()
-    assert planner.reasons() == []
 
 
 @pytest.mark.parametrize(
@@ -231,24 +201,12 @@ def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(fold
     assert "no_such_planner" in note
 
 
-def test_the_window_is_round_the_time_or_at_the_end(folder):
-    times = [d.time for d in fg.debug(folder, window=0.5).decisions]
-    assert times == pytest.approx(np.arange(60, 80) * 0.025)
-    seen = fg.debug(folder, at=1.0, window=0.5)
-    assert seen.chosen.time == pytest.approx(1.0) and len(seen.decisions) == 20
-    assert fg.debug(folder, at=0.0, window=0.5).at == 0
-    assert fg.debug(folder, at=2.0, window=0.5).at == 19
-    assert len(fg.debug(folder, window=30.0).decisions) == 80
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
         (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
-        (["--window", "31"], "at most 30"), (["--out", "page.txt"], ".html"), (["--picture", "a.jpg"], ".png"),
         (["--out", "no/folder/page.html"], "cannot be written"),
-        (["--picture", "no/folder/a.png"], "cannot be written"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_shown_is_refused_in_a_line(folder, arguments, said, tmp_path, monkeypatch, capsys):
@@ -257,13 +215,6 @@ def test_what_cannot_be_shown_is_refused_in_a_line(folder, arguments, said, tmp_
     out, err = capsys.readouterr()
     assert said in err and err.count("\n") == 1 and out == ""
     assert list(tmp_path.iterdir()) == [] and not (folder / "debug.html").exists()
-
-
-def test_in_python_the_same_is_raised(folder, tmp_path):
-    with pytest.raises(SettingsError, match="window"):
-        fg.debug(folder, window=math.nan)
-    with pytest.raises(RunFolderError, match=r"summary\.json"):
-        fg.debug(tmp_path)
 
 
 class Parsed(HTMLParser):
@@ -307,13 +258,6 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
     assert len(parsed.scripts) == 2 and parsed.own == parsed.hashes and parsed.others == []
     assert "default-src 'none'" in parsed.policy and "unsafe-eval" not in parsed.policy
     assert page.count("&lt;script&gt;alert(1)") >= 2
-
-
-def test_a_page_that_cannot_be_written_leaves_the_old_one(folder, tmp_path):
-    (tmp_path / "debug.html").mkdir()
-    with pytest.raises(RunFolderError, match="cannot be written"):
-        fg.debug(folder).write_page(tmp_path / "debug.html")
-    assert [path.name for path in tmp_path.iterdir()] == ["debug.html"]
 
 
 def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):  # noqa: F811
@@ -419,25 +363,6 @@ def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page
         assert MARKUP[:50] in page.inner_text("#layers")
         assert page.locator("img").count() == 0
     assert dialogs == []
-
-
-def test_one_moment_is_drawn_as_a_picture(failed, folder, tmp_path, capsys):
-    image = pytest.importorskip("matplotlib.image")
-    assert main(["debug", str(folder), "--at", "1", "--picture", str(tmp_path / "a.png")]) == 0
-    assert "the decision at 1.000 s" in capsys.readouterr().out
-    assert not (folder / "debug.html").exists()
-    fg.debug(folder, at=1.5).write_picture(tmp_path / "b.png")
-    fg.debug(failed, trust=True).write_picture(tmp_path / "c.png")  # there is no command
-    pictures = [image.imread(tmp_path / f"{name}.png") for name in "abc"]
-    assert {picture.shape for picture in pictures} == {(990, 1440, 4)}
-    assert not np.array_equal(pictures[0], pictures[1])
-
-
-def test_the_command_says_what_held(folder, tmp_path, capsys):
-    assert main(["debug", str(folder), "--at", "1", "--out", str(tmp_path / "page.html")]) == 0
-    chosen = fg.debug(folder, at=1.0).chosen
-    out = capsys.readouterr().out
-    assert chosen.why_speed in out and chosen.why_steering in out and "80 decisions from 0.000 to 1.975 s" in out
 
 
 @pytest.mark.parametrize("width", [390, 1280])

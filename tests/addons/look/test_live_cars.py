@@ -7,28 +7,10 @@ import fg_mujoco as fg
 from fg_mujoco.addons.look.live.browser_shapes import world_shapes
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.simulation import Simulation
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
 RIVALS = (fg.Entry(controller="disparity_extender", max_speed=2.0), fg.Entry(max_speed=3.0, vehicle="nuc2"))
-
-
-class Fails:
-    """Drives for a while, and then does not know any more."""
-
-    def __init__(self):
-        self.left = 20
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        self.left -= 1
-        if self.left < 0:
-            raise ValueError("lost")
-        return fg.DriveCommand(steering_angle=0.0, speed=1.0)
 
 
 def drive(session, ticks):
@@ -65,16 +47,6 @@ def test_keys_drive_the_own_car_and_planners_the_others():
     assert session.simulation.speed > 1.0
 
 
-def test_reset_puts_all_cars_back():
-    session = LiveSession(Setup.of(opponents=RIVALS[:1]))
-    before = session.simulation.state
-    drive(session, 30)
-    session.reset()
-    session.paused = True
-    session.tick()
-    np.testing.assert_array_equal(session.simulation.state, before)
-
-
 def test_other_tires_of_the_own_car_leave_all_where_they_are():
     session = LiveSession(Setup.of(opponents=RIVALS[:1]))
     drive(session, 30)
@@ -88,16 +60,6 @@ def test_other_tires_of_the_own_car_leave_all_where_they_are():
     session.paused = False
     drive(session, 20)
     assert places(session)[1][0] > before[1][0] + 0.3
-
-
-def test_opponent_whose_planner_fails_stands_and_the_rest_goes_on():
-    session = LiveSession(Setup.of(max_speed=2.0, opponents=(fg.Entry(controller=Fails()),)))
-    drive(session, 24)
-    assert session.message.startswith("car_1: ") and "lost" in session.message and not session.paused
-    drive(session, 60)
-    rival, own = places(session)[1], places(session)[0]
-    drive(session, 20)
-    assert places(session)[1] == pytest.approx(rival, abs=1e-3) and places(session)[0] != pytest.approx(own, abs=0.1)
 
 
 def test_opponent_that_crashes_stands_and_is_told_of():
@@ -148,20 +110,3 @@ def test_opponents_that_cannot_be_are_refused_in_one_line(capsys, monkeypatch, o
     assert main(["view", *options]) == 2
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
-
-
-def test_command_takes_opponents(capsys, monkeypatch):
-    shown = []
-    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.require_display", lambda: None)
-    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.run_desktop", shown.append)
-    assert main(["view", "--max-speed", "5", "--opponents", "gap_finder", "--opponent-max-speed", "2"]) == 0
-    (session,) = shown
-    assert len(session.world.cars) == 2 and session.setup.entries[1].max_speed == 2.0
-
-
-def test_simulation_wants_settings_of_each_car():
-    world = fg.World("oval", others=[fg.Entry().world_car()])
-    with pytest.raises(SettingsError, match="settings of 0 other cars for a world of 2 cars"):
-        Simulation(world)
-    with pytest.raises(ControllerError):
-        LiveSession(Setup.of(opponents=(fg.Entry(controller="nobody"),)))

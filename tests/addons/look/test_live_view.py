@@ -2,11 +2,9 @@
 
 import contextlib
 import math
-import platform
 import socket
 import threading
 import time
-import types
 
 import numpy as np
 import pytest
@@ -14,14 +12,11 @@ import pytest
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
-from fg_mujoco.addons.look.live.browser_shapes import world_shapes
-from fg_mujoco.addons.look.live.hand_driver import HandDriver
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError, SettingsError, install_command
+from fg_mujoco.errors import EngineError
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
 TICK = 0.025  # [s]
@@ -43,36 +38,6 @@ def test_session_drives_as_a_race_does(session, lap):
     assert session.simulation.time == pytest.approx(4.0)
     assert session.simulation.pose == tuple(lap.car.telemetry[row, 4:7])
     assert (session.simulation.state == lap.states[row]).all()
-
-
-def test_pause_stops_time_and_nothing_else_changes(session):
-    drive(session, 1.0)
-    session.paused = True
-    before = session.simulation.state
-    drive(session, 1.0)
-    assert (session.simulation.state == before).all()
-    session.paused = False
-    drive(session, 0.5)
-    assert session.simulation.time == pytest.approx(1.5)
-
-
-def test_reset_is_the_start_again(session):
-    before = session.simulation.state
-    drive(session, 1.0)
-    session.reset()
-    session.paused = True
-    session.tick()
-    assert (session.simulation.state == before).all()
-    assert len(session.trace) == 0
-    assert session.laps.laps_completed == 0
-
-
-def test_speed_limit_changes_the_speed(session):
-    drive(session, 1.5)
-    assert session.simulation.speed > 5.0
-    session.change("max_speed", 2.0)
-    drive(session, 3.0)
-    assert session.simulation.speed == pytest.approx(2.0, abs=0.2)
 
 
 def test_other_tires_take_the_car_where_it_is(session):
@@ -128,21 +93,6 @@ def test_keys_drive(session):
     assert session.simulation.speed == pytest.approx(0.0, abs=0.05)
 
 
-def test_steering_goes_back_to_straight_on_once_the_key_is_let_go():
-    car = fg.World("oval").parameters
-    hand = HandDriver(car)
-    for _ in range(20):  # held: it comes again and again, and no further than the car turns
-        hand.press("right", 1.0)
-    assert hand.command(1.1, TICK, 8.0).steering_angle == pytest.approx(-car.max_steering_angle)
-    for tick in range(80):
-        command = hand.command(1.7 + tick * TICK, TICK, 8.0)
-    assert command.steering_angle == pytest.approx(0.0, abs=1e-3)
-    hand.press("left", 9.0)
-    assert hand.steering > 0.0
-    with pytest.raises(SettingsError, match="faster, slower, left, right, stop"):
-        hand.press("up", 0.0)
-
-
 def test_a_crash_ends_it_until_the_reset(session):
     for _ in range(8):
         session.key("faster")
@@ -168,22 +118,6 @@ def test_points_are_where_the_walls_are(session):
     assert np.abs(offsets) == pytest.approx(track.corridor_left[0], abs=0.02)  # as wide everywhere, to either side
     x, y, _ = session.simulation.pose
     assert np.hypot(*(session.goal()[:2] - (x, y))) < 12.0
-
-
-def test_shapes_are_those_of_the_world_in_sight():
-    world = fg.World("oval", obstacles=(fg.Box(x=3.0, y=0.2, length=0.4, width=0.3),))
-    model, shapes = world_shapes(world)
-    moving = {model.body(shape.body).name for shape in shapes if shape.body}
-    assert {"car/base_link", *(f"car/{wheel}_wheel" for wheel in WHEELS)} <= moving
-    course = np.concatenate([shape.vertices for shape in shapes if shape.body == 0])
-    walls = np.concatenate((world.track.left_wall, world.track.right_wall))
-    assert np.hypot(*(walls[:, None] - course[:, :2]).transpose(2, 0, 1)).min(axis=1).max() < 0.02
-    assert np.hypot(*(course[:, :2] - (3.2, 0.35)).T).min() < 1e-6  # a corner of the box
-    wheel = next(s for s in shapes if model.body(s.body).name == "car/front_left_wheel" and s.colour == min(
-        other.colour for other in shapes if model.body(other.body).name == "car/front_left_wheel"))  # fmt: skip
-    assert np.abs(wheel.vertices[:, 2]).max() == pytest.approx(world.parameters.wheel_radius, rel=0.1)
-    for shape in shapes:
-        assert shape.faces.max() < len(shape.vertices)
 
 
 @pytest.fixture
@@ -221,23 +155,6 @@ def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, mon
     assert main(["view", *(text.format(taken=taken, free=free) for text in arguments)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
-
-
-def test_display_that_is_not_there_is_refused(monkeypatch, capsys):
-    monkeypatch.setenv("DISPLAY", ":5599")
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    if platform.system() != "Linux":
-        pytest.skip("displays have names where there is X11")
-    assert main(["view"]) == 2
-    assert "no display here; accepted: --web" in capsys.readouterr().err
-
-
-def test_without_viser_the_message_is_what_installs_it(monkeypatch, capsys):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert main(["view", "--web"]) == 2
-    assert (
-        capsys.readouterr().err == f"fg-mujoco: the live view in a browser needs viser: {install_command('live')}\n"
-    )
 
 
 @contextlib.contextmanager
@@ -368,41 +285,6 @@ def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(ses
         view.close()
         thread.join(10.0)
         assert not thread.is_alive()
-
-
-@pytest.mark.parametrize(("options", "waits"), [([], True), (["--no-wait"], False)])
-def test_the_command_waits_for_a_browser_unless_told_otherwise(options, waits, free, monkeypatch, capsys):
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    told = []
-    monkeypatch.setattr("fg_mujoco.addons.look.live.browser.LiveView.run", lambda view, *, wait: told.append(wait))
-    assert main(["view", "--web", "--port", str(free), *options]) == 0
-    assert told == [waits]
-    assert ("the race starts when a browser opens it" in capsys.readouterr().out) == waits
-
-
-def test_the_plots_have_the_speed_over_time_and_the_lap_times(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    from fg_mujoco.addons.look.live.browser import LiveView
-
-    with LiveView(session, port=free) as view:
-        commands = []
-        for _ in range(60):
-            session.tick()
-            commands.append((session.simulation.time, session.simulation.speed))
-        view._show_plots()
-        seconds, speeds, commanded = view._speed_plot.data
-        assert list(zip(seconds.tolist(), speeds.tolist(), strict=True)) == commands[1::2]
-        assert commanded.max() > 5.0
-        assert not view._lap_plot.visible
-        laps, session.laps = session.laps, types.SimpleNamespace(lap_times=(10.5, 9.25))
-        view._show_plots()
-        assert view._lap_plot.visible
-        assert [column.tolist() for column in view._lap_plot.data] == [[1.0, 2.0], [10.5, 9.25]]
-        session.laps = laps
-        session.reset()
-        session.tick()
-        view._show_plots()
-        assert len(view._speed_plot.data[0]) == 1 and not view._lap_plot.visible
 
 
 def test_the_numbers_that_a_planner_shows_stand_in_the_panel(session, free):

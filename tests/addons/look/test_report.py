@@ -9,14 +9,12 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.addons.look.report.clip import clip_start
-from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_length, lap_table, slide_events
+from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_table, slide_events
 from fg_mujoco.addons.look.report.map_shapes import map_shapes
 from fg_mujoco.addons.look.report.recorded import (
     SPEED_FAR_ABOVE,
     accelerations,
     limit_speed,
-    read_recorded,
-    tick_columns,
 )
 from fg_mujoco.racing.result import tires_model
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
@@ -50,35 +48,6 @@ def test_sectors_are_thirds_of_a_lap_by_progress():
     for lap in laps:
         lines = [when((lap.number - 1 + third / 3.0) * length) for third in range(4)]
         assert lap.sectors == pytest.approx(np.diff(lines), abs=2e-4)  # between ticks a straight line for a parabola
-
-
-def test_sectors_add_up_to_the_lap_to_the_last_digits(lap):
-    run = read_recorded(lap)
-    columns = tick_columns(run)
-    length = lap_length(columns["time_s"], columns["progress_m"], run.lap_times)
-    (driven,) = lap_table(columns, run.lap_times, length, end=None)
-    assert sum(driven.sectors) == pytest.approx(driven.time, abs=1e-9)
-    assert driven.time == lap.car.lap_times_s[0]
-    assert driven.top_speed == pytest.approx(np.abs(lap.car.column("speed_m_s")).max())
-    assert driven.friction_utilisation == pytest.approx(np.nanmax(lap.car.telemetry[:, 16:20]))
-
-
-def test_length_of_a_lap_is_that_of_the_track(lap):
-    length = lap_length(lap.car.column("time_s"), lap.car.column("progress_m"), lap.car.lap_times_s)
-    assert length == pytest.approx(lap.world.track.length, abs=2e-3)  # the last tick's end is not in the telemetry
-
-
-def test_length_of_the_first_of_two_laps_is_exact():
-    columns, lap_times, _ = steady_acceleration(20.0, 2)
-    assert lap_length(columns["time_s"], columns["progress_m"], lap_times) == pytest.approx(20.0, abs=1e-3)
-    assert lap_length(columns["time_s"], columns["progress_m"], ()) is None
-
-
-def test_lap_that_was_not_completed_has_the_sectors_that_were():
-    time = np.arange(0.0, 5.0, TICK)
-    laps = lap_table(columns_of(time, 2.0 * time), (), 12.0, end=5.0)  # 10 of 12 m: two lines passed, of three
-    assert laps[0].time is None
-    assert laps[0].sectors == (pytest.approx(2.0), pytest.approx(2.0), None)
 
 
 def test_time_sliding_of_a_lap_counts_physics_steps():
@@ -139,16 +108,6 @@ def test_a_tire_with_a_curve_slides_from_its_peak_on():
     assert (event.tire, event.start) == ("rear_left", pytest.approx(4 * TICK))
 
 
-def test_a_tire_of_bristles_slides_from_a_hundredth_of_a_metre_a_second_on():
-    time = TICK * np.arange(10)
-    slide = np.zeros(10)
-    slide[4:6], slide[8] = 0.009, 0.02
-    columns = columns_of(time, time, slide_rear_left_m_s=slide)
-    assert slide_events(columns, None) == ()
-    (event,) = slide_events(columns, None, model="coulomb")
-    assert (event.start, event.greatest) == (pytest.approx(8 * TICK), 0.02)
-
-
 @pytest.mark.parametrize(
     ("summary", "model"),
     [
@@ -185,12 +144,6 @@ def test_map_has_the_walls_of_the_track_and_the_obstacles():
         assert np.hypot(*(expected[:, None] - outline).transpose(2, 0, 1)).min(axis=1).max() < 1e-4
         x, y = outline.T
         assert np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0.0  # counterclockwise, so in order
-
-
-def test_map_has_what_moves_where_it_is_at_the_end():
-    scene = next(scene for name in fg.scene_names() if (scene := fg.load_track(f"scene:{name}:0")).moving)
-    shapes = map_shapes(fg.World(scene).model, 1.5)
-    assert shapes.moving[0] == pytest.approx(scene.moving[0].corners(1.5), abs=1e-4)
 
 
 def test_clip_shows_what_is_worth_seeing():

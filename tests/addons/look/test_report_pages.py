@@ -91,29 +91,6 @@ def test_page_says_how_the_race_went(report, lap):
         assert f"<td>{name}</td><td><code>{value}</code></td>" in text
 
 
-def test_page_has_decision_times_clamped_commands_and_sliding_sideways(report, lap):
-    text, times = report.read_text(), lap.car.decision_times
-    shown = " / ".join(f"{1e3 * t:.2f}" for t in (times.median_s, times.percentile_99_s, times.worst_s))
-    for value, name in (
-        (f"{shown} ms", "decisions: median / 99 % / worst"),
-        (f"{times.over_period} of {len(lap.car.telemetry)}", "decisions over 25 ms"),
-        (str(lap.car.clamped_commands), "commands clamped"),
-        (f"{lap.car.max_lateral_slide_m_s:.3f} m/s", "greatest sideways"),
-    ):
-        assert f"<div><b>{value}</b><span>{name}</span></div>" in text
-
-
-def test_page_of_a_run_without_these_figures_leaves_them_out(folder, tmp_path):
-    copy = tmp_path / "run"
-    shutil.copytree(folder, copy)
-    summary = json.loads((copy / "summary.json").read_text())
-    for name in ("decision_times", "clamped_commands", "max_lateral_slide_m_s"):
-        del summary[name]
-    (copy / "summary.json").write_text(json.dumps(summary))
-    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text()
-    assert "decisions over" not in text and "commands clamped" not in text and "sideways" not in text
-
-
 @pytest.mark.parametrize(("begins", "at"), ((0.0, "0.000"), (0.09, "0.100")))
 def test_page_says_that_the_planner_did_not_answer(here, begins, at):
     (here / "planner.py").write_text(
@@ -128,42 +105,6 @@ def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_pat
     other = write_report(lap, tmp_path / "other.html", clip_seconds=None).read_text()
     body = re.compile(r"<h1>.*?<div class=\"switch\"", re.DOTALL)
     assert body.search(other).group() == body.search(report.read_text()).group()
-
-
-def test_race_of_no_lap_and_one_tick_have_reports(tmp_path):
-    for limit in (0.02, 0.3):
-        race = fg.race("oval", laps=1, time_limit=limit)
-        assert "0 of 1 laps" in write_report(race, tmp_path / "page.html", clip_seconds=None).read_text()
-
-
-@pytest.mark.parametrize("name", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
-def test_folder_without_one_of_its_files_is_refused(folder, name, tmp_path, capsys):
-    copy = tmp_path / "run"
-    shutil.copytree(folder, copy)
-    (copy / name).unlink()
-    assert main(["report", str(copy)]) == 2
-    assert name in complaint(capsys)
-    assert not [path for path in copy.iterdir() if "report" in path.name and path.name != "report.html"]
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [({"schema": 99}, "schema"), ({"mu": None}, "has no mu"), ({"lap_times_s": None}, "lap_times_s")],
-)
-def test_folder_of_another_version_is_refused(folder, change, said, tmp_path, capsys):
-    copy = tmp_path / "run"
-    shutil.copytree(folder, copy)
-    (copy / "summary.json").write_text(json.dumps(json.loads((copy / "summary.json").read_text()) | change))
-    assert main(["report", str(copy)]) == 2
-    assert said in complaint(capsys)
-
-
-def test_damaged_scene_is_refused(folder, tmp_path):
-    copy = tmp_path / "run"
-    shutil.copytree(folder, copy)
-    (copy / "scene.xml").write_text("<mujoco/>")
-    with pytest.raises(RunFolderError, match=r"scene\.xml"):
-        write_report(copy, tmp_path / "page.html")
 
 
 @pytest.mark.parametrize(
@@ -192,13 +133,6 @@ def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsy
     assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
 
 
-def test_race_leaves_a_report_in_its_folder(here, capsys):
-    assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
-    text = (here / "run" / "report.html").read_text()
-    assert "0 of 1 laps" in text
-    assert "<video" not in text
-
-
 def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeypatch):
     def refuse(*args, **settings):
         raise MissingExtraError("apt-get install something")
@@ -207,13 +141,6 @@ def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeyp
     text = write_report(folder, tmp_path / "page.html", clip_seconds=1.0).read_text()
     assert "<video" not in text
     assert "<code>apt-get install something</code>" in text
-
-
-def test_failure_leaves_no_page(folder, tmp_path, monkeypatch):
-    (tmp_path / "page.html").mkdir()
-    with pytest.raises(RunFolderError, match="cannot be written"):
-        write_report(folder, tmp_path / "page.html", clip_seconds=None)
-    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
 
 
 @pytest.fixture(scope="module")
@@ -251,25 +178,6 @@ def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch
     before = {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")}
     write_comparison_report("out", trust=True)  # goes on where it was: nothing is left to do
     assert {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")} == before
-
-
-def test_planner_that_is_not_here_any_more_leaves_a_remark(comparison, here):
-    shutil.copytree(comparison / "out", here / "out", ignore=shutil.ignore_patterns("report"))
-    with pytest.warns(UserWarning, match="slow.py:Slow"):
-        text = write_comparison_report(here / "out", trust=True).read_text()
-    assert text.count("there is no file slow.py; accepted with --trust") == 2
-    assert len(list((here / "out" / "report").glob("*-*.html"))) == 2
-
-
-@pytest.mark.parametrize(
-    "manifest",
-    ["{", "[]", '{"schema": 99, "settings": {"laps": 1}, "versions": {}}', '{"settings": {}, "versions": {}}'],
-)
-def test_comparison_of_another_version_is_refused(manifest, here, capsys):
-    (here / "out").mkdir()
-    (here / "out" / "manifest.json").write_text(manifest)
-    assert main(["report", "out"]) == 2
-    assert "manifest.json" in complaint(capsys)
 
 
 def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):  # noqa: F811

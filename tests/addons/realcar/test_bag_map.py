@@ -21,7 +21,6 @@ from fg_mujoco.addons.ros.bag_writer import export_bag
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.course.polyline import subdivide
-from fg_mujoco.errors import BagError
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -77,14 +76,6 @@ def test_a_map_of_a_lap_has_the_walls_and_the_lap_of_the_course(lap, tmp_path, c
     again = fg.race(str(path), laps=1, max_speed=4.0, planner_settings={"guidance": False})
     assert again.car.finished
     assert again.car.lap_times_s[0] == pytest.approx(result.car.lap_times_s[0], rel=0.03)
-
-
-def test_a_finer_map_is_nearer_to_the_walls(sweeps, tmp_path):
-    found = []
-    for resolution in (0.1, 0.025):
-        write_map(make_map(sweeps, resolution=resolution), tmp_path / "made.yaml")
-        found.append(apart(load_track(str(tmp_path / "made.yaml")), load_track("oval")).mean())
-    assert found[1] < 0.5 * found[0]
 
 
 def test_the_car_is_mapped_the_way_it_went(sweeps, tmp_path):
@@ -158,17 +149,6 @@ def test_a_beam_frees_what_it_went_through_and_ends_in_a_wall():
     assert np.count_nonzero(cells == OCCUPIED) == 1
 
 
-def test_a_wall_that_beams_pass_at_a_small_angle_stays_closed():
-    """A scan of a wall alongside: far beams pass through the cells in which near ones ended."""
-    grid = LogOdds.around(np.zeros((1, 3)), reach=15.0, resolution=0.05)
-    bearings = np.linspace(-1.5, -0.02, 600)
-    for _ in range(20):
-        grid.add(np.zeros((600, 3)), bearings, -0.52 / np.sin(bearings))
-    row = int((-0.52 - grid.origin[1]) / grid.resolution)
-    first, last = (int((x - grid.origin[0]) / grid.resolution) for x in (0.1, 3.0))
-    assert (grid.cells()[row, first:last] == OCCUPIED).all()
-
-
 ROOM = 3.0  # [m] half of its side
 
 
@@ -227,40 +207,10 @@ def test_the_room_is_where_it_is_wherever_the_lidar_is_on_the_car(tmp_path, moun
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("source", ["odom", "tf"])
-def test_a_pose_of_the_lidar_itself_is_taken_as_that(tmp_path, source):
-    links = [("base_link", "laser", vector(0.3, 0.0), rotation())]
-    bag = in_a_room(tmp_path, links=links, source=source, child="laser")
-    assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
-
-
-def test_without_transforms_the_lidar_is_where_the_vehicle_has_it_and_that_is_said(tmp_path):
-    bag = in_a_room(tmp_path, mounted=(CAR.lidar_offset, 0.0, 0.0))
-    with pytest.warns(UserWarning, match=rf"taken: {CAR.lidar_offset:.3f} m ahead of base_link"):
-        assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
-
-
-def test_poses_by_another_clock_are_those_of_the_recorders_time(tmp_path):
-    links = [("base_link", "laser", vector(), rotation())]
-    bag = in_a_room(tmp_path, links=links, shift=100 * SECOND)
-    with pytest.warns(UserWarning, match=r"the stamps of scans and poses are 100\.0 s apart; the recorder's times"):
-        assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize(("frame", "drifts"), [("map", False), ("odom", True)])
 def test_odometry_drifts_unless_it_is_on_the_map(tmp_path, frame, drifts):
     with Recording(in_a_room(tmp_path, frame=frame)) as bag:
         assert read_sweeps(bag, CAR).drifts is drifts
-
-
-def test_poses_beside_the_scans_in_time_are_refused(tmp_path):
-    entries = [("/scan", EPOCH, robot_scan(np.ones(9), time=EPOCH))]
-    entries += [("/odom", EPOCH + k * SECOND, robot_odometry(EPOCH + k * SECOND, frame="map")) for k in (60, 61)]
-    refused = pytest.raises(BagError, match="no scan has a pose")
-    warned = pytest.warns(UserWarning, match="1 of 1 scans have no pose")
-    with Recording(write_bag(tmp_path / "bag", entries)) as bag, warned, refused:
-        read_sweeps(bag, CAR)
 
 
 @pytest.mark.parametrize(
@@ -282,12 +232,3 @@ def test_what_cannot_be_mapped_is_refused_in_one_line(tmp_path, monkeypatch, cap
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "there.yaml"]
-
-
-def test_a_map_that_is_no_course_is_written_and_what_it_lacks_is_said(tmp_path, capsys):
-    entries = [("/scan", EPOCH, robot_scan(np.full(60, 1.5), first=-0.6, step=0.02, time=EPOCH))]
-    entries += [("/odom", EPOCH + k, robot_odometry(EPOCH + k, frame="map")) for k in (0, STEP)]
-    bag = write_bag(tmp_path / "bag", entries)
-    assert main(["bag", str(bag), "--map", str(tmp_path / "wall.yaml")]) == 0
-    assert "no course yet: " in capsys.readouterr().out
-    assert (tmp_path / "wall.png").is_file()

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.realcar.mapping.driven_map import driven_files, map_course, mapped_walls, write_driven
+from fg_mujoco.addons.realcar.mapping.driven_map import map_course, mapped_walls, write_driven
 from fg_mujoco.addons.realcar.mapping.pose_graph import laid_out
-from fg_mujoco.addons.realcar.mapping.scan_matching import step_between, stepped
-from fg_mujoco.cli.main import main
+from fg_mujoco.addons.realcar.mapping.scan_matching import step_between
 from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
-from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.errors import TrackError
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.racing.trust import planner_files
 from fg_mujoco.simulation.settings import DriveSettings
@@ -50,21 +49,6 @@ def test_true_steps_lead_back_to_the_true_poses():
     off = laid_out(guess, ends, steps, np.full((len(ends), 3), 0.1)) - true
     off[:, 2] = np.remainder(off[:, 2] + math.pi, math.tau) - math.pi
     assert np.abs(off).max() < 1e-6
-
-
-def test_a_wrong_loop_moves_poses_less_than_least_squares_would():
-    poses = np.column_stack((np.arange(5.0), np.zeros(5), np.zeros(5)))
-    ends = np.array([(0, 1), (1, 2), (2, 3), (3, 4), (0, 4)], float)
-    steps = np.array([(1.0, 0.0, 0.0)] * 4 + [(9.0, 0.0, 0.0)])
-    found = laid_out(poses, ends, steps, np.full((5, 3), 0.01))
-    least_squares = (4.0 + 4.0 * 9.0) / 20.0  # [m] of each step
-    assert 4.0 < found[4, 0] < 4.0 * (1.0 + 0.5 * (least_squares - 1.0))
-
-
-def test_a_step_from_one_pose_to_another_leads_there():
-    rng = np.random.default_rng(2)
-    for start, end in rng.uniform(-3.0, 3.0, (50, 2, 3)):
-        assert stepped(start, step_between(start, end)) == pytest.approx(end, abs=1e-12) or abs(end[2] - start[2]) > 3.0
 
 
 def test_walls_of_a_map_are_the_occupied_cells_next_to_free_ones():
@@ -122,20 +106,3 @@ def test_a_graph_is_written_as_g2o_has_it(driven, tmp_path):
     for first, second, *step in edges[consecutive][:, :5]:
         laid = step_between(poses[int(first)], poses[int(second)])
         assert laid[:2] == pytest.approx(step[:2], abs=0.1)
-
-
-def test_files_of_another_kind_are_refused():
-    with pytest.raises(SettingsError, match=r"my_map.pgm: is no name for a map"):
-        driven_files("my_map.pgm")
-
-
-def test_files_that_exist_and_several_cars_are_refused(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "here.yaml").write_text("", encoding="utf-8")
-    for arguments, said in (
-        (("map", "oval", "--out", "here"), "here.yaml: exists"),
-        (("map", "ovall"), "did you mean 'oval'"),
-        (("map", "oval", "--resolution", "5"), "accepted: from 0.01 to 1"),
-    ):
-        assert main(list(arguments)) == 2
-        assert said in capsys.readouterr().err

@@ -1,9 +1,7 @@
 """What identification finds in the drives of an independent single-track car, and what it refuses."""
 
-import itertools
 import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,20 +15,18 @@ import single_track_drives as car
 from bag_worlds import SECOND, header, make, robot_odometry, vector, write_bag
 from browsers import page_of  # noqa: F401
 from fg_mujoco.addons.realcar.drives.channels import Channel
-from fg_mujoco.addons.realcar.identification import fit, identification
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
-from fg_mujoco.addons.realcar.identification.fit import fitted_starts, inverse_dynamics, output_error
-from fg_mujoco.addons.realcar.identification.identification import Estimate, identify_drives
+from fg_mujoco.addons.realcar.identification.fit import fitted_starts
+from fg_mujoco.addons.realcar.identification.identification import identify_drives
 from fg_mujoco.addons.realcar.identification.problem import STEP, DriveProblem, assumed_noise
 from fg_mujoco.addons.realcar.identification.smoothed_motion import smooth
 from fg_mujoco.addons.realcar.identification.speed_response import speed_response
 from fg_mujoco.addons.realcar.identification.steering_response import Steering
-from fg_mujoco.addons.realcar.identification.tire_file import tire_text, write_tires
+from fg_mujoco.addons.realcar.identification.tire_file import tire_text
 from fg_mujoco.addons.realcar.identification.vehicle_file import write_vehicle
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.vehicle.single_track import friction_curve
-from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -230,16 +226,6 @@ def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes(delay)
     assert angles == pytest.approx(np.interp(time, np.arange(0.0, 1.0, fine), slow), abs=1e-3)
 
 
-def test_an_angle_that_was_measured_is_taken_at_its_time():
-    time = np.arange(0.0, 1.0, STEP)
-    ticks = np.arange(-0.1, 1.1, 0.0025)
-    measured = Channel(name="angle", time=ticks, values=0.3 * np.sin(12.0 * ticks)[:, np.newaxis])
-    steering = Steering(measured, time, limit=0.4, rate=np.inf, held=False)
-    assert steering.angles(1.1, 0.01, 0.0, 0.0) == pytest.approx(0.33 * np.sin(12.0 * time) + 0.01, abs=1e-4)
-    late = steering.angles(1.0, 0.0, 0.0, 0.007)
-    assert late == pytest.approx(0.3 * np.sin(12.0 * (time - 0.007)), abs=1e-4)
-
-
 def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks(gentle_drive, gently_found):
     partial = identify_drives([gentle_drive], front_drive=0.0, single_track=True)
     assert {"front peak", "rear peak"} <= set(partial.untold)
@@ -287,13 +273,6 @@ def test_drives_that_say_nothing_are_refused(exciting_drive):
         Channel(name="gyro", time=np.zeros(2), values=np.zeros((2, 1)))
 
 
-def test_a_straight_drive_is_refused():
-    time = np.arange(0.0, 8.0, 0.025)
-    drive = car.recorded((time, np.zeros(len(time)), np.full(len(time), 3.0)), TIRES, seed=3, noise=0.1)
-    with pytest.raises(fg.SettingsError, match=r"slip angles reach 0\.00\d+ rad; the peak needs about 0\.16"):
-        identify_drives([drive])
-
-
 def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
     text = tire_text(found)
     table = tomllib.loads(text)
@@ -307,43 +286,6 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
             estimate = getattr(axle, letter)
             assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
             assert f"+- {estimate.half:.2g}; drive 1 (sha256 000000000000)" in text
-
-
-def test_the_tire_file_has_a_relaxation_length_that_was_found(found):
-    assert tomllib.loads(tire_text(found))["front"]["relaxation_length"] == 0.045  # the single-track model has none
-    assert "relaxation length" not in found.summary()
-    sure = replace(found, relaxation_length=Estimate(value=0.03, half=0.002))
-    table = tomllib.loads(tire_text(sure))
-    assert table["front"]["relaxation_length"] == table["rear"]["relaxation_length"] == 0.03
-    assert "relaxation length   0.03 +- 0.002 m" in sure.summary()
-    unsure = replace(found, relaxation_length=Estimate(value=0.03, half=0.04))
-    assert tomllib.loads(tire_text(unsure))["rear"]["relaxation_length"] == 0.045
-
-
-def test_the_tire_file_is_one_that_cars_drive_on(found, tmp_path):
-    tires = fg.Tires.load(write_tires(found, tmp_path / "tires.toml"))
-    for loaded, axle in zip(tires.axles, (found.front, found.rear), strict=True):
-        assert loaded.lateral.slope == pytest.approx(axle.stiffness.value, rel=1e-4)
-        assert loaded.lateral.peak == pytest.approx(axle.peak.value, rel=1e-3)
-    result = fg.race("oval", "pure_pursuit", laps=1, max_speed=3.0, tires=tmp_path / "tires.toml")
-    assert result.car.finished
-    assert result.car.max_slide_m_s == 0.0
-
-
-def test_a_curve_that_turns_back_before_its_peak_is_told_by_one_that_has_it():
-    turning_back = (5.1, 1.02, 1.25, 1.39)  # .79 at .31 rad, which is .63 of its D: no tire file may have it
-    with pytest.raises(fg.SettingsError, match="no peak"):
-        MagicFormula(**dict(zip("BCDE", turning_back, strict=True)))
-    tires = (turning_back, TIRES[1], TIRES[2])
-    drive = car.recorded(car.exciting(3, tires, 12.0), tires, seed=3, **STEERING)
-    problem = DriveProblem(drive, front_drive=0.0, single_track=True)
-    start = inverse_dynamics([problem])
-    start[:4] = stiffness(turning_back), *turning_back[1:]  # where the search would stay
-    found = output_error([problem], start).parameters
-    slope, c, d, e = found[:4]
-    front = MagicFormula(B=slope / (c * d), C=c, D=d, E=e)
-    slips = np.linspace(0.02, 0.3, 15)
-    assert np.allclose([front.force(slip) for slip in slips], car.magic_formula(slips, turning_back), rtol=0.05)
 
 
 @pytest.fixture(scope="module")
@@ -422,29 +364,6 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
     assert asked == [report.as_uri()]
 
 
-def test_a_page_escapes_what_a_name_says(found, tmp_path):
-    pytest.importorskip("bokeh")
-    from fg_mujoco.addons.realcar.identification.identification_page import write_identification_report
-
-    named = replace(found, drives=(replace(found.drives[0], name="<script>alert(1)</script>"),))
-    page = write_identification_report(named, tmp_path / "page.html").read_text()
-    assert "<script>alert(1)" not in page
-    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
-    assert "default-src 'none'" in page
-
-
-@pytest.mark.parametrize(
-    ("kinds", "lacks"),
-    [(("imu", "odom"), "steering"), (("drive", "imu"), "wheel speed")],
-)
-def test_a_bag_without_a_channel_is_refused_with_what_it_has(tmp_path, capsys, gentle_drive, kinds, lacks):
-    pytest.importorskip("rosbags")
-    bag = write_bag(tmp_path / "bag", entries_of(gentle_drive, kinds=kinds)[:200])
-    said = refused(tmp_path, capsys, "identify", str(bag), "--out", str(tmp_path / "tires.toml"))
-    assert f"bag: has no {lacks}: it has /" in said
-    assert "accepted: steering by ackermann_msgs/msg/AckermannDriveStamped or sensor_msgs/msg/JointState" in said
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -480,23 +399,6 @@ def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
     assert drive.speed.values[forward, 0] == pytest.approx(run.column("speed_m_s")[forward], abs=0.2)
     turning = (run.column("yaw_rate_rad_s") * run.column("speed_m_s"))[20:]
     assert np.corrcoef(drive.acceleration.values[20:, 1], turning)[0, 1] > 0.9
-
-
-def test_it_is_told_how_far_it_is(gently_found):
-    _, said = gently_found
-    assert said[:3] == ["smoothing drive 1/1", "inverse dynamics", "output error: fit 1/3, step 1"]
-    assert any(text.startswith("output error: fit 3/3, step ") for text in said)
-
-
-def test_a_fit_that_may_not_take_its_time_is_partial_and_says_so(exciting_drive, monkeypatch):
-    seconds = itertools.count()  # a clock that is a second later whenever it is looked at
-    for module in (fit, identification):
-        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: float(next(seconds))))
-    found = identify_drives([exciting_drive], front_drive=0.0, single_track=True, budget=1.0)
-    assert found.fit.stopped.startswith("ended by the time budget in fit 1 of 3, to ")
-    assert f"partial: {found.fit.stopped}" in found.summary()
-    with pytest.raises(fg.SettingsError, match=r"budget is 0\.0 s; accepted: 1 s or more"):
-        identify_drives([exciting_drive], budget=0.0)
 
 
 def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_drive):
@@ -571,7 +473,12 @@ def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, 
     assert fg.drive(commands, vehicle=again).car.column("steering_angle_rad")[-1] == pytest.approx(angle, abs=1e-6)
 
 
-def test_a_fall_behind_the_peak_is_written_where_the_drives_tell_it(found):
-    for reached, share in ((1.5, 1.0), (2.5, None)):
-        front = replace(found.front, reached=reached * found.front.peak_slip)
-        assert tomllib.loads(tire_text(replace(found, front=front)))["front"].get("sliding_share") == share
+def test_a_page_escapes_what_a_name_says(found, tmp_path):
+    pytest.importorskip("bokeh")
+    from fg_mujoco.addons.realcar.identification.identification_page import write_identification_report
+
+    named = replace(found, drives=(replace(found.drives[0], name="<script>alert(1)</script>"),))
+    page = write_identification_report(named, tmp_path / "page.html").read_text()
+    assert "<script>alert(1)" not in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "default-src 'none'" in page

@@ -34,32 +34,3 @@ def test_the_tires_of_a_car_are_found_in_three_dimensions(benchmark, monkeypatch
     assert abs(errors["lag"]) < benchmark.GOALS["lag"]
     assert errors["lap"] < benchmark.GOALS["lap"]
     assert "| nuc6 | f1tenth |" in benchmark.tables([row])
-
-
-def test_the_tires_drawn_are_those_of_their_seed_and_within_their_range(benchmark):
-    drawn = [case.tires for case in benchmark.cases(20)][2:]
-    assert len({tires.front.lateral.B for tires in drawn}) == 20
-    assert drawn[4] == benchmark.random_tires(5)
-    for tires in drawn:
-        assert 4.0 < tires.front.lateral.slope < 24.0 and 4.0 < tires.rear.lateral.slope < 28.0
-        assert 0.0225 <= tires.front.relaxation_length <= 0.09
-
-
-def test_a_refusal_is_shown_in_place_of_values(benchmark):
-    errors = {
-        "lag": 1.0,
-        "lap": 2.0,
-        "front_stiffness": -6.0,
-        "rear_stiffness": 1.0,
-        "front_peak": 1.0,
-        "rear_peak": 2.0,
-    }
-    rows = [
-        {"name": "a", "vehicle": "nuc2", "two_track": errors, "single_track": {"refused": "why"}},
-        {"name": "b", "vehicle": "nuc2", "two_track": {"refused": "why"}, "single_track": {"refused": "why"}},
-    ]
-    shown = benchmark.tables(rows)
-    assert "| a | nuc2 | -6.0, +1.0 | +1.0, +2.0 | +1.0 | 2.0 |" in shown
-    assert "| b | nuc2 | why |" in shown
-    assert "| two_track | 6.0, 6.0, 0 of 2 | 2.0, 2.0, 1 of 2 | 1.0, 1.0, 1 of 2 | 2.0, 2.0, 1 of 2 |" in shown
-    assert "| single_track | - | - | - | - |" in shown

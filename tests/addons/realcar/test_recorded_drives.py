@@ -78,22 +78,6 @@ def test_clock_gyro_delays_and_steering_offset_are_found(tmp_path):
     assert set(drive.checks.used) == {"clock_scale", "gyro_scale", "speed_delay", "yaw_rate_delay"}
 
 
-def test_a_drive_without_faults_has_none(tmp_path):
-    made = motion()
-    drive = read_drive(spoilt(tmp_path, steering=made["steering"] - OFFSET))
-    assert str(drive.checks) == "nothing wrong was found" and drive.layout == "plain"
-    with pytest.raises(ValueError, match="read-only"):
-        drive.rows.speed[0] = 1.0
-
-
-def test_commands_hold_and_measurements_are_interpolated(tmp_path):
-    drive = read_drive(spoilt(tmp_path))
-    between = drive.speed.time[10:20] + 0.013
-    rows = drive.rows_at(between)
-    assert np.array_equal(rows.steering, drive.steering.values[10:20, 0])
-    assert rows.speed == pytest.approx(0.35 * drive.speed.values[10:20, 0] + 0.65 * drive.speed.values[11:21, 0])
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -118,20 +102,6 @@ def test_a_wrong_unit_is_recognised(tmp_path, changes, said):
         read_drive(path)
 
 
-def test_a_unit_that_is_said_is_read(tmp_path):
-    made = motion()
-    path = spoilt(tmp_path, steering=np.degrees(made["steering"]), speed=3.6 * made["speed"])
-    columns = tmp_path / "columns.toml"
-    columns.write_text(
-        'time = "time_s"\nspeed = {column = "speed_m_s", unit = "km/h"}\nyaw_rate = "yaw_rate_rad_s"\n'
-        'steering = {column = "steering_rad", unit = "deg"}\nx = "x_m"\ny = "y_m"\nyaw = "yaw_rad"\n'
-    )
-    drive = read_drive(path, columns=columns)
-    assert drive.steering.values[:, 0] == pytest.approx(made["steering"], abs=1e-6)
-    assert drive.speed.values[:, 0] == pytest.approx(made["speed"], abs=1e-6)
-    assert drive.speed_command is None and DriveColumns.of(columns).toml == columns.read_text()
-
-
 @pytest.mark.parametrize(("pause", "carried"), [(3600.0, 3.0), (86400.0, 0.0)])
 def test_a_drive_is_cut_at_a_pause_which_is_said(tmp_path, pause, carried):
     """Whether the car is carried elsewhere in the pause or not."""
@@ -153,17 +123,6 @@ def test_a_drive_is_cut_at_a_pause_which_is_said(tmp_path, pause, carried):
         assert part.parts() == [part] and part.part_of == drive.name
 
 
-def test_a_long_drive_is_taken_in_parts_that_are_evenly_spread(tmp_path):
-    made = motion()
-    whole = {name: np.tile(made[name], 25) for name in ("time", "speed", "yaw_rate", "steering", "x", "y", "yaw")}
-    whole["time"] = np.arange(len(whole["time"])) * 0.02
-    with pytest.warns(UserWarning, match="lasts 975 s, of which 10 parts of up to 30 s are taken"):
-        parts = read_drive(spoilt(tmp_path, **whole)).parts()
-    begins = [part.start for part in parts]
-    assert sum(part.end - part.start for part in parts) == pytest.approx(300.0, abs=10.0)
-    assert begins[0] == 0.0 and parts[-1].end == pytest.approx(974.98) and np.ptp(np.diff(begins)) < 31.0
-
-
 @pytest.mark.parametrize(
     ("first", "by", "said"),
     [
@@ -177,37 +136,6 @@ def test_a_clock_that_jumps_is_refused_with_its_row(tmp_path, first, by, said):
     time[first:] += by
     with pytest.raises(fg.SettingsError, match=said):
         read_drive(spoilt(tmp_path, time=time))
-
-
-def test_comments_above_the_header_and_between_rows_are_left_out(tmp_path):
-    path = spoilt(tmp_path)
-    header, *rows = path.read_text().splitlines()
-    plain = read_drive(path)
-    for number, names in enumerate((header, f"# {header}", f'"{header.replace(",", chr(34) + "," + chr(34))}"')):
-        made = tmp_path / "folder" / f"{number}.csv"
-        made.parent.mkdir(exist_ok=True)
-        above = ["# by hand, 20 \u00b0C", '# start :,"[0, 0, 0]", 25 Hz', "", names]
-        lines = [*above, *rows[:50], "", "  # a lap", *rows[50:]]
-        made.write_text("\n".join(lines), encoding="latin-1" if number else "utf-8")
-        assert np.array_equal(read_drive(made).speed.values, plain.speed.values)
-    spoilt_row = tmp_path / "row.csv"
-    spoilt_row.write_bytes(made.read_bytes().replace(rows[100].encode(), b"1," + rows[100].encode()))
-    assert "line 107: 9 cells" in said_of(spoilt_row)
-    assert len(read_drives(tmp_path / "folder")) == 3
-    made.write_bytes(path.read_bytes().replace(b",", b",\0"))
-    assert "is not a text file" in said_of(made)
-
-
-@pytest.mark.parametrize("value", ["-1e308", "9" * 400, "inf", "1e30", "-2e8"])
-@pytest.mark.parametrize("name", HEADER.split(","))
-def test_a_number_that_is_no_measurement_is_refused_with_its_line(tmp_path, capsys, monkeypatch, name, value):
-    monkeypatch.chdir(tmp_path)
-    header, *rows = write(tmp_path / "drive.csv", motion(4.0)).read_text().splitlines()
-    cells = rows[50].split(",")
-    cells[header.split(",").index(name)] = value
-    Path("drive.csv").write_text("\n".join([header, *rows[:50], ",".join(cells), *rows[51:]]))
-    line = refused(tmp_path, capsys, "bag", "drive.csv")
-    assert f"drive.csv, line {53 if 'backwards' in line and value[0] != '-' else 52}: {name}" in line
 
 
 @pytest.mark.parametrize("value", ["9" * 400, "-" + "9" * 400, "inf", "nan", "[1.0]", "{a = 1}", "true", "1e300"])

@@ -16,12 +16,11 @@ from fg_mujoco.addons.realcar.drives.reading import read_drive
 from fg_mujoco.addons.realcar.validation.agreement import of_center
 from fg_mujoco.addons.realcar.validation.car_model import BEFORE, CarModel, Task
 from fg_mujoco.addons.realcar.validation.planar_models import PlanarModel
-from fg_mujoco.addons.realcar.validation.scoreboard import Scoreboard, models_of
-from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate, validate_model
+from fg_mujoco.addons.realcar.validation.scoreboard import models_of
+from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
 from fg_mujoco.addons.realcar.validation.windows import (
     ACCELERATE,
     COMMAND_SPEED,
-    HOLD_SPEED,
     PERIOD,
     motion_of,
     steady_states_of,
@@ -29,7 +28,6 @@ from fg_mujoco.addons.realcar.validation.windows import (
 )
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
-from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SHARED = Path(__file__).resolve().parent.joinpath("../../../../shared/data/real_drives").resolve()
@@ -68,13 +66,6 @@ def test_less_friction_than_the_car_had_is_seen(circle, own):
     assert there.rms > 3.0 * here.rms
 
 
-def test_threads_change_no_bit(circle, own):
-    again = validate([circle], mu=0.7, threads=2)
-    assert again.agreements == own.agreements and again.steady == own.steady
-    for key, (_, simulated) in own.driven.items():
-        assert np.array_equal(simulated, again.driven[key][1], equal_nan=True)
-
-
 def test_windows_follow_each_other_where_the_car_moves(circle):
     motion = motion_of(circle, CAR.parameters, "f1tenth")
     for length in (1.0, 2.0):
@@ -111,14 +102,6 @@ def test_the_gyms_model_is_the_gyms():
     assert found[-1, 5] == pytest.approx(x[5], rel=0.02)
     slip, _ = of_center(found[np.newaxis], car.rear_axle_distance)
     assert slip[0, -1] == pytest.approx(x[6], abs=0.003)
-
-
-def test_a_recorded_state_is_written_as_it_was():
-    start = (1.0, -2.0, 0.5, 3.0, -0.2, 1.5, 0.2)
-    model = CarModel(vehicle=CAR, tires=Tires.load("forzaeth_sim"), mu=0.66)
-    found = model.simulate(task(0.2, 3.0, start, 0.1, kind=HOLD_SPEED))[0]
-    assert found[0] == pytest.approx(start[:6]) and found[1, 5] == pytest.approx(1.5, abs=0.4)
-    assert found[-1, 3] == pytest.approx(3.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("vehicle", "asked"), [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
@@ -178,12 +161,6 @@ def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, ca
     assert "accepted: none" in refused(tmp_path, capsys, *words, "--scoreboard", "--tires", "coulomb")
 
 
-def test_a_scoreboard_has_the_best_first(circle, own):
-    worse = validate_model(CarModel(vehicle=CAR, tires=Tires.load("coulomb"), mu=0.35), [circle])
-    rows = Scoreboard(validations=(worse, own)).table.rows
-    assert [row[1] for row in rows] == ["0.700", "0.350"]
-
-
 @pytest.mark.parametrize("vehicle", ["f1tenth", "ipz"])
 def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which(vehicle):
     names = {model.name for model in models_of(Vehicle.load(vehicle))}
@@ -199,14 +176,3 @@ def test_a_real_drive_is_validated_and_its_steady_states_found():
     assert state.steering == pytest.approx(0.2) and state.speed == pytest.approx(1.7, abs=0.1)
     assert state.yaw_rate / state.speed == pytest.approx(0.967 * 1.412 / 1.69, rel=0.03)
     assert np.isfinite([each.rms for each in found.agreements[HELD, 1.0]]).all()
-
-
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")
-def test_a_second_in_which_a_real_car_hits_the_wall_is_no_window():
-    """At 61.1 s it is thrown round: its speed falls from 3.5 to 1.6 m/s within .1 s, on tires that hold .8 g."""
-    drive = read_drive(SHARED / "ipz20_race_03.csv")
-    motion = motion_of(drive, Vehicle.load("ipz").parameters, "ipz")
-    times = [motion.time[[each.first, each.first + each.count]] for each in windows_of([motion], 1.0)]
-    assert not any(first < 61.1 < last for first, last in times)
-    assert any(first < 60.0 < last for first, last in times)
-    assert drive.checks.heading_offset.value == pytest.approx(-0.022, abs=0.004)

@@ -12,7 +12,7 @@ from fg_mujoco.addons.ros.bag_messages import heading_of
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.messages import LaserScan
-from field_races import shunt, three_cars
+from field_races import shunt
 
 OF_A_CAR = ("odom", "imu", "joint_states")
 
@@ -37,16 +37,6 @@ def two(tmp_path_factory):
 def test_topics_of_two_cars_are_those_of_f1tenth_gym_ros(two):
     named = {"/ego_racecar/odom", "/ego_racecar/opp_odom", "/opp_racecar/opp_odom", "/opp_scan", "/opp_drive"}
     assert set(two) == set(TOPICS) | named | {f"/opp_racecar/{name}" for name in OF_A_CAR}
-
-
-@pytest.mark.slow
-def test_more_cars_have_their_numbers(tmp_path):
-    found = written(three_cars(), tmp_path)
-    assert {topic for topic in found if topic.startswith("/car_")} == {
-        f"/car_2/{name}" for name in (*OF_A_CAR, "scan", "drive")
-    }
-    assert {message.child_frame_id for message in found["/car_2/odom"]} == {"car_2/base_link"}
-    assert {message.header.frame_id for message in found["/car_2/scan"]} == {"car_2/laser"}
 
 
 def test_scans_are_those_that_each_planner_got(two):
@@ -82,19 +72,6 @@ def test_frames_of_the_other_car_hang_on_the_map(two):
         "ego_racecar/base_link": "base_link", "opp_racecar/base_link": "map",
         "opp_racecar/laser": "opp_racecar/base_link", "opp_racecar/imu": "opp_racecar/base_link",
     }  # fmt: skip
-
-
-@pytest.mark.slow
-def test_a_car_that_has_finished_says_no_more(tmp_path):
-    entries = [fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)]
-    race = fg.race("oval", entries=entries, laps=1, time_limit=11.0)
-    found = written(race, tmp_path)
-    ticks = round(race.cars[1].end_time_s / 0.025)
-    assert race.cars[1].finished and ticks < len(race.car.telemetry)
-    for topic in ("/opp_scan", "/opp_racecar/odom", "/ego_racecar/opp_odom", "/opp_drive"):
-        assert len(found[topic]) == ticks
-    for topic in ("/scan", "/ego_racecar/odom", "/drive"):
-        assert len(found[topic]) == len(race.car.telemetry)
 
 
 @pytest.mark.slow

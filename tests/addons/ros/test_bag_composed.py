@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
+from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
 from fg_mujoco.addons.realcar.bag_drive import read_drives
 from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map
-from fg_mujoco.addons.ros.bag_messages import DRIVE, JOINTS, MOTOR, ODOMETRY, USUAL, type_store
+from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
-from fg_mujoco.addons.ros.node_host.sensing import TOPICS
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -116,22 +115,6 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
     assert [each.time for each in heard] == [EPOCH + 1, EPOCH + 4]
 
 
-def test_odometry_of_autodrives_own_and_joints_of_others_stay(tmp_path):
-    own = [("/autodrive/c/odom", EPOCH + i, robot_odometry(EPOCH + i)) for i in range(3)]
-    with Recording(write_bag(tmp_path / "bag", [*entries("c", 3), *own])) as bag:
-        assert [name for kind, name in bag.counts if kind == ODOMETRY] == ["/autodrive/c/odom"]
-        assert [name for kind, name in bag.counts if kind == JOINTS] == ["/autodrive/c/wheels"]
-
-
-def test_two_cars_of_autodrive_are_told_apart_by_their_topics(tmp_path, capsys):
-    bag = write_bag(tmp_path / "bag", [*entries("f1tenth_1", 20), *entries("f1tenth_2", 20)])
-    assert main(["replay-scans", str(bag)]) == 2
-    assert (
-        "/autodrive/f1tenth_1/lidar, /autodrive/f1tenth_2/lidar; accepted: one, by --scan-topic"
-        in capsys.readouterr().err
-    )
-
-
 def test_a_map_says_how_many_scans_it_is_of_and_why_not_of_the_others(tmp_path, capsys):
     rows = entries("our_car", 60, still=20)
     scans = [row for row in rows if row[0].endswith("lidar")]
@@ -195,26 +178,6 @@ def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys, d
     assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
     assert main(["bag", str(bag)]) == 0
     assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
-
-
-def test_what_an_ackermann_topic_commands_goes_before_the_vescs(tmp_path):
-    drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=0.3, steering_angle_velocity=0.0, speed=1.0,
-                 acceleration=0.0, jerk=0.0)  # fmt: skip
-    times = [EPOCH + i * STEP for i in range(120)]
-    own = [("/mine", time, make(DRIVE, header=header(time, ""), drive=drive)) for time in times]
-    bag = write_bag(tmp_path / "bag", sorted([*vesc_entries(""), *own], key=lambda entry: entry[1]))
-    assert np.allclose(read_drives(bag)[0].steering.values, 0.3)
-    assert np.allclose(read_drives(bag, drive_topic="/commands")[0].steering.values[:, 0], 0.001 * np.arange(120))
-
-
-def test_of_several_topics_those_are_read_that_nodes_get(tmp_path):
-    assert {name for kind in USUAL for name in USUAL[kind]} >= {
-        name for name, (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name
-    }
-    names = ("/pf/pose/odom", "/vesc/odom")
-    entries = [(name, EPOCH + i, robot_odometry(EPOCH + i)) for i in range(9) for name in names]
-    with Recording(write_bag(tmp_path / "bag", entries)) as bag, pytest.warns(UserWarning, match="/vesc/odom is read"):
-        assert bag.choose((ODOMETRY,), option="--odom-topic") == (ODOMETRY, "/vesc/odom")
 
 
 def test_a_measurement_of_a_bag_that_failed_is_left_out_and_one_that_none_measures_is_refused(tmp_path):

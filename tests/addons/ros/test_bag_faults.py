@@ -7,10 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 from fg_mujoco.addons.ros.bag_messages import drive_message
 from fg_mujoco.addons.ros.bag_reader import ScanBag
-from fg_mujoco.addons.ros.bag_scans import to_scan
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
@@ -103,22 +102,12 @@ def test_scans_without_a_stamp_have_the_time_at_which_they_were_recorded(tmp_pat
     assert any("10 of 10 scans without a stamp" in each for each in said)
 
 
-def test_a_simulations_clock_begins_at_0_and_nothing_is_said(tmp_path):
-    found = read(drive(tmp_path, ticks(10, 0)))
-    assert [d.scan.stamp for d in found] == pytest.approx([0.025 * number for number in range(10)])
-
-
 def test_scans_that_were_recorded_twice_are_taken_once(tmp_path):
     times = [time for time in ticks(20) for _ in range(2)]
     said = []
     found = read(drive(tmp_path, times, ranges=lambda number: np.full(41, 2.0 + 0.125 * (number // 2))), said)
     assert [d.scan.ranges[0] for d in found] == [2.0 + 0.125 * number for number in range(20)]
     assert any("20 of 20 scans recorded twice" in each for each in said)
-
-
-def test_stamps_that_stand_still_are_those_of_other_scans_all_the_same(tmp_path):
-    found = read(drive(tmp_path, ticks(10), stamps=[EPOCH] * 10))
-    assert np.diff([d.scan.stamp for d in found]) == pytest.approx(0.025, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -142,37 +131,10 @@ def test_every_planner_goes_on_where_the_beams_change_in_the_middle(name, tmp_pa
     assert np.abs(rows[:, 2]).max() < 0.2  # the corridor is straight, however it is seen
 
 
-@pytest.mark.parametrize("step", [0.00436332, 0.0043633, 0.004363])
-def test_angles_that_are_rounded_are_no_fault(tmp_path, step):
-    found = read(
-        drive(tmp_path, ticks(3), ranges=lambda _: np.full(1081, 2.0), first=-2.35619, step=step, angle_max=2.35619)
-    )
-    assert found[0].scan.bearings[540] == pytest.approx(0.0, abs=5e-4)
-
-
-def test_an_angle_max_that_says_another_number_of_beams_is_said(tmp_path):
-    said = []
-    read(drive(tmp_path, ticks(3), first=-2.0, step=0.1, angle_max=1.5), said)
-    assert any("angle_max is 5 beams off" in each for each in said)
-
-
 def test_an_increment_against_the_turn_is_refused(tmp_path):
     bag = drive(tmp_path, ticks(3), first=2.0, step=0.1, angle_max=-2.0)
     with pytest.raises(BagError, match=r"angle_increment is 0\.1 rad, and its beams go from 2 to -2 rad; accepted"):
         read(bag)
-
-
-@pytest.mark.parametrize("intensities", [np.zeros(0), np.zeros(3), np.full(41, 7.0), np.full(99, math.nan)])
-def test_intensities_of_whatever_length_are_no_fault(tmp_path, intensities):
-    message = robot_scan(WALLS, time=EPOCH)
-    message.intensities = intensities.astype(np.float32)
-    found = read(write_bag(tmp_path / "bag", [("/scan", EPOCH, message)]))
-    assert found[0].scan.ranges.tolist() == WALLS.tolist()
-
-
-def test_what_hokuyo_says_for_nothing_is_nothing_whatever_the_limit():
-    scan = to_scan(robot_scan([65.533, 65.534, 65.535, 64.0, 65.0], range_max=100.0))
-    assert np.isinf(scan.ranges).tolist() == [True, True, True, False, False]
 
 
 def test_a_range_max_below_what_is_seen_is_said(tmp_path):
@@ -182,26 +144,11 @@ def test_a_range_max_below_what_is_seen_is_said(tmp_path):
     assert any("4 of 4 scans see far beyond range_max, 4 m" in each for each in said)
 
 
-def test_a_limit_that_is_every_beams_reading_is_said_of_no_one(tmp_path):
-    """As simulators have it where there is nothing."""
-    found = read(drive(tmp_path, ticks(4), ranges=lambda _: np.full(41, 30.0), range_max=30.0))
-    assert np.isinf(found[0].scan.ranges).all()
-
-
 def test_odometry_that_stops_is_said(tmp_path):
     said = []
     found = read(drive(tmp_path, ticks(80), odometry=ticks(20)), said)
     assert found[-1].odometry.speed == 1.0
     assert any("odometry more than 0.5 s old at 40 of 80 scans, at most 1.5 s" in each for each in said)
-
-
-@pytest.mark.parametrize("eighths", [1, 8, 40])
-def test_odometry_slower_or_faster_than_scans_is_the_last_one(tmp_path, eighths):
-    times = ticks(40)
-    found = read(drive(tmp_path, times, odometry=range(EPOCH, times[-1] + 1, eighths * STEP // 8)))
-    ages = np.array([d.scan.stamp - d.odometry.stamp for d in found])
-    assert ages.min() > -1e-6
-    assert ages.max() < eighths * 0.025 / 8 + 1e-6
 
 
 def test_a_lidar_upside_down_by_transforms_without_a_base_link_is_read_as_the_odometry_says(tmp_path):
@@ -246,35 +193,6 @@ def test_speeds_are_those_from_pose_to_pose_where_there_are_transforms_alone(tmp
     assert "no odometry; the speed is that of the transforms to the car" in capsys.readouterr().err
 
 
-def posed(time, x, topic_kind="geometry_msgs/msg/PoseStamped", frame="map"):
-    pose = make(
-        "geometry_msgs/msg/Pose",
-        position=make("geometry_msgs/msg/Point", x=x, y=0.0, z=0.0),
-        orientation=rotation(math.pi),
-    )
-    return make(topic_kind, header=header(time, frame), pose=pose)
-
-
-def test_speeds_are_those_from_pose_to_pose_where_there_are_poses_alone(tmp_path):
-    entries = []
-    for number, time in enumerate(ticks(40)):
-        entries += [("/vrpn/car/pose", time, posed(time, 0.05 * number)), ("/scan", time, robot_scan(WALLS, time=time))]
-    found = read(write_bag(tmp_path / "bag", entries))
-    assert [d.odometry.speed for d in found[5:]] == pytest.approx([-2.0] * 35, rel=1e-6)  # it looks the other way
-    assert found[-1].odometry.pose == pytest.approx((1.95, 0.0, math.pi))
-
-
-def test_a_localisations_odometry_without_speeds_has_those_of_its_poses(tmp_path):
-    entries = []
-    for number, time in enumerate(ticks(40)):
-        entries.append(("/pf/pose/odom", time, robot_odometry(time, x=0.05 * number, frame="/map")))
-        entries.append(("/scan", time, robot_scan(WALLS, time=time)))
-    said = []
-    found = read(write_bag(tmp_path / "bag", entries), said)
-    assert [d.odometry.speed for d in found[5:]] == pytest.approx([2.0] * 35, rel=1e-6)
-    assert any("/pf/pose/odom has no speeds; they are taken from its poses" in each for each in said)
-
-
 def test_two_candidates_are_refused_by_name_with_the_option(tmp_path, capsys):
     entries = [(topic, EPOCH, robot_odometry(EPOCH)) for topic in ("/wheel/odom", "/pf/pose/odom")]
     entries += [("/scan", EPOCH, robot_scan(WALLS, time=EPOCH))]
@@ -289,27 +207,3 @@ def test_two_candidates_are_refused_by_name_with_the_option(tmp_path, capsys):
     with pytest.raises(BagError, match="on /mux/a, /mux/b; accepted: one, by --drive-topic"):
         read(bag)
     assert len(read(bag, drive_topic="mux/b")) == 1
-
-
-def test_identify_refuses_two_candidates_as_replay_scans_does(tmp_path, capsys):
-    command = drive_message(DriveCommand(steering_angle=0.1, speed=1.0), EPOCH)
-    bag = write_bag(tmp_path / "bag", [("/mux/a", EPOCH, command), ("/mux/b", EPOCH, command)])
-    assert main(["identify", str(bag), "--out", str(tmp_path / "tires.toml")]) == 2
-    assert "on /mux/a, /mux/b; accepted: one, by --drive-topic" in capsys.readouterr().err
-    assert main(["identify", str(bag), "--drive-topic", "/mux/a", "--out", str(tmp_path / "tires.toml")]) == 2
-    assert "has no steering" in capsys.readouterr().err  # by one command
-
-
-def test_a_goal_that_was_clicked_is_no_pose_of_the_car(tmp_path):
-    entries = [("/goal_pose", EPOCH, posed(EPOCH, 9.0))]
-    for number, time in enumerate(ticks(200)):
-        entries += [("/amcl_pose", time, posed(time, 0.01 * number)), ("/scan", time, robot_scan(WALLS, time=time))]
-    found = read(write_bag(tmp_path / "bag", entries))
-    assert found[-1].odometry.pose[0] == pytest.approx(1.99)
-
-
-def test_odometry_that_is_no_number_is_not_told(tmp_path):
-    good, bad = robot_odometry(EPOCH, speed=2.0), robot_odometry(EPOCH + STEP, x=math.nan, speed=math.nan)
-    entries = [("/odom", EPOCH, good), ("/odom", EPOCH + STEP, bad)]
-    entries += [("/scan", EPOCH + 2 * STEP, robot_scan(WALLS, time=EPOCH + 2 * STEP))]
-    assert read(write_bag(tmp_path / "bag", entries))[0].odometry.speed == 2.0

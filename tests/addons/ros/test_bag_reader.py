@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
-
 import numpy as np
 import pytest
 
@@ -12,7 +9,7 @@ from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, trans
 from fg_mujoco.addons.ros.bag_messages import drive_message
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import BagError, MissingExtraError, install_command
+from fg_mujoco.errors import BagError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -41,15 +38,6 @@ def test_bags_of_another_library_are_read_as_folder_and_as_file(tmp_path, storag
         assert [d.scan.ranges.tolist() for d in heard] == [[1.0, 2.0], [2.0, 2.0], [3.0, 2.0]]
         assert [d.measured for d in heard] == [EPOCH, EPOCH + SECOND // 10, EPOCH + SECOND // 5]
         assert [d.received for d in heard] == [d.measured for d in heard]
-
-
-def test_without_odometry_the_car_stands_on_level_ground(tmp_path):
-    odometry = deliveries(write_bag(tmp_path / "bag", scans(1)))[0].odometry
-    assert (odometry.speed, odometry.steering_angle) == (0.0, 0.0)
-    assert odometry.linear_acceleration.tolist() == [0.0, 0.0, CAR.gravity]
-    assert odometry.angular_velocity.tolist() == [0.0, 0.0, 0.0]
-    assert odometry.wheel_speeds.tolist() == [0.0] * 4
-    assert np.isnan(odometry.pose).all()
 
 
 def test_without_odometry_the_car_does_what_was_commanded_before_the_scan(tmp_path):
@@ -106,16 +94,6 @@ def test_imu_and_joints_are_told_where_the_bag_has_them(tmp_path):
     assert odometry.wheel_speeds == pytest.approx(CAR.wheel_radius * np.array([1.0, 2.0, 3.0, 4.0]))
 
 
-def test_the_pose_is_that_on_the_map(tmp_path):
-    there = ("/odom", EPOCH, robot_odometry(EPOCH, x=2.0, y=1.0, yaw=0.5))
-    link = ("/tf", EPOCH, transforms(EPOCH, ("map", "odom", vector(10.0, 20.0), rotation(0.5 * math.pi))))
-    pose = deliveries(write_bag(tmp_path / "bag", [there, link, *scans(1)]))[0].odometry.pose
-    assert pose == pytest.approx((9.0, 22.0, 0.5 + 0.5 * math.pi))
-    on_map = ("/odom", EPOCH, robot_odometry(EPOCH, x=2.0, y=1.0, yaw=0.5, frame="map"))
-    pose = deliveries(write_bag(tmp_path / "other", [on_map, *scans(1)]))[0].odometry.pose
-    assert pose == pytest.approx((2.0, 1.0, 0.5))
-
-
 def test_the_lidar_is_turned_as_the_transforms_say_even_where_they_come_late(tmp_path):
     links = transforms(
         EPOCH, ("mast", "laser", vector(), rotation(0.5)), ("base_link", "mast", vector(z=0.2), rotation(0.25))
@@ -156,15 +134,3 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path, capsys, content):
     assert error.count("\n") == 1
     assert "drive.mcap" in error and "accepted: an .mcap or .db3 file" in error
     assert not (tmp_path / "out.csv").exists()
-
-
-def test_a_message_that_no_lidar_sends_is_refused_with_its_bag(tmp_path):
-    bag = write_bag(tmp_path / "bag", [("/scan", EPOCH, robot_scan(np.ones(5), step=0.0))])
-    with pytest.raises(BagError, match=r"bag: LaserScan\.angle_increment is 0 rad"):
-        deliveries(bag)
-
-
-def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("fg_mujoco.addons.ros.bag_messages.importlib.util.find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=rf"^ROS bags need .*: {re.escape(install_command('ros'))}$"):
-        ScanBag(tmp_path, CAR)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import shutil
 
 import numpy as np
 import pytest
@@ -115,43 +113,3 @@ def test_a_bag_without_a_course_leaves_no_folder(tmp_path, capsys):
     assert main(["bag", str(bag), "--out", str(tmp_path / "out")]) == 2
     assert "Traceback" not in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_a_summary_has_null_for_what_is_no_number_however_deep():
-    from fg_mujoco.racing.run_folder import as_json
-
-    text = as_json({"a": math.nan, "b": [{"c": math.inf, "d": 1.5}], "e": {"f": (math.nan, 2)}})
-    assert json.loads(text) == {"a": None, "b": [{"c": None, "d": 1.5}], "e": {"f": [None, 2]}}
-
-
-def test_force_replaces_a_run_and_nothing_else(lap, tmp_path, capsys):
-    bag, out = str(lap[1] / "lap.mcap"), tmp_path / "out"
-    shutil.copytree(lap[1] / "out", out)
-    command = ["bag", bag, "--out", str(out)]
-    first = (out / "summary.json").read_bytes()
-    (out / "telemetry_car_3.csv").write_text("old", "utf-8")
-    (out / "notes.txt").write_text("mine", "utf-8")
-    for arguments, said in ((command, "has a run; accepted"), ([*command, "--force"], "has notes.txt, which")):
-        assert main(arguments) == 2
-        assert said in capsys.readouterr().err and (out / "summary.json").read_bytes() == first
-    (out / "notes.txt").unlink()
-    assert main([*command, "--force"]) == 0
-    assert len(fg.read_run(out).ctrl) > 100 and not (out / "telemetry_car_3.csv").exists()
-
-
-@pytest.mark.parametrize("what", ["the map", "the run"])
-def test_a_full_disk_names_no_file_inside(what, lap, tmp_path, capsys, monkeypatch):
-    """The map is drawn in the folder of temporary files; the run is written aside in its own folder."""
-    from fg_mujoco.addons.realcar.mapping import recorded_map
-    from fg_mujoco.addons.ros import bag_writer
-
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    module = recorded_map if what == "the map" else bag_writer
-    monkeypatch.setattr(module, "write_files" if what == "the map" else "staged_file", full)
-    assert main(["bag", str(lap[1] / "lap.mcap"), "--out", str(tmp_path / "out")]) == 2
-    err = capsys.readouterr().err.splitlines()[-1]
-    named = "the map of the bag, in /" if what == "the map" else f"{tmp_path}/out/recording.mcap"
-    assert err.startswith(f"fg-mujoco: {named}") and "No space left on device" in err
-    assert ".partial" not in err and ".yaml" not in err and not (tmp_path / "out").exists()

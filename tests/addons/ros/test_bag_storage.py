@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
 from fg_mujoco.addons.ros.bag_messages import type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
@@ -152,25 +152,6 @@ def test_chunks_of_mcap_are_read_however_compressed(tmp_path, compression):
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
 def test_a_bag_of_ros_1_is_read_as_it_is(tmp_path, compression):
     assert nearest(of_ros1(tmp_path / "drive.bag", entries(), compression=compression)) == EXPECTED
-
-
-@pytest.mark.parametrize("old_transforms", [False, True])
-def test_transforms_of_ros_1_turn_the_lidar_as_they_say(tmp_path, old_transforms):
-    links = transforms(EPOCH, ("/base_link", "/laser", vector(), rotation(0.5)))
-    path = of_ros1(tmp_path / "drive.bag", [("/tf", EPOCH, links), *entries()], old_transforms=old_transforms)
-    with ScanBag(path, CAR) as bag:
-        scan = next(iter(bag)).scan
-    assert scan.angle_min == pytest.approx(-2.0 + 0.5, abs=1e-6)
-
-
-def test_a_single_file_that_is_compressed_as_a_whole_is_read(tmp_path):
-    folder = split(tmp_path / "drive", storage="SQLITE3", compression="zstd")
-    assert nearest(folder / "drive_0.db3.zstd") == EXPECTED[:12]
-
-
-def test_a_file_is_told_by_its_bytes_and_not_by_its_name(tmp_path):
-    of_mcap(tmp_path / "drive.bag", entries())
-    assert nearest(tmp_path / "drive.bag") == EXPECTED
 
 
 def refused(path, folder, capsys):
@@ -339,17 +320,6 @@ def test_a_message_that_is_cut_is_left_out_and_said(tmp_path, recwarn):
     assert any("1 messages on /scan are damaged and left out" in str(w.message) for w in recwarn)
 
 
-def test_a_folder_of_several_bags_is_refused_by_their_names(tmp_path, capsys):
-    folder = tmp_path / "bags"
-    folder.mkdir()
-    of_mcap(folder / "monday.mcap", entries())
-    of_ros1(folder / "tuesday.bag", entries())
-    assert main(["replay-scans", str(folder), "--out", str(tmp_path / "out.csv")]) == 2
-    said = capsys.readouterr().err
-    assert "holds several bags: monday.mcap, tuesday.bag; accepted: one of them" in said
-    assert said.count("\n") == 1
-
-
 def test_a_part_that_is_missing_is_said_and_the_others_are_read(tmp_path, recwarn):
     folder = split(tmp_path / "drive")
     (folder / "drive_1.mcap").unlink()
@@ -369,9 +339,3 @@ def test_messages_in_another_encoding_are_refused_by_its_name(tmp_path):
         writer.finish()
     with pytest.raises(BagError, match=r"/scan is written in 'json'; accepted: 'cdr'.*'ros1'"):
         nearest(Path(path))
-
-
-def test_a_bag_of_nothing_is_refused_with_what_is_accepted(tmp_path):
-    (tmp_path / "folder").mkdir()
-    with pytest.raises(BagError, match=r"has no file of a bag; accepted: an \.mcap or \.db3 file, a \.bag of ROS 1"):
-        nearest(tmp_path / "folder")

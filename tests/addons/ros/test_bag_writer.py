@@ -11,14 +11,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 
 import fg_mujoco as fg
-from fg_mujoco.addons.ros.bag_writer import LATCHED, TOPICS, BagWriter, export_bag
-from fg_mujoco.addons.ros.occupancy_grid import FREE, OCCUPIED, grid_of
+from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
+from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.maps.export import occupancy_image
-from fg_mujoco.errors import BagError, RunFolderError, SettingsError
+from fg_mujoco.errors import BagError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
 
@@ -73,18 +71,6 @@ def test_bag_opens_with_a_summary_a_schema_a_topic_and_the_run_itself(bag, folde
     assert json.loads(metadata["fg_mujoco"]["summary"]) == fg.read_run(folder).summary
 
 
-def test_what_is_latched_says_so_and_comes_before_all_else(bag):
-    with AnyReader([bag]) as reader:
-        assert {connection.topic: connection.msgtype for connection in reader.connections} == TOPICS
-        for connection in reader.connections:
-            (qos,) = connection.ext.offered_qos_profiles
-            latched = connection.topic in LATCHED
-            assert qos.durability == (QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE)
-            assert (qos.reliability, qos.history) == (QosReliability.RELIABLE, QosHistory.KEEP_LAST)
-            assert connection.msgcount == (1 if latched else 40)
-        assert {connection.topic for connection, _, _ in list(reader.messages())[:2]} == set(LATCHED)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("track", "effects", "lidar"),
@@ -112,21 +98,6 @@ def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
             np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
         # at the start the sensor is read with a solver that is warm already
         np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
-
-
-def test_scans_of_states_that_no_longer_replay_are_those_of_the_states(folder, tmp_path):
-    run = fg.read_run(folder)
-    world = load_world(run)
-    states = run.states.copy()
-    qpos = 1  # time comes first, then the car's free joint
-    states[20:, qpos] += 0.05  # from tick 20 on, the car stands elsewhere than physics would have it
-    moved = [tick.sensed for tick in resimulate(type(run)(**(vars(run) | {"states": states})), world)]
-    plain = [tick.sensed for tick in resimulate(run, world)]
-    assert moved[19].odometry.pose[0] == plain[19].odometry.pose[0]
-    assert [tick.odometry.pose[0] for tick in moved[20:]] == pytest.approx(
-        [tick.odometry.pose[0] + 0.05 for tick in plain[20:]], abs=1e-12
-    )
-    assert np.nanmax(np.abs(moved[-1].scan.ranges - plain[-1].scan.ranges)[np.isfinite(plain[-1].scan.ranges)]) > 0.01
 
 
 def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
@@ -222,34 +193,9 @@ def test_every_beam_ends_on_an_occupied_cell_of_the_map(messages):
     assert hits >= 0.99 * total  # a pitching car sees the ground now and then
 
 
-@pytest.mark.parametrize("name", ["l_corridor", "hairpins", "random:3"])
-def test_free_cells_are_those_between_the_walls(name):
-    track = fg.load_track(name)
-    world = fg.World(track)
-    grid = grid_of(world.model, np.array(track.start_pose(0.0, 0.0)[:2]))
-    between, origin = occupancy_image(track, 0.05)  # another way: scan lines over the walls' polylines
-    rows, columns = np.nonzero(between)
-    x, y = origin[0] + 0.05 * (columns + 0.5), origin[1] + 0.05 * (rows + 0.5)
-    cells = grid.cells[
-        np.floor((y - grid.origin[1]) / 0.05).astype(int), np.floor((x - grid.origin[0]) / 0.05).astype(int)
-    ]
-    assert (cells == FREE).sum() >= 0.93 * len(cells)  # but for those that a wall touches
-    assert set(np.unique(cells)) <= {FREE, OCCUPIED}
-    assert (grid.cells == FREE).sum() <= 1.01 * len(cells)  # and none outside
-
-
 def test_same_run_same_bytes(folder, bag, tmp_path):
     export_bag(folder, tmp_path / "again.mcap")
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
-
-
-def test_command_writes_a_bag_and_replaces_none_unasked(folder, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["export", str(folder), "--format", "mcap"]) == 0
-    assert "corridor.mcap: 40 ticks" in capsys.readouterr().out
-    assert main(["export", str(folder), "--out", "corridor.mcap"]) == 2
-    assert "exists; accepted: a new file, or --force" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["corridor.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -268,14 +214,6 @@ def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypat
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_without_what_the_lidar_was_set_to_is_refused(folder, tmp_path):
-    run = fg.read_run(folder)
-    for broken in ({"lidar_effects": {"fog": 1.0}}, {"seed": None}, {"lidar": "sonar"}):
-        changed = type(run)(**(vars(run) | {"summary": run.summary | broken}))
-        with pytest.raises((RunFolderError, SettingsError)):
-            next(resimulate(changed, load_world(changed)))
-
-
 def test_a_failure_leaves_no_bag_and_ctrl_c_leaves_what_was_written(folder, tmp_path):
     def fail(index, total):
         raise BagError("disk full")
@@ -292,10 +230,3 @@ def test_a_failure_leaves_no_bag_and_ctrl_c_leaves_what_was_written(folder, tmp_
     with AnyReader([tmp_path / "run.mcap"]) as reader:
         assert reader.topics["/scan"].msgcount == 5
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
-
-
-def test_a_writer_that_is_given_nothing_makes_a_bag_without_messages(tmp_path):
-    with BagWriter(tmp_path / "empty.mcap"):
-        pass
-    with AnyReader([tmp_path / "empty.mcap"]) as reader:
-        assert reader.message_count == 0

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from fg_mujoco.addons.ros.node_host.program import read_program
-from fg_mujoco.addons.ros.node_host.workspace import executable, packages
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.racing.trust import require_trusted, source_code
@@ -236,24 +235,6 @@ def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(wor
         assert speeds(source, 4)[0] == 1.0
 
 
-def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
-    source = workspace("return LaunchDescription([drive(), Node(package='my_car', executable='board')])")
-    car = Path(source.removeprefix("ros:")).parents[1]
-    (car / "scripts").mkdir()
-    (car / "scripts" / "board").write_text("#!/usr/bin/env python3\nimport rclpy\nrclpy.init()\nopen('/dev/none')\n")
-    node = car / "my_car" / "drive_node.py"
-    text = node.read_text()
-    node.write_text(text.replace("out = Ack", "out = 1 / 0 and Ack"))
-    with (
-        pytest.warns(UserWarning, match="drive on"),
-        pytest.raises(Exception, match=r"division by zero \(.*drive_node"),
-    ):
-        speeds(source)
-    node.write_text(text.replace("def __init__(self):", "def __init__(self):\n        1 / 0"))
-    with pytest.warns(UserWarning, match="drive on"), pytest.raises(ControllerError, match="FileNotFoundError"):
-        speeds(source)
-
-
 @pytest.mark.parametrize(
     ("body", "said"),
     [
@@ -320,20 +301,6 @@ return LaunchDescription(nodes)
     )
 
 
-def test_a_launch_argument_starts_a_node_of_another_package(workspace):
-    source = workspace(
-        "package = LaunchConfiguration('package')\n"
-        "return LaunchDescription([DeclareLaunchArgument('package', default_value='my_car'),\n"
-        "    drive(package=package, executable='drive')])  # or my_lib"
-    )
-    lib = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib"
-    (lib / "scripts").mkdir()
-    text = "#!/usr/bin/env python3\n" + DRIVE.replace("speed = min", "speed = 2 * min") + "start()\n"
-    (lib / "scripts" / "drive").write_text(text)
-    assert [speeds(source, **{"launch.package": name})[0] for name in ("my_car", "my_lib")] == [1.0, 2.0]
-    assert b"speed = 2 * min" in read_program(source).text
-
-
 def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     source = workspace("return LaunchDescription([drive(condition=IfCondition('true'))])")
     helpers = Path(source.removeprefix("ros:")).parents[2] / "others" / "helpers"  # of a package of another name
@@ -345,29 +312,6 @@ def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     text = source_code(type(make_controller(source, car=CAR, mu=1.0, max_speed=5.0)))
     for part in ("def start(args=None)", "HALF = 0.5", "return 2 * HALF", "LIMIT = 7", "generate_launch_description"):
         assert part.encode() in text
-
-
-def test_packages_of_a_workspace_and_their_executables_are_found(workspace):
-    launch = Path(workspace("pass").removeprefix("ros:"))
-    found = packages(launch)
-    assert list(found) == ["my_car", "my_lib"]
-    assert executable(found["my_car"], "drive") == (found["my_car"] / "my_car" / "drive_node.py", "start")
-    assert executable(found["my_car"], "nothing") is None
-    (found["my_lib"] / "scripts").mkdir()
-    (found["my_lib"] / "scripts" / "tool").write_text("#!/usr/bin/env python3\n")
-    (found["my_lib"] / "scripts" / "shell").write_text("#!/bin/sh\n")
-    assert executable(found["my_lib"], "tool") == (found["my_lib"] / "scripts" / "tool", "")
-    assert executable(found["my_lib"], "shell") is None
-    assert packages(launch.parents[3] / "node.py") == found  # of no package: those below
-    assert packages(launch.parents[3] / "elsewhere" / "node.py") == {}
-
-
-def test_a_node_alone_imports_what_other_packages_of_its_workspace_have(workspace):
-    launch = Path(workspace("pass").removeprefix("ros:"))
-    (launch.parents[1] / "my_car" / "alone.py").write_text(
-        DRIVE.replace('"out"', '"/drive"') + "\nmain = start\n\nstart()\n"
-    )
-    assert speeds(f"ros:{launch.parents[1] / 'my_car' / 'alone.py'}")[0] == 1.0
 
 
 @pytest.mark.parametrize("name", ["shape_msgs", "my_car"])

@@ -1,6 +1,5 @@
 """Markers, paths and poses that nodes publish: drawings in the live view, messages in bags."""
 
-import math
 
 import numpy as np
 import pytest
@@ -110,44 +109,6 @@ def test_a_bag_has_what_the_nodes_of_a_run_publish_if_they_are_trusted(source, t
     assert main(["race", "--time-limit", "0.2", "--out", str(run)]) == 1
     assert main(["export", str(run), "--out", str(tmp_path / "x.mcap"), "--trust"]) == 2
     assert "its planner publishes no topics" in capsys.readouterr().err
-
-
-def test_markers_of_ros_1_are_messages_of_ros_2_in_a_bag(tmp_path):
-    path = tmp_path / "old.py"
-    path.write_text(
-        """
-import rospy
-from ackermann_msgs.msg import AckermannDriveStamped
-from geometry_msgs.msg import Point
-from sensor_msgs.msg import LaserScan
-from visualization_msgs.msg import Marker
-
-rospy.init_node("old")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-goal = rospy.Publisher("/goal", Marker, queue_size=1)
-
-
-def callback(scan):
-    marker = Marker(type=Marker.POINTS)
-    marker.header.frame_id, marker.header.stamp, marker.lifetime = "map", rospy.Time.now(), rospy.Duration(1.5)
-    marker.points = [Point(1, 2, 3)]
-    goal.publish(marker)
-    publisher.publish(AckermannDriveStamped())
-
-
-rospy.Subscriber("/scan", LaserScan, callback)
-rospy.spin()
-"""
-    )
-    planner = make(f"ros:{path}")
-    planner.published()
-    commands(planner, 1)
-    (topic, marker), (_, drive) = planner.published()
-    assert topic == "/goal"
-    assert (marker.lifetime.sec, marker.lifetime.nanosec) == (1, 500_000_000)
-    assert [(point.x, point.y, point.z) for point in marker.points] == [(1.0, 2.0, 3.0)]
-    assert math.isfinite(drive.drive.speed)
-    assert planner.published() == []
 
 
 def test_a_race_is_the_same_whether_its_nodes_are_watched_or_not(source):

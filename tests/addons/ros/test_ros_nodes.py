@@ -3,7 +3,6 @@
 import array
 import copy
 import gc
-import logging
 import math
 import random
 import re
@@ -113,11 +112,6 @@ def test_two_races_have_the_same_bits_and_the_second_forgets_the_first():
     first = ticks(planner, 20)
     planner.reset()
     assert ticks(planner, 20) == first
-
-
-def test_class_and_script_drive_alike():
-    path = NODES / "follow_the_gap.py"
-    assert ticks(make(f"ros:{path}"), 8) == ticks(make(f"ros:{path}:ReactiveFollowGap"), 8)
 
 
 def test_nothing_of_ros_is_left_in_sys_modules(node):
@@ -278,26 +272,6 @@ def test_parameters_are_declared_given_and_refused(node, tmp_path):
         make(source, speed="fast")
 
 
-def test_a_default_that_is_a_text_stands_for_any_type(node):
-    head = HEAD + PUBLISHER + "        self.declare_parameter('velocity', 'default')\n"
-    source = node("self.drive(self.get_parameter('velocity').get_parameter_value().double_value)", head=head)
-    assert speeds(make(source, velocity=1.5), 1) == [1.5]
-
-
-def test_modules_of_a_package_are_found_from_deep_within_it(tmp_path):
-    folder = tmp_path / "racing" / "gap"
-    folder.mkdir(parents=True)
-    for each in (folder, folder.parent):
-        (each / "__init__.py").write_text("")
-    (folder.parent / "base.py").write_text("SPEED = 2.5\n")
-    path = folder / "__main__.py"
-    callback = "    def callback(self, message):\n        self.drive(SPEED)\n"
-    path.write_text(
-        f"from racing.base import SPEED\n{HEAD}{PUBLISHER}\n{callback}{DRIVES}\nrclpy.init()\nrclpy.spin(Mine())\n"
-    )
-    assert speeds(make(f"ros:{path}"), 1) == [2.5]
-
-
 def test_topics_are_remapped(node):
     source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
     listens = '        self.create_subscription(LaserScan, "/no_scan", self.callback, 10)\n'
@@ -322,18 +296,6 @@ _TELLS_ODOMETRY = """
     def odom(self, message):
         self.drive(message.twist.twist.linear.x)
 """
-
-
-def test_the_only_topic_of_a_type_is_taken_for_the_one_that_is_here(node):
-    head = HEAD.replace("/scan", "/car7/scan") + PUBLISHER.replace("/drive", "/car7/drive")
-    source = node("self.drive(2)", head=head)
-    with pytest.warns(UserWarning, match=r"/car7/scan has no publisher here, and is taken for /scan; node 'mine' lis"):
-        assert speeds(make(source), 2) == [2.0, 2.0]
-    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + _ODOMETRY_ON.format("/odometry/filtered"))
-    with pytest.warns(
-        UserWarning, match=r"/odometry/filtered has no publisher here, and is taken for /odom; .*line 15"
-    ):
-        assert speeds(make(source), 2) == [1.0, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -367,29 +329,6 @@ def test_the_state_of_the_motor_has_its_speed(node, topic, other):
     assert speeds(make(node("pass", more, head)), 2) == pytest.approx([1.0, 1.0], abs=1e-6)
 
 
-def test_wheels_of_f1tenth_gym_ros_have_frames(node):
-    body = """
-at = lambda name: self.buffer.lookup_transform("map", f"ego_racecar/{name}_wheel", rclpy.time.Time()).transform
-front, back = (at("front_left"), at("back_right"))
-self.drive(math.hypot(front.translation.x - back.translation.x, front.translation.y - back.translation.y))
-"""
-    head = "import math\n" + HEAD + PUBLISHER + "        import tf2_ros\n        self.buffer = tf2_ros.Buffer()\n"
-    assert speeds(make(node(body, head=head)), 1) == pytest.approx(
-        [math.hypot(CAR.wheelbase, CAR.track_width)], abs=1e-6
-    )
-
-
-def test_time_passes_between_a_nodes_making_and_its_first_scan_and_between_two_readings(node):
-    head = HEAD + PUBLISHER + "        self.before = self.get_clock().now()\n"
-    body = """
-now, later = self.get_clock().now(), self.get_clock().now()
-assert (later - now).nanoseconds == 1000
-since, self.before = now - self.before, now
-self.drive(since.nanoseconds / 1e9)
-"""
-    assert speeds(make(node(body, head=head)), 3) == pytest.approx([0.001, 0.025, 0.025], abs=1e-6)
-
-
 def test_poses_and_transforms_are_those_of_the_car(node):
     head = HEAD + PUBLISHER + "        from nav_msgs.msg import Odometry\n        import tf2_ros\n"
     head += "        self.create_subscription(Odometry, '/ego_racecar/odom', self.odom, 1)\n"
@@ -421,17 +360,6 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
     assert speeds(make(node(body)), 1) == [3.5]
 
 
-@pytest.mark.parametrize("above", ["libs/deep", "../other/libs/deep"])
-def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch, above):
-    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest's own are there
-    package = tmp_path / above / "race_msgs"
-    (package / "msg").mkdir(parents=True)
-    (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
-    (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
-    (package / "msg" / "Goal.msg").write_text("float64 gain\n")
-    assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
-
-
 @pytest.mark.parametrize("module", ["car.py", "car/__init__.py"])
 def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(node, tmp_path, module):
     for path, text in {
@@ -443,22 +371,6 @@ def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(n
     body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
     body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
     assert speeds(make(node(body)), 1) == [2.0]
-
-
-def test_modules_are_imported_by_their_names(node, tmp_path):
-    (tmp_path / "beside.py").write_text("from sensor_msgs.msg import LaserScan\nspeed = 1.5\n")
-    body = """
-import importlib, importlib.util as util, math
-from rosidl_runtime_py.utilities import get_message
-assert importlib.import_module("sensor_msgs.msg").LaserScan is LaserScan is get_message("sensor_msgs/msg/LaserScan")
-assert importlib.import_module("math") is math and util.find_spec("rclpy") and not util.find_spec("no_such_module")
-spec = util.spec_from_file_location("other", __file__.replace("mine", "beside"))
-other = util.module_from_spec(spec)
-spec.loader.exec_module(other)
-assert importlib.import_module("beside").speed == other.speed
-self.drive(other.speed)
-"""
-    assert speeds(make(node(body)), 1) == [1.5]
 
 
 def test_two_nodes_of_a_launch_file_talk_and_drive(tmp_path):
@@ -592,41 +504,6 @@ def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
         assert not thread.is_alive()
 
 
-def test_the_limit_of_wall_time_does_not_count_imports_of_other_libraries(node, tmp_path, monkeypatch):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "slow_library.py").write_text("import time\ntime.sleep(0.8)\nspeed = 1.5\n")
-    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
-    source = node("from slow_library import speed\nself.drive(speed)")
-    assert speeds(make(source, **{"host.wall_limit": 0.4}), 1) == [1.5]
-    planner = make(node("import slow_library\nwhile True: pass"), **{"host.wall_limit": 0.4})
-    with pytest.raises(Exception, match=r"has not come back within 0.4 s .*\[host.wall_limit=SECONDS\]"):
-        ticks(planner, 1)
-
-
-@pytest.mark.slow
-def test_threads_of_nodes_end_with_the_planner(node):
-    planner = make(node("self.drive(1)"))
-    assert [each.name for each in threading.enumerate()].count("ros:Mine") >= 1
-    del planner
-    gc.collect()
-    for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
-        thread.join(10.0)
-        assert not thread.is_alive()
-
-
-@pytest.mark.slow
-def test_topics_that_nobody_publishes_on_are_told_in_one_line_below_the_results(
-    node, tmp_path, capsys, without_pictures
-):
-    head = HEAD.replace('"/scan"', '"/my_scan"') + PUBLISHER
-    head += "".join(f"        self.create_subscription(Bool, '{each}', print, 1)\n" for each in ("/odom", "/none"))
-    source = node("self.drive(1)", head="from std_msgs.msg import Bool" + head)
-    assert main(["race", "--controller", source, "--time-limit", "0.1", "--out", str(tmp_path / "run")]) == 1
-    first, last = capsys.readouterr().err.splitlines()
-    assert "/my_scan has no publisher here, and is taken for /scan" in first
-    assert re.search(r"/odom is nav_msgs.* here; .*line 14\); /none has no publisher here; node 'mine' listens", last)
-
-
 def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
     source, folder = node("self.drive(1)"), tmp_path / "run"
     assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1
@@ -662,44 +539,6 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, with
     hashed = planners.ControllerChoice.of(source).sha256
     module.write_text("SPEED = 1.0\n")
     assert planners.ControllerChoice.of(source).sha256 != hashed
-
-
-_SWITCH = """
-import rclpy
-from rclpy.node import Node
-from ackermann_msgs.msg import AckermannDriveStamped
-
-rclpy.init()
-node = Node("switch")
-out = node.create_publisher(AckermannDriveStamped, "/control/drive", 1)
-{hears}
-rclpy.spin(node)
-"""
-_HEARS = "node.create_subscription(AckermannDriveStamped, '/{}/drive', {}, 1)\n"
-
-
-def test_the_last_drive_topic_behind_a_switch_counts(node, tmp_path):
-    planners = ""
-    for name in ("slow", "fast"):
-        source = node("self.drive(1)" if name == "slow" else "self.drive(3)")
-        Path(source[4:-5]).rename(tmp_path / f"{name}.py")
-        planners += f"- {{file: {name}.py, class: Mine, name: {name}, remap: {{/drive: /{name}/drive}}}}\n"
-    launch = tmp_path / "launch.yaml"
-    launch.write_text(f"nodes:\n{planners}- {{file: switch.py}}\n")
-    hears = [_HEARS.format("slow", "lambda message: None"), _HEARS.format("fast", "out.publish")]
-    (tmp_path / "switch.py").write_text(_SWITCH.format(hears="".join(hears)))
-    assert speeds(make(f"ros:{launch}"), 2) == [3.0, 3.0]
-    (tmp_path / "switch.py").write_text(_SWITCH.format(hears=hears[1]))
-    with pytest.raises(ControllerError, match=r"has 3 drive topics, /control/drive and /fast/drive and /slow/drive"):
-        make(f"ros:{launch}")
-
-
-@pytest.mark.slow
-def test_a_node_of_several_files_is_not_sent_to_a_cluster(tmp_path):
-    launch = tmp_path / "launch.yaml"
-    launch.write_text(f"nodes:\n- {{file: {NODES / 'wall_follow.py'}}}\n")
-    with pytest.raises(ControllerError, match="has several files; accepted on a Ray cluster: a node of one file"):
-        fg.rollout("oval", f"ros:{launch}", n=1, laps=1, time_limit=0.1, executor="ray")
 
 
 def test_nodes_race_each_other_and_in_rollouts(node):
@@ -750,26 +589,6 @@ def test_an_import_that_fails_and_that_nothing_uses_does_no_harm(node):
         assert re.search(rf"{name}.*mine.py, line {line}\)", text)
 
 
-def test_a_file_of_data_that_lies_elsewhere_is_found_in_the_package(tmp_path):
-    package = tmp_path / "ws" / "src" / "lab5"
-    (package / "scripts").mkdir(parents=True)
-    (package / "racelines").mkdir()
-    (package / "racelines" / "levine.csv").write_text("1.5\n")
-    (package / "scripts" / "gain.npy").write_bytes(b"")
-    path = package / "scripts" / "mine.py"
-    path.write_text(
-        f"{HEAD}{PUBLISHER}        self.declare_parameter('path', '/sim_ws/src/lab5/racelines/levine.csv')\n"
-        "        name = 'nothing/' + 'gain.npy'\n"
-        "        assert name == 'nothing/gain.npy'\n\n"
-        "    def callback(self, message):\n"
-        f"        self.drive(float(open(self.get_parameter('path').value).read()))\n{DRIVES}"
-    )
-    with pytest.warns(
-        UserWarning, match=r"/sim_ws/src/lab5/racelines/levine.csv is not there; .*ws.* is taken .*line 14"
-    ):
-        assert speeds(make(f"ros:{path}:Mine"), 1) == [1.5]
-
-
 @pytest.mark.parametrize(
     "read",
     [
@@ -805,30 +624,6 @@ except FileNotFoundError:
 """
     assert speeds(make(node(body)), 1) == [2.0]
     assert (tmp_path / "log.csv").read_text() == "kept"
-
-
-def test_attributes_of_a_nodes_own_are_in_nobodys_way(node):
-    names = [
-        "_session",
-        "_timers",
-        "_subscriptions",
-        "_handles",
-        "_name",
-        "_parameters",
-        "_logger",
-        "_clock",
-        "_group",
-        "_declare",
-        "_full",
-        "_kind",
-    ]
-    head = HEAD.replace(
-        "        self.create", "".join(f"        self.{name} = None\n" for name in names) + "        self.create"
-    )
-    source = node("self.create_timer(0.01, lambda: None)\nself.declare_parameters('', [('a', 1), ('b', 2.0, None)])\n"
-                  "assert self.get_name() == 'mine' and self.get_clock().now().nanoseconds\nself.drive(1)\n"
-                  "self.undeclare_parameter('a'), self.undeclare_parameter('b')", head=head + PUBLISHER)  # fmt: skip
-    assert speeds(make(source), 3) == [1.0] * 3
 
 
 def test_locks_events_and_threads_wait_in_simulated_time(node):
@@ -877,20 +672,6 @@ while not is_shutdown():
     assert speeds(make(f"ros:{path}", **{"team/gain": 1.0, "speeds/fast": 2.0}), 2)[-1] == 2.0
     with pytest.raises(ControllerError, match=r"parameter /team/gain is not given, and has no default; .*line 6\)"):
         make(f"ros:{path}")
-
-
-def test_log_levels_and_throttling(node, caplog):
-    caplog.set_level(logging.INFO, "fg_mujoco.addons.ros")
-    ticks(
-        make(
-            node(
-                "self.get_logger().info('seen', throttle_duration_sec=0.05)\nself.get_logger().warn('once', once=True)"
-            )
-        ),
-        5,
-    )
-    assert [record.message for record in caplog.records].count("seen") == 3
-    assert [record.message for record in caplog.records].count("once") == 1
 
 
 def test_messages_have_the_fields_defaults_and_types_of_their_definitions():

@@ -10,7 +10,6 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING_TO_SERVO
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
-from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
 
@@ -189,25 +188,6 @@ def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_o
     np.testing.assert_allclose(seen[40:, 5], own[40:, 5], atol=0.05)  # over ground; of the wheels
 
 
-def test_without_another_car_a_warning_says_so(written):
-    source = written('self.create_subscription(Odometry, "/opp_racecar/odom", print, 1)', "self.drive(1.0)")
-    with pytest.warns(UserWarning, match=r"/opp_racecar/odom has no publisher here; node 'mine' listens \(.*mine.py"):
-        fg.race("oval", source, laps=1, time_limit=0.2)
-
-
-@pytest.mark.slow
-def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
-    source = written(
-        'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
-        "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)",
-    )
-    alone = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6)
-    other = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6, executor="processes", workers=1)
-    assert (alone["max_speed_m_s"] > 0.5).all()
-    for name in ("distance_m", "max_speed_m_s"):
-        assert alone[name].tolist() == other[name].tolist()
-
-
 AUTODRIVE = """
 import rclpy
 from rclpy.node import Node
@@ -278,20 +258,6 @@ def test_a_node_that_commands_motor_and_servo_drives(tmp_path):
         "            publisher.publish(Float64(data=value))\n"
     )  # fmt: skip
     assert commands(make(f"ros:{path}:Mine"), 2)[1] == pytest.approx((2.0, 0.1), abs=1e-6)
-
-
-def test_of_several_drive_topics_the_known_one_counts(written):
-    more = "self.other = self.create_publisher(AckermannDriveStamped, '/other', 1)"
-    source = written(more, "self.other.publish(AckermannDriveStamped())\nself.drive(2.0)")
-    for name in ("/drive", "/nav"):
-        path = Path(source.removeprefix("ros:").removesuffix(":Mine"))
-        path.write_text(path.read_text().replace('"/drive"', f'"{name}"'))
-        assert commands(make(source), 1)[0][0] == 2.0
-    path.write_text(path.read_text().replace('"/nav"', '"/mine"'))
-    with pytest.raises(
-        ControllerError, match=r"2 drive topics, /mine and /other \(.*, line 13\) \(.*, line 16\)|2 drive topics"
-    ):
-        make(source)
 
 
 def test_nodes_answer_each_others_services_and_actions(tmp_path):

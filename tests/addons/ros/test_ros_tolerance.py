@@ -11,7 +11,6 @@ import pytest
 
 from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.racing.planners import make_controller
-from fg_mujoco.simulation.old_numpy import advice
 from fg_mujoco.simulation.planner_failure import one_line
 from scan_worlds import CAR, corridor, odometry_of
 
@@ -125,69 +124,6 @@ def test_a_node_whose_callbacks_only_fail_is_told_why_it_is_silent(node1):
         commands(planner, 210)
 
 
-def test_a_name_that_the_door_lacks_ends_a_rospy_node(node1):
-    with pytest.raises(AttributeError, match="rospy has no 'loginof' here"):
-        commands(make(node1("rospy.loginof('a')")), 1)
-
-
-def test_a_rospy_timer_ends_with_its_exception_and_a_service_tells_its_client(node1, caplog):
-    more = """
-from std_srvs.srv import Trigger
-ticks = []
-def tick(event):
-    ticks.append(1)
-    raise ValueError("over")
-rospy.Timer(rospy.Duration(0.01), tick)
-def answer(request):
-    raise KeyError("gone")
-rospy.Service("/ask", Trigger, answer)
-ask = rospy.ServiceProxy("/ask", Trigger)
-"""
-    body = (
-        "try:\n    ask()\nexcept rospy.ServiceException as error:\n    drive(len(ticks) + ('KeyError' in str(error)))"
-    )
-    with caplog.at_level(logging.ERROR, "fg_mujoco.addons.ros"):
-        assert speeds(make(node1(body, more)), 4)[-1] == 2.0
-
-
-def test_a_client_of_dynamic_reconfigure_changes_the_server_of_another_node(tmp_path):
-    (tmp_path / "cfg").mkdir()
-    (tmp_path / "package.xml").write_text("<package><name>team</name></package>")
-    (tmp_path / "cfg" / "Car.cfg").write_text('gen.add("speed", double_t, 0, "m/s", 1.0, 0.0, 8.0)\n')
-    (tmp_path / "car.py").write_text(
-        HEAD1.replace('"mine"', '"car"')
-        + """
-from dynamic_reconfigure.server import Server
-from team.cfg import CarConfig
-def changed(config, level):
-    count[0] = config.speed
-    return config
-Server(CarConfig, changed)
-rospy.Subscriber("/scan", LaserScan, lambda scan: drive(count[0]))
-rospy.spin()
-"""
-    )
-    (tmp_path / "tuner.py").write_text(
-        """
-import rospy
-from dynamic_reconfigure.client import Client
-rospy.init_node("tuner")
-client = Client("/car", timeout=5)
-assert client.get_configuration()["speed"] == 1.0
-rospy.sleep(0.06)
-assert client.update_configuration({"speed": 3.0}).speed == 3.0
-try:
-    client.update_configuration({"sped": 3.0})
-except rospy.ServiceException as error:
-    assert "did you mean 'speed'" in str(error)
-rospy.spin()
-"""
-    )
-    (tmp_path / "launch.yaml").write_text("nodes:\n- {file: car.py}\n- {file: tuner.py}\n")
-    found = speeds(make(f"ros:{tmp_path / 'launch.yaml'}"), 6)
-    assert (found[0], found[-1]) == (1.0, 3.0)
-
-
 # Commands that are no numbers
 
 
@@ -242,15 +178,6 @@ assert list(Float32MultiArray(data=[np.float32(1.0), 2.0]).data) == [1.0, 2.0]
     )
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    ["Int32(data=np.float64(1.0))", "Int32(data=np.int64(2**40))", "Float32(data=1)", "Float32(data=np.ones(1))"],
-)
-def test_what_is_no_scalar_of_the_kind_is_refused_as_before(node2, wrong):
-    with pytest.raises(AssertionError, match="accepted by rclpy" + (r".*\.item\(\)" if "ones" in wrong else "")):
-        commands(make(node2(wrong)), 1)
-
-
 # Brakes
 
 
@@ -271,12 +198,6 @@ def test_a_command_on_brake_overrides_the_drive_topic_for_a_fifth_of_a_second(no
         "self.brake = self.create_publisher(AckermannDriveStamped, '/brake', 1)",
     )
     assert speeds(make(source), 12) == [2.0] * 2 + [0.0] * 8 + [2.0] * 2
-
-
-def test_a_switch_that_a_node_listens_to_is_that_nodes_business(node2):
-    init = "self.brake = self.create_publisher(Bool, '/brake_bool', 1)\n"
-    init += "self.create_subscription(Bool, '/brake_bool', lambda m: None, 1)"
-    assert speeds(make(node2("self.drive(2.0)\nself.brake.publish(Bool(data=True))", init)), 2) == [2.0, 2.0]
 
 
 # The order of a tick, poses of any name, names that rclpy keeps for itself
@@ -319,11 +240,6 @@ self.drive(1.0)
 # Names that NumPy has no longer
 
 
-def test_functions_that_numpy_has_no_longer_are_there_for_nodes(node2):
-    body = "assert np.product([2, 3]) == 6 and np.in1d([1, 9], [1]).tolist() == [True, False] and np.alltrue([1])\n"
-    assert speeds(make(node2(body + "self.drive(float(np.trapz([1.0, 1.0])))")), 1) == [1.0]
-
-
 @pytest.mark.parametrize(
     ("code", "said"),
     [
@@ -342,14 +258,6 @@ def test_what_dies_of_numpy_2_is_told_which_version_to_install(code, said):
     with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
         eval(code, {"np": np})
     assert re.search(said, one_line(raised.value)), one_line(raised.value)
-
-
-def test_other_errors_get_no_advice_of_numpy():
-    assert (
-        advice(AttributeError("module 'numpy' has no attribute 'flaot'"), "module 'numpy' has no attribute 'flaot'")
-        == ""
-    )
-    assert advice(ValueError("NumPy 2.0"), "NumPy 2.0") == ""
 
 
 # Points and images

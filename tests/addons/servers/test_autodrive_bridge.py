@@ -19,7 +19,7 @@ from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
 from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
 from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError, MessageError, SettingsError
+from fg_mujoco.errors import MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, Odometry
 
 pytest.importorskip("PIL")
@@ -89,19 +89,6 @@ def test_the_beams_of_a_packet_are_1080_from_the_right_and_inf_where_the_simulat
     assert read[:7].tolist() == [math.inf, math.inf, 0.06, 10.0, math.inf, math.inf, 5.0]
 
 
-def test_a_lidar_with_fewer_beams_is_read_at_the_nearest_and_nothing_is_seen_beside_its_field():
-    coarse = LaserScan(
-        angle_min=-1.0, angle_max=1.0, angle_increment=0.5, range_min=0.1, range_max=30.0,
-        ranges=np.array((1.0, 2.0, 3.0, 4.0, 5.0)), stamp=0.0,
-    )  # fmt: skip
-    read = ranges_of(told(coarse)["V1 LIDAR Range Array"])
-    bearings = math.radians(-135.0) + QUARTER * np.arange(1080)
-    seen = np.flatnonzero(np.isfinite(read))
-    assert len(seen) == 5
-    assert bearings[seen] == pytest.approx([-1.0, -0.5, 0.0, 0.5, 1.0], abs=0.5 * QUARTER)
-    assert read[seen].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
-
-
 def test_full_throttle_and_steering_are_the_simulators_greatest():
     command = read_answer({"V1 Throttle": "0.5", "V1 Steering": "-1.000", "Reset": "False"}).command
     assert (command.speed, command.steering_angle) == (11.44, -0.5236)
@@ -147,17 +134,6 @@ def test_a_lap_in_lockstep_has_the_same_bits_twice():
     assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.025 * speed, rel=0.05)
 
 
-def test_two_devkits_race_each_other_and_each_is_told_of_its_own_car():
-    with (
-        devkit_server(steer_by_sides) as (one, first), devkit_server(steer_by_sides) as (other, second),
-        DevKit(one, BlankCamera()) as a, DevKit(other, BlankCamera()) as b,
-    ):  # fmt: skip
-        entries = [fg.Entry(controller=a, name="a"), fg.Entry(controller=b, name="b")]
-        fg.race("oval", entries=entries, laps=1, time_limit=1.0)
-    assert len(first.packets) == len(second.packets) == 40
-    assert first.packets[0]["V1 Position"] != second.packets[0]["V1 Position"]
-
-
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
@@ -198,15 +174,6 @@ def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays
         result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
     commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
     assert commanded.tolist() == list(range(20))
-
-
-def test_answers_that_come_at_any_time_are_refused_in_lockstep():
-    with (
-        devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
-        DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed"),
-    ):  # fmt: skip
-        result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
-    assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
 
 
 def classic(number, packet):
@@ -315,20 +282,3 @@ def test_an_address_that_is_none_is_refused_in_one_line(address, capsys):
         split_address(address)
     assert main(["serve", "autodrive", "--devkit", address]) == 2
     assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_nobody_at_an_address_and_somebody_who_speaks_something_else_are_told():
-    with (
-        devkit_server(lambda number, packet: commands(), revision=9) as (address, _),
-        pytest.raises(EngineError, match=r"does not speak Socket\.IO"),
-    ):
-        DevKit(address, BlankCamera())
-    with pytest.raises(EngineError, match=r"nobody answers at .*start the DevKit first"):
-        DevKit(address, BlankCamera())
-    with pytest.raises(SettingsError, match="patience is -1; accepted: a positive number of seconds"):
-        DevKit(address, BlankCamera(), patience=-1)
-
-
-def test_the_last_address_part_is_the_port_and_without_one_it_is_the_leagues():
-    assert split_address("localhost") == ("localhost", 4567)
-    assert split_address("10.0.0.7:81") == ("10.0.0.7", 81)

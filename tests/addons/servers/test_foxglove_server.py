@@ -13,7 +13,6 @@ import fg_mujoco as fg
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import drive_message, from_cdr, to_cdr
 from fg_mujoco.addons.ros.bag_writer import TOPICS
-from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
 
 pytest.importorskip("foxglove")
@@ -193,20 +192,6 @@ def test_parameters_are_read_and_set_and_bad_values_are_said():
             client.wait_for(lambda name=name: any(name in said and "accepted" in said for said in client.said))
 
 
-def test_services_reset_and_pause():
-    with served() as (session, server, client):
-        for _ in range(8):
-            server.tick()
-        client.call("/pause")
-        client.wait_for(lambda: session.paused)
-        server.tick()
-        assert session.simulation.time == pytest.approx(0.2)
-        client.call("/reset")
-        client.wait_for(lambda: session._reset)
-        server.tick()
-        assert session.simulation.time == 0.0
-
-
 @pytest.mark.parametrize(
     ("topic", "encoding", "content", "said"),
     [
@@ -253,10 +238,3 @@ def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_ver
         Client(server.url)
     (line,) = lines
     assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
-
-
-def test_a_port_that_is_taken_is_refused_in_one_line(capsys):
-    with served() as (_, server, _client):
-        assert main(["serve", "foxglove", "--port", str(server.port)]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "a port that is free, by --port" in said
