@@ -7,7 +7,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco import controllers
-from fg_mujoco.course.recipes import write_bundled
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
 from fg_mujoco.lab.lab import load_experiment
@@ -136,7 +135,6 @@ def test_the_command_line_says_which_name_was_probably_meant(here, capsys, line,
         (lambda: LidarEffects(no_return="range-max "), "range_max"),
         (lambda: LidarModel.load().beams.to_scan(np.zeros(1), 0.0, no_return="range_mx"), "range_max"),
         (lambda: load_experiment("skid_pad"), "skidpad"),
-        (lambda: write_bundled("ovall", "x.csv"), "oval"),
         (lambda: find_camera("orbital"), "orbit"),
         (lambda: find_quality("drafts"), "draft"),
         (lambda: find_overlays("chase", beam=True), "beams"),

@@ -1,24 +1,25 @@
-"""Recipes of the bundled circuits: `python -m fg_mujoco.course.recipes NAME [FILE]` draws one again.
+"""Recipes of the bundled circuits: draws them again into tracks/.
 
-Without a name, all circuits are written into `tracks/`.
+    python tools/recipes.py                  # all of them
+    python tools/recipes.py maze [FILE.csv]  # one
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Callable, Sequence
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import FgMujocoError, TrackError, accepted_names
-from .centreline_csv import write_centreline
-from .chicanes import Block, with_boxes
-from .generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
-from .lanes import corner_radii, lane, outline, patch
-from .polyline import resample, rounded_polygon, smooth
-from .track import Track
+from fg_mujoco.course.centreline_csv import write_centreline
+from fg_mujoco.course.chicanes import Block, with_boxes
+from fg_mujoco.course.generator import EASEMENT, SPACING, GeneratorSettings, generate_track, start_on_longest_straight
+from fg_mujoco.course.lanes import corner_radii, lane, outline, patch
+from fg_mujoco.course.polyline import resample, rounded_polygon, smooth
+from fg_mujoco.course.track import Track
+
+TRACKS = Path(__file__).parents[1] / "tracks"
 
 
 def oval() -> Track:
@@ -102,15 +103,8 @@ RECIPES: dict[str, Callable[[], Track]] = {
 
 
 def write_bundled(name: str, path: str | Path) -> None:
-    """Write one bundled circuit, with its recipe in the header.
-
-    Raises:
-      TrackError: a name that has no recipe, or a path that cannot be written.
-    """
-    if name not in RECIPES:
-        raise TrackError(f"unknown recipe {name!r}; {accepted_names(name, RECIPES)}")
-    description = str(RECIPES[name].__doc__)
-    header = (f"{name}: {description}", f"made by: python -m fg_mujoco.course.recipes {name}")
+    """Write one bundled circuit, with its recipe in the header."""
+    header = (f"{name}: {RECIPES[name].__doc__}", f"made by: python tools/recipes.py {name}")
     write_centreline(RECIPES[name](), path, header)
 
 
@@ -156,17 +150,14 @@ def _back_to_back(
     return drawn.track(name)
 
 
-def main(arguments: list[str]) -> int:
-    """Write the circuit named first to the file named second, or all of them to where the package has them."""
-    try:
-        with resources.as_file(resources.files("fg_mujoco.tracks")) as folder:
-            for name in arguments[:1] or list(RECIPES):
-                write_bundled(name, arguments[1] if len(arguments) > 1 else folder / f"{name}.csv")
-    except FgMujocoError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("name", nargs="?", choices=list(RECIPES), metavar="NAME", help=", ".join(RECIPES))
+    parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="of one circuit; default: tracks/NAME.csv")
+    options = parser.parse_args()
+    for name in [options.name] if options.name else RECIPES:
+        write_bundled(name, options.file or TRACKS / f"{name}.csv")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main()

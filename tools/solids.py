@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...messages import FloatArray
+from fg_mujoco.messages import FloatArray
 
 Outline = Sequence[tuple[float, float]]
 

@@ -1,6 +1,6 @@
-"""Meshes of the visible parts of the car. This module writes models/assets/*.obj.
+"""Meshes of the visible parts of the car: writes models/assets/*.obj.
 
-    python -m fg_mujoco.pictures.rendering.car_meshes
+    python tools/car_meshes.py [FOLDER]
 
 models/f1tenth_look.xml has the place and the material of each part. Coordinates are in the frame of the body that
 carries it (x ahead, y left, z up) [m], and below the LiDAR's beams, .0614 over `base_link`. Wheels are drawn for the
@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from .solids import block, cuboid, joined, lathe, loft, mirrored, plate, rounded, upright_lathe
+from solids import block, cuboid, joined, lathe, loft, mirrored, plate, rounded, upright_lathe
 
 _CREASE = np.radians(35.0)  # edges sharper than this are not shaded as round
 _TIRE_RADIUS, _TIRE_HALF_WIDTH = 0.049, 0.0215  # [m] as in models/f1tenth.xml
@@ -258,6 +257,6 @@ def write_all(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[3] / "models" / "assets"
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[1] / "models" / "assets"
     write_all(target)
     print(f"{target}: {', '.join(f'{name}.obj' for name in PARTS)}")
