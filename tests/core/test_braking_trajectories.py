@@ -55,13 +55,6 @@ def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, s
     assert scaled == pytest.approx(by_table, abs=1.05 * SPEED_STEP)
 
 
-@pytest.mark.parametrize("top", [8.0, 12.0, 20.0, 50.0])
-def test_speeds_are_looked_at_as_finely_up_to_any_limit(top):
-    speeds = BrakingTrajectories(CAR, LIMITER, top).speeds
-    assert speeds[-1] == min(top, CAR.max_speed)
-    assert np.diff(speeds).max() < 0.1601
-
-
 @pytest.mark.parametrize("distance", [0.0, 0.2, 0.4])
 def test_in_a_closed_box_none_is(distance):
     walls = [(quarter * math.pi / 2, distance) for quarter in range(4)]
@@ -104,10 +97,6 @@ def test_a_post_at_the_beginning_of_all_paths_blocks_them_all():
     ranges = np.full(1081, 30.0)
     ranges[540] = 0.5 * (BUMPER - 0.25 * CAR.width)  # of one beam, before the point where the disc is now
     assert STOPPING.safe_speed(ranges, -540 * INCREMENT, INCREMENT, 3.0, 0.1) == 0.0
-
-
-def test_without_a_beam_no_speed_is_safe():
-    assert STOPPING.safe_speed(np.zeros(0), 0.0, INCREMENT, 1.0, 0.0) == 0.0
 
 
 @given(st.floats(), st.floats(), st.floats(), st.floats())
@@ -153,12 +142,6 @@ def test_a_path_ends_where_a_finer_integration_says(fast, present, turning):
     paths, path = STOPPING.record[0], (present[0], fast, turning[0], -1)
     assert paths["distances"][path] == pytest.approx(distance, rel=0.03, abs=0.02)
     assert paths["bearings"][path] == pytest.approx(bearing, abs=0.03)
-
-
-def test_straight_paths_begin_at_the_disc_and_are_evenly_spread():
-    distances = STOPPING.record[0]["distances"][3, : len(STOPPING.speeds), 0]
-    assert distances[:, 0] == pytest.approx(BUMPER - 0.25 * CAR.width, rel=1e-6)
-    np.testing.assert_allclose(np.diff(distances, 2), 0.0, atol=1e-5)
 
 
 def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():

@@ -73,20 +73,6 @@ def test_cars_alone_are_what_is_stepped(worlds):
     assert not np.array_equal(driven(engine)[0][0], driven(plain)[0][0])
 
 
-def test_bad_states_are_those_of_the_world(worlds):
-    engine, plain = rebuilt(worlds), Engine(worlds)
-    for each in (engine, plain):
-        each.place([Start(), Start()])
-        each.drive()
-        each.qvel(0)[3] = 1e11
-        each.drive()
-        assert each.unstable(0)
-        assert not each.unstable(1)
-        each.drive()
-    np.testing.assert_array_equal(engine.state(0), plain.state(0))
-    np.testing.assert_array_equal(engine.state(1), plain.state(1))
-
-
 def test_cars_alone_are_the_cars_of_the_world(worlds):
     """All that belongs to bodies, joints, actuators, pairs, tendons, equalities and sensors, but for ids of geoms."""
     texts = [without_course(world.xml) for world in worlds]

@@ -109,24 +109,11 @@ def test_it_does_not_turn_into_a_side_that_is_too_close_behind(side):
     assert side * wished_steering(view(1.1 * limit)) > 0.1
 
 
-def test_the_other_side_and_what_is_ahead_of_it_may_be_close():
-    both = np.where(BEARINGS > 0.0, scan_beside(8.0).ranges, np.minimum(scan_beside(0.05).ranges[::-1], 8.0))
-    assert wished_steering(scan_of(both)) > 0.1
-    abeam = scan_beside(0.1, first=86.0, last=89.0)
-    assert wished_steering(abeam, side_distance=0.15) > 0.1
-    assert wished_steering(abeam, side_distance=1.0) == 0.0
-
-
 def test_a_scan_that_does_not_reach_behind_holds_nothing_back():
     whole = scan_beside(0.1, first=100.0, last=110.0)
     half = scan_of(whole.ranges[180:-180], angle_min=float(BEARINGS[180]))
     assert wished_steering(whole) == 0.0
     assert wished_steering(half) > 0.1
-
-
-def test_of_two_ways_it_takes_the_longer_one_wherever_that_leads():
-    """A limit of the method: it would take the way back, seen over its shoulder, for the better one."""
-    assert extender().find_goal(scan_with((1.4, 1.55, 9.0)))[0] > 1.3
 
 
 def test_it_turns_to_the_same_goal_in_a_wider_arc_when_it_is_fast():

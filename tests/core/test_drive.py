@@ -109,12 +109,6 @@ def test_the_commands_of_a_race_drive_the_same_trajectory_bit_for_bit(lap):
     assert driven.states.tobytes() == lap.states[: ticks + 1].tobytes()
 
 
-def test_commands_beyond_the_limits_are_clamped_and_counted(tmp_path):
-    result = fg.drive(written(tmp_path, HEADER + "0,0.1,1\n0.5,0.1,1\n0.501,0.9,1\n1,0.9,1\n"))
-    assert result.car.clamped_commands == 19
-    assert result.ctrl[:, 0].max() == pytest.approx(CAR.max_steering_angle)
-
-
 # Settings
 
 
@@ -126,16 +120,6 @@ def test_every_manoeuvre_is_driven_and_says_what_it_measured():
         assert np.abs(commands.steering_angle).max() <= CAR.max_steering_angle
     told = str(find_manoeuvre("circle[radius=3]", speed=2.5))
     assert find_manoeuvre(told) == find_manoeuvre("circle[radius=3,speed=2.5]")
-
-
-def test_a_planner_of_ones_own_may_drive_on_open_ground():
-    result = fg.race(fg.OpenGround(seconds=1.0), "gap_finder")
-    assert result.car.finished and result.sim_time_s == pytest.approx(1.0) and result.laps_requested == 0
-    assert "laps" not in repr(result) and "laps" not in result._repr_html_()
-    with pytest.raises(fg.SettingsError, match="has no laps"):
-        fg.race(fg.OpenGround(seconds=1.0), "gap_finder", laps=2)
-    with pytest.raises(fg.SettingsError, match=r"OpenGround.seconds is -1; accepted: a positive number"):
-        fg.OpenGround(seconds=-1)
 
 
 # Folders

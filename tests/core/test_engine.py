@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.errors import ModelError
 from fg_mujoco.simulation.cars import CAR_PREFIX
-from fg_mujoco.simulation.engine import Engine, whole_steps
+from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.tire_forces import TireForces
@@ -80,16 +79,6 @@ def test_worlds_with_models_of_their_own_are_driven_side_by_side():
         assert states[i].tobytes() == driven(alone, 20)[0].tobytes(), world.track.name
         assert engine.ranges[i].tobytes() == alone.ranges[0].tobytes()
         assert engine.world_of(i) is world
-
-
-def test_worlds_with_other_lidars_or_timesteps_are_refused():
-    other = fg.World("oval")
-    other.model.opt.timestep = 0.001
-    with pytest.raises(ModelError, match="the same in all worlds"):
-        Engine([OVAL, other])
-    with pytest.raises(ModelError, match="a whole fraction"):
-        Engine(OVAL, period=0.012)
-    assert whole_steps(0.025, 0.005) == 5
 
 
 def test_a_world_is_rebuilt_while_the_others_go_on():

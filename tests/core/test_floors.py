@@ -68,14 +68,6 @@ def test_rollouts_and_environments_have_it_too(tmp_path) -> None:
         EnvironmentSettings.of({"floor": "ipz8", "randomize": {"mu": (0.5, 0.9)}})
 
 
-def test_a_file_of_a_floor_is_read_and_written_with_a_setup(tmp_path) -> None:
-    file = tmp_path / "garage.toml"
-    file.write_text('mu = 0.72\nwhere = "our garage"\n')
-    setup = fg.Setup.of(floor=str(file))
-    assert setup.first.ground == Floor(name="garage", mu=0.72, where="our garage")
-    assert fg.Setup.read(setup.write(tmp_path / "race.toml")) == setup
-
-
 def test_floors_and_those_of_tires_are_listed(capsys) -> None:
     assert main(["vehicles", "--floors"]) == 0
     said = capsys.readouterr().out

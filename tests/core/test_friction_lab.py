@@ -19,7 +19,6 @@ from fg_mujoco.errors import install_command
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import EXPERIMENTS, load_experiment, run_lab
-from fg_mujoco.lab.lab_report import heading
 from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
 
 REAL = tuple(EXPERIMENTS)
@@ -221,25 +220,6 @@ def test_without_matplotlib_figures_are_refused_before_anything_is_measured(tmp_
     with pytest.raises(fg.MissingExtraError, match=re.escape(install_command("plot"))):
         run_lab(["squares"], out=tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_an_unknown_experiment_and_no_workers_are_refused(tmp_path):
-    with pytest.raises(fg.SettingsError, match="unknown experiment 'skid'; accepted: squares, cubes"):
-        run_lab(["skid"], out=tmp_path / "out")
-    with pytest.raises(fg.SettingsError, match="workers is 0; accepted"):
-        run_lab(["squares"], out=tmp_path / "out", workers=0)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("top_speed_m_s", "top speed [m/s]"), ("acceleration_m_s2", "acceleration [m/s²]"), ("lap_s", "lap [s]"),
-        ("yaw_rate_rad_s", "yaw rate [rad/s]"), ("mu", "mu"), ("slide_share", "slide share"), ("load_N", "load [N]"),
-    ],
-)  # fmt: skip
-def test_columns_are_named_with_their_units(name, said):
-    assert heading(name) == said
 
 
 @pytest.mark.parametrize("name", REAL)

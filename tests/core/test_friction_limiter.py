@@ -20,7 +20,7 @@ from fg_mujoco.controllers.safety.friction_limiter import (
 )
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import STOP, DriveCommand
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, TireSlipMeter, slides_above
 from scan_worlds import CAR, MU, odometry_of
 
@@ -120,17 +120,6 @@ def test_braking_and_accelerating_grow_over_the_load_transfer_time_and_fall_at_o
         command, acceleration = settled(limiter, 0.0, 5.0, 5.0, ticks=1)
         assert acceleration == 0.0
         assert command.speed == 5.0
-
-
-@pytest.mark.parametrize(
-    ("speed", "angle"), [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.1), (1.0, -math.inf), (1e200, 0.0)]
-)
-def test_of_no_motion_it_makes_a_stop_and_forgets_the_last_command(speed, angle):
-    limiter = FrictionLimiter(CAR, MU)
-    first = settled(limiter, 0.2, 8.0, 2.0, ticks=1)
-    settled(limiter, 0.2, 8.0, 2.0, ticks=3)
-    assert limiter(0.2, 8.0, odometry_of(speed, angle), PERIOD) == STOP
-    assert settled(limiter, 0.2, 8.0, 2.0, ticks=1) == first
 
 
 @pytest.mark.parametrize("mu", [0.0, -1.0, math.nan, math.inf])
@@ -311,19 +300,3 @@ def test_at_low_speed_no_tire_slides_with_the_wheels_turned(references):
             step(model, data)
             meter.record(data)
     assert np.nanmax(meter.read().sliding_speed) < slides_above("coulomb")
-
-
-@pytest.mark.parametrize("tires", TIRES)
-def test_full_braking_and_full_accelerating_through_the_limiter_slide_no_tire(tires):
-    for speed, reference in ((7.0, 0.0), (0.0, 8.0)):
-        model, data, car = flat_world(tires=tires)
-        meter, limiter = TireSlipMeter(model), FrictionLimiter(CAR, MU)
-        car.set_pose(data, 0.0, 0.0, 0.0, speed)
-        for _ in range(60):
-            car.apply(data, limiter(0.0, reference, car.odometry(data), PERIOD))
-            for _ in range(round(PERIOD / model.opt.timestep)):
-                step(model, data)
-                meter.record(data)
-            forward(model, data)
-        assert np.nanmax(meter.read().sliding_speed) < slides_above(tires)
-        assert abs(car.ground_speed(data) - reference) < 0.3

@@ -103,14 +103,6 @@ def test_it_stops_where_nothing_can_be_driven_along():
     assert finder()(scan_of(np.full(1081, 0.05)), odometry_of(0.0)).speed == 0.0
 
 
-def test_after_a_stop_it_is_as_new():
-    planner, seen = finder(), (corridor(1.0, 1.0), odometry_of(0.0))
-    first = planner(*seen)
-    assert planner(*seen).speed > first.speed
-    assert planner(scan_of([]), odometry_of(0.0)) == STOP
-    assert planner(*seen) == first
-
-
 @pytest.mark.parametrize("mu", [MU, math.inf])
 def test_without_odometry_it_stops(mu):
     for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (1e200, 0.0)):
@@ -127,19 +119,6 @@ def test_that_believes_in_no_limit_has_none():
     assert limited.speed < 7.0
     assert limited.steering_angle < 0.1
     free.reset()
-
-
-def test_no_gain_follows_the_friction_limit():
-    # straight ahead all is open; at rest on any steering the speed it comes to is within the law, whatever the gain
-    for gain in (1.0, 3.0, 10.0):
-        planner = finder(range_ratio_gain=gain)
-        scan = corridor(8.0, 0.8, ahead=2.5)
-        speed, angle = 1.0, 0.0
-        for _ in range(200):
-            command = planner(scan, odometry_of(speed, angle))
-            speed += 0.22 * (command.speed - speed)  # the servo over a tick: 1 - exp(-.025 / .1)
-            angle = command.steering_angle
-        assert speed**2 * math.tan(abs(angle)) / CAR.wheelbase <= MU * CAR.gravity
 
 
 # -- what it may be made with

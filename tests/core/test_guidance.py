@@ -20,12 +20,6 @@ def finder():
     return make_controller("gap_finder", car=CAR, mu=MU, max_speed=8.0)
 
 
-@pytest.mark.parametrize("circuit", ["u_turns", "serpentine", "elbow"])
-def test_tight_circuits_with_room_to_turn_are_driven_as_before(circuit):
-    race = fg.race(circuit, "gap_finder", laps=1, max_speed=4.0)
-    assert race.car.finished and race.car.collisions_wall == 0
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("circuit", "without"),

@@ -10,7 +10,6 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps import walls
 from fg_mujoco.course.maps.map_server import read_map_file
@@ -99,14 +98,6 @@ def test_a_hole_is_refused_with_the_option_that_closes_it(tmp_path, hole):
         load_map(f"{path}[close={hole * PIXEL - 0.05:.2f}]")
 
 
-def test_what_is_narrow_on_the_course_stays_open_when_a_hole_is_closed(tmp_path):
-    free = double_wall(20)
-    free[155:165, 148:152] = False  # leaves 0.5 m and 0.25 m of the 1.3 m, less than the hole's 1 m
-    track = load_map(f"{draw_map(tmp_path, free)}[close=1.5]")
-    assert (track.corridor_left + track.corridor_right).min() < 1.0
-    assert len(track.islands) == 1
-
-
 def saved_map(folder, course, grey, **settings):
     """A map as savers of ROS 2 write it: unknown ground is grey and free_thresh is .25, so that it counts as free."""
     path = draw_map(folder, course, free_thresh=0.25, **settings)
@@ -171,13 +162,6 @@ def test_a_start_in_the_file_is_the_start_of_the_course(tmp_path):
     assert asked.start_pose()[:2] == pytest.approx((7.5, 2.25), abs=0.03)
 
 
-def test_a_start_in_the_file_that_is_not_free_is_ignored_with_a_warning(tmp_path):
-    path = draw_map(tmp_path, ring(), origin=(-7.5, -2.25, 0.0), starting_positions=[[0.0, 2.75, 0.0]])
-    with pytest.warns(UserWarning, match=r"ignored: the starting position \(0.0, 2.75\) is not free"):
-        track = read_map(path)
-    assert track.start_pose() == pytest.approx((0.0, 0.0, 0.0), abs=0.03)
-
-
 def test_a_map_of_noise_is_refused_before_minutes_are_spent_on_it(tmp_path):
     free = box_room(1500, 1500) & (np.random.default_rng(0).random((1500, 1500)) > 0.1)
     with pytest.raises(TrackError, match="sides of pixels; accepted: 300000 at most"):
@@ -216,15 +200,6 @@ def test_a_hole_much_wider_than_the_course_is_not_closed_but_the_border_is_a_wal
     with pytest.raises(TrackError, match=rf"a hole, .* m wide, .*, or drawn\.yaml\[{option}\]$"):
         load_map(str(path))
     assert isinstance(load_map(f"{path}[{option}]"), MapTrack)
-
-
-def test_a_corridor_that_runs_out_of_the_image_is_driven_with_the_border_as_a_wall(tmp_path):
-    free = np.zeros((60, 400), dtype=bool)
-    free[20:50] = True
-    path = draw_map(tmp_path, free)
-    with pytest.raises(TrackError, match=r"drawn\.yaml\[border=wall\]$"):
-        load_map(str(path))
-    assert isinstance(load_map(f"{path}[border=wall]"), fg.Scene)
 
 
 def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypatch):

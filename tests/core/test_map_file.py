@@ -114,14 +114,6 @@ def test_a_number_is_one_in_every_spelling_of_yaml_1_2(text):
     assert plain_yaml(f"x: {text}") == {"x": float(text)}
 
 
-def test_keys_that_are_unknown_are_ignored_with_one_warning(tmp_path):
-    with pytest.warns(UserWarning) as warned:
-        occupancy = read_map_file(draw_map(tmp_path, box_room(), colour=1, default_resolution=0.1))
-    assert len(warned) == 1
-    assert "ignored: colour, default_resolution; read are image" in str(warned[0].message)
-    np.testing.assert_array_equal(occupancy.free, box_room())
-
-
 @pytest.mark.parametrize(
     ("settings", "start", "heading"),
     [

@@ -174,14 +174,6 @@ def test_a_hole_in_the_wall_is_refused_with_its_place(tmp_path):
         read_map(path, start=(7.5, 2.2))
 
 
-def test_a_hole_in_the_inner_wall_opens_the_infield_and_leaves_the_course(tmp_path):
-    whole = read_map(draw_map(tmp_path, thin_walls()))
-    open_infield = read_map(draw_map(tmp_path, with_hole(thin_walls(), slice(92, 98), slice(245, 256)), name="open"))
-    assert isinstance(open_infield, MapTrack)
-    assert open_infield.length == pytest.approx(whole.length, rel=0.01)
-    assert abs(enclosed_area(open_infield.left_wall)) < 0.1 * abs(enclosed_area(whole.left_wall))  # both its sides
-
-
 @pytest.mark.parametrize(
     ("free", "message"),
     [
@@ -215,14 +207,3 @@ def test_settings_that_are_wrong_are_refused(tmp_path, settings, message):
     path = draw_map(tmp_path, ring())
     with pytest.raises(TrackError, match=message):
         fg.load_track(f"{path}[{settings}]")
-
-
-def test_a_direction_where_there_is_no_way_round_is_refused(tmp_path):
-    with pytest.raises(TrackError, match="there is no way round"):
-        read_map(draw_map(tmp_path, corridor()), direction="clockwise")
-
-
-def test_a_map_too_narrow_for_the_car_is_refused_with_its_place(tmp_path):
-    path = draw_map(tmp_path, ring(inner=50, outer=54))
-    with pytest.raises(TrackError, match=r"track 'drawn' is 0.\d+ m wide at \(\d"):
-        fg.World(str(path))

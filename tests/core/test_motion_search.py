@@ -159,15 +159,6 @@ def test_a_u_turn_that_is_narrower_than_the_turning_circle_is_turned_in_reverse_
     assert abs(places[-1, 2]) > 2.5
 
 
-def test_a_car_that_is_too_fast_for_a_corner_finds_no_motion_round_it():
-    """A corner of 90 degrees 1.5 m ahead: at 8 m/s the car can neither turn nor stop in time, at 1 m/s it can turn."""
-    walls = ~(((np.abs(Y) < 0.8) & (X > -4.0) & (X < 2.5)) | ((np.abs(X - 1.7) < 0.8) & (Y > -0.8) & (Y < 6.0)))
-    way = world(walls, (1.7, 4.0))
-    assert search(way, 1.0)["found"]
-    fast = search(way, 8.0)
-    assert not fast["found"]
-
-
 def test_where_there_is_no_motion_it_leads_to_where_the_way_to_go_is_least():
     walls = u_turn(0.8)
     way = world(walls, (-1.5, 0.9))

@@ -85,11 +85,6 @@ def test_the_points_of_a_table_are_evenly_spaced(closed):
     np.testing.assert_array_equal(table[0, :2], (0.0, 0.0))
 
 
-def test_a_first_point_repeated_at_the_end_is_dropped():
-    square = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 3.0], [0.0, 3.0]])
-    np.testing.assert_array_equal(table_of(square), table_of(np.vstack((square, square[:1]))))
-
-
 @pytest.mark.parametrize("radius", [1.0, 3.0, 6.0])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_the_curvature_of_a_circle_is_one_over_its_radius(radius, direction):
@@ -124,11 +119,6 @@ def test_after_a_slow_place_it_accelerates_evenly():
     beginning = table[:5]
     accelerating = np.sqrt(2.0**2 + 2.0 * 0.6 * LIMITER.accelerating * beginning[:, 0])
     np.testing.assert_allclose(beginning[:, SPEED], np.minimum(accelerating, 2.0 + 0.3 * beginning[:, 0]), rtol=1e-9)
-
-
-def test_without_a_friction_limit_there_is_none():
-    assert (table_of(circle(1.0), limiter=None)[:, SPEED] == 8.0).all()
-    assert (table_of(circle(1.0), limiter=None, speeds=np.full(400, 3.0))[:, SPEED] == 3.0).all()
 
 
 @settings(max_examples=60, deadline=None)

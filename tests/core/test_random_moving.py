@@ -7,7 +7,6 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
-from fg_mujoco.course.moving_obstacles import motion_table, obstacle_position
 from fg_mujoco.course.random_moving import with_moving
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
@@ -44,26 +43,6 @@ def test_nothing_that_moves_comes_to_a_wall_or_to_the_grid(name):
             )
             assert ((offset > -right) & (offset < left)).all()
             assert ((s > 2.5) & (s < track.length - 3.0)).all()  # the last of four cars is 2.4 m behind the start
-
-
-def test_one_who_crosses_once_waits_and_then_crosses_at_a_walking_speed():
-    once = [
-        each
-        for seed in range(8)
-        for each in with_moving(fg.load_track("oval"), "pedestrian", seed, car=CAR).moving
-        if not each.back_and_forth
-    ]
-    assert once
-    for leg in once:
-        leaves = -leg.headway / leg.speed
-        assert 1.0 <= leg.speed <= 2.0 and leaves > 0.0
-        assert leg.position(0.0) == leg.position(leaves) == leg.start
-        (x, y), (end_x, end_y), seconds = leg.start, leg.end, leg.way / leg.speed
-        quarter = 0.75 * x + 0.25 * end_x, 0.75 * y + 0.25 * end_y
-        assert leg.position(leaves + 0.25 * seconds) == pytest.approx(quarter)
-        assert leg.position(leaves + 2.0 * seconds) == pytest.approx(leg.end, abs=1e-12)
-        for time in (0.0, leaves + 0.3 * seconds, leaves + 9.0):
-            assert obstacle_position(motion_table([leg])[0], time) == leg.position(time)
 
 
 def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():

@@ -88,16 +88,6 @@ def test_each_time_it_goes_back_farther_and_after_some_tries_it_stays():
     assert stand(history, settings, 10.0) == 0
 
 
-def test_what_is_behind_it_and_holds_it_is_not_pushed_for_long():
-    history, settings = new()
-    come(history, settings, 6.0)
-    for patience in (DEFAULTS.patience, *[DEFAULTS.patience_again] * (DEFAULTS.tries - 1)):
-        assert stand(history, settings, patience) == 1
-        pushed = stand(history, settings, DEFAULTS.patience)  # it stands all the same
-        assert pushed == round(DEFAULTS.patience / PERIOD) - 1
-    assert stand(history, settings, 20.0) == 0
-
-
 def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
     history, settings = new()
     assert stand(history, settings, 5.0) == 0

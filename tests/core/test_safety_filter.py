@@ -74,26 +74,12 @@ def test_where_nothing_is_near_the_reference_stands_to_the_bit(reference):
     assert filtered(np.full(BEAMS, 30.0), reference) == (reference, 0.5, True)
 
 
-def test_before_a_wall_that_it_can_stop_at_the_reference_stands_and_before_a_nearer_one_it_does_not():
-    stop = 4.0**2 / (2.0 * LIMITER.braking) + BUMPER  # less than it takes: braking has to grow first
-    assert filtered(wall_ahead(stop + 1.0)) == (0.0, 0.5, True)
-    way, _, found = filtered(wall_ahead(stop))
-    assert not found or way != 0.0
-
-
 def test_a_reference_into_a_box_is_left_for_a_way_past_it():
     ranges = np.full(BEAMS, 30.0)
     ranges[math.radians(8.0) < BEARINGS] = 1.2
     reference = 0.15
     way, use, found = filtered(ranges, reference)
     assert found and way < reference and 0.0 < use <= 1.0
-
-
-def test_left_and_right_are_mirror_images():
-    ranges = np.full(BEAMS, 30.0)
-    ranges[math.radians(8.0) < BEARINGS] = 1.2
-    way, use, found = filtered(ranges, 0.15)
-    assert filtered(ranges[::-1].copy(), -0.15) == (pytest.approx(-way), use, found)
 
 
 def bend(radius, aside):

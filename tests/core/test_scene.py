@@ -7,7 +7,6 @@ import pytest
 from matplotlib.path import Path
 
 import fg_mujoco as fg
-from conftest import Straight
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.scenes.parts import corridor, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -98,13 +97,6 @@ def test_finished_is_the_goal_passed():
     assert 12.0 - 2.0 * TICK - 1e-6 < result.car.column("progress_m")[-1] < 12.0
 
 
-def test_its_time_limit_is_its_own_unless_another_is_given():
-    slow = scene(time_limit=1.5)
-    result = fg.race(slow, Straight(0.5))
-    assert (result.car.end_reason, result.sim_time_s) == ("time_limit", pytest.approx(1.5))
-    assert fg.race(slow, Straight(0.5), time_limit=0.5).sim_time_s == pytest.approx(0.5)
-
-
 # Where the goal is to stop
 
 
@@ -176,9 +168,3 @@ def test_a_rollout_refuses_what_a_scene_has_not(settings, said):
 
 
 # By name
-
-
-@pytest.mark.parametrize("name", ("scene:", "scene:nowhere", "scene:nowhere:1", "scene:dead_end_:1"))
-def test_an_unknown_scene_lists_the_known_ones(name):
-    with pytest.raises(fg.TrackError, match=r"accepted:.*corridor_sparse.*slow_leader"):
-        fg.load_track(name)

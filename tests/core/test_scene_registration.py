@@ -71,14 +71,6 @@ def test_a_registered_scene_is_listed_with_its_distribution(register, capsys):
     assert not any("(yard" in line for line in lines[:-1])
 
 
-def test_it_is_raced_and_rolled_out_by_its_name(register):
-    register("doorway = yard_scenes:doorway")
-    result = fg.race("scene:doorway:1", max_speed=3.0)
-    assert (result.track, result.car.end_reason) == ("scene:doorway:1", "finished")
-    worlds = fg.rollout("scene:doorway:1", n=2, laps=1, randomize={"max_speed": 3.0}, record="states")
-    assert (worlds.states(0)[-1] == result.states[-1]).all()
-
-
 def test_it_is_made_for_the_car_and_from_the_seed(register):
     register("doorway = yard_scenes:doorway")
     car = car_parameters(car_spec().compile())
@@ -116,13 +108,6 @@ def test_the_name_of_a_bundled_scene_is_refused_and_the_bundled_one_stays(regist
         in error
     )
     assert error.count("\n") == 1
-
-
-def test_a_name_that_two_distributions_have_is_refused_with_both(register):
-    register("doorway = yard_scenes:doorway")
-    register("doorway = yard_scenes:nothing", distribution="barn", version="3")
-    with pytest.raises(fg.TrackError, match=r"of (yard 1.2|barn 3), .* has the name of scene 'doorway' of (yard|barn)"):
-        fg.scene_names()
 
 
 def test_bundled_scenes_have_room_for_cars_up_to_a_width():

@@ -147,13 +147,3 @@ def _distance_to(box, points):
     away = (points - (box.x, box.y)) @ np.array([[cos, -sin], [sin, cos]])
     outside = np.maximum(np.abs(away) - (0.5 * box.length, 0.5 * box.width), 0.0)
     return float(np.hypot(*outside.T).min())
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_the_crossing_box_goes_from_wall_to_wall_and_leaves_room_beside_it(seed):
-    (box,) = load("crossing_box", seed).moving
-    places = np.array([box.position(time) for time in np.arange(0.0, 30.0, 0.05)])
-    assert np.ptp(places[:, 0]) == 0.0 and places[:, 1].min() < -0.8 and places[:, 1].max() > 0.8
-    assert np.abs(places[:, 1]).max() + 0.5 * box.width < 1.1
-    assert 1.1 - 0.5 * box.width >= 2.0 * WIDTH  # beside one in the very middle
-    assert 0.5 <= box.speed <= 1.2

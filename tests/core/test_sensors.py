@@ -9,7 +9,6 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.run_folder import read_failed_scan
@@ -377,19 +376,6 @@ def test_a_setup_with_sensors_is_read_back_from_a_file(tmp_path):
     (tmp_path / "other.toml").write_text('laps = 2\nsensors = ["imo"]')
     with pytest.raises(fg.SettingsError, match=r"other.toml, line 2: sensors\[0\] is 'imo'; .*did you mean 'imu'"):
         Setup.read(tmp_path / "other.toml")
-
-
-def test_the_command_line_takes_sensors(tmp_path, capsys):
-    planner, file = written(tmp_path)
-    race = ["race", "--controller", planner, "--laps", "1", "--time-limit", ".19", "--json"]
-    assert main([*race, "--sensors", "imu", "--sensors", "sensor=pose,rate=50"]) == 1  # not finished
-    said = json.loads(capsys.readouterr().out)
-    assert [sensor["sensor"] for sensor in said["sensors"]] == ["imu", "pose"] and said["sensors"][1]["rate"] == 50
-    assert len(file.read_text().splitlines()) == 8
-    assert main([*race, "--sensors", "imu"]) == 2
-    assert "reads sensor 'pose', which its car does not have; accepted: imu" in capsys.readouterr().err
-    assert main([*race, "--sensors", "imo"]) == 2
-    assert "did you mean 'imu'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

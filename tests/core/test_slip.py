@@ -21,10 +21,6 @@ BLIND = scan_of(np.zeros(1081))
 SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").for_planners())
 
 
-def test_contacts_need_no_slip_angles():
-    assert Tires().for_planners() == {} and not slip_row(CAR, 9.0)["soft"][0]
-
-
 @pytest.mark.parametrize("speed", [0.5, 2.0, 4.0])
 @pytest.mark.parametrize("angle", [-0.1, 0.02, 0.15])
 def test_the_arc_of_the_steering_angle_for_an_arc_is_this_arc(speed, angle):

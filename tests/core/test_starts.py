@@ -76,31 +76,12 @@ def test_a_race_refuses_it(start, obstacles, said):
         fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
 
 
-@pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
-def test_several_cars_are_refused_with_the_name(start, obstacles, said):
-    entries = [fg.Entry(start=start), fg.Entry(start=fg.Start(s=9.0))]
-    with pytest.raises(SettingsError, match=f"'car_0' does not fit on 'oval' at s = .*{said}"):
-        fg.race("oval", entries=entries, obstacles=obstacles, time_limit=0.1)
-
-
 @pytest.mark.parametrize("start", [BEYOND, IN_WALL])
 def test_a_rollout_and_the_live_view_refuse_it(start):
     with pytest.raises(SettingsError, match="the car does not fit on "):
         fg.rollout("oval", n=2, start=start, time_limit=0.1)
     with pytest.raises(SettingsError, match="the car does not fit on "):
         LiveSession(Setup.of(start=start))
-
-
-@pytest.mark.parametrize("start", [BEYOND, IN_WALL])
-def test_an_environment_refuses_it_in_its_settings_and_in_a_reset(start):
-    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
-
-    with pytest.raises(SettingsError, match="the car touches a wall or an obstacle, or is beyond the walls"):
-        F1TenthEnv(track="oval", start=start).reset()
-    env = F1TenthEnv(track="oval")
-    with pytest.raises(SettingsError, match="beyond the walls"):
-        env.reset(options={"start": {"offset": start.offset}})
 
 
 # -- drawn

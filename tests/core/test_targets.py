@@ -4,12 +4,10 @@ The worlds are flat, and truth is a closed form of the time.
 """
 
 import math
-import time
 
 import numpy as np
 import pytest
 
-from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from moving_worlds import GEOMETRY, PERIOD, WALLS, box, moving, odometry_row, ranges_of, watched
 from scan_worlds import CAR
@@ -140,22 +138,3 @@ def test_odometry_that_is_none_and_another_lidar_forget_all(speed):
     memory, _ = watched(crossing, 30)
     assert track_targets(memory, GEOMETRY, np.full(400, 3.0), odometry_row(), CAR.lidar_offset, 0.0) == 0
     assert (memory["targets"]["age"] == 0).all()
-
-
-@kernel
-def track_often(memory, scan, ranges, odometry, times):
-    for _ in range(times):
-        track_targets(memory, scan, ranges, odometry, 0.275, 0.0)
-
-
-def test_a_scan_takes_less_than_15_us():
-    """Of a field of cylinders, which has more clusters than any other scene."""
-    discs = [(x, y, 0.2) for x in (2.0, 3.5, 5.0, 6.5, 8.0) for y in (-1.0, -0.2, 0.9)]
-    ranges, memory = ranges_of(WALLS, discs), np.zeros(1, TARGETS)[0]
-    least = math.inf
-    for _ in range(8):
-        began = time.process_time()
-        track_often(memory, GEOMETRY, ranges, odometry_row(), 1000)
-        least = min(least, time.process_time() - began)
-    assert (memory["targets"]["age"] > 0).sum() >= 8
-    assert least / 1000 < 15e-6

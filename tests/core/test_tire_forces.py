@@ -17,7 +17,6 @@ from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle import stages
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import (
     ACROSS,
     ALONG,
@@ -112,25 +111,6 @@ def test_a_car_with_blocked_wheels_stays_on_a_slope(tires, direction):
     mujoco.mju_quat2Mat(rotation, ground.data.qpos[3:7])
     push = np.array([ground.tires[:, FORCE_ALONG].sum(), ground.tires[:, FORCE_ACROSS].sum()])
     np.testing.assert_allclose(push, -mass * np.array(gravity[:2]), rtol=0.01, atol=0.02)  # Newton
-
-
-@pytest.mark.parametrize("tires", SETS)
-def test_a_car_that_stops_stands_still_and_one_that_slides_sideways_does_not_spring_back(tires):
-    ground = Ground(tires)
-    ground.place(3.0)
-    ground.hold(4.0)
-    assert np.abs(ground.data.qvel).max() < 1e-6
-    if tires == "f1tenth_gym":
-        return
-    ground.place()
-    ground.hold(0.2)
-    ground.data.qvel[1] = 3.0
-    ground.hold(2.0)
-    reached = ground.data.qpos[1]
-    share = reached * 2.0 * ground.forces.mu.mean() * 9.81 / 9.0  # of v^2 / 2 mu g
-    assert share == pytest.approx(1.0, rel=0.04) if tires in ("coulomb", BRUSH) else 0.5 < share < 2.0
-    ground.hold(2.0)
-    assert abs(ground.data.qpos[1] - reached) < 1e-4
 
 
 @pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc7", "f1tenth_gym"])
@@ -410,28 +390,6 @@ def test_ackermanns_angles_are_exact_while_the_servo_turns_and_the_car_slides():
     angle = data.joint("steering").qpos[0]
     knuckles = [data.joint(f"front_{name}_kingpin").qpos[0] for name in ("left", "right")]
     assert knuckles == pytest.approx([np.polynomial.Polynomial(c)(angle) for c in fit], abs=1e-12)
-
-
-@pytest.mark.parametrize("delay", [None, 0.0, 0.004, 0.005, 0.012, 0.0223, 0.05])
-def test_commands_are_held_back_as_by_mujocos_actuators(delay):
-    """The step in which the steering first moves, and the wheels first turn, is that of the model `contact`."""
-    firsts = []
-    for tires in ("coulomb", "contact"):
-        engine = Engine(fg.World("oval", tires=tires, changes=CarChanges(command_delay=delay)))
-        engine.place([Start()])
-        joint, wheel = (engine.world.model.joint(f"car/{name}") for name in ("steering", "rear_left_wheel"))
-        seen = []
-        engine.after_substep.append(
-            lambda engine, _, a=int(joint.qposadr[0]), b=int(wheel.dofadr[0]), seen=seen: seen.append(
-                (abs(engine.qpos(0)[a]) > 1e-3, abs(engine.qvel(0)[b]) > 0.5)
-            )
-        )
-        for _ in range(6):
-            engine.sense()
-            engine.commands[:] = (0.2, 1.0)
-            engine.drive()
-        firsts.append(np.array(seen).argmax(axis=0).tolist())
-    assert firsts[0] == firsts[1] == [round(math.ceil((delay or 0.0) / 0.005 - 1e-9))] * 2
 
 
 def test_rolling_resistance_slows_a_car_that_coasts_as_asked():

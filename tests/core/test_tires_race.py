@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -20,7 +19,6 @@ from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.tires import Tires
-from refusals import refused
 
 NUC2 = "forzaeth_nuc2"
 
@@ -98,23 +96,6 @@ def test_a_vehicle_names_its_own_tires(tmp_path):
     path.write_text(text.replace("<custom>", '<custom><text name="tires" data="nuc6"/>'))
     with pytest.raises(fg.ModelError, match=r"own.xml: text 'tires': tires 'nuc6' are not known; accepted: contact"):
         fg.Vehicle.load(path)
-
-
-@pytest.mark.slow
-def test_the_command_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    options = ["--tires", NUC2, "--mu", "1.0", "--planner-mu", "0.7", "--out", "run"]
-    assert main(["race", "--track", "oval", "--laps", "1", *options]) == 0
-    capsys.readouterr()
-    assert main(["replay", "run"]) == 0 and "bit-identical" in capsys.readouterr().out
-    assert main(["race", "--config", "run", "--json"]) == 0
-    again = json.loads(capsys.readouterr().out)
-    assert again["trajectory_sha256"] == json.loads((tmp_path / "run/summary.json").read_text())["trajectory_sha256"]
-    assert (again["tires"], again["mu"]) == (NUC2, 1.0)
-    line = refused(tmp_path, capsys, "race", "--tires", "forzaeth_nuc3")
-    assert "tires 'forzaeth_nuc3' are not known" in line and "did you mean 'forzaeth_nuc" in line
-    (tmp_path / "bad.toml").write_text('model = "magic_formula"\n[front]\nB = 1.0\n')
-    assert "[front]: has no C" in refused(tmp_path, capsys, "race", "--tires", "bad.toml")
 
 
 @pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
-from fg_mujoco.errors import SettingsError
 
 
 def track_of(line, width=1.0):
@@ -59,11 +58,3 @@ def test_pieces_are_convex_on_any_jagged_wall(seed, thickness):
     sides = np.roll(feet, -1, axis=1) - feet
     following = np.roll(sides, -1, axis=1)
     assert (sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]).min() > 0.0
-
-
-@pytest.mark.parametrize("size", [0.0, -0.1, float("nan"), float("inf")])
-def test_sizes_that_make_no_wall_are_refused(square, size):
-    with pytest.raises(SettingsError, match="height of the walls"):
-        wall_prisms(square, height=size)
-    with pytest.raises(SettingsError, match="thickness of the walls"):
-        wall_mesh(square, thickness=size)

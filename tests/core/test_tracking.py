@@ -94,13 +94,6 @@ def test_whole_turns_between_the_headings_are_no_error(turns):
     assert errors(point, 0.1, 0.02, heading) == pytest.approx(errors(point, 0.1, 0.02, 0.3), abs=1e-12)
 
 
-def test_left_and_right_are_mirror_images():
-    left, right = motion((3, 0.0), (4, 0.8)), motion((3, 0.0), (4, -0.8))
-    assert steer_along(left, 1, 0.4, 0.05, 0.1, 2.0, CAR.wheelbase, 0.0, 0.0) == -steer_along(
-        right, 1, 0.4, -0.05, -0.1, 2.0, CAR.wheelbase, 0.0, 0.0
-    )
-
-
 def test_the_next_place_is_ahead_of_the_car_and_at_last_the_last():
     points = motion((5, 0.0))
     assert [next_place(points, 0, x, 0.0, 0.0) for x in (-1.0, 0.29, 0.31, 1.4, 9.0)] == [0, 0, 1, 4, 4]

@@ -5,7 +5,7 @@ from weakref import WeakKeyDictionary
 import mujoco
 import numpy as np
 
-from fg_mujoco.vehicle.car import WHEELS, Car
+from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -56,8 +56,3 @@ def run(model, data, seconds):
         return
     for _ in range(steps):
         mujoco.mj_step(model, data)
-
-
-def tire_pairs(model):
-    """The indices of the tires' pairs, in the order of WHEELS."""
-    return [model.pair(f"{wheel}_tire").id for wheel in WHEELS]

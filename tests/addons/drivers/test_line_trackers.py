@@ -70,12 +70,3 @@ def test_map_laps_on_tires_that_need_slip_angles():
     planner = "pure_pursuit[line=raceline,margin=0.2,tracker=map]"
     car = fg.race("hairpins", planner, laps=1, tires="f1tenth_gym").car
     assert car.end_reason == "finished" and car.max_slide_m_s < 0.01
-
-
-def test_a_raceline_near_the_lock_is_driven_unless_by_pure_pursuit():
-    ends = [
-        fg.race("u_turns", f"pure_pursuit[line=raceline{tracker}]", laps=1).car
-        for tracker in ("", ",tracker=lqr", ",tracker=pure_pursuit")
-    ]
-    assert [end.end_reason for end in ends] == ["finished", "finished", "crash"]
-    assert ends[0].lap_times_s == ends[1].lap_times_s and ends[0].max_slide_m_s < 0.01

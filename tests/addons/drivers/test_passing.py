@@ -24,7 +24,7 @@ from fg_mujoco.controllers.perception.corridor import (
     walk,
 )
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
-from fg_mujoco.controllers.safety.predictions import CURVATURE, PREDICTIONS, along_arc, meets
+from fg_mujoco.controllers.safety.predictions import CURVATURE, PREDICTIONS, meets
 from scan_worlds import CAR, MU, corridor
 
 PLANNER = Overtaker(CAR, MU)
@@ -80,16 +80,6 @@ def test_a_walk_goes_round_a_bend(radius):
     from_middle = np.hypot(path[:, X], path[:, Y] - radius)
     assert from_middle == pytest.approx(radius, abs=0.12)
     assert path[-1, HEADING] == pytest.approx(11 * STEP / radius, abs=0.15)
-
-
-def test_places_along_an_arc():
-    rng = np.random.default_rng(0)
-    for curvature in (0.4, -0.7, 1.2, 1e-15):
-        for way, aside in rng.uniform((0.0, -0.4), (1.5, 0.4), (20, 2)):
-            turn = curvature * way
-            x = math.sin(turn) / curvature - aside * math.sin(turn)
-            y = 2.0 * math.sin(0.5 * turn) ** 2 / curvature + aside * math.cos(turn)
-            assert along_arc(x, y, curvature) == pytest.approx((way, aside), abs=1e-9)
 
 
 def test_a_car_is_passed_where_there_is_room_and_followed_where_there_is_none():

@@ -9,13 +9,10 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
-from fg_mujoco.addons.drivers.racelines import raceline
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.racelines import read_line
-from fg_mujoco.course.clearance import clearances
-from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError
 from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.entries import Entry
@@ -99,13 +96,6 @@ def test_bound_is_at_least_as_good_as_that_of_the_shared_raceline(name):
     assert ours.clearance > 0.08
 
 
-def test_line_passes_obstacles_and_islands():
-    line = make_raceline(Setup(track="oval", obstacles=6, obstacle_seed=2))
-    assert line.clearance > 0.06
-    free = make_raceline(Setup(track="oval"))
-    assert line.lap_time > free.lap_time
-
-
 def test_file_is_read_back_and_its_columns_agree(tmp_path):
     line = make_raceline(Setup(track="oval"))
     points, speeds = read_line(line.write(tmp_path / "line.csv"))
@@ -150,24 +140,6 @@ def test_bad_input_is_refused_in_one_line(arguments, said, capsys):
 def test_pure_pursuit_makes_its_own_line_and_is_faster_on_it():
     centreline, own = (fg.race("oval", f"pure_pursuit[line={line}]", laps=1).car for line in ("centreline", "raceline"))
     assert own.finished and own.max_slide_m_s < 0.01 and own.lap_times_s[0] < centreline.lap_times_s[0]
-
-
-def test_walls_are_told_apart_by_the_side_of_the_line_on_which_they_lie():
-    box = np.array([[5.2, 0.1], [4.7, 0.1], [4.7, -0.1], [5.2, -0.1]])  # most of it to the left of the line
-    walls = line_optimizer.walls_beside(ring(5.0), (ring(6.0), ring(4.0), box))
-    radius = np.hypot(*walls.points.T)
-    assert (walls.sides[radius > 5.5, 0] == -1.0).all() and (walls.sides[radius < 4.5, 0] == 1.0).all()
-    assert (walls.sides[(radius > 4.5) & (radius < 5.5), 0] == 1.0).all()
-
-
-def test_the_clearance_of_a_line_is_that_to_everything_that_stands():
-    course = fg.load_track("hairpins")
-    poses = np.column_stack((course.centreline, course.headings))
-    poses[:, :2] += np.random.default_rng(0).normal(0.0, 0.1, (len(poses), 2))
-    standing = np.concatenate([outline(each) for each in course.edges])
-    every = clearances(poses, standing, CAR)
-    reach = CAR.length + float((course.corridor_left + course.corridor_right).max())
-    np.testing.assert_array_equal(raceline._clearances(poses, standing, CAR, reach), every)
 
 
 def test_a_circuit_whose_line_would_take_minutes_is_refused_at_once():
