@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiterSettings
-from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import STOP, DriveCommand
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rough_scan, rows_of, scan_of
 
@@ -122,24 +121,6 @@ def test_that_believes_in_no_limit_has_none():
 
 
 # -- what it may be made with
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"mu": 0.0}, r"GapFinder\.mu is 0\.0; accepted: a positive number, or inf"),
-        ({"mu": math.nan}, r"GapFinder\.mu is nan"),
-        ({"max_speed": 0.0}, r"GapFinder\.max_speed is 0\.0; accepted: a positive number"),
-        ({"max_speed": math.inf}, r"GapFinder\.max_speed is inf"),
-        (
-            {"settings": FrictionLimiterSettings()},
-            r"GapFinder\.settings is FrictionLimiterSettings\(.*accepted: a GapFinderSettings",
-        ),
-    ],
-)
-def test_what_no_gap_finder_can_believe_is_refused(given, said):
-    with pytest.raises(SettingsError, match=said):
-        GapFinder(CAR, **{"mu": MU, **given})
 
 
 # -- many at once; that they decide alike is in the controller contract

@@ -1,6 +1,5 @@
 """Patches of floor: the friction that acts is the one asked for, and nothing else changes."""
 
-import json
 
 import mujoco
 import numpy as np
@@ -10,16 +9,13 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab_laps import drive_laps
 from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, edge_load, sliding_sideways
-from fg_mujoco.lab.patches import EXPERIMENT
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches
-from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -133,29 +129,3 @@ def test_random_patches_are_those_of_the_seed_on_the_track_and_away_from_the_sta
     for count in (0, -1, 100):
         with pytest.raises(SettingsError, match="accepted: at least 1, and room for each"):
             random_patches(track, count, np.random.default_rng(3), mu=0.5)
-
-
-def test_planner_that_knows_the_patches_holds_and_one_that_does_not_slides():
-    cells = json.loads(json.dumps(EXPERIMENT.cells(LabSettings(quick=True))))
-    names = (
-        "asked_mu",
-        "acting_mu",
-        "acting_ratio",
-        "runs_wide_from_k",
-        "slides_from_k",
-        "lateral_ratio",
-        "brake_onset",
-    )
-    tables = {"acting": [dict.fromkeys(names, 1.0)]}  # tested above
-    for cell in cells:
-        if cell["what"] == "laps" or cell.get("way") in ("raised", "site"):
-            for name, rows in EXPERIMENT.measure(cell).items():
-                tables.setdefault(name, []).extend(rows)
-    slides = {(row["planner_mu"], row["patches"] > 0): row["max_slide_m_s"] for row in tables["laps"]}
-    assert slides[0.5, True] < BRISTLES_SLIDE and slides[Vehicle.load().nominal_mu, False] < BRISTLES_SLIDE
-    assert slides[Vehicle.load().nominal_mu, True] > 0.1  # measured 1.7 m/s on contacts
-    assert max(row["friction_use_max"] for row in tables["laps"]) < 1.01
-    section = EXPERIMENT.section(tables)
-    assert any("0 of 1 races crash" in sentence for sentence in section.sentences)
-    for figure in section.figures:
-        assert len(figure.render()) > 1000

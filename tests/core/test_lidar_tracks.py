@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from fg_mujoco.course.formats import track_names
-from fg_mujoco.course.obstacles import Box, Cylinder
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.simulation.world import World
 from lidar_worlds import EYE, disagreements, mujoco_rays
@@ -74,15 +73,3 @@ def test_raycast_sees_what_mujoco_sees_on_the_real_circuit(circuit: str) -> None
     if not path.exists():
         pytest.skip(f"needs {path.name} in ../shared/data, which is no part of this repository")
     assert_sees_what_mujoco_sees(Scene(str(path)), seed=3)
-
-
-@pytest.mark.slow
-def test_raycast_sees_what_mujoco_sees_among_obstacles() -> None:
-    track = World("oval").track
-    obstacles: list[Box | Cylinder] = []
-    for s in np.linspace(2.0, track.length - 1.0, 8):
-        x, y, heading = track.start_pose(s, 0.3)
-        obstacles += [Cylinder(x=x, y=y, radius=0.2)]
-        x, y, heading = track.start_pose(s + 0.8, -0.3)
-        obstacles += [Box(x=x, y=y, length=0.5, width=0.3, height=0.2, heading=heading)]
-    assert_sees_what_mujoco_sees(Scene("oval", obstacles=tuple(obstacles)), seed=4)

@@ -19,7 +19,7 @@ from fg_mujoco.controllers.control.planner_settings import (
 )
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
-from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
@@ -169,9 +169,3 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
     assert planner.settings.pursuit_distance == 1.0
     assert planner.settings.safe_distance == pytest.approx(0.4)
     assert planner.driver["filter_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
-
-
-def test_a_setting_of_the_car_accepts_what_its_field_says():
-    for bad in (-1.0, math.nan, math.inf, True, "3"):
-        with pytest.raises(SettingsError, match=r"Scaled\.reach is .*; accepted: a number from 0"):
-            Scaled(reach=bad)

@@ -127,12 +127,6 @@ def test_mu_reaches_all_four_tires_of_the_default_law(mu):
     assert len(data.contact) == 0
 
 
-@pytest.mark.parametrize("mu", (0.0, -1.0, float("nan"), float("inf")))
-def test_a_friction_that_no_tire_has_is_refused(mu):
-    with pytest.raises(fg.SettingsError, match=r"mu.*accepted"):
-        fg.World("oval", mu=mu)
-
-
 def test_a_car_in_a_wall_finds_room_for_its_contacts(world):
     """Beside a wall, pushing into it: far from all the memory that the car's MJCF asks for."""
     simulation = fg.Simulation(world)

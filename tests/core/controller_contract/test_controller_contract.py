@@ -26,6 +26,7 @@ from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand, MapLine, ScanGeometry
 from fg_mujoco.racing.planners import controller_names, make_controller
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
@@ -273,6 +274,15 @@ def test_without_a_friction_limit_it_answers_too():
             command = unlimited(scan, odometry_of(2.0))
             assert abs(command.steering_angle) <= CAR.max_steering_angle
             assert 0.0 <= command.speed <= TOP_SPEED
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_what_no_planner_can_believe_is_refused_by_name(name):
+    kind, needed = type(made(name)), {"map_line": OVAL} if name == "pure_pursuit" else {}
+    for what, values in {"mu": (0.0, -1.0, math.nan), "max_speed": (0.0, math.inf, math.nan), "settings": (3,)}.items():
+        for value in values:
+            with pytest.raises(SettingsError, match=f"{what} is {value!r}; accepted: "):
+                kind(CAR, **{"mu": MU, what: value, **needed})
 
 
 @pytest.mark.parametrize("size", [0.5, 1.2, 2.0])
