@@ -1,6 +1,5 @@
 """The car drives as closed forms say: Ackermann geometry, servo rates, traction limits, steady circles."""
 
-import math
 
 import numpy as np
 import pytest
@@ -8,13 +7,11 @@ import pytest
 from car_worlds import flat_world as flat_world_of
 from car_worlds import run, step
 from fg_mujoco.course.open_ground import OpenGround
-from fg_mujoco.messages import DriveCommand
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.changes import CarChanges
 from fg_mujoco.vehicle.motion import ground_speed
-from fg_mujoco.vehicle.tire_slip import BRISTLES_SLIDE, SLIDING_SPEED, TireSlipMeter
 
 TIRES = ("coulomb", "contact")  # the default, and MuJoCo's own contacts
 
@@ -31,55 +28,6 @@ ON = {"tires": "coulomb"}
 
 def flat_world(**settings):
     return flat_world_of(**ON, **settings)
-
-
-def drive_open_loop(timestep, steering, speed, seconds=6.0):
-    """Drive as functions of the time say, at the LiDAR's rate; return (places (n, 2), end, greatest slide)."""
-    model, data, car = flat_world(timestep=timestep)
-    meter, places = TireSlipMeter(model), []
-    car.set_pose(data, 0.0, 0.0, 0.0, speed(0.0))
-    for tick in range(round(seconds / 0.025)):
-        car.apply(data, DriveCommand(steering_angle=steering(0.025 * tick), speed=speed(0.025 * tick)))
-        for _ in range(round(0.025 / timestep)):
-            step(model, data)
-            meter.record(data)
-        places.append(data.qpos[:2].copy())
-    end = np.array([*car.pose(data), car.ground_speed(data)])
-    return np.array(places), end, np.nanmax(meter.read().sliding_speed)
-
-
-MANOEUVRES = {  # steering [rad] and speed [m/s] over the time [s], and how far off 5 ms may be [m]
-    "bends": (lambda time: 0.2 * math.sin(0.8 * time) ** 3, lambda time: 3.0 - math.sin(0.8 * time), 0.04),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MANOEUVRES)
-def test_places_converge_as_the_timestep_shrinks(name):
-    """Oracle: a timestep of 0.25 ms, from which a method of the first order is off by timestep - 0.25 ms.
-
-    Tires of bristles do not creep, and their steps are of the second order: bends are off by .28 mm at 5 ms, and most
-    of that, .19, is of the short steps of the tires, which are no longer at 5 ms than at .5 ms.
-
-    Of contacts, measured at 5, 2.5 and 1 ms: bends, 16.6 m, are off by 35.5, 16.8 and 5.6 mm at most. The greatest
-    slide, 41.8 mm/s, stays within 0.1 mm/s; at 5 ms the heading ends 12.5 mrad off, and the speed 5.3 mm/s.
-    """
-    steering, speed, tolerance = MANOEUVRES[name]
-    exact, exact_end, exact_slide = drive_open_loop(0.00025, steering, speed)
-    creeps = ON["tires"] == "contact"
-    assert 0.02 < exact_slide < SLIDING_SPEED if creeps else exact_slide < BRISTLES_SLIDE
-    timesteps, errors = np.array([0.005, 0.0025, 0.001]), []
-    assert timesteps[0] == flat_world()[0].opt.timestep
-    for timestep in timesteps:
-        places, end, slide = drive_open_loop(timestep, steering, speed)
-        errors.append(np.hypot(*(places - exact).T).max())
-        assert slide == pytest.approx(exact_slide, abs=2e-4 if creeps else 1.5e-3)
-        assert end == pytest.approx(exact_end, abs=0.015 if creeps else 0.0035)
-    if not creeps:
-        assert errors[0] == max(errors) < 0.001
-        return
-    assert errors[0] < tolerance
-    assert errors == pytest.approx(errors[0] * (timesteps - 0.00025) / (0.005 - 0.00025), rel=0.05)
 
 
 @pytest.mark.parametrize(
