@@ -1,7 +1,6 @@
 """Disparity selection: the diagram of its source, and the faults of its code that are not repeated here."""
 
 import cmath
-import math
 from functools import cache
 from itertools import pairwise
 
@@ -11,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import fg_mujoco as fg
 from fg_mujoco.controllers.disparity_selection import (
     DisparitySelection,
     DisparitySelectionSettings,
@@ -92,16 +90,3 @@ def test_it_aims_between_two_boxes():
     ranges[620:700] = 1.5
     ranges[800:900] = 1.5
     assert planner().find_goal(scan_of(ranges))[0] == pytest.approx((749.5 - 540.0) * INCREMENT)
-
-
-def test_limit_it_does_not_ask_whether_the_car_fits():
-    ranges = np.full(1081, 1.5)
-    ranges[560:564] = 2.9  # 2 cm
-    ranges[200] = 0.7
-    assert planner().find_goal(scan_of(ranges))[0] == pytest.approx((561.5 - 540.0) * INCREMENT)
-
-
-def test_limit_between_smooth_walls_it_is_the_naive_follow_the_gap():
-    races = [fg.race("l_corridor", name, laps=1) for name in ("disparity_selection", "follow_the_gap")]
-    assert races[0].trajectory_sha256 == races[1].trajectory_sha256
-    assert math.isfinite(races[0].car.lap_times_s[0])

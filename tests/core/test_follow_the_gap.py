@@ -1,7 +1,6 @@
 """Follow the gap: the worked examples of its sources, each choice of point, and where it fails."""
 
 import cmath
-import math
 from functools import cache
 
 import numpy as np
@@ -10,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import fg_mujoco as fg
 from fg_mujoco.controllers.follow_the_gap import (
     FollowTheGap,
     FollowTheGapSettings,
@@ -108,33 +106,3 @@ def test_beyond_the_lookahead_all_is_as_far_and_it_takes_the_middle():
     near, far = planner(lookahead=3.0), planner(lookahead=30.0)
     assert near.find_goal(scan_of(ranges)) == pytest.approx((80 * INCREMENT, 3.0))
     assert far.find_goal(scan_of(ranges)) == pytest.approx((95 * INCREMENT, 9.0))
-
-
-def test_limit_only_the_nearest_obstacle_has_a_bubble():
-    """The furthest point lies right past the inner corner, as near to it as no car can drive."""
-    open_left = np.full(1081, 1.5)
-    open_left[700:] = 3.0  # an edge at 40 degrees; the nearest point is a post at the right
-    bearing, _ = planner(lookahead=30.0, field_of_view=math.radians(100.0)).find_goal(
-        scan_of(np.where(np.arange(1081) == 700, 3.1, with_post(open_left, -0.8, 1.0)))
-    )
-    assert bearing == pytest.approx(160 * INCREMENT)
-
-
-def test_limit_the_longest_run_may_be_the_way_back():
-    """A corner whose exit shows less than the road that the car has come by: 2 m ahead left, 3 m behind it."""
-    bearings = INCREMENT * (np.arange(1081) - 540)
-    ranges = np.full(1081, 0.8)
-    ranges[np.abs(bearings - 0.6) < 0.2] = 2.0
-    ranges[bearings < -2.0] = 3.0
-    ranges[np.abs(bearings - 1.3) < 0.01] = 0.7  # the nearest, beside the exit
-    assert planner(field_of_view=1.5 * math.pi).find_goal(scan_of(ranges))[0] < -2.0
-    assert planner().find_goal(scan_of(ranges))[0] > 0.3
-
-
-@pytest.mark.parametrize("settings", [{"point": "middle"}, {"lookahead": 30.0}], ids=["the middle", "no lookahead"])
-def test_limit_the_square_corners_need_the_furthest_point_and_the_lookahead(settings):
-    alone = settings | {
-        "safety_filter": False,
-        "guidance": False,
-    }  # held or led, it gets round all the same
-    assert fg.race("l_corridor", "follow_the_gap", laps=1, planner_settings=alone).car.end_reason != "finished"

@@ -10,9 +10,6 @@ from drawn_worlds import Driven, box, cell, lines, middles
 from fg_mujoco.controllers.perception.frontiers import (
     FAR,
     WAY_BACK,
-    least_to_go_along,
-    to_go_around,
-    to_go_at,
 )
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, SIZE, WALL
 
@@ -70,13 +67,6 @@ def test_the_way_back_is_closed():
     assert ahead(driven, 0.5) < math.inf
 
 
-def test_the_way_before_the_start_is_closed_too():
-    """The ground behind a car that has only just been put there is seen, but for a sector, and is no frontier."""
-    driven = Driven(STRAIGHT)
-    assert driven.way["map"]["cells"][cell(-0.35, 0.75)] == FREE
-    assert driven.to_go(-0.35, 0.75) == math.inf > driven.to_go(0.95, 0.75)
-
-
 @pytest.mark.parametrize("open_side", [1, -1])
 def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
     ends = (30.0, 3.0) if open_side == 1 else (3.0, 30.0)
@@ -115,16 +105,6 @@ def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket
     assert goal(driven)[0] < 5.0 and goal(driven)[1] > 0.9  # along the other lane
 
 
-def test_a_dead_end_has_no_frontier():
-    driven = Driven(lines([(-30.0, 0.7), (9.0, 0.7), (9.0, -0.7), (-30.0, -0.7)]))
-    driven.go(8.0)
-    assert not driven.way["found"]
-    assert (driven.way["to_go"] == FAR).all()
-    assert to_go_around(driven.way, driven.x, driven.y) == math.inf
-    assert least_to_go_along(driven.way, driven.x, driven.y, 0.0, 5.0)[0] == math.inf
-    assert to_go_at(driven.way, driven.x, driven.y) == FAR
-
-
 def test_the_shadow_of_a_box_is_no_frontier_and_the_ground_behind_a_wall_is():
     """A closed hall with a box whose back nobody sees; and with a wall that hides half of the hall."""
     left = [(-30.0, 1.0), (1.0, 1.0), (1.0, 3.0), (7.0, 3.0)]
@@ -137,41 +117,6 @@ def test_the_shadow_of_a_box_is_no_frontier_and_the_ground_behind_a_wall_is():
     assert half.way["found"]
     x, y = goal(half)
     assert x > 4.7 and y < 1.0
-
-
-def test_after_it_drove_into_a_pocket_the_frontier_is_that_next_to_the_pocket():
-    """The branch straight ahead is closed at x = 10; the course leaves to the left, from 5 to 6.4 m."""
-    walls = lines([(-30.0, 0.7), (5.0, 0.7), (5.0, 30.0)], [(6.4, 30.0), (6.4, 0.7), (10.0, 0.7), (10.0, -0.7)])
-    driven = Driven(np.concatenate((walls, lines([(10.0, -0.7), (-30.0, -0.7)]))))
-    driven.go(8.6)
-    assert driven.way["found"] and goal(driven)[1] > 1.5 and 5.0 < goal(driven)[0] < 6.4
-    driven.go(-2.5)
-    assert driven.way["found"] and goal(driven)[1] > 1.5
-    assert driven.to_go(5.7, 1.0) < driven.to_go(driven.x + 0.275, 0.0)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_on_a_short_closed_course_it_goes_on_ahead_lap_after_lap(sign):
-    """A ring course of 2 m round an island of 3.5 by 1 m, driven on its middle: straights of 3.5, half circles."""
-    island, outside = box(-1.75, 1.0, 1.75, 2.0), box(-4.0, -1.0, 4.0, 4.0)
-    walls = lines(island, outside) * (1.0, sign)
-    driven = Driven(walls)
-    driven.go(1.75)
-    for _ in range(4):
-        for steps, length, curvature in ((12, 1.5 * math.pi / 12, sign / 1.5), (7, 0.5, 0.0)):
-            for _ in range(steps):
-                driven.go(length, curvature)
-                assert _leads_on(driven)
-
-
-def _leads_on(driven):
-    """Whether there is a frontier, and beams ahead lead nearer to it than those behind."""
-    x, y = driven.lidar()
-    ahead, behind = (
-        min(least_to_go_along(driven.way, x, y, driven.heading + turn + a, 1.2)[0] for a in (-0.8, -0.4, 0.0, 0.4, 0.8))
-        for turn in (0.0, math.pi)
-    )
-    return bool(driven.way["found"]) and ahead < behind
 
 
 def slow_distances(way):

@@ -38,21 +38,6 @@ def decide_all(batch, scans, odometries):
     return [tuple(command) for command in commands.tolist()]
 
 
-def settled_steering(planner, scan, speed=1.0):
-    """The steering angle [rad] that the command comes to when scan and speed stay."""
-    planner.reset()
-    angle = 0.0
-    for _ in range(60):
-        angle = planner(scan, odometry_of(speed, angle)).steering_angle
-    return angle
-
-
-@pytest.mark.parametrize("offset", [0.3, -0.3])
-def test_beside_the_middle_of_a_corridor_it_comes_back_to_it(offset):
-    scan = corridor(1.0 - offset, 1.0 + offset, ahead=8.0)
-    assert settled_steering(finder(), scan) * offset < 0.0
-
-
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_it_passes_an_obstacle_on_the_wider_side(side):
     scan = corridor(2.0, 2.0)
@@ -62,14 +47,6 @@ def test_it_passes_an_obstacle_on_the_wider_side(side):
     assert side * bearing < 0.0
     # the goal's beam clears the box's near corner by half the car's width, and no less than by some of the clearance
     assert 3.0 * math.sin(abs(bearing - side * 0.05) - 0.12) > 0.5 * CAR.width
-
-
-def test_what_lies_beyond_the_lookahead_does_not_draw_it_aside():
-    ranges = np.full(1081, 12.0)
-    ranges[700:760] = 25.0
-    bearing, distance = finder(lookahead=10.0).find_goal(scan_of(ranges))
-    assert abs(bearing) <= INCREMENT
-    assert distance == pytest.approx(10.0)
 
 
 def test_a_single_longer_beam_counts_as_the_mean_of_its_bubble():
@@ -106,18 +83,6 @@ def test_it_stops_where_nothing_can_be_driven_along():
 def test_without_odometry_it_stops(mu):
     for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (1e200, 0.0)):
         assert GapFinder(CAR, mu, 8.0)(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP
-
-
-def test_that_believes_in_no_limit_has_none():
-    scan = corridor(8.0, 0.8, ahead=2.5)
-    free, held = GapFinder(CAR, math.inf, 8.0), GapFinder(CAR, MU, 8.0)
-    unlimited, limited = (planner(scan, odometry_of(7.0)) for planner in (free, held))
-    assert free.find_goal(scan)[0] > 0.3
-    assert unlimited.speed == 8.0
-    assert unlimited.steering_angle == CAR.max_steering_angle
-    assert limited.speed < 7.0
-    assert limited.steering_angle < 0.1
-    free.reset()
 
 
 # -- what it may be made with

@@ -47,20 +47,6 @@ def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     assert abs(race.car.column("speed_m_s")[-1]) < 0.1
 
 
-@pytest.mark.slow
-def test_without_a_friction_limit_it_is_off():
-    """The same race to the last bit with guidance as without, where at the car's own grip they differ."""
-    ends = {}
-    for mu in (math.inf, None):
-        races = [
-            fg.race("maze", "gap_finder", laps=1, max_speed=3.0, planner_mu=mu, time_limit=25.0, planner_settings=s)
-            for s in ({}, OFF)
-        ]
-        ends[mu] = [(len(race.car.column("speed_m_s")), *race.car.column("x_m")) for race in races]
-    assert ends[math.inf][0] == ends[math.inf][1]
-    assert ends[None][0] != ends[None][1]
-
-
 @pytest.mark.parametrize("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])
 def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
     planner = finder()

@@ -179,33 +179,6 @@ def test_the_room_beside_the_path_is_that_of_the_corridor_up_to_three_metres(rig
     assert (point[RIGHT], point[LEFT]) == pytest.approx((min(right, 3.0), min(left, 3.0)), rel=0.01)
 
 
-def test_points_of_the_path_are_apart_and_the_room_grows_slowly_and_shrinks_at_once():
-    memory, rooms = new(), []
-    for tick in range(120):
-        extend_path(memory, GEOMETRY, beside(0.8, 0.8 if 20 <= tick < 80 else 2.5))
-        rooms.append((float(newest(memory)[ALONG]), *(float(newest(memory)[side]) for side in (RIGHT, LEFT))))
-        drive(memory, 0.05)
-    along, right, left = np.array(sorted(set(rooms))).T
-    assert (np.diff(along) > 0.0999).all() and (np.diff(along) < 0.151).all()
-    np.testing.assert_allclose(right, 0.8, rtol=0.01)
-    assert (np.diff(left) <= 0.3 * np.diff(along) + 1e-9).all()
-    assert left[0] == pytest.approx(2.5, rel=0.01) and left.min() == pytest.approx(0.8, rel=0.01)
-    narrow = along[left < 0.81]
-    assert left[-1] == pytest.approx(0.8 + 0.3 * (along[-1] - narrow[-1]), abs=0.02)
-
-
-def test_the_way_before_the_start_ends_at_the_start_and_the_path_is_a_ring():
-    memory = new()
-    extend_path(memory, GEOMETRY, beside(1.0, 1.0))
-    assert memory["known"] > 1 and newest(memory)[ALONG] == pytest.approx(memory["along"])
-    for _ in range(3 * PATH):
-        drive(memory, 0.15)
-        extend_path(memory, GEOMETRY, beside(1.0, 1.0))
-    assert memory["known"] == PATH
-    order = memory["path"][(memory["newest"] - np.arange(PATH)) % PATH]
-    np.testing.assert_allclose(order[:, 0], memory["x"] - 0.15 * np.arange(PATH), atol=1e-9)
-
-
 def test_a_path_that_is_cut_ends_before_the_cut_and_goes_on_from_there():
     memory = new()
     for _ in range(60):

@@ -38,14 +38,6 @@ def test_real_maps_load_with_their_line_in_the_middle(name):
     assert np.quantile(np.abs(offset), 0.95) < 0.15
 
 
-def test_the_infield_of_a_drawing_is_not_taken_for_its_course(tmp_path):
-    track = read_map(draw_map(tmp_path, thin_walls()))
-    assert isinstance(track, MapTrack)
-    # half way between circles of 42 and 68 pixels, and straights of 120: 2 pi 55 + 240
-    assert track.length == pytest.approx((2.0 * math.pi * 55.0 + 240.0) * PIXEL, rel=0.005)
-    np.testing.assert_allclose(track.width_left + track.width_right, 26.0 * PIXEL, atol=PIXEL)
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
 def test_a_map_may_be_turned(tmp_path, yaw):
     plain = read_map(draw_map(tmp_path, ring()), start=(7.5, 2.25), direction="counterclockwise")

@@ -9,7 +9,7 @@ import pytest
 from fg_mujoco.controllers.perception.frontiers import AT_WALL, FAR, FRONTIER_SEARCH, NEAR_WALL
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
-from fg_mujoco.controllers.safety.motion_search import MOTION, _sorted_ends, _touches, search_motion, touches
+from fg_mujoco.controllers.safety.motion_search import MOTION, search_motion, touches
 from scan_worlds import CAR, MU
 
 LIMITER = FrictionLimiter(CAR, MU)
@@ -159,20 +159,6 @@ def test_a_u_turn_that_is_narrower_than_the_turning_circle_is_turned_in_reverse_
     assert abs(places[-1, 2]) > 2.5
 
 
-def test_where_there_is_no_motion_it_leads_to_where_the_way_to_go_is_least():
-    walls = u_turn(0.8)
-    way = world(walls, (-1.5, 0.9))
-    motion = search(way)
-    assert not motion["found"] and motion["count"] > 0
-    assert in_walls(walls, way, poses(motion)).min() > 2.0 * CELL
-    x, y, heading = poses(motion)[-1, :3]
-    there = way["to_go"][
-        math.floor((x + CAR.lidar_offset * math.cos(heading)) / CELL) & RING,
-        math.floor((y + CAR.lidar_offset * math.sin(heading)) / CELL) & RING,
-    ]
-    assert there < way["to_go"][math.floor(CAR.lidar_offset / CELL), 0]
-
-
 def test_a_car_in_contact_leaves_the_wall_and_is_clear_after_that():
     """Its right side is at a wall; the ends of beams lie 1 cm beside its outline."""
     walls = OPEN | (-0.5 * CAR.width > Y)
@@ -186,19 +172,6 @@ def test_a_car_in_contact_leaves_the_wall_and_is_clear_after_that():
     for x, y, heading in poses(motion)[1:, :3]:
         assert not touches(way["map"], LIMITER.record[0]["car"], x, y, heading, 0.0)
     assert in_walls(walls, way, poses(motion)[-3:]).min() > 2.0 * CELL
-
-
-def test_ends_by_squares_are_touched_as_all_ends_are():
-    """Ends of beams in the outline, looked up by squares and one by one, at places among and beside them."""
-    rng = np.random.default_rng(5)
-    way = world(OPEN, (6.0, 0.0))
-    way["map"]["ends"][:300], way["map"]["ends_known"] = rng.uniform(-2.0, 2.0, (300, 2)) * (1.0, 0.7), 300
-    ends, car = _sorted_ends(way["map"], 300), LIMITER.record[0]["car"]
-    found = []
-    for x, y, heading in rng.uniform((-3.0, -3.0, -4.0), (3.0, 3.0, 4.0), (2000, 3)):
-        found.append(touches(way["map"], car, x, y, heading, 0.03))
-        assert _touches(ends, car, x, y, math.cos(heading), math.sin(heading), 0.03) == found[-1]
-    assert 200 < sum(found) < 1800
 
 
 @pytest.mark.parametrize("reverses", [False, True])

@@ -13,7 +13,6 @@ from fg_mujoco.controllers.control.planner_settings import (
     FROM_ZERO,
     Settings,
     for_car,
-    record_type,
     relative_size,
     setting_of_car,
 )
@@ -113,15 +112,6 @@ def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
     assert command.speed == pytest.approx(8.0 * 2.0 * 1.0 / 10.0)
 
 
-def test_a_point_to_steer_for_is_further_ahead_when_the_car_is_fast():
-    scan = scan_of(np.full(101, 5.0))
-    for speed, reach in ((0.0, 1.0), (3.0, 1.0), (8.0, 2.0), (40.0, 5.0)):  # no nearer than 1 m, no further than it is
-        planner = Leftmost(CAR, np.inf, 8.0, DrivingSettings(pursuit_time=0.25))
-        x, y = CAR.lidar_offset + reach * math.cos(50 * INCREMENT), reach * math.sin(50 * INCREMENT)
-        expected = math.atan(2.0 * y * CAR.wheelbase / (x * x + y * y))
-        assert planner(scan, odometry_of(speed)).steering_angle == pytest.approx(expected)
-
-
 def test_a_kernel_with_other_arguments_is_refused_when_its_class_is_made():
     with pytest.raises(ControllerError, match=r"Wrong\.goal takes \(scan, ranges\); accepted: \(scan, ranges, car, "):
 
@@ -131,11 +121,6 @@ def test_a_kernel_with_other_arguments_is_refused_when_its_class_is_made():
             @staticmethod
             def goal(scan, ranges):
                 return 0.0, 1.0
-
-
-def test_the_type_of_a_record_has_the_fields_of_the_dataclass():
-    own = record_type(PatientSettings)[["patience", "pace", "backwards"]]
-    assert [(name, own[name]) for name in own.names] == [("patience", int), ("pace", float), ("backwards", bool)]
 
 
 # -- settings of the car

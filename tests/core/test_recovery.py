@@ -15,9 +15,8 @@ from fg_mujoco.controllers.safety.recovery import (
     reverses,
 )
 from fg_mujoco.course.random_obstacles import random_boxes
-from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+from scan_worlds import CAR
 
 PERIOD = 0.025
 WHEELBASE = 0.33
@@ -120,16 +119,3 @@ def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(see
         assert race.car.end_reason == expected and race.car.collisions_wall == 0
         assert race.car.max_slide_m_s <= SLIDING_SPEED
         assert (race.car.column("speed_m_s").min() < -0.5) == kept
-
-
-@pytest.mark.parametrize("name", ["gap_finder", "disparity_extender", "weighted_gap"])
-def test_the_way_is_kept_in_ticks_in_which_the_planner_sees_nothing(name):
-    """A planner that brakes blindly comes on all the same."""
-    planner = make_controller(name, car=CAR, mu=MU, max_speed=8.0)
-    for scan in (corridor(1.0, 1.0, 20.0), scan_of(np.zeros(1081)), scan_of([])):
-        for _ in range(20):
-            planner(scan, odometry_of(2.0))
-    history = planner._alone._driven[0]["memory"]["history"]
-    assert history["x"] == pytest.approx(60 * 2.0 * PERIOD)
-    planner(corridor(1.0, 1.0, 20.0), odometry_of(math.nan))
-    assert history["known"] == 0

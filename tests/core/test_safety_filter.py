@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
@@ -16,8 +15,6 @@ from fg_mujoco.controllers.safety.safety_filter import (
     reading,
     safe_steering,
 )
-from fg_mujoco.course.random_obstacles import random_boxes
-from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -113,27 +110,6 @@ def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use)
 def test_where_no_way_is_free_it_says_so():
     way, use, found = filtered(np.full(BEAMS, 0.6))
     assert not found and abs(way) <= CAR.max_steering_angle and 0.0 < use <= 1.0
-
-
-@pytest.mark.slow
-def test_before_the_end_of_a_dead_end_it_stops_or_nearly_does_and_without_ways_out_it_does_not():
-    """Of seeds 0 to 9 gap_finder stops in 9, disparity_extender in all; the other touches it at .25 m/s."""
-    for kept, fastest in ((True, 0.5), (False, math.inf)):
-        settings = {"safety_filter": kept}
-        races = [fg.race(f"scene:dead_end:{seed}", "gap_finder", planner_settings=settings) for seed in range(4)]
-        touches = [race.car.column("speed_m_s")[-1] for race in races if race.car.collisions_wall]
-        assert all(touch < fastest for touch in touches)
-        assert kept or max(touches) > 1.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("planner", ["gap_finder", "disparity_extender"])
-@pytest.mark.parametrize("circuit", ["oval", "chicanes", "fast"])
-def test_sparse_obstacles_are_passed(planner, circuit):
-    for seed in range(8):
-        boxes = random_boxes(fg.load_track(circuit), 4, seed, car=CAR)
-        result = fg.race(circuit, planner, laps=1, obstacles=boxes)
-        assert result.car.finished and result.car.max_slide_m_s <= SLIDING_SPEED, seed
 
 
 @pytest.mark.parametrize("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])

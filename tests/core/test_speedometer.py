@@ -48,25 +48,6 @@ def test_an_error_that_a_car_without_one_shows_changes_no_command(error):
     assert command_speed(memory, 3.7, ROW, TOP, PERIOD, 0.0) == pytest.approx(3.7 / (1.0 + error), rel=1e-12)
 
 
-@pytest.mark.parametrize("told", (0.0, 0.3, 4.0, 8.0))
-@pytest.mark.parametrize("error", (-0.15, 0.15))
-def test_whatever_was_measured_the_told_speed_stays_between_a_stop_and_the_greatest(told, error):
-    memory = np.zeros(1, SPEEDOMETER)[0]
-    memory["error"], memory["speed"] = error, told
-    for asked in (0.05, told, TOP):
-        reached = told + SHARE * (command_speed(memory, asked, ROW, TOP, PERIOD, LEFT_ALONE) - told)
-        assert -1e-12 <= reached <= TOP + 1e-12
-
-
-def test_what_cannot_be_is_not_measured():
-    memory = np.zeros(1, SPEEDOMETER)[0]
-    for speed in (math.nan, math.inf, 4.0, -3.0):
-        read_speedometer(memory, speed, ROW, PERIOD)
-        command_speed(memory, 4.0, ROW, TOP, PERIOD, LEFT_ALONE)
-        assert memory["error"] == 0.0 or math.isfinite(memory["error"])
-    assert command_speed(memory, -1.0, ROW, TOP, PERIOD, LEFT_ALONE) == -1.0  # in reverse nothing is corrected
-
-
 @pytest.mark.parametrize("drift", (0.05, -0.05))
 def test_a_race_with_odometry_that_errs_does_not_slide(drift):
     """By the speed that counts as sliding, at most starts; where a bend takes all grip, some ticks are beyond it."""

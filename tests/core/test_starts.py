@@ -8,7 +8,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.course.standing import off_course, stands_in_something
+from fg_mujoco.course.standing import off_course
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.setup import Setup
 from map_oracles import draw_map, ring
@@ -58,13 +58,6 @@ def test_a_place_is_off_a_map_where_its_image_is_not_free(tmp_path):
     off = found(course, 0.05 * np.column_stack((columns + 0.5, rows + 0.5)))
     assert (off[same] == ~free[rows, columns][same]).all()
     assert off_course(course, (7.5, 2.25), course.start_pose())  # in the island
-
-
-def test_a_moving_obstacle_is_in_the_way_where_it_is_at_the_beginning():
-    scene = fg.load_track("scene:crossing_box:1", car=CAR)
-    at = scene.moving[0].position(0.0)
-    assert stands_in_something(scene, (*at, 0.0), CAR)
-    assert not stands_in_something(scene, scene.start_pose(), CAR)
 
 
 # -- set

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_gaps import SLIDES, runs_where
 
-import fg_mujoco as fg
 from fg_mujoco.controllers.perception.gaps import runs_beyond
 from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
 from scan_worlds import CAR, INCREMENT, MU, scan_of
@@ -58,15 +57,3 @@ def test_a_sensor_that_sees_less_far_than_the_threshold_has_gaps_where_nothing_r
     bearing, distance = planner(threshold=5.0).find_goal(scan_of(ranges, range_max=4.0))
     assert bearing == pytest.approx(109.5 * INCREMENT)
     assert distance == 4.0
-
-
-def test_limit_it_does_not_consider_the_cars_width():
-    """A slit of 12 cm between two posts is a gap like any other."""
-    ranges = np.full(1081, 1.0)
-    ranges[526:555] = 9.0  # 29 beams of .25 degrees at 1 m
-    assert planner().find_goal(scan_of(ranges)) == pytest.approx((0.0, 9.0))
-
-
-def test_limit_the_threshold_of_the_course_is_too_far_for_these_circuits():
-    settings = {"threshold": 5.0, "guidance": False}
-    assert fg.race("l_corridor", "threshold_gap", laps=1, planner_settings=settings).car.end_reason != "finished"

@@ -111,13 +111,3 @@ def test_spline_through_a_circle_is_the_circle():
     np.testing.assert_allclose(np.hypot(*line.T), 5.0, atol=2e-3)
     np.testing.assert_allclose(column, 1.1)
     np.testing.assert_allclose(step_lengths(line), 0.2, rtol=0.02)
-
-
-def test_spline_passes_through_its_points_with_continuous_curvature():
-    rng = np.random.default_rng(3)
-    points = ellipse(12) + rng.normal(0.0, 0.5, (12, 2))
-    (line,) = spline(points, 0.02)
-    for point in points:
-        assert np.hypot(*(line - point).T).min() < 0.011  # half a step
-    curvature = turns(line) / step_lengths(line)
-    assert np.abs(np.diff(curvature)).max() < 0.1 * np.ptp(curvature)

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import fg_mujoco as fg
 from fg_mujoco.controllers.wall_follow import WallFollow, WallFollowSettings
 from scan_worlds import CAR, INCREMENT, corridor, mirrored, odometry_of, room, scan_of
 
@@ -77,13 +76,3 @@ def test_a_failed_reading_takes_its_neighbour():
     ranges = scan.ranges.copy()
     ranges[[180, 360, 720, 900]] = math.nan
     assert steering(scan_of(ranges)) == pytest.approx(steering(scan), abs=0.01)
-
-
-@pytest.mark.parametrize("side", ["left", "right", "both"])
-def test_round_an_obstacle_ahead_it_does_not_get(side):
-    """The limit with which the slides on reactive methods begin."""
-    box = fg.Box(x=6.0, y=0.0, length=0.4, width=0.4, heading=0.0)
-    alone = {"side": side, "safety_filter": False, "guidance": False}  # held to ways that are free, it gets past
-    result = fg.race("oval", "wall_follow", laps=1, obstacles=(box,), planner_settings=alone, time_limit=15.0)
-    assert result.car.laps_completed == 0
-    assert result.car.column("x_m").max() < 6.0

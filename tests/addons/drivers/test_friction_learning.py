@@ -13,13 +13,10 @@ from fg_mujoco.addons.drivers.friction_learning import (
     commanded_steering,
     learn,
     learning_row,
-    levels,
     true_steering,
-    use_friction,
 )
 from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, MU, corridor, odometry_of
 
@@ -135,11 +132,6 @@ def test_gain_and_offset_of_the_steering_are_found_and_taken_back(gain, offset):
     assert commanded_steering(learned, true_steering(learned, 0.1)) == pytest.approx(0.1)
 
 
-def test_a_steering_that_is_right_is_left_alone():
-    learned = learned_from(pull_and_brake(0.8, 20.0, gain=1.03, offset=0.002))
-    assert (learned["gain"], learned["offset"]) == (0.0, 0.0)
-
-
 def test_the_planner_starts_slippery_whatever_it_is_told():
     """Its limiter, at the first scan, is that of mu .4; without `learn` it is that of what it is told."""
     for learns, expected in ((True, 0.4), (False, MU)):
@@ -148,15 +140,6 @@ def test_the_planner_starts_slippery_whatever_it_is_told():
         found = planner._alone._driven["driver"][0]["limiter"]
         assert found["mu"] == pytest.approx(expected)
         assert found["lateral"] == pytest.approx(0.95 * expected * CAR.gravity)
-
-
-def test_between_two_levels_the_limiter_is_that_of_the_friction():
-    low, mu = levels()[10], 1.03 * levels()[10]
-    limiter = FrictionLimiter(CAR, low).record.copy()
-    use_friction(limiter[0], FrictionLimiter(CAR, low).record[0], mu)
-    exact = FrictionLimiter(CAR, mu).record
-    for name in ("mu", "lateral", "braking", "accelerating", "yaw_lag", "exponent"):
-        assert limiter[name][0] == pytest.approx(exact[name][0], rel=1e-9)
 
 
 @pytest.mark.parametrize(("tires", "mu"), [("coulomb", 0.6), ("coulomb", 1.1), ("forzaeth_nuc6", 0.9)])

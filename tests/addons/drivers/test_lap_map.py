@@ -95,13 +95,6 @@ def test_the_error_of_the_dead_reckoning_is_taken_off_the_places_when_the_lap_cl
     assert np.hypot(last[:, 0], last[:, 1] - RADIUS_DRIVEN) == pytest.approx(RADIUS_DRIVEN, abs=0.06)
 
 
-def test_a_lap_is_not_closed_where_the_walls_are_others():
-    remembered = np.zeros(1, REMEMBERED)[0]
-    way, _ = drive(remembered, 0.0, 0.8, odometry())
-    drive(remembered, way, 0.4, odometry(), lines(box(-6.0, -5.0, 5.2, 6.0)))
-    assert not remembered["lap"]["closed"]
-
-
 def test_the_lap_is_forgotten_where_the_scan_fits_no_longer():
     remembered = np.zeros(1, REMEMBERED)[0]
     way, _ = drive(remembered, 0.0, 1.1, odometry())

@@ -10,14 +10,13 @@ from scipy.stats import chi2
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers.localisation.distance_field import DistanceField, distance_at
 from fg_mujoco.addons.drivers.localisation.field_matching import inverse, match
-from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings, driven
+from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
 from fg_mujoco.addons.drivers.localisation.odometry import STATES, predicted
 from fg_mujoco.addons.drivers.localisation.particle_filter import (
     LEAST,
     costs_of,
     drawn_anew,
     kld_count,
-    occupied_bins,
 )
 from fg_mujoco.errors import ControllerError, MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, MapLine
@@ -94,16 +93,6 @@ def test_distances_are_those_to_the_nearest_of_all_segments():
         assert abs(field.distances[row, column]) == pytest.approx(least, abs=1e-5)
 
 
-def test_ground_is_free_between_the_walls_and_not_beyond_them():
-    field = DistanceField.of(OVAL.map_line)
-    rng = np.random.default_rng(2)
-    s = rng.uniform(0.0, OVAL.length, 200)
-    for offset, sign in ((0.0, 1.0), (0.9, 1.0), (-0.9, 1.0), (1.3, -1.0), (-1.3, -1.0)):  # [m] of 1.1 m to each side
-        for column, row in (OVAL.position(s, offset) - field.origin) / field.resolution:
-            assert sign * distance_at(field.distances, column, row) > 0.0
-    assert len(field.free) * field.resolution**2 == pytest.approx(2.2 * OVAL.length, rel=0.01)
-
-
 def test_a_scan_is_laid_on_the_walls():
     field, truth = DistanceField.of(ROOM), np.array((0.3, -0.4, 0.5))
     ends = ends_from(truth, 120)
@@ -142,16 +131,6 @@ def test_particles_are_drawn_in_proportion_to_their_weights():
     assert np.abs(counts - 1000.0 * weights).max() <= 1.0  # of systematic drawing
 
 
-def test_bins_are_counted_once_each():
-    rng = np.random.default_rng(5)
-    particles = rng.normal(0.0, (0.4, 0.4, 2.0, 0.0, 0.0), (3000, STATES))
-    weights = rng.uniform(0.0, 1.0, 3000)
-    table = np.empty(8192, np.int64)
-    heavy = particles[weights >= 0.2]
-    keys = {(*np.floor(p[:2] / 0.1).astype(int), int(p[2] % math.tau // 0.2)) for p in heavy}
-    assert occupied_bins(particles, weights, 0.2, 0.1, 0.2, table) == len(keys)
-
-
 @pytest.mark.parametrize("bins", [50, 400, 3000])
 def test_kld_sampling_takes_as_many_particles_as_chi_square_says(bins):
     assert kld_count(bins) == pytest.approx(chi2.ppf(0.99, bins - 1) / (2.0 * 0.03), rel=0.005)
@@ -172,17 +151,6 @@ def test_a_prediction_has_the_moments_of_many_samples():
     samples[:, 3:] += rng.normal(0.0, 0.001, (200_000, 2))
     assert state == pytest.approx(samples.mean(axis=0), abs=5e-4)
     assert covariance == pytest.approx(np.cov(samples.T), abs=1.5e-5)
-
-
-@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (0.13, 0.77), (0.9, 1.4), (-0.5, 0.2), (0.31, 0.33)])
-def test_way_and_turn_are_the_integrals_of_the_readings(begin, end):
-    times = np.array((0.0, 0.1, 0.4, 1.0))
-    readings = np.column_stack((times, 2.0 + 3.0 * times, 1.0 - times))
-    fine = np.linspace(begin, end, 20001)
-    held = np.clip(fine, 0.0, 1.0)
-    middles = 0.5 * (held[1:] + held[:-1])
-    expected = np.sum((2.0 + 3.0 * middles) * np.diff(fine)), np.sum((1.0 - middles) * np.diff(fine))
-    assert driven(readings, begin, end) == pytest.approx(expected, abs=1e-7)
 
 
 def circling(found, late=0, seconds=2.5, error=1.0, time_increment=0.0):

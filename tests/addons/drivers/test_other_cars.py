@@ -13,7 +13,6 @@ from fg_mujoco.addons.drivers.other_cars import (
     TOLD,
     find_boxes,
     follow_told,
-    is_told,
     read_told,
     watch_cars,
 )
@@ -108,14 +107,6 @@ def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
     assert not memory["cars"]["moves"].any()
 
 
-def test_a_car_that_was_passed_is_kept_for_a_while():
-    memory, seen = watched(lambda time: (0.6, 0.6), 0.0, 1, 0.0)
-    memory, seen = watched(lambda time: (1.0 + 1.0 * time, 0.6), 1.0, 56, 3.0)  # 1.8 m nearer: behind the view
-    assert memory["cars"]["moves"].any()
-    (car,) = [car for car in memory["cars"] if car["moves"]]
-    assert car["unseen"] > 0.0 and seen
-
-
 # -- cars whose odometry is told
 
 
@@ -181,27 +172,6 @@ def test_a_car_that_stands_is_known_at_once_and_one_behind_a_wall_is_not():
     assert left == pytest.approx(0.3) and 2.5 < ahead < 3.5
     there, places = followed(seen, told_of(next_door), (0.0, 0.0, 0.0))
     assert not there and not places
-
-
-def test_a_car_that_goes_out_of_sight_is_kept_for_a_while_and_beside_as_long_as_it_is_near():
-    pose, ahead, beside = (0.0, 0.0, 0.0), (4.0, 0.0, 0.0, 2.0, 0.0), (-0.6, 0.6, 0.0, 2.0, 0.0)
-    hidden = np.minimum(WALLS.ranges, 2.0)
-    seen, told = np.zeros(1, OTHER_CARS)[0], told_of(ahead, (0.5, 0.6, 0.0, 2.0, 0.0))
-    assert len(followed(seen, told, pose)[1]) == 2
-    told["cars"][1] = beside  # no beam goes there
-    kept = [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(80)]
-    assert kept[0] == [0, 1] and kept[-1] == [1]
-    assert [0, 1] in kept[30:33] and kept[34] == [1]  # 0.8 s
-    told["cars"][1, 0] = -3.0
-    assert [sorted(followed(seen, told, pose, hidden)[1]) for _ in range(2)][-1] == []
-
-
-def test_what_is_told_too_late_or_without_a_pose_is_not_used():
-    told = told_of((3.0, 0.0, 0.0, 1.0, 0.0))
-    assert is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.4))
-    assert not is_told(told, own_row((0.0, 0.0, 0.0), stamp=1.6))
-    assert not is_told(told, own_row((math.nan, 0.0, 0.0)))
-    assert not is_told(np.zeros(1, TOLD)[0], own_row((0.0, 0.0, 0.0), stamp=0.1))
 
 
 def test_a_car_that_comes_back_does_not_take_the_place_of_another_one():

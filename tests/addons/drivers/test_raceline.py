@@ -13,7 +13,6 @@ from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.racelines import read_line
-from fg_mujoco.errors import TrackError
 from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
@@ -118,34 +117,6 @@ def test_command_writes_line_and_picture(tmp_path, capsys):
     assert read_line(csv)[1].max() <= 8.0 and png.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["oval", "--margin", "1.2"], "accepted: 2.71 m, the car and a margin of 1.2 m"),
-        (["oval", "--margin", "-1"], "margin is -1.0; accepted: a number from 0"),
-        (["oval", "--objective", "beauty"], "accepted: time, curvature"),
-        (["scene:dead_end:0"], "accepted: a circuit"),
-        (["oval", "--out", "line.txt"], "accepted: one that ends in .csv"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line(arguments, said, capsys):
-    try:
-        code = main(["raceline", *arguments])
-    except SystemExit as stopped:
-        code = stopped.code
-    error = capsys.readouterr().err
-    assert code == 2 and said in error and error.count("\n") == 1
-
-
 def test_pure_pursuit_makes_its_own_line_and_is_faster_on_it():
     centreline, own = (fg.race("oval", f"pure_pursuit[line={line}]", laps=1).car for line in ("centreline", "raceline"))
     assert own.finished and own.max_slide_m_s < 0.01 and own.lap_times_s[0] < centreline.lap_times_s[0]
-
-
-def test_a_circuit_whose_line_would_take_minutes_is_refused_at_once():
-    count = 4500
-    turns = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
-    line = 1400.0 * np.column_stack((np.cos(turns), np.sin(turns)))
-    long = fg.Track(name="long", centreline=line, width_right=np.full(count, 1.5), width_left=np.full(count, 1.5))
-    with pytest.raises(TrackError, match=r"'long' is 8796 m long; accepted: up to 8000 m"):
-        make_raceline(Setup(track=long))

@@ -148,10 +148,6 @@ def test_random_boxes_leave_the_start_clear_or_are_refused(course):
     assert not fg.Simulation(fg.World(course, obstacles=boxes)).crashed
 
 
-def test_the_default_car_may_drive_there(course):
-    course.check_car(CAR)
-
-
 @pytest.mark.parametrize("course", ONE_OF_EACH_CLASS, indirect=True)
 def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
     result = fg.rollout(
