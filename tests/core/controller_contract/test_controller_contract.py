@@ -1,4 +1,4 @@
-"""What every bundled planner keeps, whatever it is shown. A new one is covered by its entry in CONTROLLERS.
+"""What every bundled planner keeps, an add-on's too, whatever it is shown. A new one is covered by its entry.
 
 The contract: for any scan and any odometry a finite DriveCommand, without an exception;
 - its steering angle within the car's limit, or no further than the wheels are turned already;
@@ -23,7 +23,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fg_mujoco.addons.learn.policy_files import save_policy
-from fg_mujoco.controllers import CONTROLLERS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError
@@ -32,6 +31,7 @@ from fg_mujoco.racing.planners import controller_names, make_controller
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
 from small_policies import FLAT, network_for
 
+NAMES = controller_names()
 TOP_SPEED = 6.0
 TURNS = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
 OVAL = MapLine(points=np.column_stack((10.0 * np.cos(TURNS), 4.0 * np.sin(TURNS))), closed=True)
@@ -87,7 +87,7 @@ def made(name, mu=MU, max_speed=TOP_SPEED):
     return make_controller(name, car=CAR, mu=mu, max_speed=max_speed, map_line=OVAL)
 
 
-@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+@pytest.fixture(params=NAMES, scope="module")
 def planner(request):
     return made(request.param)
 
@@ -104,10 +104,6 @@ def assert_keeps_contract(command, odometry, scan):
     lead = CAR.max_acceleration * CAR.speed_time_constant
     lowest, highest = min(0.0, odometry.speed) - lead, max(TOP_SPEED, odometry.speed) + lead
     assert lowest <= speed <= highest
-
-
-def test_the_catalogue_is_what_the_loader_knows():
-    assert controller_names() == tuple(sorted(CONTROLLERS))
 
 
 @pytest.mark.parametrize("name", ODD)
@@ -212,7 +208,7 @@ def shape_of(shape, count, rng):
 @pytest.mark.slow
 def test_each_keeps_its_contract_on_thousands_of_scans():
     """Drawing the scans takes longer than deciding on them, so that they are drawn once for all planners."""
-    planners = [made(name) for name in sorted(CONTROLLERS)]
+    planners = [made(name) for name in NAMES]
     judged = dict.fromkeys(planners, 0)
 
     @settings(suppress_health_check=list(HealthCheck))
@@ -260,7 +256,7 @@ def test_a_trained_policy_answers_any_scan(tmp_path):
 
 def test_two_of_them_share_nothing():
     scans = [corridor(1.0, 1.0, ahead) for ahead in (3.0, 2.0, 6.0, 1.0)]
-    for name in CONTROLLERS:
+    for name in NAMES:
         alone, one, other = (made(name) for _ in range(3))
         for scan in scans:
             other(corridor(0.5, 3.0, 1.0), odometry_of(5.0, 0.2))
@@ -268,7 +264,7 @@ def test_two_of_them_share_nothing():
 
 
 def test_without_a_friction_limit_it_answers_too():
-    for name in CONTROLLERS:
+    for name in NAMES:
         unlimited = made(name, mu=math.inf)
         for scan in ODD.values():
             command = unlimited(scan, odometry_of(2.0))
@@ -276,7 +272,7 @@ def test_without_a_friction_limit_it_answers_too():
             assert 0.0 <= command.speed <= TOP_SPEED
 
 
-@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.parametrize("name", NAMES)
 def test_what_no_planner_can_believe_is_refused_by_name(name):
     kind, needed = type(made(name)), {"map_line": OVAL} if name == "pure_pursuit" else {}
     for what, values in {"mu": (0.0, -1.0, math.nan), "max_speed": (0.0, math.inf, math.nan), "settings": (3,)}.items():
@@ -290,7 +286,7 @@ def test_for_a_car_of_another_size_it_answers_too(size):
     lengths = ("wheelbase", "track_width", "length", "width", "rear_overhang", "lidar_offset", "front_axle_distance",
                "rear_axle_distance", "center_of_gravity_height")  # fmt: skip
     car = dataclasses.replace(CAR, **{name: size * getattr(CAR, name) for name in lengths})
-    for name in CONTROLLERS:
+    for name in NAMES:
         other = make_controller(name, car=car, mu=0.8, max_speed=TOP_SPEED, map_line=OVAL)
         for scan in ODD.values():
             for motion in ((0.0, 0.0), (3.0, 0.1)):
@@ -317,7 +313,7 @@ def geometry_of(scan):
     return ScanGeometry(**{name: getattr(scan, name) for name in names})
 
 
-@pytest.fixture(params=sorted(CONTROLLERS), scope="module")
+@pytest.fixture(params=NAMES, scope="module")
 def fleet(request):
     """Planners of one class, of different beliefs, and what makes a batch of them."""
     planners = [made(request.param, mu, most) for mu, most in BELIEFS]
