@@ -234,14 +234,17 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_each_experiment_has_figures_columns_and_a_result_from_its_quick_cells(name, monkeypatch):
+def test_each_experiment_reports_a_quick_cell_of_each_kind(name, monkeypatch):
+    """A kind is what a cell says in words; at least three cells are measured."""
     monkeypatch.setattr(lab, "EXPERIMENTS", EXPERIMENTS)
     experiment, tables = load_experiment(name), {}
-    for cell in json.loads(json.dumps(experiment.cells(LabSettings(quick=True)))):
+    cells = json.loads(json.dumps(experiment.cells(LabSettings(quick=True))))
+    kinds = {tuple(value for value in cell.values() if isinstance(value, str)): cell for cell in reversed(cells)}
+    for cell in kinds.values() if len(kinds) > 2 else cells[:3]:
         for table, found in experiment.measure(cell).items():
             tables.setdefault(table, []).extend(found)
     section = experiment.section(tables)
     assert section.sentences and not any("nan" in sentence.split() for sentence in section.sentences)
     for table, names in section.columns.items():
         assert set(names) <= set(tables[table][0])
-    assert all(figure.render().startswith(b"<?xml") for figure in section.figures)
+    assert all(len(figure.render()) > 1000 for figure in section.figures)

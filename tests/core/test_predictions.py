@@ -11,7 +11,7 @@ from fg_mujoco.controllers.safety import predictions as predicted
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
 from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meets, separate, turned
 from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings, safe_steering
-from fg_mujoco.racing.planner_loading import make_controller
+from fg_mujoco.racing.planners import make_controller
 from moving_worlds import GEOMETRY, WALLS, box, ranges_of, watched
 from scan_worlds import CAR, MU, odometry_of, scan_of
 
