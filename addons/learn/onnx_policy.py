@@ -142,13 +142,19 @@ def onnx_of_module(described: Mapping[str, Any], interface: PolicyInterface, mod
     shapes = observed_shapes(interface)
     example = tuple(torch.zeros((1, *shape)) for shape in shapes.values())
     module = module.to("cpu").eval()
-    with tempfile.TemporaryDirectory() as folder, torch.no_grad():
-        file = f"{folder}/policy.onnx"
-        torch.onnx.export(
-            module, example, file, input_names=list(shapes), output_names=["action"], opset_version=_OPSET,
-            dynamo=True, verbose=False, external_data=False,
-        )  # fmt: skip
-        return with_description(onnx.load(file), described)
+    checks = torch.distributions.Distribution
+    checked = checks._validate_args
+    checks.set_default_validate_args(False)  # a check of values cannot be exported
+    try:
+        with tempfile.TemporaryDirectory() as folder, torch.no_grad():
+            file = f"{folder}/policy.onnx"
+            torch.onnx.export(
+                module, example, file, input_names=list(shapes), output_names=["action"], opset_version=_OPSET,
+                dynamo=True, verbose=False, external_data=False,
+            )  # fmt: skip
+            return with_description(onnx.load(file), described)
+    finally:
+        checks.set_default_validate_args(checked)
 
 
 def with_description(model: Any, described: Mapping[str, Any]) -> bytes:

@@ -146,7 +146,8 @@ def policy_content(
             raise SettingsError("a .onnx file of a Perceptron; accepted: of a torch module, or a .json file")
         from .onnx_policy import onnx_of_module
 
-        return onnx_of_module(described, interface, module if model is None else module_of(module, normalize, inputs))
+        parts = list(observed_shapes(interface))
+        return onnx_of_module(described, interface, module if model is None else module_of(module, normalize, parts))
     network = policy if isinstance(policy, Perceptron) else network_of(module, normalize, inputs)
     _require_width(interface, network)
     return json_policy(interface, network, trained, inputs)
