@@ -10,8 +10,7 @@ import pytest
 from numba.core import event
 
 import fg_mujoco as fg
-from fg_mujoco.compiled import compiling
-from fg_mujoco.compiled.kernels import CompileTime, cache_folder, kernel
+from fg_mujoco.compiled.kernels import CompileTime, kernel
 from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
 
@@ -144,28 +143,6 @@ def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
         assert compiled(3.0) == 6.0
     assert 0.5 * took < first <= took
     assert compile_time.seconds == first and not compile_time.running
-
-
-@pytest.fixture
-def empty_cache(tmp_path, monkeypatch):
-    """What an earlier run of the tests has compiled is not loaded."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    cache_folder.cache_clear()
-    yield
-    cache_folder.cache_clear()
-
-
-def test_the_time_of_compiling_lasts_until_what_was_made_for_it_is_collected(monkeypatch, empty_cache):
-    compile_time, collected = CompileTime(), []
-    monkeypatch.setattr(compiling.gc, "collect", lambda *_: collected.append(compile_time.running))
-
-    @kernel
-    def triple(x):
-        return 3.0 * x
-
-    with compile_time:
-        assert triple(2.0) == 6.0
-    assert collected == [True]
 
 
 def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_them():

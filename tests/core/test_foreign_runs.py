@@ -140,12 +140,6 @@ def test_a_folder_reads_no_file_by_the_settings_of_a_planner_or_a_lidar(door, fo
         assert accepted in refusal(capsys, *arguments[door])
 
 
-def test_another_planner_on_the_command_line_needs_no_trust(foreign, capsys):
-    assert main(["race", "--config", str(foreign), "--controller", "gap_finder", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["controller"] == "gap_finder"
-    assert not imported(foreign)
-
-
 @pytest.mark.parametrize("option", ["trust", "out", "video", "json"])
 def test_a_folder_says_neither_that_it_is_trusted_nor_what_is_written(foreign, option, capsys):
     value = {"trust": True, "json": True}.get(option, str(foreign.parent / "file.mp4"))
@@ -188,12 +182,6 @@ def test_replay_and_reports_never_import_the_planner(foreign):
     assert not imported(foreign)
 
 
-def test_a_race_that_was_just_driven_is_trusted_for_its_pictures(raced, tmp_path):
-    controller = f"{raced.parent / 'slow.py'}:Slow"
-    eye = PlannerEye(read_drive(fg.race("oval", controller, laps=1, time_limit=0.1)))
-    assert eye.missing == ""
-
-
 @pytest.mark.slow
 def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, capsys):
     pytest.importorskip("bokeh")
@@ -223,11 +211,6 @@ def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, 
     poses.with_name(f"{RunRow.of(without).key.sha256[:24]}.npy").rename(poses)
     assert main(["report", str(here / "out"), "--trust"]) == 0
     assert imported(foreign)
-
-
-def test_bundled_planners_need_no_trust():
-    for name in fg.controller_names():
-        require_trusted(name, None, trust=False, where="here")
 
 
 @pytest.mark.parametrize(

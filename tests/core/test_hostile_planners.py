@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
-from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
@@ -146,13 +144,6 @@ def test_whatever_is_no_command_ends_the_race(capsys, how):
     assert "planner failed" in out and "(mine.py, line " in out
 
 
-def test_a_message_that_cannot_be_had_is_said_to_be_so():
-    said = "Mute: (its message cannot be had: __str__ raised RuntimeError)"
-    with pytest.warns(UserWarning, match=re.escape(said)):
-        result = fg.race("oval", planner(v8="mute"), laps=1)
-    assert result.car.planner_failure.error == said
-
-
 def test_a_command_whose_values_change_is_read_once():
     planner(v8="none")
     namespace = {}
@@ -163,19 +154,6 @@ def test_a_command_whose_values_change_is_read_once():
     command = plan(lambda scan, odometry: answer, scan, odometry)
     assert type(command) is fg.DriveCommand and (command.speed, command.speed) == (1.0, 1.0)
     assert namespace["Drifting"].seen == 1
-
-
-def test_an_honest_command_is_taken_as_it_is():
-    scan, odometry = fg.Simulation(fg.World("oval")).reset()
-    answer = fg.DriveCommand(steering_angle=0.1, speed=2.0)
-    assert plan(lambda scan, odometry: answer, scan, odometry) is answer
-
-
-def test_os_exit_in_a_planner_does_not_look_like_success(here):
-    command = [sys.executable, "-m", "fg_mujoco", "race", "--controller", planner(v8="os_exit"), "--laps", "1"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 1 and "planner failed" in done.stdout
-    assert "SystemExit: os._exit(0) in a planner" in done.stdout
 
 
 def test_os_exit_is_itself_again_afterwards_and_for_forks_all_the_time():
@@ -365,16 +343,3 @@ def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(cap
 
 
 # -- the live view
-
-
-@pytest.mark.parametrize("how", (*RAISING[:-3], "nan", "unwritable"))
-def test_the_live_view_shows_it_and_goes_on(how):
-    session = LiveSession(Setup.of(controller=planner(v8=how)))
-    for _ in range(8):
-        session.tick()
-    assert session.paused and "(mine.py, line" in session.message and session.failure is not None
-    session.change("max_speed", 5.0)  # a planner that drives
-    session.paused = False
-    assert session.tick() and session.failure is None
-    session._planner.find_goal = lambda scan: os._exit(0)
-    assert session.goal() is None

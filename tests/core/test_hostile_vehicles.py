@@ -5,7 +5,6 @@ import struct
 import zlib
 
 import mujoco
-import numpy as np
 import pytest
 
 import fg_mujoco as fg
@@ -164,18 +163,6 @@ def test_a_document_is_written_anew_as_it_was_parsed():
     assert checked_mjcf(document.text).text == document.text
 
 
-def test_mujoco_names_the_line_of_the_users_file(tmp_path):
-    text = F1TENTH.replace('<site name="imu"', '<site name="lidar_mount"')
-    line = next(
-        i for i, row in enumerate(text.splitlines(), 1) if '<site name="lidar_mount"' in row and "imu" not in row
-    )
-    last = max(i for i, row in enumerate(text.splitlines(), 1) if '<site name="lidar_mount"' in row)
-    (tmp_path / "mine.xml").write_text(text, "utf-8")
-    with pytest.raises(fg.ModelError) as refused:
-        fg.Vehicle.load(tmp_path / "mine.xml")
-    assert int(re.search(r"line (\d+)", str(refused.value))[1]) in (line, last)
-
-
 def schema():
     """Return the elements of MJCF, and the attributes of those that are not refused, as MuJoCo prints its schema."""
     elements, attributes, skipped = set(), set(), 99  # indentation of a refused element, whose parts do not count
@@ -231,22 +218,6 @@ def test_a_look_has_meshes_beside_it_and_below(folder, here):
     assert model.mesh_vertnum[mesh] == 4 and mesh in model.geom_dataid
 
 
-def test_two_cars_with_looks_of_other_meshes_have_each_its_own(here):
-    models = []
-    for name, size in (("one", 0.1), ("two", 0.2)):
-        folder = here / name
-        folder.mkdir()
-        (folder / "cone.obj").write_text(CONE.replace(".1", str(size)), "utf-8")
-        (folder / "look.xml").write_text(MESH.format("cone.obj", GEOM), "utf-8")
-        (folder / "car.xml").write_text(F1TENTH.replace('"f1tenth_look.xml"', '"look.xml"'), "utf-8")
-        models.append(str(folder / "car.xml"))
-    entries = [fg.Entry(vehicle=model) for model in models]
-    model = compile_scenery(fg.race("oval", entries=entries, laps=1, time_limit=0.05).world.xml)
-    sizes = [model.geom_rbound[index] for index in range(model.ngeom) if model.geom(index).name == "" and
-             model.geom_type[index] == mujoco.mjtGeom.mjGEOM_MESH]  # fmt: skip
-    assert np.isclose(max(sizes) / min(sizes), 2.0)
-
-
 LOOKS = {
     "an absolute mesh": ("/etc/passwd.obj", "is outside of"),
     "a mesh above": ("../../private/a.obj", "is outside of"),
@@ -290,16 +261,6 @@ def test_a_hostile_look_is_refused(asset, said, here):
     (here / "car/looks/none.png").write_bytes(b"P6 1 1 255 aaa")
     with pytest.raises(fg.ModelError, match=said):
         scenery(here, f"<mujoco>{asset}</mujoco>")
-
-
-def test_files_of_a_document_that_has_no_folder_are_refused():
-    with pytest.raises(ValueError, match="names a file"):
-        checked_mjcf('<mujoco><asset><mesh file="a.obj"/></asset></mujoco>')
-
-
-def test_a_lidar_that_is_a_device_is_refused_and_not_read(here):
-    with pytest.raises(fg.ModelError, match="not a regular file"):
-        LidarModel.load("/dev/zero")
 
 
 def test_tires_and_lidar_beside_a_vehicle_and_below_are_found(here):

@@ -1,6 +1,5 @@
 """A race ends for one of six reasons, tells the planner nothing but what a car senses, and keeps the whole story."""
 
-import dataclasses
 import hashlib
 import importlib
 import math
@@ -85,13 +84,6 @@ def test_no_progress_when_the_car_stands_for_ten_seconds():
     result = race(lambda time: (0.1, 0.0))
     assert_complete(result)
     assert result.car.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
-
-
-def test_no_progress_when_the_car_only_reverses():
-    result = race(lambda time: (0.0, -0.3))
-    assert result.car.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
-    assert result.car.column("progress_m")[-1] == pytest.approx(-0.3 * 10, abs=0.1)
-    assert result.car.laps_completed == 0 and result.car.mean_speed_m_s == pytest.approx(0.3, abs=0.02)
 
 
 @pytest.mark.parametrize(("limit", "ticks"), ((1.0, 40), (0.99, 40), (0.025, 1), (1.01, 40), (1.02, 41)))
@@ -232,13 +224,6 @@ def test_whoever_watches_is_told_once_a_tick():
 # What it leaves
 
 
-def test_reversing_over_the_line_and_back_is_no_lap():
-    result = race(lambda time: (0.0, -1.0 if time < 2.5 else 1.0), time_limit=7.0)
-    progress = result.car.column("progress_m")
-    assert progress.min() < -1.5 and progress[-1] > 0.5
-    assert result.car.laps_completed == 0 and set(result.car.column("lap")) == {1.0}
-
-
 def test_reversing_takes_back_what_was_driven():
     """A lap that is 3 m longer there and back takes as much longer, on a circle at a steady speed."""
     track, steering, speed = circle(2.0), math.atan(0.3302 / 2.0), 1.0
@@ -319,11 +304,6 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_wheelspin_is_great_sliding_and_little_of_it_sideways():
-    result = race(lambda time: (0.0, 8.0), mu=0.5, time_limit=0.5)
-    assert result.car.max_slide_m_s > 1.0 and result.car.max_lateral_slide_m_s < SLIDING_SPEED
-
-
 def test_the_greatest_sideways_sliding_is_that_of_the_slip_meter():
     simulation, greatest = fg.Simulation(fg.World("oval")), 0.0
     simulation.reset(speed=5.0)
@@ -362,20 +342,6 @@ def test_a_tire_in_the_air_leaves_nan_and_never_zero(short_race):
     so_far = engine.statistics[0]
     assert (so_far["max_slide"], so_far["sliding_steps"], so_far["steps"]) == (0.3, 2, 7)
     assert so_far["max_lateral_slide"] == 0.15
-
-
-def test_a_result_cannot_be_changed(short_race):
-    for array in (short_race.car.telemetry, short_race.states, short_race.ctrl):
-        with pytest.raises(ValueError, match="read-only"):
-            array[:] = 0.0
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        short_race.car.finished = True
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        short_race.winner = "car_0"
-    copied = np.zeros_like(short_race.ctrl)
-    changed = dataclasses.replace(short_race, ctrl=copied)
-    copied[:] = 9.0
-    assert not changed.ctrl.any()
 
 
 def test_the_motion_columns_are_those_of_the_recorded_states(lap):

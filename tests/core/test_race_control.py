@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fg_mujoco import Entry, RaceResult, SettingsError, Start, race, read_run, replay, write_run
+from fg_mujoco import Entry, RaceResult, Start, race, read_run, replay, write_run
 from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
@@ -155,21 +155,6 @@ def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None
     assert fails.end_time_s == fails.planner_failure.time_s == pytest.approx(0.5)
     assert abs(fails.column("speed_m_s")[-1]) < 0.01  # it has braked, and stands there
     assert result.car.planner_failure is None
-
-
-def test_a_finished_car_is_in_nobodys_way() -> None:
-    entries = [entry("first", 2.0, 0.0), entry("second", 1.0, -1.0)]
-    track = "scene:corridor_sparse:1"
-    with pytest.raises(SettingsError, match="starts at s = -1 m"):
-        race(track, entries=entries)
-    result = race("oval", entries=[Entry(max_speed=6.0), Entry(max_speed=3.0)], laps=1)
-    first, second = result.cars
-    assert first.finished
-    assert second.finished
-    gone = second.column("time_s") > first.end_time_s + 0.05
-    apart = np.hypot(first.column("x_m") - second.column("x_m"), first.column("y_m") - second.column("y_m"))
-    assert apart[gone].min() > 30.0
-    assert first.max_speed_m_s <= 6.1
 
 
 @pytest.mark.parametrize(

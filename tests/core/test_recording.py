@@ -1,9 +1,7 @@
 import hashlib
 import json
 import math
-import os
 import shutil
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -161,23 +159,15 @@ def test_replay_finds_another_friction_in_the_scene(folder):
     ("spoil", "named"),
     [
         (lambda f: (f / "summary.json").unlink(), "summary.json"),
-        (lambda f: (f / "summary.json").write_text("{"), "summary.json"),
-        (lambda f: (f / "summary.json").write_text("[]"), "schema"),
         (lambda f: edit_summary(f, schema=99), "schema"),
         (lambda f: (f / "states.npz").unlink(), "states.npz"),
-        (lambda f: (f / "states.npz").write_bytes(b"PK\x03\x04 not a zip"), "states.npz"),
         (lambda f: (f / "states.npz").write_bytes((f / "states.npz").read_bytes()[:-2000]), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.pop("ctrl")), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(ctrl=a["ctrl"][:-1])), "states.npz"),
-        (lambda f: edit_states(f, lambda a: a.update(time=a["time"][:-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(time=a["time"][::-1])), "states.npz"),
         (lambda f: edit_states(f, lambda a: a.update(state=a["state"][:, :-1])), "scene.xml"),
-        (lambda f: edit_states(f, lambda a: a.update(ctrl=np.array([{}] * 40))), "states.npz"),
         (lambda f: (f / "telemetry.csv").write_text("time_s\n0.0\n"), "telemetry.csv"),
-        (lambda f: (f / "telemetry.csv").write_text(""), "telemetry.csv"),
         (lambda f: (f / "scene.xml").unlink(), "scene.xml"),
-        (lambda f: (f / "scene.xml").write_text("<mujoco>"), "scene.xml"),
-        (lambda f: (f / "scene.xml").write_text("<mujoco/>"), "scene.xml"),
     ],
 )
 def test_a_damaged_folder_is_refused_in_one_line_that_names_the_file(folder, spoil, named):
@@ -213,21 +203,6 @@ def test_a_folder_that_cannot_be_used_is_refused_before_and_left_alone(tmp_path)
     assert {path.name for path in tmp_path.rglob("*")} == {"file", "full", "summary.json"}
 
 
-def test_a_failure_while_moving_the_files_in_leaves_nothing(short_race, tmp_path, monkeypatch):
-    replace = os.replace
-
-    def fail_on_the_last(path, target):
-        if Path(path).name == "summary.json":
-            raise OSError(5, "Input/output error")
-        return replace(path, target)
-
-    monkeypatch.setattr(os, "replace", fail_on_the_last)
-    (tmp_path / "run").mkdir()
-    with pytest.raises(fg.RunFolderError, match="Input/output error"):
-        fg.write_run(short_race, tmp_path / "run", picture=False)
-    assert list(tmp_path.rglob("*")) == [tmp_path / "run"]
-
-
 @pytest.mark.parametrize("call", ["write", "fsync", "replace"])
 def test_a_full_disk_leaves_nothing_wherever_it_is_noticed(short_race, tmp_path, monkeypatch, call):
     def full(*_, **__):
@@ -236,15 +211,6 @@ def test_a_full_disk_leaves_nothing_wherever_it_is_noticed(short_race, tmp_path,
     monkeypatch.setattr(f"fg_mujoco.racing.run_folder.Path.{call}_text" if call == "write" else f"os.{call}", full)
     with pytest.raises(fg.RunFolderError, match=r"deep/run: cannot be written: No space left on device; accepted"):
         fg.write_run(short_race, tmp_path / "deep" / "run", picture=False)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_adds_to_a_run_is_told_no_name_of_a_temporary_folder(short_race, tmp_path):
-    def add(folder):
-        raise fg.RunFolderError(f"{folder}/report.html: cannot be written")
-
-    with pytest.raises(fg.RunFolderError, match=rf"^{tmp_path}/run/report.html: cannot be written$"):
-        fg.write_run(short_race, tmp_path / "run", picture=False, add=add)
     assert list(tmp_path.iterdir()) == []
 
 

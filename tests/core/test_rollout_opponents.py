@@ -177,15 +177,11 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
 @pytest.mark.parametrize(
     "options, error, said",
     [
-        ({"opponents": "gap_finder"}, SettingsError, "opponents is 'gap_finder'; accepted: a list"),
-        ({"opponents": [3]}, SettingsError, "one of opponents is 3; accepted: the name of a planner, or "),
         ({"opponents": ["nope"]}, ControllerError, "car_1: controller 'nope' is not known; accepted: "),
-        ({"opponents": ["mine.py:Nobody"]}, ControllerError, "car_1: controller 'mine.py:Nobody'"),
         ({"opponents": ["gap_finder[nope=1]"]}, ControllerError, "car_1: .* has no setting 'nope'; accepted: "),
         ({"opponents": [Entry(controller=lambda scan, odometry: None)]}, ControllerError, "is an object; accepted: "),
         ({"opponents": ["gap_finder"] * 16}, SettingsError, "17 entries; accepted: 1 to 16"),
         ({"opponents": [Entry(name="a"), Entry(name="a")]}, SettingsError, "two entries are called 'a'; accepted: "),
-        ({"opponents": ["gap_finder"], "grid": "round"}, SettingsError, "grid is 'round'; accepted: staggered"),
         ({"grid": "side_by_side"}, SettingsError, "grid is 'side_by_side' without opponents; accepted: "),
         ({"opponents": [Entry(start=fg.Start(s=0.1))]}, SettingsError, "'car_1' and 'car_0' start in one place"),
         ({"opponents": [Entry(start=fg.Start(s=5.0, offset=2.0))]}, SettingsError, "'car_1' does not fit on 'oval'"),

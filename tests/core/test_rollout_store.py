@@ -120,20 +120,6 @@ def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that
     assert not folder.exists()
 
 
-def test_chunks_that_are_driven_fit_the_budget_too(monkeypatch):
-    sizes = []
-
-    def engine(scenarios, *args, **options):
-        sizes.append(len(scenarios))
-        return stand_in(scenarios, *args, **options)
-
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
-    one = 41 * len(fg.TELEMETRY) * 8  # [bytes] a second of telemetry, and a row
-    executor = fg.Executor(memory_budget=10 * one)
-    fg.rollout("oval", n=32, time_limit=1.0, record="telemetry", workers=2, executor=executor)
-    assert max(sizes) == 5
-
-
 # -- going on
 
 
@@ -199,18 +185,6 @@ def test_another_rollout_is_refused_and_nothing_is_changed(engine, tmp_path, cha
     before = contents(tmp_path / "out")
     refusal(named, "accepted: the same settings", out=tmp_path / "out", **changed)
     assert contents(tmp_path / "out") == before
-
-
-def test_a_controller_file_that_was_changed_is_another_rollout(engine, tmp_path):
-    text = "class P:\n    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n"
-    (tmp_path / "mine.py").write_text(text)
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "sub" / "mine.py").write_text(text)
-    controller = f"{tmp_path / 'mine.py'}:P"
-    drive(controller=controller, out=tmp_path / "out")
-    drive(controller=f"{tmp_path / 'sub' / 'mine.py'}:P", out=tmp_path / "out")  # the same, elsewhere
-    (tmp_path / "mine.py").write_text(text + "\n")
-    refusal("controller_sha256", controller=controller, out=tmp_path / "out")
 
 
 def test_a_folder_of_something_else_is_refused(engine, tmp_path):
@@ -289,20 +263,6 @@ def test_an_edited_table_is_named_and_written_again(engine, tmp_path, name):
     assert (tmp_path / "out/worlds.csv").read_bytes() == worlds
     assert "touch" not in path.read_text()
     assert fg.read_rollout(tmp_path / "out").summary()["end_reasons"]["crash"] > 0
-
-
-@pytest.mark.parametrize("left", ["nothing", "manifest", "chunks"])
-def test_a_rollout_that_was_killed_as_it_made_its_folder_is_gone_on_with(engine, tmp_path, left):
-    drive(out=tmp_path / "whole")
-    (tmp_path / "out").mkdir()
-    if left != "nothing":
-        shutil.copy(tmp_path / "whole/manifest.json", tmp_path / "out")
-    if left == "chunks":
-        (tmp_path / "out/chunks").mkdir()
-    drive(out=tmp_path / "out")
-    here, there = contents(tmp_path / "out"), contents(tmp_path / "whole")
-    del here["summary.json"], there["summary.json"]  # which have the wall time
-    assert here == there
 
 
 def test_a_second_process_on_the_same_folder_is_refused(engine, tmp_path):

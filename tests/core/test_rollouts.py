@@ -112,19 +112,6 @@ def test_so_it_is_where_everything_differs_from_world_to_world():
         assert_is_its_race(result, world)
 
 
-def test_the_chunks_of_a_rollout_are_each_world_once_and_of_one_track(no_engine, monkeypatch):
-    asked = []
-
-    def engine(scenarios, *args, **options):
-        asked.append([(scenario.track.name, scenario.seed) for scenario in scenarios])
-        return stand_in(scenarios, *args, **options)
-
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
-    result = fg.rollout(["oval", "tight"], n=23, executor=fg.Executor(chunk=4))
-    assert sorted(seed for chunk in asked for _, seed in chunk) == sorted(result["seed"].tolist())
-    assert all(len({name for name, _ in chunk}) == 1 and len(chunk) <= 4 for chunk in asked)
-
-
 def test_workers_drive_at_the_same_time(monkeypatch):
     together = threading.Barrier(3, timeout=10)
 
@@ -162,20 +149,6 @@ def test_the_summary_counts_all_worlds(no_engine):
     assert summary["first_lap_s"]["q50"] == pytest.approx(result.tracks[0].length / 8.0)
     assert summary["max_slide_m_s"]["q5"] == pytest.approx(0.55, abs=0.1)  # the stand-in has mu there
     assert summary["max_slide_m_s"]["q100"] == result["mu"].max()
-
-
-def test_a_table_of_all_worlds_gives_each_number_back(no_engine, tmp_path):
-    result = fg.rollout(["oval", "tight"], n=9, randomize={"mu": (0.5, 1.5), "obstacles": "0:2"})
-    result.to_csv(tmp_path / "worlds.csv")
-    header, *rows = (line.split(",") for line in (tmp_path / "worlds.csv").read_text().splitlines())
-    assert tuple(header) == result.names
-    columns = dict(zip(header, zip(*rows, strict=True), strict=True))
-    assert [float(text) for text in columns["mu"]] == result["mu"].tolist()
-    assert [int(text) for text in columns["seed"]] == result["seed"].tolist()
-    assert columns["track"] == ("oval", "tight") * 4 + ("oval",)
-    assert [text == "" for text in columns["first_lap_s"]] == np.isnan(result["first_lap_s"]).tolist()
-    with pytest.raises(fg.RunFolderError, match="accepted: a file that can be written"):
-        result.to_csv(tmp_path / "nowhere" / "worlds.csv")
 
 
 # -- worlds that fail, and workers that are stopped
@@ -270,25 +243,6 @@ def test_a_controller_object_is_refused_because_worlds_cannot_share_it(nothing_r
 
     with pytest.raises(ControllerError, match="Straight is an object; accepted: a name or path"):
         fg.rollout("oval", Straight())
-
-
-def test_settings_that_the_planner_cannot_have_are_refused(nothing_runs, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "from dataclasses import dataclass\n\n@dataclass\nclass Settings:\n    gain: float = 1.0\n    window: int = 3\n"
-        "    def __post_init__(self):\n        if self.gain > 2.0: raise ValueError('gain above 2')\n\n"
-        "class Planner:\n    Settings = Settings\n    def __init__(self, settings): self.settings = settings\n"
-        "    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n"
-    )
-    source = f"{tmp_path / 'mine.py'}:Planner"
-    for settings, said in [
-        ({"planner.gains": (0, 1)}, "no setting 'gains'; accepted: gain, window"),
-        ({"planner.gain": (1, 3)}, "gain above 2"),
-        ({"planner.gain": "high"}, "setting gain is 'high'; accepted: a number"),
-        ({"planner.window": (3, 9)}, "setting window is 3.0; accepted: a whole number"),
-    ]:
-        with pytest.raises(ControllerError) as caught:
-            fg.rollout("oval", source, randomize=settings)
-        assert said in str(caught.value)
 
 
 def test_settings_reach_the_planners(tmp_path):

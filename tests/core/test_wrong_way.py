@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
 
@@ -103,23 +102,6 @@ def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
     assert (where.x_m, where.y_m) == pytest.approx(world.track.start_pose(start + 1.5)[:2], abs=1e-6)
 
 
-def test_a_course_shorter_than_five_metres_is_followed_round():
-    angles = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
-    width = np.full(80, 0.3)
-    track = fg.Track(
-        name="small", centreline=0.7 * np.column_stack((np.cos(angles), np.sin(angles))), width_right=width,
-        width_left=width,
-    )  # fmt: skip
-    assert track.length < WRONG_WAY_LIMIT
-    timer = LapTimer(track)
-    places, _ = there_and_back(0.0, 2.0, 9.0)
-    for tick, s in enumerate(places):
-        timer.update(tick * TICK, track.position(s, 0.0))
-    (memory,) = timer.memory
-    assert memory["furthest"] - memory["progress"] == pytest.approx(9.0, abs=0.01)
-    assert (memory["furthest_x"], memory["furthest_y"]) == pytest.approx(tuple(track.position(2.0, 0.0)))
-
-
 def test_beside_the_next_arm_of_a_hairpin_nothing_is_lost():
     """Lanes that run back beside each other are close together in space and far apart in progress."""
     track = WORLDS["hairpins"].track
@@ -203,17 +185,3 @@ def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, mo
     axes = drawn[0].axes[0]
     assert (turn["x_m"], turn["y_m"]) in [tuple(line.get_xydata()[0]) for line in axes.lines if len(line.get_xdata())]
     assert main(["replay", "runs/back"]) == 0
-
-
-def test_an_environment_is_truncated(here):
-    pytest.importorskip("gymnasium", reason="no gymnasium here: pip install -e '.[gym]'")
-    from fg_mujoco.envs.gym_environment import F1TenthEnv
-
-    env = F1TenthEnv(beam_step=540, start="line")
-    env.reset(seed=0)
-    ended = False
-    while not ended:
-        _, _, terminated, truncated, info = env.step(np.array([0.0, -3.0]))
-        ended = terminated or truncated
-    assert (terminated, truncated, info["end_reason"]) == (False, True, "wrong_way")
-    assert info["progress_m"] == pytest.approx(-5.0, abs=0.1)

@@ -11,11 +11,9 @@ import pytest
 
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
-from fg_mujoco.addons.gym2d.gym_track import Track
 from fg_mujoco.addons.gym2d.gym_world import LapCount
-from fg_mujoco.addons.gym2d.old_api import GymEnv
 from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, own_params
-from fg_mujoco.errors import FgMujocoError, SettingsError, TrackError
+from fg_mujoco.errors import TrackError
 from map_oracles import draw_map, ring
 
 POSE = np.array([[7.5, 2.25, 0.0]])
@@ -156,25 +154,6 @@ def test_callbacks_draw_with_pyglets_names_and_nothing_is_shown(drawn, monkeypat
 # Maps
 
 
-def test_named_maps_are_those_of_a_folder(drawn, monkeypatch, tmp_path):
-    with pytest.raises(TrackError, match=r"to have the gym's own maps, name the folder that has vegas\.yaml"):
-        f110.make(map="vegas")
-    folder = tmp_path / "tracks" / "Vegas"
-    folder.mkdir(parents=True)
-    text = (drawn.parent / "drawn.yaml").read_text().replace("drawn.png", "Vegas_map.png")
-    (folder / "Vegas_map.yaml").write_text(text)
-    (folder / "Vegas_map.png").write_bytes((drawn.parent / "drawn.png").read_bytes())
-    monkeypatch.setenv("FG_MUJOCO_MAPS", str(folder.parent))
-    assert f110.make(map="vegas", map_ext=".png").world.track.name == "Vegas_map"
-    assert GymEnv().num_agents == 2  # on vegas, as the gym's own
-    with pytest.raises(TrackError, match=r"neither berlin\.yaml nor berlin/berlin_map\.yaml in"):
-        f110.make(map="berlin")
-    with pytest.warns(UserWarning, match="map '/opt/gym/maps/vegas' is not there; .*Vegas_map.yaml is"):
-        assert f110.make(map="/opt/gym/maps/vegas", map_ext=".png").world.track.name == "Vegas_map"
-    track = f110.make("f1tenth_gym:f1tenth-v0", config={"map": "Vegas", "num_agents": 1}).track
-    assert track.spec.name == "Vegas" and track.centerline.length == pytest.approx(29.2, rel=0.1)
-
-
 def test_a_map_with_a_hole_is_driven_and_its_laps_count_at_the_start(tmp_path):
     free = ring()
     free[95:105, :40] = True  # an opening to the left, out of the course
@@ -223,19 +202,6 @@ def test_observations_of_each_car_by_name(drawn, kind, features):
         assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
 
 
-def test_accelerations_and_steering_rates_are_driven(drawn):
-    env = new_env(drawn, control_input=["accl", "steering_speed"])
-    env.reset(options={"poses": POSE})
-    for _ in range(50):
-        env.step(np.array([[0.2, 3.0]]))
-    state = env.unwrapped.sim.agents[0].state
-    assert state[3] == pytest.approx(1.5, rel=0.05)  # 3 m/s^2 for .5 s
-    assert state[2] == pytest.approx(0.1, abs=0.01)  # .2 rad/s for .5 s
-    assert env.action_space.high.tolist() == [[pytest.approx(3.2), pytest.approx(9.51)]]
-    with pytest.raises(SettingsError, match="control_input is 'throttle'; accepted: speed"):
-        new_env(drawn, control_input=["throttle", "steering_angle"])
-
-
 @pytest.mark.parametrize("kind", [None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"])
 def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn, kind):
     env = new_env(drawn, num_agents=3, reset_config={"type": kind})
@@ -243,27 +209,6 @@ def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn, kind):
     np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
     assert not np.array_equal(first["poses_x"], other["poses_x"])
     assert not first["collisions"].any()
-
-
-def test_the_track_has_its_lines(drawn):
-    env = new_env(drawn)
-    track = env.unwrapped.track
-    line = track.raceline
-    assert line.n == len(line.xs) == len(line.yaws) == len(line.vxs)
-    assert line.spline.calc_position(line.ss[7]) == pytest.approx((line.xs[7], line.ys[7]), abs=1e-3)
-    pose = track.frenet_to_cartesian(4.0, 0.2, 0.1)
-    assert track.cartesian_to_frenet(*pose) == pytest.approx((4.0, 0.2, 0.1), abs=1e-3)
-    obs, _ = env.reset(options={"poses": np.array([[line.xs[0], line.ys[0], line.yaws[0]]])})
-    assert not obs["collisions"].any()
-
-
-def test_a_track_of_a_line_alone_has_no_walls():
-    angles = np.linspace(0.0, math.tau, 60, endpoint=False)
-    track = Track.from_refline(x=5 * np.cos(angles), y=5 * np.sin(angles), velx=np.full(60, 2.0))
-    env = f110.make("f1tenth_gym:f1tenth-v0", config={"map": track, "num_agents": 1})
-    obs, _ = env.reset(options={"poses": np.array([[5.0, 0.0, 0.5 * math.pi]])})
-    assert obs["scans"].min() > 5.0
-    assert track.raceline.ks[10] == pytest.approx(0.2, rel=0.01) and track.raceline.vxs[3] == 2.0
 
 
 def test_configuration_objects_are_the_settings(drawn):
@@ -283,25 +228,6 @@ def test_configuration_objects_are_the_settings(drawn):
     moved = gym_config.LiDARConfig(base_link_to_lidar_tf=(0.1, 0.0, 0.0))
     assert f110.make("f1tenth-v0", config=settings.with_updates(lidar=moved)).sim.lidar_dist == 0.1
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
-
-
-@pytest.mark.parametrize(
-    ("kind", "named", "said"),
-    [
-        ("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
-        ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
-        ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
-        ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
-        ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
-        ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
-        ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
-    ],
-)
-def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
-    from fg_mujoco.addons.gym2d import gym_config
-
-    with pytest.raises(SettingsError, match=said):
-        getattr(gym_config, kind)(**named)
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -358,26 +284,6 @@ def test_rays_pixels_and_times_to_collision_are_the_gyms():
     near, angles, sides = np.full(3, 0.5), np.array([-0.1, 0.0, 0.1]), np.full(3, 0.2)
     for speed, touches in ((0.0, False), (10.0, True), (2.0, False), (-10.0, False)):
         assert gym_functions.check_ttc_jit(near, speed, angles, np.cos(angles), sides, 0.05) is touches
-
-
-ODD = (None, True, 10**400, 1e308, float("nan"), "a", b"a", [1], {1: None}, object(), np.zeros((2, 3)), 1j, iter(()))
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["params", "num_agents", "timestep", "ego_idx", "seed", "model", "lidar_dist", "num_beams", "fov", "maps", "map"],
-)
-def test_settings_of_another_kind_are_refused_in_a_line(drawn, name):
-    refused = 0
-    for value in ODD:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                f110.make("f110_gym:f110-v0", **({"map": str(drawn), "num_beams": 60} | {name: value}))
-        except FgMujocoError as error:
-            assert "\n" not in str(error)
-            refused += 1
-    assert refused >= 8
 
 
 def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):

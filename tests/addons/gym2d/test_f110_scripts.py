@@ -163,39 +163,6 @@ def test_a_script_is_in_its_own_place(folder):
     )
 
 
-def test_a_wrapper_and_a_loop_of_learning(folder):
-    """Wrappers, spaces and registration, as scripts of reinforcement learning have them."""
-    text = """
-        import gym
-        from gym import spaces
-        import numpy as np
-        class Wrapped(gym.Wrapper):
-            def __init__(self, env):
-                super().__init__(env)
-                self.action_space = spaces.Box(low=-1.0, high=1.0, shape=(2,), dtype=np.float32)
-                self.observation_space = spaces.Box(low=0.0, high=30.0, shape=(self.env.sim.agents[0].num_beams,))
-            def reset(self, **kwargs):
-                obs, _, _, _ = self.env.reset(np.array([[7.5, 2.25, 0.0]]))
-                return obs["scans"][0]
-            def step(self, action):
-                obs, reward, done, info = self.env.step(np.array([[0.4 * action[0], 2 + action[1]]]))
-                return obs["scans"][0], reward + float(obs["linear_vels_x"][0]), done, info
-        gym.register(id="mine-v0", entry_point=lambda **k: Wrapped(gym.make("f110_gym:f110-v0", **k)),
-                     max_episode_steps=20)
-        env = gym.make("mine-v0", map="drawn", num_agents=1)
-        env.action_space.seed(1)
-        seen = env.reset()
-        done, steps = False, 0
-        while not done:
-            seen, reward, done, info = env.step(env.action_space.sample())
-            steps += 1
-        print(steps, seen.shape, env.observation_space.shape, env.params["lf"], type(env.unwrapped).__name__)
-        print(np.float is float, np.zeros(2, dtype=np.float).dtype)
-    """
-    out, error, status = run(folder, text, hidden=ALL)
-    assert (out, status) == ("20 (1080,) (1080,) 0.15875 GymEnv\nTrue float64\n", 0), error
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -323,65 +290,6 @@ def test_wrappers_of_gym_take_environments_of_four_values_and_of_five(folder):
     ]  # fmt: skip
 
 
-def test_names_of_pyglet_take_whatever_is_done_with_them(folder):
-    text = """
-        import pyglet
-        from pyglet import gl
-        from pyglet.gl import *
-        from pyglet.window import key
-        pyglet.options["debug_gl"] = False
-        class Window(pyglet.window.Window):
-            def __init__(self):
-                super().__init__(200, 100, "mine", resizable=True)
-            def on_draw(self):
-                self.clear()
-        window = Window()
-        @window.event
-        def on_key_press(symbol, modifiers):
-            return symbol == key.ESCAPE
-        glMatrixMode(GL_PROJECTION)
-        gluOrtho2D(0, window.width, 0, window.height)
-        gl.glPointSize(4)
-        batch = pyglet.graphics.Batch()
-        line = pyglet.shapes.Line(0, 0, 1, 1, width=2, color=(255, 0, 0), batch=batch)
-        line.x2 = 5
-        label = pyglet.text.Label("a", font_size=12, x=0, y=0, batch=batch)
-        label.text = "b"
-        points = batch.add(2, gl.GL_LINES, None, ("v2f/stream", [0, 0, 1, 1]), ("c3B", (0,) * 6))
-        points.vertices[0] = 3.0
-        for each in window.get_children():
-            each.draw()
-        batch.draw(), window.on_draw(), window.flip(), pyglet.clock.tick(), pyglet.app.run()
-        print(line.x2, label.text, points.vertices, GL_QUADS, GL_POINTS, len(window.list))
-    """
-    out, error, status = run(folder, text, hidden=ALL)
-    assert (out, status) == ("5 b [3.0, 0.0, 0.0, 0.0] 7 0 0\n", 0), error
-
-
-def test_configuration_objects_of_later_releases(folder):
-    text = """
-        import gymnasium as gym
-        from f1tenth_gym.envs.action import LongitudinalActionType
-        from f1tenth_gym.envs.contact import ContactConfig
-        from f1tenth_gym.envs.dynamic_models import DynamicModel, F1TENTH_VEHICLE_PARAMETERS
-        from f1tenth_gym.envs.env_config import ControlConfig, EnvConfig, ObservationConfig, RewardConfig, RewardMode
-        from f1tenth_gym.envs.integrators import IntegratorType
-        from f1tenth_gym.envs.observation import ObservationType
-        from f1tenth_gym.envs.reset import ResetStrategy
-        cfg = EnvConfig(map_name="drawn", num_agents=1, params=F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.9),
-                        control_config=ControlConfig(longitudinal_mode=LongitudinalActionType.SPEED),
-                        observation=ObservationConfig(type=ObservationType.KINEMATIC_STATE))
-        env = gym.make("f1tenth_gym:f1tenth-v0", config=cfg, render_mode="unlimited")
-        obs, info = env.reset(seed=cfg.seed)
-        env.render()
-        print(sorted(obs["agent_0"]), env.unwrapped.config["max_laps"], env.unwrapped.params["mu"])
-        cfg.with_updates(reward_config=RewardConfig(mode=RewardMode.SURVIVAL), contact_config=ContactConfig())
-    """
-    out, error, status = run(folder, text)
-    assert (out, status) == ("['delta', 'linear_vel_x', 'pose_theta', 'pose_x', 'pose_y'] 1 0.9\n", 2), error
-    assert "EnvConfig has no argument 'reward_config'" in error
-
-
 PROCESSES = """
     import multiprocessing
     import gym
@@ -455,15 +363,3 @@ CLASSES = """
 def test_classes_of_the_gym_that_scripts_use_by_themselves(folder):
     printed, errors, status = run(folder, CLASSES)
     assert (printed.split(), status) == (["done"], 0), errors
-
-
-def test_importing_both_packages_registers_the_environments_once(folder):
-    text = """
-        import gymnasium, f110_gym, f1tenth_gym
-        for name in ("f110_gym:f110-v0", "f1tenth_gym:f1tenth-v0"):
-            gymnasium.make(name, config={"map": "drawn", "num_agents": 1}, render_mode="unlimited")
-        print("done")
-    """
-    out, error, status = run(folder, text)
-    assert (out, status) == ("done\n", 0), error
-    assert "WARN" not in error

@@ -9,7 +9,6 @@ import time
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.addons.look.live.handshake import is_own
@@ -38,18 +37,6 @@ def test_session_drives_as_a_race_does(session, lap):
     assert session.simulation.time == pytest.approx(4.0)
     assert session.simulation.pose == tuple(lap.car.telemetry[row, 4:7])
     assert (session.simulation.state == lap.states[row]).all()
-
-
-def test_other_tires_take_the_car_where_it_is(session):
-    drive(session, 2.0)
-    pose, speed = session.simulation.pose, session.simulation.speed
-    session.change("mu", 0.4)
-    session.paused = True
-    session.tick()
-    assert session.world.car.mu == 0.4
-    assert session.simulation.pose == pytest.approx(pose)
-    assert session.simulation.speed == pytest.approx(speed)
-    assert session.simulation.time == pytest.approx(2.0)
 
 
 def test_planner_that_does_not_know_of_wet_ground_slides_and_one_that_does_holds(session):
@@ -285,21 +272,6 @@ def test_a_race_that_waits_stands_until_a_browser_comes_and_ends_without_one(ses
         view.close()
         thread.join(10.0)
         assert not thread.is_alive()
-
-
-def test_the_numbers_that_a_planner_shows_stand_in_the_panel(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    from fg_mujoco.addons.look.live.browser import LiveView
-
-    with LiveView(session, port=free) as view:
-        view._show_texts()
-        assert not view._values.visible
-        with session.values.of(session.scan):
-            fg.show("gap_width | m", 0.51234)
-            fg.show("goal", (1.0, 2.0))
-        view._show_texts()
-        assert view._values.visible
-        assert view._values.content.splitlines()[2:] == ["| gap&#95;width &#124; m | 0.5123 |"]
 
 
 def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch):

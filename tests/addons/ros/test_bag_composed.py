@@ -9,8 +9,6 @@ import pytest
 import fg_mujoco as fg
 from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
 from fg_mujoco.addons.realcar.bag_drive import read_drives
-from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
-from fg_mujoco.addons.realcar.mapping.recorded_map import make_map
 from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
@@ -113,29 +111,6 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
     asked = [(each.message.drive.steering_angle, each.message.drive.speed) for each in heard]
     assert asked == [pytest.approx((-STEERING, 0.5 * THROTTLE)), pytest.approx((0.5 * STEERING, -THROTTLE))]
     assert [each.time for each in heard] == [EPOCH + 1, EPOCH + 4]
-
-
-def test_a_map_says_how_many_scans_it_is_of_and_why_not_of_the_others(tmp_path, capsys):
-    rows = entries("our_car", 60, still=20)
-    scans = [row for row in rows if row[0].endswith("lidar")]
-    twice = [(topic, time + 1000, message) for topic, time, message in scans[30:33]]
-    late = [(topic, time + 20 * SECOND, robot_scan(np.full(41, 5.0), time=time + 20 * SECOND, frame="lidar"))
-            for topic, time, _ in scans[:4]]  # fmt: skip
-    bag = write_bag(tmp_path / "bag", sorted([*rows, *twice, *late], key=lambda row: row[1]))
-    with Recording(bag) as recording, pytest.warns(UserWarning, match="have no pose at their time"):
-        made = make_map(read_sweeps(recording, CAR))
-    standing = 60 - len(made.numbers)
-    assert standing > 15
-    why = {
-        "recorded twice": 3,
-        "after the last pose": 4,
-        "taken within 0.05 m and 1.1 degrees of the one before": standing,
-    }
-    assert dict(made.left_out) == why
-    begin = f"{len(made.numbers)} of 67 scans at the poses on /autodrive/our_car/odometry; left out: 3 recorded twice, "
-    assert made.text.startswith(begin)
-    main(["bag", str(bag), "--map", str(tmp_path / "map.yaml")])
-    assert made.text in capsys.readouterr().out
 
 
 def vesc_entries(driver, number="std_msgs/msg/Float64", count=120):

@@ -115,26 +115,6 @@ def test_a_planner_of_ones_own_is_run_and_what_it_was_told_without_odometry_is_s
     assert read_commands(tmp_path / "drive_commands.csv")[0, 2:].tolist() == [0.0, 2.5]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (("--out", "commands.txt"), "ends in .csv or .mcap"),
-        (("--out", "nowhere/commands.csv"), "cannot be written"),
-        (("--out", "nowhere/commands.mcap"), "cannot be written"),
-        (("--controller", "gapfinder"), "accepted: "),
-        (("--controller", "pure_pursuit"), "drives by a map"),
-        (("--max-speed", "-1"), ""),
-    ],
-)
-def test_what_cannot_be_replayed_is_refused_in_one_line(tmp_path, monkeypatch, capsys, arguments, named):
-    monkeypatch.chdir(tmp_path)
-    robot_bag(tmp_path / "bag", np.full(41, 3.0))
-    assert main(["replay-scans", "bag", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert named in error and error.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
 def test_commands_up_to_a_planners_failure_are_on_disk(tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text(
         "from fg_mujoco.messages import STOP\n"

@@ -6,7 +6,6 @@ import shutil
 import sqlite3
 import struct
 import warnings
-from pathlib import Path
 
 import pytest
 
@@ -278,29 +277,6 @@ def test_a_message_of_ones_own_type_beside_is_no_obstacle(tmp_path):
     assert nearest(path) == EXPECTED
 
 
-def test_a_topic_without_messages_is_none(tmp_path):
-    path = tmp_path / "drive.mcap"
-    found = [*entries(), ("/top", EPOCH, robot_scan([9.0]))]
-    of_mcap(path, found[:-1])
-    from mcap.writer import Writer
-
-    store = type_store()
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="ros2")
-        text = store.generate_msgdef(SCAN, ros_version=2)[0].encode()
-        schema = writer.register_schema(SCAN, "ros2msg", text)
-        writer.register_channel("/empty", "cdr", schema)
-        full = writer.register_channel("/full", "cdr", schema)
-        for topic, time, message in entries():
-            if topic == "/scan":
-                writer.add_message(full, time, store.serialize_cdr(message, SCAN), time)
-        writer.finish()
-    assert nearest(path) == EXPECTED
-    with pytest.raises(BagError, match="on /empty; accepted: /full"):
-        nearest(path, scan_topic="/empty")
-
-
 def test_topics_that_were_written_one_after_the_other_are_read_in_the_order_of_time(tmp_path):
     found = sorted(entries(), key=lambda entry: entry[0])
     assert nearest(of_mcap(tmp_path / "drive.mcap", found)) == EXPECTED
@@ -325,17 +301,3 @@ def test_a_part_that_is_missing_is_said_and_the_others_are_read(tmp_path, recwar
     (folder / "drive_1.mcap").unlink()
     assert nearest(folder) == EXPECTED[:12] + EXPECTED[13:]
     assert any("metadata.yaml names drive_1.mcap" in str(w.message) for w in recwarn)
-
-
-def test_messages_in_another_encoding_are_refused_by_its_name(tmp_path):
-    from mcap.writer import Writer
-
-    path = tmp_path / "drive.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start(profile="")
-        schema = writer.register_schema(SCAN, "jsonschema", b"{}")
-        writer.add_message(writer.register_channel("/scan", "json", schema), EPOCH, b"{}", EPOCH)
-        writer.finish()
-    with pytest.raises(BagError, match=r"/scan is written in 'json'; accepted: 'cdr'.*'ros1'"):
-        nearest(Path(path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 
-import mujoco
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -149,23 +148,6 @@ def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
     assert (imu.angular_velocity_covariance[0], imu.linear_acceleration_covariance[0]) == (0.0, 0.0)
     assert imu.linear_acceleration.z == pytest.approx(9.81, abs=3.0)
     assert imu.angular_velocity.z == run.column("yaw_rate_rad_s")[20]
-
-
-def test_frames_make_one_tree_from_map_to_what_is_mounted(messages, folder):
-    model = load_world(fg.read_run(folder)).model
-    (_, fixed), moving = messages["/tf_static"][0], messages["/tf"]
-    links = {t.child_frame_id: (t.header.frame_id, t.transform) for t in fixed.transforms}
-    assert {child: parent for child, (parent, _) in links.items()} == {
-        "odom": "map", "laser": "base_link", "imu": "base_link",
-    }  # fmt: skip
-    for frame, site in (("laser", "car/lidar_mount"), ("imu", "car/imu")):
-        at = links[frame][1].translation
-        assert [at.x, at.y, at.z] == model.site_pos[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, site)].tolist()
-    for (_, tf), (_, odometry) in zip(moving, messages["/odom"], strict=True):
-        (link,) = tf.transforms
-        assert (link.header.frame_id, link.child_frame_id) == ("odom", "base_link")
-        assert link.transform.translation.x == odometry.pose.pose.position.x
-        assert link.transform.rotation.z == odometry.pose.pose.orientation.z
 
 
 def test_every_beam_ends_on_an_occupied_cell_of_the_map(messages):

@@ -50,58 +50,6 @@ def test_the_only_scan_and_the_only_odometry_of_another_name_are_taken(tmp_path)
         assert commands(write(tmp_path, text + "rospy.spin()\n"))[1][0] == 2.0
 
 
-def test_the_drive_param_of_the_course_drives_from_two_nodes_with_messages_of_their_own(tmp_path):
-    write(tmp_path / "msg", "float32 pid_vel\nfloat32 pid_error\n", "pid_input.msg")
-    write(tmp_path / "msg", "float32 velocity\nfloat32 angle\n", "drive_param.msg")
-    write(tmp_path, "<package><name>race</name></package>", "package.xml")
-    source = tmp_path / "src"
-    write(
-        source,
-        """
-import rospy
-from race.msg import pid_input
-from sensor_msgs.msg import LaserScan
-
-pub = rospy.Publisher("error", pid_input, queue_size=10)
-rospy.init_node("dist_finder", anonymous=True)
-rospy.Subscriber("scan", LaserScan, lambda scan: pub.publish(2.0, scan.ranges[810] - scan.ranges[270] + 0.25))
-rospy.spin()
-""",
-        "dist_finder.py",
-    )
-    write(
-        source,
-        """
-import rospy
-from race.msg import drive_param, pid_input
-
-pub = rospy.Publisher("drive_parameters", drive_param, queue_size=1)
-
-def control(data):
-    message = drive_param()
-    message.velocity, message.angle = data.pid_vel, data.pid_error
-    pub.publish(message)
-
-rospy.init_node("control", anonymous=True)
-rospy.Subscriber("error", pid_input, control)
-rospy.spin()
-""",
-        "control.py",
-    )
-    launch = write(source, "nodes:\n  - file: dist_finder.py\n  - file: control.py\n", "launch.yaml")
-    speed, angle = commands(launch)[-1]
-    assert speed == 2.0
-    assert angle == pytest.approx(0.25, abs=1e-3)
-
-
-def test_callbacks_come_while_a_loop_only_asks_whether_it_is_over(tmp_path):
-    text = (
-        HEAD
-        + 'rospy.Subscriber("/scan", LaserScan, lambda scan: drive(1.0))\nwhile not rospy.is_shutdown():\n    pass\n'
-    )
-    assert commands(write(tmp_path, text))[-1][0] == 1.0
-
-
 def test_a_callback_that_sleeps_is_not_called_again_before_it_has_come_back(tmp_path):
     text = HEAD + "depths = []\ndef call(scan):\n    depths.append(len(depths))\n    drive(max(depths) + 1.0)\n"
     text += '    rospy.sleep(0.06)\n    depths.pop()\nrospy.Subscriber("/scan", LaserScan, call)\n'

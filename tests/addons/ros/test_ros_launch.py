@@ -273,34 +273,6 @@ def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(work
     assert mark.exists()
 
 
-def test_a_launch_file_is_a_program_with_classes_loops_and_modules_of_its_own(workspace):
-    body = """
-from my_car.launch_tools import Speed, one
-import launch.substitutions, launch_ros
-while one() < 1:
-    pass
-try:
-    nodes = [xacro.node(), IncludeLaunchDescription(os.path.join(get_package_share_directory("gone"), "a.py"))]
-except KeyError:
-    nodes = []
-file = os.path.join(get_package_share_directory("gone"), "config", "car.yaml")  # is found here
-speed = yaml.safe_load(open(file))["driver"]["ros__parameters"]["speed"]
-nodes.append(launch_ros.actions.Node(package="my_car", executable="drive", remappings=[("out", "/drive")],
-    parameters=[{"speed": Speed(speed).value + int(launch.substitutions.TextSubstitution(text="1").perform(None))}]))
-return LaunchDescription(nodes)
-"""
-    source = workspace(body.strip())
-    (Path(source.removeprefix("ros:")).parents[1] / "my_car" / "launch_tools.py").write_text(
-        "def one():\n    return 1\nclass Speed:\n    def __init__(self, value):\n        self.value = value\n"
-    )
-    with pytest.warns(UserWarning) as caught:
-        assert speeds(source)[0] == 2.5
-    said = " ".join(str(each.message) for each in caught)
-    assert (
-        "car.yaml is taken" in said and "No module named 'xacro'" in said and "package 'gone' is not here/a.py" in said
-    )
-
-
 def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     source = workspace("return LaunchDescription([drive(condition=IfCondition('true'))])")
     helpers = Path(source.removeprefix("ros:")).parents[2] / "others" / "helpers"  # of a package of another name

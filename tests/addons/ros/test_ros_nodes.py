@@ -576,19 +576,6 @@ self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
     assert speeds(make(seeded), 1) == [float(np.float32(random.Random(5).random()))]
 
 
-def test_an_import_that_fails_and_that_nothing_uses_does_no_harm(node):
-    head = (
-        "import torch_of_nowhere as torch\nfrom rclpy.nowhere import Thing\nfrom numpy import nowhere\n"
-        + HEAD
-        + PUBLISHER
-    )
-    with pytest.warns(UserWarning, match="nothing uses it") as told:
-        assert speeds(make(node("self.drive(1)", head=head)), 1) == [1.0]
-    text = "\n".join(str(each.message) for each in told)
-    for line, name in enumerate(("torch_of_nowhere", "rclpy.nowhere", "nowhere"), start=1):
-        assert re.search(rf"{name}.*mine.py, line {line}\)", text)
-
-
 @pytest.mark.parametrize(
     "read",
     [

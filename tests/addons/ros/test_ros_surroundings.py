@@ -105,48 +105,6 @@ self.count = 0
     assert result.car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
 
 
-CHECK = "\n    def check(self, message):\n" + "".join(f"        {line}\n" for line in MAP.splitlines())
-
-
-def test_the_map_is_asked_for_as_a_service_and_by_a_node_of_ros_1(written, tmp_path):
-    init = """
-from nav_msgs.srv import GetMap
-self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)
-client = self.create_client(GetMap, "/map_server/map")
-while not client.wait_for_service(timeout_sec=1.0):
-    pass
-future = client.call_async(GetMap.Request())
-rclpy.spin_until_future_complete(self, future)
-self.got["map"] = future.result().map
-"""
-    result = fg.race("oval", written(init, "if 'odom' in self.got: self.check(message)", CHECK), laps=1, time_limit=1.0)
-    assert result.car.max_speed_m_s > 0.9
-    path = tmp_path / "old.py"
-    path.write_text(
-        """
-import rospy
-from nav_msgs.msg import OccupancyGrid
-from nav_msgs.srv import GetMap
-from ackermann_msgs.msg import AckermannDriveStamped
-
-rospy.init_node("old")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-rospy.wait_for_service("static_map")
-asked = rospy.ServiceProxy("static_map", GetMap)().map
-told = rospy.wait_for_message("/map", OccupancyGrid)
-assert asked.data == told.data and isinstance(told.data, tuple)
-rate = rospy.Rate(40)
-while not rospy.is_shutdown():
-    message = AckermannDriveStamped()
-    message.drive.speed = told.info.resolution
-    publisher.publish(message)
-    rate.sleep()
-"""
-    )
-    result = fg.race("oval", f"ros:{path}", laps=1, time_limit=1.0)
-    assert result.ctrl[-1].any()
-
-
 def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_own(written, tmp_path):
     """The other car stands where its own /odom says; both are the poses of the engine."""
     log = tmp_path / "log.txt"
