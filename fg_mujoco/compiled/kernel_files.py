@@ -1,24 +1,19 @@
-"""Where compiled kernels are kept: a folder of the user's own. And hashes of sources: of a module, and what it imports.
-
-The names of the files are made in `kernel_keys`.
-"""
+"""Keeps compiled kernels in a folder of the user's own, named by `kernel_keys`, and lists the package's sources."""
 
 from __future__ import annotations
 
 import atexit
 import contextlib
 import hashlib
-import linecache
 import os
 import pickle
-import re
 import shutil
 import stat
 import sys
 import tempfile
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -158,22 +153,6 @@ def _lock_file(folder: Path) -> int:
     return os.open(folder / _LOCKS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
-def source_digest(function: Callable[..., Any]) -> str:
-    """Return a hash of all sources that a function depends on: its file, and what of this package that imports.
-
-    Raises:
-      OSError: the function has no source.
-    """
-    if function.__module__ in _modules():
-        return _digest_of(function.__module__)
-    # A user's file: its own text, and what it imports of ours. Its imports from elsewhere are not looked at.
-    text = "".join(linecache.getlines(function.__code__.co_filename)).encode()
-    if not text:
-        raise OSError(f"{function.__qualname__} has no source")
-    imported = sorted(_imports_in(text, ""))
-    return hashlib.sha256(text + "".join(_digest_of(module) for module in imported).encode()).hexdigest()
-
-
 def package_files(*suffixes: str) -> Iterator[tuple[str, Traversable]]:
     """Yield the files of this package with these suffixes, and their paths in it ("controllers/gaps.py"), in order.
 
@@ -193,57 +172,3 @@ def _walk(
             yield path + entry.name, entry
         elif "." not in entry.name and entry.name not in ("__pycache__", *skip) and entry.is_dir():
             yield from _walk(entry, f"{path}{entry.name}/", suffixes)
-
-
-@cache
-def _modules() -> dict[str, tuple[str, Traversable]]:
-    """Return the package of each module of ours, by the module's name, and its file."""
-    modules = {}
-    for path, file in package_files(".py"):
-        name = f"{_PACKAGE}/{path}"[: -len(".py")].replace("/", ".")
-        package = name.rpartition(".")[0]
-        modules[package if name.endswith(".__init__") else name] = package, file
-    return modules
-
-
-@cache
-def _digest_of(module: str) -> str:
-    """Return a hash of the sources of a module of ours and of all modules of ours that it imports, directly or not."""
-    found, waiting = {module}, [module]
-    while waiting:
-        new = _read(waiting.pop())[1] - found
-        found |= new
-        waiting += new
-    digest = hashlib.sha256()
-    for name in sorted(found):
-        digest.update(f"{name} {_read(name)[0]}\n".encode())
-    return digest.hexdigest()
-
-
-@cache
-def _read(module: str) -> tuple[str, frozenset[str]]:
-    """Return the hash of a module's own source, and which modules of ours it imports."""
-    package, file = _modules()[module]
-    text = file.read_bytes()
-    return hashlib.sha256(text).hexdigest(), frozenset(_imports_in(text, package))
-
-
-_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([.\w]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE)
-
-
-def _imports_in(text: bytes, package: str) -> set[str]:
-    """Return the modules of ours that a text imports anywhere: found as text, which is quick, rather too many than few.
-
-    `from package import name` depends on the module of that name, or else on the package's __init__.py.
-    """
-    modules, found = _modules(), set()
-    for source, names, plain in _IMPORT.findall(text.decode(errors="replace")):
-        if plain:
-            found |= set(re.findall(r"[.\w]+", plain)) & modules.keys()
-            continue
-        above = len(source) - len(source.lstrip("."))
-        parts = package.split(".")[: package.count(".") + 2 - above] if above else []
-        start = ".".join([*parts, source[above:]]).strip(".")
-        for name in re.findall(r"\w+", names):
-            found |= {f"{start}.{name}" if f"{start}.{name}" in modules else start} & modules.keys()
-    return found

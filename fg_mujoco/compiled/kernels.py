@@ -24,17 +24,14 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 from . import interpreted
-from .kernel_files import cache_folder, own_folder, package_files, read_kept, source_digest
+from .kernel_files import cache_folder, own_folder, package_files, read_kept
 from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, Kind, each_kind, kind_of, kinds, machine, omitted, text_of
 
 if TYPE_CHECKING:
     from .compiling import Dispatcher
 
-__all__ = [
-    "CompileTime", "cache_folder", "call_at", "inlined", "kernel", "own_folder", "package_files",
-    "source_digest",
-]  # fmt: skip
+__all__ = ["CompileTime", "cache_folder", "call_at", "inlined", "kernel", "own_folder", "package_files"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -211,7 +208,7 @@ class _Kernel:
         return self if instance is None else MethodType(self, instance)
 
     def __reduce__(self) -> str | tuple[Any, ...]:
-        if self.__module__.startswith(f"{__package__}.") and "<locals>" not in self.__qualname__:
+        if self.__module__.startswith("fg_mujoco.") and "<locals>" not in self.__qualname__:
             return self.__qualname__  # found there again
         from numba.core.serialize import dumps  # pickles what a function does
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..distinct import distinct, distinct_rows
 from ..errors import SettingsError
 from ..messages import FloatArray
 from .polyline import crossings, segments, step_lengths, steps, turns
@@ -95,8 +94,12 @@ def wall_surface(track: Walled, height: float = WALL_HEIGHT, thickness: float = 
     first = 8 * np.arange(len(prisms))[:, None, None]
     faces = [(first + np.array(face)).reshape(-1, 3) for face in (_FRONT, _BACK, _TOP)]
     seams = np.concatenate((prisms[:, [1, 2], :2], prisms[:, [0, 3], :2])).reshape(-1, 4)
-    _, which, count = distinct_rows(np.round(seams, 9))
-    open_ends = (count[which] == 1).reshape(2, -1)
+    order = np.lexsort(np.round(seams, 9).T)
+    ordered = np.round(seams, 9)[order]
+    alike = (ordered[1:] == ordered[:-1]).all(axis=1)
+    alone = np.empty(len(seams), bool)
+    alone[order] = ~(np.append(alike, False) | np.append(False, alike))
+    open_ends = alone.reshape(2, -1)
     faces += [(first[bare] + np.array(end)).reshape(-1, 3) for bare, end in zip(open_ends, _ENDS, strict=True)]
     return prisms.reshape(-1, 3), np.concatenate(faces)
 
@@ -139,4 +142,4 @@ def _reach_another(feet: FloatArray, wall: FloatArray) -> np.ndarray:
     edges = np.concatenate((feet[:, [1, 2]], feet[:, [2, 3]], feet[:, [3, 0]]))
     i, j = crossings(edges, segments(wall))
     apart = (j - i + 1) % count > 2
-    return distinct(i[apart] % count)
+    return np.flatnonzero(np.bincount(i[apart] % count, minlength=count))

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from ..arguments import explain_class
-from ..compiled.kernel_files import cache_folder, read_kept, source_digest, write_kept
+from ..compiled.kernel_files import cache_folder, read_kept, write_kept
 from ..course.files import read_text
 from ..course.mjcf import MOST_MJCF, checked_mjcf
 from ..display import brief
@@ -308,6 +308,6 @@ def _checked(file: str, text: str) -> LidarModel:
 def _kept_file(text: str) -> Path | None:
     """Return the file of what MuJoCo made of a LiDAR's MJCF: a thousand beams take it a tenth of a second."""
     with contextlib.suppress(OSError):
-        key = (text, mujoco.__version__, source_digest(_checked.__wrapped__))
+        key = (text, mujoco.__version__, Path(__file__).read_bytes())
         return cache_folder() / f"lidar-{hashlib.sha256(repr(key).encode()).hexdigest()[:32]}"
     return None

@@ -11,11 +11,11 @@ edge that two clusters share is therefore cut to the same bits in both, whatever
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..distinct import distinct_rows
 from ..messages import FloatArray
 
 CLUSTER_TRIANGLES = 80  # at most
@@ -36,7 +36,7 @@ class Clusters:
 
 def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Clusters:
     """Return the clusters of `triangles` (t, 3), indices of `vertices` (v, 3) [m]."""
-    places, index, _ = distinct_rows(vertices + 0.0)  # in the order of x, y, z; -0.0 is 0.0
+    places, index = _distinct_rows(vertices + 0.0)  # in the order of x, y, z; -0.0 is 0.0
     corners = index[triangles.reshape(-1, 3)]
     sides = places[corners[:, 1:]] - places[corners[:, :1]]
     normals = np.cross(sides[:, 0], sides[:, 1])
@@ -49,7 +49,7 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
 
     # Each edge once in each cluster; the upright ones first, because a level scan plane cuts those.
     ends = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-    edges, of_triangle, _ = distinct_rows(np.column_stack((np.repeat(cluster, 3), ends)))
+    edges, of_triangle = _distinct_rows(np.column_stack((np.repeat(cluster, 3), ends)))
     along = places[edges[:, 2]] - places[edges[:, 1]]
     lying = np.hypot(along[:, 0], along[:, 1]) > np.abs(along[:, 2])
     order = np.lexsort((edges[:, 2], edges[:, 1], lying, edges[:, 0]))
@@ -77,6 +77,19 @@ def make_clusters(vertices: FloatArray, triangles: NDArray[np.int32]) -> Cluster
         boxes=np.vstack((centre.T, half.T, np.linalg.norm(half, axis=1))),
         spans=np.column_stack((filled[:-1], filled[1:], starts, first_triangle[1:])).astype(np.int32),
     )
+
+
+def _distinct_rows(rows: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.intp]]:
+    """Return the rows of an array (n, k), each once and in order: (m, k); and for each of the n which it is.
+
+    As `numpy.unique`, which is slower and imports all of numpy.ma.
+    """
+    order = np.lexsort(rows.T[::-1])
+    ordered = rows[order]
+    first = np.append(True, (ordered[1:] != ordered[:-1]).any(axis=1))[: len(rows)]
+    which = np.empty(len(rows), np.intp)
+    which[order] = np.cumsum(first) - 1
+    return ordered[first], which
 
 
 def _split(places: FloatArray) -> list[NDArray[np.intp]]:

@@ -1,7 +1,6 @@
 """A kernel is compiled again where anything changes that its machine code depends on, and only there."""
 
 import importlib
-import json
 import linecache
 import os
 import subprocess
@@ -10,7 +9,6 @@ import sys
 import pytest
 
 from fg_mujoco.compiled.kernel_keys import identity
-from installed_package import install_into
 
 OTHER = """
 from fg_mujoco.compiled.kernels import kernel, inlined
@@ -177,15 +175,9 @@ CHANGES_OF_THE_OTHER = {
     "what is written out": ("0.5 * x", "0.25 * x"),
 }
 NO_CHANGES = {
-    "a docstring": ("Return a number.", "Return a number, which is less than another one, and a\n    second line."),
-    "a docstring of a kernel that it calls": ("Return something.", "Return something\n\n    Else.\n    "),
-    "the docstring of the module": ("A module.", "A module of kernels."),
-    "a comment": ("# a comment", "# another comment\n    # of two lines"),
+    "a comment at the end of a line": ("total + array_at(x)", "total + array_at(x)  # a number"),
     "a constant that it does not read": ("UNUSED = 1.0", "UNUSED = 2.0"),
     "a function that it does not call": ("return 2 * x", "return 3 * x"),
-    "an annotation": ("def odd(x):", "def odd(x: float) -> float:"),
-    "a method": ("    second: float\n", "    second: float\n\n    def total(self):\n        return 1.0\n"),
-    "another class": ("class Side", "class Another:\n    pass\n\n\nclass Side"),
 }
 
 
@@ -214,10 +206,8 @@ def test_what_nobody_calls_in_another_module_is_not_in_the_name(key):
     assert key() == key(other=OTHER.replace("return x\n", "return -x\n"))
 
 
-def test_lines_are_in_the_name_only_of_kernels_that_raise(key):
-    found, raises = key()
-    assert key("\n\n" + SOURCE) == (found, key("\n\n" + SOURCE)[1])
-    assert key("\n\n" + SOURCE)[1] != raises, "its traceback names the line"
+def test_lines_are_in_the_name(key):
+    assert key("\n\n" + SOURCE)[1] != key()[1], "the traceback of a kernel that raises names the line"
 
 
 def test_a_constant_that_is_set_at_run_time_is_in_the_name(key):
@@ -227,11 +217,6 @@ def test_a_constant_that_is_set_at_run_time_is_in_the_name(key):
     assert identity(module.found.py_func) != before
     module.GAIN = 3.0
     assert identity(module.found.py_func) == before
-
-
-def test_a_value_of_another_kind_counts_by_the_text_of_its_file(key):
-    odd = SOURCE.replace("GAIN = 3.0", "GAIN = {1: object()}.get(2, slice(1))").replace("GAIN * ", "len(GAIN) * ")
-    assert key(odd)[0] == key(odd)[0] != key(odd.replace("UNUSED = 1.0", "UNUSED = 2.0"))[0]
 
 
 def test_numbers_of_numpy_are_told_apart(key):
@@ -274,67 +259,3 @@ def test_fields_of_arguments_that_change_places_are_never_taken_for_each_other(t
         done = subprocess.run([sys.executable, program], env=environment, capture_output=True, text=True, check=True)
         answers.append(done.stdout.split())
     assert answers == [["81.0"] * 2, ["108.0"] * 2, ["81.0"] * 2, ["81.0"] * 2]
-
-
-IDENTITIES = """
-import json, sys
-import fg_mujoco as fg
-from fg_mujoco.compiled.kernel_keys import identity
-from fg_mujoco.simulation import compiled_tick
-from fg_mujoco.controllers.gap_finder import GapFinder
-from fg_mujoco.controllers.control import planner
-found = {}
-for name, module in sorted(sys.modules.items()):
-    if name.split(".")[0] == "fg_mujoco":
-        for value in vars(module).values():
-            if hasattr(type(value), "made_by") or "py_func" in getattr(value, "__dict__", {}):
-                found[f"{value.__module__}.{value.__qualname__}"] = identity(value.py_func)
-print(json.dumps(found))
-"""
-ODOMETRY_CLASS = "@explain_class\n@dataclass(frozen=True, kw_only=True, eq=False, repr=False)\nclass Odometry"
-OF_MESSAGES = {  # an edit, some kernels that depend on it by themselves, and how many at most do
-    "a docstring": ("Parameters of a car for planners.", "What a planner is told.\n\n    Of its car.", set(), 0),
-    "a function": (ODOMETRY_CLASS, f"def more():\n    return 1\n\n\n{ODOMETRY_CLASS}", set(), 0),
-    "a method": ("    def yaw_rate(self)", "    def more(self):\n        return 1\n\n    def yaw_rate(self)", set(), 0),
-    "a constant": ("STOP = DriveCommand(", "GO = 1.0\nSTOP = DriveCommand(", set(), 0),
-    "a field of a message that is a record of planners": (
-        "    gravity: float ", "    color: float = 1.0\n    gravity: float ",
-        {"controllers.control.planner._drive_at"}, 3,
-    ),
-    "a field of a record": (
-        '("stamp", np.float64),', '("stamp", np.float64),\n        ("slip", np.float64),',
-        {"simulation.compiled_tick.read", "simulation.compiled_tick.sense"}, 19,
-    ),
-}  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """The package as it is installed, with the identities of its kernels."""
-    site = tmp_path_factory.mktemp("site")
-    install_into(site)
-
-    def identities():
-        done = subprocess.run([sys.executable, "-c", IDENTITIES], cwd=site, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
-
-    return site / "fg_mujoco" / "messages.py", identities, identities()
-
-
-@pytest.mark.parametrize("change", OF_MESSAGES)
-@pytest.mark.slow
-def test_an_edit_of_a_message_type_compiles_again_what_reads_it_and_no_more(installed, change):
-    path, identities, before = installed
-    assert len(before) > 200
-    old, new, least, most = OF_MESSAGES[change]
-    text = path.read_text()
-    assert text.count(old) == 1
-    path.write_text(text.replace(old, new))
-    try:
-        after = identities()
-    finally:
-        path.write_text(text)
-    changed = {name.removeprefix("fg_mujoco.") for name in before if after[name] != before[name]}
-    assert before.keys() == after.keys()
-    assert least <= changed and len(changed) <= most

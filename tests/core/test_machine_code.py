@@ -15,7 +15,6 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.compiled.kernels import cache_folder, kernel
 from fg_mujoco.compiled.machine_code import kinds, text_of
-from fg_mujoco.distinct import distinct, distinct_rows
 
 Pair = namedtuple("Pair", ["first", "second"])
 Other = namedtuple("Other", ["first", "second"])
@@ -151,16 +150,6 @@ def test_a_part_of_an_array_has_the_kind_of_a_whole_one():
 
 def test_subclasses_of_arrays_are_left_to_numba():
     assert text_of(kinds([np.zeros(2).view(np.recarray)])) is None
-
-
-def test_distinct_numbers_and_rows_are_numpys():
-    random = np.random.default_rng(0)
-    for count in (0, 1, 7, 500):
-        rows, numbers = random.integers(-3, 3, (count, 3)).astype(float), random.integers(-9, 9, count)
-        expected = np.unique(rows, axis=0, return_inverse=True, return_counts=True)
-        for found, wanted in zip(distinct_rows(rows), expected, strict=True):
-            assert np.array_equal(found, wanted.reshape(found.shape))
-        assert np.array_equal(distinct(numbers), np.unique(numbers))
 
 
 @pytest.mark.slow
