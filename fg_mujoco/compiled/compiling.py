@@ -42,6 +42,7 @@ from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine, omitted, text_of
 
 _ANNOUNCED = "FG_MUJOCO_COMPILING"  # environment variable: set once somebody has said that kernels are being compiled
+_LARGEST_PART = 200_000  # [bytes] of bitcode: a larger part holds most of the one kernel that calls it
 _functions: WeakSet[Callable[..., Any]] = WeakSet()  # of which kernels are made
 
 
@@ -500,6 +501,8 @@ class _PartCache(_KernelCache):
 
     def _kept(self, compiled: Any) -> bytes:
         bitcode = compiled.library._get_module_for_linking().as_bitcode()
+        if len(bitcode) > _LARGEST_PART:
+            raise OSError(f"{compiled.fndesc.qualname} is not worth keeping")
         compiled.fndesc.typemap = compiled.fndesc.calltypes = None
         environments = tuple(compiled._find_referenced_environments())
         kept = compiled.library.name, bitcode, compiled.fndesc, compiled.environment, compiled.signature, environments
