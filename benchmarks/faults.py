@@ -119,13 +119,13 @@ FAULTS = {
     ),
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(
-        file="fg_mujoco/vehicle/tire_forces.py",
+        file="fg_mujoco/vehicle/tire_patch.py",
         old="along / tire.relaxation_length, math.atan(across / tire.relaxation_length)",
         new="along / tire.relaxation_length, -math.atan(across / tire.relaxation_length)",
         tests="test_tire_forces.py test_tires.py",
     ),
     "the load sensitivity with the wrong sign": Fault(
-        file="fg_mujoco/vehicle/tire_forces.py",
+        file="fg_mujoco/vehicle/tire_patch.py",
         old="(load / tire.nominal_load) ** -tire.load_sensitivity",
         new="(load / tire.nominal_load) ** tire.load_sensitivity",
         tests="test_tire_forces.py test_tires.py test_tire_bench.py",
@@ -150,7 +150,7 @@ FAULTS = {
         tests="test_car.py test_car_dynamics.py test_huge_commands.py",
     ),
     "a steering that does not end where its joint does": Fault(
-        file="fg_mujoco/vehicle/tire_forces.py",
+        file="fg_mujoco/vehicle/tire_solve.py",
         old="if angle < gear.steering_range[0] or angle > gear.steering_range[1]:",
         new="if angle > 1e9:",
         tests="test_car.py",

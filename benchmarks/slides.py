@@ -23,7 +23,8 @@ from common import parser, report, table
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.bodywork import add_hull, fit_timestep
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.tire_forces import LOAD, USERDATA, TireForces
+from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.vehicle.tire_rows import LOAD, USERDATA
 from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle, vehicle_names
 

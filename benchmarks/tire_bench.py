@@ -22,7 +22,8 @@ import numpy as np
 from common import table
 
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.tire_forces import FORCE_ACROSS, FORCE_ALONG, LOAD, TireForces, put_on
+from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, put_on
 from fg_mujoco.vehicle.tires import CONTACT, AxleTires, Law, Tires, tire_names
 from fg_mujoco.vehicle.vehicle import Vehicle
 

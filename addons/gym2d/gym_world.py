@@ -33,7 +33,7 @@ from fg_mujoco.simulation.simulation import complete_state
 from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle import motion as car_motion
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_forces import USERDATA, userdata_place
+from fg_mujoco.vehicle.tire_rows import USERDATA, userdata_place
 from fg_mujoco.vehicle.tires import tires_of
 
 from .speed_controller import SpeedController

@@ -24,7 +24,8 @@ import numpy as np
 from ..messages import DriveCommand, FloatArray
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.friction_patches import Patch, PatchedFloor, add_patches
-from ..vehicle.tire_forces import LOAD, USERDATA, TireForces
+from ..vehicle.tire_forces import TireForces
+from ..vehicle.tire_rows import LOAD, USERDATA
 from ..vehicle.tire_slip import TireSlip, TireSlipMeter
 from ..vehicle.tires import Tires
 from ..vehicle.vehicle import Vehicle

@@ -26,7 +26,7 @@ from ..lidar.visible_surfaces import Scratch
 from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import Car
 from ..vehicle.friction_patches import PREFIX
-from ..vehicle.tire_forces import take_over
+from ..vehicle.tire_rows import take_over
 from .physics import CHANGEABLE, Batch
 
 

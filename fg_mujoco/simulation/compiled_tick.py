@@ -42,8 +42,10 @@ from ..vehicle import stages
 from ..vehicle.motion import CAR, read_odometry
 from ..vehicle.motion import drive as drive_car
 from ..vehicle.stages import Fields
-from ..vehicle.tire_forces import GEAR, TIRE, USERDATA, Inertia, step_on_contacts, step_on_tires
+from ..vehicle.tire_forces import step_on_contacts, step_on_tires
+from ..vehicle.tire_rows import GEAR, TIRE, USERDATA
 from ..vehicle.tire_slip import measure_slip
+from ..vehicle.tire_solve import Inertia
 from .clear_ground import ClearGround, touches_nothing
 from .clock import seconds
 from .physics import BAD_STATE, STATE, Batch, StateLayout, apply_to_states

@@ -30,8 +30,9 @@ from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR, read_motions
 from ..vehicle.stages import fields
-from ..vehicle.tire_forces import SCRATCH, USERDATA, Inertia, gear_row, steps_within, take_over
+from ..vehicle.tire_rows import USERDATA, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
+from ..vehicle.tire_solve import SCRATCH, Inertia
 from ..vehicle.vehicle import Vehicle
 from . import compiled_tick
 from .cars import lidar_prefix, touch_places, tree_of

@@ -35,7 +35,8 @@ from ..display import brief
 from ..errors import ModelError
 from ..messages import FloatArray
 from .car import WHEELS, element_id, sensor_slice
-from .tire_forces import (
+from .tire_patch import curve_peaks, slips
+from .tire_rows import (
     ACROSS,
     ALONG,
     FORCE_ACROSS,
@@ -46,8 +47,6 @@ from .tire_forces import (
     SLIP_SIZE,
     USERDATA,
     TireRows,
-    curve_peaks,
-    slips,
     tire_rows,
     userdata_place,
 )

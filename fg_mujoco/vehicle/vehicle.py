@@ -29,7 +29,7 @@ from ..registry import Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
-from .tire_forces import put_on
+from .tire_rows import put_on
 from .tires import DEFAULT_TIRES, Tires
 from .vehicle_mjcf import OWN_CAR, compiled, find_lidar, find_look, find_tires, parsed
 

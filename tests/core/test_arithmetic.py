@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.vehicle.arithmetic import add_scaled_4, add_scaled_16, unlikely
+from fg_mujoco.vehicle.tire_patch import unlikely
+from fg_mujoco.vehicle.tire_solve import add_scaled_4, add_scaled_16
 
 
 @kernel

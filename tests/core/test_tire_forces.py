@@ -17,19 +17,9 @@ from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle import stages
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.tire_forces import (
-    ACROSS,
-    ALONG,
-    FORCE_ACROSS,
-    FORCE_ALONG,
-    LOAD,
-    USERDATA,
-    TireForces,
-    begin_step,
-    deflect,
-    end_step,
-    grip_of,
-)
+from fg_mujoco.vehicle.tire_forces import TireForces, begin_step, end_step
+from fg_mujoco.vehicle.tire_patch import deflect, grip_of
+from fg_mujoco.vehicle.tire_rows import ACROSS, ALONG, FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
 from fg_mujoco.vehicle.tires import AxleTires, Brush, Tires, tires_of
 from fg_mujoco.vehicle.vehicle import Vehicle

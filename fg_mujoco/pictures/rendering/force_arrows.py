@@ -12,16 +12,8 @@ from numpy.typing import NDArray
 from ...messages import FloatArray
 from ...simulation.cars import CAR_PREFIX
 from ...vehicle.car import WHEELS, element_id
-from ...vehicle.tire_forces import (
-    FORCE_ACROSS,
-    FORCE_ALONG,
-    LOAD,
-    USERDATA,
-    curve_peaks,
-    peaks,
-    tire_rows,
-    userdata_place,
-)
+from ...vehicle.tire_patch import curve_peaks
+from ...vehicle.tire_rows import FORCE_ACROSS, FORCE_ALONG, LOAD, USERDATA, peaks, tire_rows, userdata_place
 from .cameras import View
 from .colours import friction_colour
 from .decor import disc, ring

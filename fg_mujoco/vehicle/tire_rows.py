@@ -1,0 +1,396 @@
+"""Reads tires, steering and drive off a compiled model, for the kernels that step them; and puts tires on a spec.
+
+Tires with a law of ours are rows of TIRE, and how a car is steered and driven is a row of GEAR. What a tire did in the
+last step lies in `userdata`, which is a part of mjSTATE_INTEGRATION: a recorded state holds all that the next step
+depends on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ModelError
+from ..messages import FloatArray
+from .car import WHEELS, element_id
+from .changes import six_digits
+from .tires import LAW_OF, LAWS, NUMBERS, NUMERIC, Tires, tires_of
+from .tires.sets import numbers_of
+
+_MOST_LINKS = 16  # joints between the world and a wheel, at most
+_DAMPING_RATIO = 0.3  # [-] of a wheel's spin on its tire: between those of rubber and of its foam
+_LONGEST = (0.35, 0.5)  # [-] of a short step times the fastest rate of the tires, of curves and of bristles: measured
+_MOST_STEPS = 64  # short ones in a physics step
+_MOST_COMMON = 16  # dofs that move more than one wheel, at most
+_FIRST_AXLE = "front"
+
+USERDATA = 8
+"""Numbers of each tire in `userdata`."""
+
+ALONG, ACROSS, LOAD, FORCE_ALONG, FORCE_ACROSS, SLIDING, SLIDING_ACROSS, SLIP_SIZE = range(USERDATA)
+"""Deflections [m] along the wheel's heading and to its left, which the next step begins with; then what the tire did in
+the last step: its mean load [N] and force [N], forward and to the left positive, the greatest speed at which it slid
+[m/s], that across its heading, and its greatest slip over that of the peak."""
+
+TIRE = np.dtype(
+    [
+        ("law", np.int64),  # its place in LAWS
+        ("holds", np.int64),  # see Law
+        ("slides", np.int64),
+        ("alike", np.int64),  # whether both curves are the same
+        # along the heading and across
+        ("curve", np.float64, (2, NUMBERS)),
+        ("slope", np.float64, (2,)),
+        ("peak_slip", np.float64, (2,)),  # 1 where there is no peak
+        ("peak", np.float64, (2,)),
+        ("relaxation_length", np.float64),
+        ("load_sensitivity", np.float64),
+        ("nominal_load", np.float64),
+        ("vertical_stiffness", np.float64),
+        ("vertical_damping", np.float64),
+        ("rolling_resistance", np.float64),
+        ("damping", np.float64),  # [N s/m] of its deflections
+        ("radius", np.float64),  # [m] of an ellipsoid about its axle, and half its width; equal: of a sphere
+        ("half_width", np.float64),
+        ("ground", np.float64),  # [m] height
+        ("body", np.int64),  # of the wheel
+        ("root", np.int64),  # of its tree
+        ("axle", np.float64, (3,)),  # in the frame of the wheel's body, forward spin positive
+        ("spin_dof", np.int64),
+        ("links", np.int64),
+        ("own_links", np.int64),  # how many of them move this wheel only: the first ones
+        ("chain", np.int64, (_MOST_LINKS,)),  # the dofs that move it, from its spin to the root
+        ("common", np.int64, (_MOST_LINKS,)),  # their places in `Gear.common`, behind its own
+        ("turned_by", np.int64, (_MOST_LINKS,)),  # how many, the first ones, turn the wheel against the body of each
+        ("straight", np.int64, (_MOST_LINKS,)),  # whether each moves without turning
+    ]
+)
+"""A tire with a law of ours, and its wheel. Kernels take an array (tires,) of it; none for the model `contact`."""
+
+GEAR = np.dtype(
+    [
+        ("first_tire", np.int64),  # its first row among those of TIRE; -1: its tires are MuJoCo's contacts
+        ("userdata", np.int64),  # where in `userdata` that of its tires begins
+        ("free_qpos", np.int64),  # of base_link's joint
+        ("free_dof", np.int64),
+        ("tire_steps", np.int64),  # short steps in a physics step, of `steps_within`
+        ("commons", np.int64),
+        ("common", np.int64, (_MOST_COMMON,)),  # the dofs that move more than one wheel, in order
+        ("common_of", np.int64, (_MOST_COMMON, _MOST_COMMON)),  # where the entries of their rows are among them
+        ("steered", np.int64),  # whether the kingpins follow the steering by polynomials, and are put there
+        ("steering_qpos", np.int64),
+        ("steering_dof", np.int64),
+        ("steering_damping", np.float64),  # [N m s/rad] of it and its kingpins
+        ("steering_inertia", np.float64),  # [kg m^2] likewise
+        ("steering_range", np.float64, (2,)),  # [rad] at which its joint ends; infinite: nowhere
+        ("kingpin_qpos", np.int64, (2,)),
+        ("kingpin_dof", np.int64, (2,)),
+        ("ackermann", np.float64, (2, 5)),  # their angles as polynomials of the steering angle
+        ("driven", np.int64),  # whether the motor acts through fixed shares of the wheels' spins
+        ("drive_share", np.float64, (4,)),  # [m] of each wheel's spin in the speed of the drive
+        # of the two servos, steering and drive
+        ("actuator", np.int64, (2,)),
+        ("delayed", np.int64, (2,)),  # how MuJoCo interpolates what they were told; -1: they have no delay
+        ("control_range", np.float64, (2, 2)),
+        ("force_range", np.float64, (2, 2)),
+        ("power", np.float64),  # [W] of the motor: its greatest force at `power_limit_speed`
+        ("spin_dof", np.int64, (4,)),
+        ("wheel_radius", np.float64),  # [m] mean of the drive
+    ]
+)
+"""The steering and the drive of a car; of one on MuJoCo's contacts only the servos and the motor's power."""
+
+TireRows = NDArray[np.void]
+GearRows = NDArray[np.void]
+
+
+def put_on(spec: Any, tires: Tires) -> Tires:
+    """Put tires on a vehicle's spec, in place: the numbers that `tires_of` reads, and the friction of its pairs.
+
+    The pairs stay as they are but for that, so that MuJoCo alone can drive the model, on its own contacts.
+
+    Returns:
+      The tires, with the vehicle's friction where they give none.
+    """
+    for name in ("front", "rear"):  # a spec that was written to a file has the tires of then
+        numbers = spec.numeric(NUMERIC.format(name))
+        if numbers is not None:
+            spec.delete(numbers)
+            spec.nuserdata = 0
+    if tires.is_contact:
+        return tires
+    found = [wheel for wheel in WHEELS if spec.pair(f"{wheel}_tire") is not None]
+    tires = tires.on(float(spec.pair(f"{found[0]}_tire").friction[0]))
+    spec.nuserdata = USERDATA * len(found)
+    for name, axle in zip(("front", "rear"), tires.axles, strict=True):
+        numbers = [six_digits(value) for value in numbers_of(axle, tires.model)]
+        spec.add_numeric(name=NUMERIC.format(name), data=numbers)
+        for wheel in found:
+            if wheel.startswith(name):
+                pair, mu = spec.pair(f"{wheel}_tire"), six_digits(axle.lateral.peak)
+                pair.friction = [mu, mu, *pair.friction[2:]]
+    return tires
+
+
+def tire_rows(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> TireRows:
+    """Return the rows of TIRE of a car in a compiled model, in the order of its wheels; none for the model `contact`.
+
+    Raises:
+      ModelError: the model does not hold the car under this prefix, or a wheel hangs on too many joints.
+    """
+    tires = tires_of(model, prefix)
+    if tires.is_contact:
+        return np.zeros(0, TIRE)
+    rows, law = np.zeros(len(wheels), TIRE), LAW_OF[tires.model]
+    common = _common(model, prefix, wheels)
+    for row, wheel in zip(rows, wheels, strict=True):
+        axle = tires.axles[0 if wheel.startswith("front") else 1]
+        row["law"], row["holds"], row["slides"] = LAWS.index(law), law.holds, law.slides
+        row["alike"] = axle.lateral == axle.longitudinal
+        for k, curve in enumerate((axle.longitudinal, axle.lateral)):
+            row["curve"][k], row["slope"][k], row["peak"][k] = curve.row(), curve.slope, curve.peak
+            row["peak_slip"][k] = curve.peak_slip if math.isfinite(curve.peak_slip) else 1.0
+        for name in ("relaxation_length", "load_sensitivity", "nominal_load", "vertical_stiffness", "vertical_damping",
+                     "rolling_resistance"):  # fmt: skip
+            row[name] = getattr(axle, name)
+        _find_wheel(model, prefix, wheel, row, common)
+        stiffness = row["slope"][0] * axle.nominal_load / axle.relaxation_length
+        # rounded, so that a heavier chassis does not change its last bits: a batch has one row for all of its worlds
+        row["damping"] = six_digits(2.0 * _DAMPING_RATIO * math.sqrt(stiffness * _spinning_mass(model, row)))
+    rows.flags.writeable = False
+    return rows
+
+
+def _common(model: mujoco.MjModel, prefix: str, wheels: Sequence[str]) -> list[int]:
+    """Return the dofs that move more than one wheel, and those above them; of one wheel alone, none but its own do."""
+    chains = [_chain(model, element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")) for wheel in wheels]
+    dofs = [dof for chain in chains for dof in chain]
+    found = sorted({dof for dof in dofs if dofs.count(dof) > 1})
+    if len(found) > _MOST_COMMON:
+        raise ModelError(f"{len(found)} dofs move more than one wheel; accepted: up to {_MOST_COMMON}")
+    return found
+
+
+def _chain(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the dofs that move a body, the last first."""
+    chain, dof = [], int(model.body_dofadr[body] + model.body_dofnum[body] - 1)
+    while dof >= 0:
+        chain.append(dof)
+        dof = int(model.dof_parentid[dof])
+    return chain
+
+
+def _find_wheel(model: mujoco.MjModel, prefix: str, wheel: str, row: Any, common: Sequence[int]) -> None:
+    """Write where a wheel is, and what moves it."""
+    geom = element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}{wheel}_tire")
+    size = model.geom_size[geom]
+    ellipsoid = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID
+    row["radius"] = size[0]
+    row["half_width"] = size[1] if ellipsoid else size[0]
+    row["ground"] = model.geom_pos[element_id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}ground"), 2]
+    body = element_id(model, mujoco.mjtObj.mjOBJ_BODY, f"{prefix}{wheel}_wheel")
+    spin = element_id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")
+    row["body"], row["root"] = body, model.body_rootid[body]
+    row["axle"], row["spin_dof"] = model.jnt_axis[spin], model.jnt_dofadr[spin]
+    chain = _chain(model, body)
+    if len(chain) > _MOST_LINKS:
+        raise ModelError(f"{prefix}{wheel}_wheel hangs on {len(chain)} dofs; accepted: up to {_MOST_LINKS}")
+    row["links"], row["chain"], row["common"] = len(chain), -1, -1
+    row["chain"][: len(chain)] = chain
+    row["own_links"] = sum(dof not in common for dof in chain)
+    joints = model.dof_jntid[chain].tolist()
+    for link, dof in enumerate(chain):
+        if dof in common:
+            row["common"][link] = common.index(dof)
+        row["turned_by"][link], row["straight"][link] = joints.index(joints[link]), _moves_straight(model, dof)
+
+
+def _moves_straight(model: mujoco.MjModel, dof: int) -> bool:
+    """Return whether a dof turns nothing: that of a slide, or one of the first three of a free joint."""
+    joint, kinds = int(model.dof_jntid[dof]), mujoco.mjtJoint
+    free = model.jnt_type[joint] == kinds.mjJNT_FREE
+    return bool(model.jnt_type[joint] == kinds.mjJNT_SLIDE or (free and dof < model.jnt_dofadr[joint] + 3))
+
+
+def _spinning_mass(model: mujoco.MjModel, row: Any) -> float:
+    """Return the mass that a force along the heading of a tire moves when the wheel spins up [kg]."""
+    return float(model.dof_M0[row["spin_dof"]]) / float(row["radius"]) ** 2
+
+
+def steps_within(model: mujoco.MjModel, rows: TireRows, timestep: float) -> int:
+    """Return in how many short steps a physics step moves the tires.
+
+    Raises:
+      ModelError: a step that is too long for tires so stiff.
+    """
+    fastest = 0.0  # [rad/s] of all, over what a short step may be of it
+    for row in rows:
+        mass = float(model.body_mass[row["body"]])
+        unsprung = float(model.body_subtreemass[model.body_parentid[row["body"]]]) if mass else mass
+        upright = math.sqrt(float(row["vertical_stiffness"]) / max(min(unsprung, 1.0), mass, 1e-3))
+        greatest = max(float(slope) for slope in row["slope"])
+        stiffness = greatest * float(row["nominal_load"]) / float(row["relaxation_length"])
+        rate = max(upright, math.sqrt(stiffness / _spinning_mass(model, row)))
+        fastest = max(fastest, rate / _LONGEST[int(row["holds"])])
+    steps = max(math.ceil(timestep * fastest - 1e-9), 1)
+    if steps > _MOST_STEPS:
+        raise ModelError(
+            f"timestep is {timestep:g} s with tires so stiff; accepted: up to {_MOST_STEPS / fastest:.3g} s, or tires "
+            "with less stiffness or a longer relaxation_length"
+        )
+    return steps
+
+
+def gear_row(model: mujoco.MjModel, prefix: str = "") -> GearRows:
+    """Return how a car is steered and driven, (1,) of GEAR; whoever has the rows of all tires writes `first_tire`.
+
+    Raises:
+      ModelError: the model does not hold the car under this prefix.
+    """
+    gears, kinds = no_gear(), mujoco.mjtObj
+    gear = gears[0]
+    for k, name in enumerate(("steering", "speed")):
+        servo = element_id(model, kinds.mjOBJ_ACTUATOR, f"{prefix}{name}")
+        samples, interpolation = model.actuator_history[servo].tolist()
+        gear["actuator"][k], gear["delayed"][k] = servo, interpolation if samples > 0 else -1
+        unlimited = (-np.inf, np.inf)
+        gear["control_range"][k] = model.actuator_ctrlrange[servo] if model.actuator_ctrllimited[servo] else unlimited
+        gear["force_range"][k] = model.actuator_forcerange[servo] if model.actuator_forcelimited[servo] else unlimited
+    limit = element_id(model, kinds.mjOBJ_NUMERIC, f"{prefix}power_limit_speed")
+    gear["power"] = gear["force_range"][1, 1] * model.numeric_data[model.numeric_adr[limit]]
+    gear["spin_dof"] = [
+        model.jnt_dofadr[element_id(model, kinds.mjOBJ_JOINT, f"{prefix}{wheel}_wheel")] for wheel in WHEELS
+    ]
+    drive = element_id(model, kinds.mjOBJ_TENDON, f"{prefix}drive")
+    wraps = slice(model.tendon_adr[drive], model.tendon_adr[drive] + model.tendon_num[drive])
+    gear["wheel_radius"] = model.wrap_prm[wraps].sum()
+    if not tires_of(model, prefix).is_contact:
+        gear["userdata"] = userdata_place(model, prefix)
+        free = element_id(model, kinds.mjOBJ_JOINT, f"{prefix}base_link")
+        gear["free_qpos"], gear["free_dof"] = model.jnt_qposadr[free], model.jnt_dofadr[free]
+        _find_common(model, gear, _common(model, prefix, WHEELS))
+        _find_steering(model, prefix, gear)
+        _find_drive(model, prefix, gear)
+    gears.flags.writeable = False
+    return gears
+
+
+def _find_common(model: mujoco.MjModel, gear: Any, common: Sequence[int]) -> None:
+    """Write which dofs move more than one wheel, and what MuJoCo's inertia has in their rows."""
+    gear["commons"], gear["common"], gear["common_of"] = len(common), -1, -1
+    gear["common"][: len(common)] = common
+    for place, dof in enumerate(common):
+        start, entries = int(model.M_rowadr[dof]), int(model.M_rownnz[dof]) - 1
+        columns = model.M_colind[start : start + entries].tolist()
+        gear["common_of"][place][:entries] = [common.index(column) for column in columns]
+
+
+def _find_steering(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
+    """Write how the kingpins follow the steering; not `steered` where no equalities of the joints say so."""
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    steering = element_id(model, joint, f"{prefix}steering")
+    kingpins = [element_id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
+    found = _ackermann(model, steering, kingpins)
+    if len(found) < 2 or not _is_plain(model, int(gear["actuator"][0]), mujoco.mjtTrn.mjTRN_JOINT):
+        return
+    dofs = model.jnt_dofadr[[steering, *kingpins]]
+    gear["steered"] = 1
+    gear["steering_qpos"], gear["steering_dof"] = model.jnt_qposadr[steering], dofs[0]
+    gear["kingpin_qpos"], gear["kingpin_dof"] = model.jnt_qposadr[kingpins], dofs[1:]
+    gear["steering_damping"] = model.dof_damping[dofs].sum()
+    limited = bool(model.jnt_limited[steering])
+    gear["steering_range"] = model.jnt_range[steering] if limited else (-np.inf, np.inf)
+    gear["steering_inertia"] = six_digits(float(model.dof_M0[dofs].sum()))  # rounded for the same reason as damping
+    gear["ackermann"] = [model.eq_data[equality, :5] for equality in found]
+
+
+def _ackermann(model: mujoco.MjModel, steering: int, kingpins: Sequence[int]) -> list[int]:
+    """Return the equalities that make the kingpins follow the steering, as many as there are."""
+    joints = mujoco.mjtEq.mjEQ_JOINT
+    return [
+        equality
+        for kingpin in kingpins
+        for equality in range(model.neq)
+        if model.eq_type[equality] == joints
+        and (model.eq_obj1id[equality], model.eq_obj2id[equality]) == (kingpin, steering)
+    ]
+
+
+def _find_drive(model: mujoco.MjModel, prefix: str, gear: Any) -> None:
+    """Write which share each wheel has in the drive; not `driven` where the motor acts on anything else."""
+    motor = int(gear["actuator"][1])
+    spins = gear["spin_dof"].tolist()
+    if not _is_plain(model, motor, mujoco.mjtTrn.mjTRN_TENDON):
+        return
+    tendon = int(model.actuator_trnid[motor, 0])
+    wraps = range(int(model.tendon_adr[tendon]), int(model.tendon_adr[tendon] + model.tendon_num[tendon]))
+    if len(wraps) > 4 or any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
+        return
+    dofs = model.jnt_dofadr[model.wrap_objid[wraps.start : wraps.stop]].tolist()
+    if not set(dofs) <= set(spins):
+        return
+    gear["driven"] = 1
+    for dof, share in zip(dofs, model.wrap_prm[wraps.start : wraps.stop].tolist(), strict=True):
+        gear["drive_share"][spins.index(dof)] += share
+
+
+def _is_plain(model: mujoco.MjModel, actuator: int, transmission: Any) -> bool:
+    """Return whether an actuator's force is affine in its control, and acts one to one through a transmission."""
+    return bool(
+        model.actuator_trntype[actuator] == transmission
+        and model.actuator_dyntype[actuator] == mujoco.mjtDyn.mjDYN_NONE
+        and model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_FIXED
+        and model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_AFFINE
+        and model.actuator_gear[actuator, 0] == 1.0
+    )
+
+
+def no_gear() -> GearRows:
+    """Return the row of GEAR of contacts, or of wheels that are no car's, (1,): nothing steers or drives them."""
+    gears = np.zeros(1, GEAR)
+    gears["free_dof"] = gears["first_tire"] = -1
+    return gears
+
+
+def take_over(model: mujoco.MjModel, prefix: str = "") -> bool:
+    """Switch off what `push_car` does in MuJoCo's place, in a compiled model, in place.
+
+    These are the contacts of a car's tires, and where it is steered by Ackermann's equalities, these. A joint's damping
+    is then taken implicitly by `push_car`, and not by MuJoCo's Euler step.
+
+    Returns:
+      Whether the car has tires of ours; else nothing was done.
+    """
+    if tires_of(model, prefix).is_contact:
+        return False
+    for wheel in WHEELS:
+        pair = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire")
+        if pair >= 0:
+            model.pair_margin[pair] = -1.0  # [m]: never as deep
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    joint = mujoco.mjtObj.mjOBJ_JOINT
+    steering = mujoco.mj_name2id(model, joint, f"{prefix}steering")
+    kingpins = [mujoco.mj_name2id(model, joint, f"{prefix}front_{side}_kingpin") for side in ("left", "right")]
+    if min(steering, *kingpins) >= 0 and gear_row(model, prefix)["steered"][0]:
+        model.eq_active0[_ackermann(model, steering, kingpins)] = 0
+    return True
+
+
+def userdata_place(model: mujoco.MjModel, prefix: str = "") -> int:
+    """Return where in `userdata` that of a car's tires begins: behind that of all cars that come before it."""
+    name = NUMERIC.format(_FIRST_AXLE)
+    own = element_id(model, mujoco.mjtObj.mjOBJ_NUMERIC, prefix + name)
+    before: int = sum(model.numeric(index).name.endswith(f"/{name}") for index in range(own))
+    return before * USERDATA * len(WHEELS)
+
+
+def peaks(model: mujoco.MjModel, prefix: str = "", wheels: Sequence[str] = WHEELS) -> FloatArray:
+    """Return the friction coefficient of each tire, or its lateral peak [-]. Shape (wheels,), a copy."""
+    pairs = [element_id(model, mujoco.mjtObj.mjOBJ_PAIR, f"{prefix}{wheel}_tire") for wheel in wheels]
+    found: FloatArray = model.pair_friction[pairs, 0]
+    return found
