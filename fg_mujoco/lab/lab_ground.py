@@ -18,8 +18,7 @@ import numpy as np
 
 from ..errors import SettingsError
 from ..messages import DriveCommand, FloatArray, Odometry
-from ..simulation.engine import whole_steps
-from ..simulation.physics import STATE
+from ..simulation.physics import STATE, whole_steps
 from ..simulation.simulation import complete_state
 from ..vehicle.car import Car
 from ..vehicle.changes import GREATEST_MU, CarChanges

@@ -30,8 +30,8 @@ from ..lidar.effects import LidarEffects
 from ..messages import Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from ..simulation.cars import car_prefix
 from ..simulation.course_loading import load_track
-from ..simulation.engine import Engine, whole_steps
-from ..simulation.physics import STATE
+from ..simulation.engine import Engine
+from ..simulation.physics import STATE, whole_steps
 from ..simulation.planner_adapter import OtherCar, Surroundings, odometry_message, start
 from ..simulation.settings import DriveSettings
 from ..simulation.world import World

@@ -18,71 +18,44 @@ from __future__ import annotations
 
 import math
 import time
-from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Uncopied
-from ..compiled.array_table import Table
 from ..display import brief
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import Beams
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import Lidar
-from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
+from ..messages import NO_READINGS, FloatArray, LaserScan, Reading
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
-from ..vehicle.motion import drift_odometry, ground_speed, point_motion
-from .cars import car_prefix
+from ..vehicle.motion import ground_speed, point_motion
 from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, read_times, sense_all
-from .physics import span_of
-from .planner_adapter import BatchPlanners, Calls, OtherCar, Planners, Reasons, Surroundings
+from .physics import whole_steps
+from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings
 from .planner_failure import is_of_planner
 from .settings import Start
+from .slots import Share, Slots, ends_of_shares, parts_of, share_of, shared_out
 from .termination import END_REASONS, RaceMonitor
 from .world import World
 from .world_batch import CarArrays, Mask, WorldBatch
 
-if TYPE_CHECKING:  # imported where a car or a world has them
-    from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
-    from ..vehicle.sensors import CarState, Sampler, Sensor
+if TYPE_CHECKING:
+    from ..vehicle.sensors import Sensor
     from .cars_alone import CarsAlone
-    from .slots import Slots
+    from .sensing import Sensing
 
 Hook = Callable[["Engine", NDArray[np.int64]], None]
 """Called with the engine and the worlds that are being stepped."""
 
 _FINISHED = END_REASONS.index("finished")
 _WORLDS_A_THREAD = 4  # fewer are driven sooner than a thread is woken
-
-
-class Clock(Protocol):
-    """Times decisions."""
-
-    limit: float  # of a decision [s]; inf: none
-
-    def time(self, decide: Callable[[], None]) -> None:
-        """Call what decides, and note how long it took."""
-
-    def note(self, seconds: float) -> None:
-        """Note how long a decision took; raise where that is longer than the limit."""
-
-
-class Keeper(Protocol):
-    """Keeps ticks."""
-
-    def append(self) -> None:
-        """Keep the tick that was driven."""
-
-    def room(self) -> Table:
-        """Return a table of compiled_tick.KEPT with room for another tick."""
 
 
 class Engine(Uncopied):
@@ -107,7 +80,6 @@ class Engine(Uncopied):
       substeps: physics steps of a tick.
       odometry, ranges, commands, mu, crashed, touched_at, failed, telemetry, statistics: of the cars, as in CarArrays;
         r is n m.
-      scans: of the cars whose LiDAR has effects, last sensed, by row.
       room: for how many worlds a model is compiled that `rebuild_worlds` puts in places; each thread has its own.
       no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
         when it is placed on, (r,); False unless somebody says so.
@@ -140,37 +112,25 @@ class Engine(Uncopied):
         self.substeps = whole_steps(self.period, worlds[0].model.opt.timestep)
         self._time_limit, self._own_model = time_limit, own_model
         cars = self.count * self.cars_per_world
-        self._arrays, self.monitor = (
-            CarArrays.of(cars, len(self.beams.bearings), self.cars_per_world),
-            RaceMonitor(cars, laps),
-        )
-        self._ends_of_shares = _ends_of_shares(self.count, threads)
-        self._slots: dict[tuple[int, World], Slots] = {}  # of each share
-        self._in_slots: set[WorldBatch] = set()
-        self._alone: dict[tuple[int, str], CarsAlone] = {}  # of each share, by their text
+        self._arrays = arrays = CarArrays.of(cars, len(self.beams.bearings), self.cars_per_world)
+        self.monitor = RaceMonitor(cars, laps)
+        self._ends_of_shares = ends_of_shares(self.count, threads)
+        self._slots = Slots()
         self.room = 1
-        batches = [self._batch(worlds[part.start], part) for part in _parts(worlds, self._ends_of_shares)]
+        batches = [self._batch(worlds[part.start], part) for part in parts_of(worlds, self._ends_of_shares)]
         self._take_batches(batches)
         self._changes = None if changes is None else list(changes)
-        for batch in self._batches:
-            self._change(batch)
+        for batch in batches if self._changes is not None else ():
+            batch.change(self._changes[batch.rows])
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and self.count >= 2 * _WORLDS_A_THREAD else None
-
-        arrays = self._arrays
         self.odometry, self.ranges, self.commands, self.mu = arrays.odometry, arrays.ranges, arrays.commands, arrays.mu
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
         self.telemetry, self.statistics, self.touched_at = arrays.telemetry, arrays.statistics, arrays.touched_at
-        self.scans: dict[int, LaserScan] = {}
         self.planners: Planners | None = None
         self.before_substep: list[Hook] = []
         self.after_substep: list[Hook] = []
         self.no_messages = np.zeros(cars, np.bool_)
-        self._pipelines: dict[int, ScanPipeline] = {}
-        self._row_effects: EffectsOfRows | None = None
-        self._samplers: dict[int, list[Sampler]] = {}
-        self._odometry_drift = np.zeros(cars)
-        self._drifts = False
-        self._data: dict[int, mujoco.MjData] = {}
+        self._sensing: Sensing | None = None
         self._driven = np.zeros(cars, np.bool_)
         self._calls: Calls | None = None
 
@@ -192,8 +152,7 @@ class Engine(Uncopied):
             raise ModelError(f"timestep is {world.model.opt.timestep} s; accepted: the same in all worlds of an engine")
         return WorldBatch(
             world, worlds, self.cars_per_world, self._arrays, self.monitor, substeps=self.substeps, period=self.period,
-            time_limit=self._time_limit, own_model=self._own_model, room=room,
-            alone=alone,
+            time_limit=self._time_limit, own_model=self._own_model, room=room, alone=alone,
         )  # fmt: skip
 
     def _take_batches(self, batches: Sequence[WorldBatch]) -> None:
@@ -201,22 +160,7 @@ class Engine(Uncopied):
         self._batches = list(batches)
         self._batch_of = [batch for batch in batches for _ in range(batch.worlds.start, batch.worlds.stop)]
         self._called: Planners | None = None  # whose calls the next are
-        shares: list[list[WorldBatch]] = [[] for _ in self._ends_of_shares]
-        for batch in batches:
-            shares[self._share_of(batch.worlds)].append(batch)
-        for share in shares:  # those of one World follow each other, so that what they share is in the cache then
-            share.sort(key=lambda batch: id(batch.world))
-        self._shares = [
-            Share(
-                np.array([batch.table_address for batch in share], np.int64),
-                np.array([batch.rows.start for batch in share], np.int64),
-            )
-            for share in shares
-        ]
-
-    def _change(self, batch: WorldBatch) -> None:
-        if self._changes is not None:
-            batch.change(self._changes[batch.rows])
+        self._shares = shared_out(batches, self._ends_of_shares)
 
     @property
     def world(self) -> World:
@@ -276,10 +220,14 @@ class Engine(Uncopied):
         first, end = self._place_of(i)[0].layout.ctrl
         return self.state(i)[first:end]
 
-    def part_of_state(self, i: int, part: mujoco.mjtState) -> FloatArray:
-        """Return a part of the state of world i, such as mujoco.mjtState.mjSTATE_QFRC_APPLIED. Live."""
-        first, end = span_of(self.world_of(i).model, part)
-        return self.state(i)[first:end]
+    @property
+    def scans(self) -> dict[int, LaserScan]:
+        """The scans of the cars whose LiDAR has effects, last sensed, by row."""
+        return {} if self._sensing is None else self._sensing.scans
+
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """Return what the sensors of a car have delivered up to when it last sensed, by their names."""
+        return NO_READINGS if self._sensing is None else self._sensing.readings(row)
 
     def free_joint(self, row: int) -> tuple[FloatArray, FloatArray]:
         """Return position and quaternion (7,) of a car's base_link [m], and its velocity (2,) [m/s], in the world."""
@@ -354,16 +302,8 @@ class Engine(Uncopied):
         batch, place = self._place_of(i)
         batch.read(place, data)
 
-    def rebuild(self, i: int, world: World) -> None:
-        """Put another world in the place of world i. Its cars are to be placed before it goes on.
-
-        Raises:
-          ModelError, SettingsError: another timestep, or another LiDAR.
-        """
-        self.rebuild_worlds({i: world})
-
     def rebuild_worlds(self, worlds: Mapping[int, World]) -> None:
-        """Put other worlds in the places of some worlds, by their numbers, as `rebuild`.
+        """Put other worlds in the places of some, by their numbers. Their cars are to be placed before they go on.
 
         Raises:
           ModelError, SettingsError: another timestep, or another LiDAR.
@@ -374,53 +314,28 @@ class Engine(Uncopied):
             if not any(i in worlds for i in range(first, end)):
                 batches.append(batch)
                 continue
-            if batch in self._in_slots:
-                self._in_slots.remove(batch)
-                if (slots := self._slots.get((self._share_of(batch.worlds), batch.world))) is not None:
-                    slots.leave(batch)
+            self._slots.leave(batch)
             cuts = sorted({first, end} | {cut for i in range(first, end) if i in worlds for cut in (i, i + 1)})
             for part in map(slice, cuts, cuts[1:]):
-                new = self._fresh(worlds[part.start], part) if part.start in worlds else self._batch(batch.world, part)
-                self._change(new)
+                if part.start in worlds:
+                    share, world = share_of(part, self._ends_of_shares), worlds[part.start]
+                    new = self._slots.take(self._batch, share, world, part, self._arrays, self.monitor, self.room)
+                else:
+                    new = self._batch(batch.world, part)
+                if self._changes is not None:
+                    new.change(self._changes[new.rows])
                 if part.start not in worlds:  # these go on where they are
                     new.go_on_from(batch, slice(part.start - first, part.stop - first))
                 batches.append(new)
         self._take_batches(batches)
         for i in worlds:
             self.running[i * self.cars_per_world : (i + 1) * self.cars_per_world] = False
-            self._data.pop(i, None)
-
-    def _fresh(self, world: World, place: slice) -> WorldBatch:
-        """Return a batch of one world; those of the same World share its model."""
-        share = self._share_of(place)
-        if (share, world) not in self._slots:
-            from .slots import Slots
-
-            alone = self._cars_alone(share, world)
-            self._slots[share, world] = Slots(partial(self._batch, world, alone=alone), self.room)
-        batch = self._slots[share, world].take(place, self._arrays, self.monitor)
-        self._in_slots.add(batch)
-        return batch
-
-    def _cars_alone(self, share: int, world: World) -> CarsAlone | None:
-        """Return the cars of a world alone, for the thread of a share; None where no ground is known to be clear."""
-        if not world.distances[0].size:
-            return None
-        key = share, world.xml_of_cars
-        if key not in self._alone:
-            from .cars_alone import CarsAlone
-
-            self._alone[key] = CarsAlone(world.xml_of_cars, world.cars)
-        return self._alone[key]
-
-    def _share_of(self, worlds: slice) -> int:
-        """Return the number of the share that some worlds are in."""
-        return bisect_left(self._ends_of_shares, worlds.stop)
+            if self._sensing is not None:
+                self._sensing.forget(i)
 
     def forget(self, worlds: Sequence[World]) -> None:
         """Keep nothing of worlds that are to be driven no more, which would make it quicker to drive them again."""
-        for key in [key for key in self._slots if key[1] in worlds]:
-            del self._slots[key]
+        self._slots.forget(worlds)
 
     def change(self, i: int, changes: Sequence[CarChanges]) -> None:
         """Change the cars of world i, (m,), in the place of what was changed before; they are then to be placed.
@@ -460,17 +375,11 @@ class Engine(Uncopied):
         start_of: list[Start | None] = [None] * len(chosen)
         for place, (row, start) in enumerate(zip(np.flatnonzero(chosen).tolist(), starts, strict=True)):
             start_of[row] = start
-            self._sense_plainly(row)
-            if effects is not None and effects[place] != LidarEffects():
-                assert seeds is not None
-                if self.no_messages[row] and not effects[place].motion_distortion:
-                    self._effects_of_rows().begin(row, effects[place], seeds[place])
-                else:
-                    self._pipelines[row] = self._pipeline(row, effects[place], seeds[place])
-            if sensors is not None and sensors[place]:
-                assert seeds is not None
-                self._samplers[row] = self._make_samplers(row, sensors[place], seeds[place])
-        self._drift(chosen, 0.0 if odometry_drifts is None else odometry_drifts)
+            self._begin_sensing(
+                row, None if effects is None else effects[place], () if sensors is None else sensors[place],
+                0 if seeds is None else seeds[place], 0.0 if odometry_drifts is None else odometry_drifts[place],
+                messages=not self.no_messages[row],
+            )  # fmt: skip
         worlds = np.flatnonzero(chosen[:: self.cars_per_world]).tolist()
         for batch in dict.fromkeys(self._batch_of[i] for i in worlds):
             batch.place(chosen[batch.rows], start_of[batch.rows])
@@ -500,17 +409,29 @@ class Engine(Uncopied):
         batch, place = self._place_of(i)
         batch.load(place, state, timed=timed)
         rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
-        self._drift(rows, odometry_drift)
-        effects_of = effects if isinstance(effects, Sequence) else [effects] * len(rows)
-        seed_of = seed if isinstance(seed, Sequence) else [seed] * len(rows)
-        sensors_of = sensors or [()] * len(rows)
-        for row, own, number, sensing in zip(rows, effects_of, seed_of, sensors_of, strict=True):
-            self._sense_plainly(row)
-            if sensing:
-                self._samplers[row] = self._make_samplers(row, sensing, number)
-            if own is not None and own != LidarEffects():
-                self._pipelines[row] = self._pipeline(row, own, number)
+        each = len(rows)
+        effects_of = effects if isinstance(effects, Sequence) else [effects] * each
+        seed_of = seed if isinstance(seed, Sequence) else [seed] * each
+        drift_of = odometry_drift if isinstance(odometry_drift, Sequence) else [odometry_drift] * each
+        for row, *begun in zip(rows, effects_of, sensors or [()] * each, seed_of, drift_of, strict=True):
+            self._begin_sensing(row, *begun, messages=True)
             self.running[row] = self.running[row] or not timed
+
+    def _begin_sensing(
+        self, row: int, effects: LidarEffects | None, sensors: Sequence[Sensor], seed: int, drift: float, *,
+        messages: bool,
+    ) -> None:  # fmt: skip
+        """Begin anew what a car measures in Python, see `Sensing.begin`."""
+        if self._sensing is None and ((effects is not None and effects != LidarEffects()) or sensors or drift):
+            self._sense_in_python()
+        if self._sensing is not None:
+            self._sensing.begin(row, effects, sensors, seed, drift, messages=messages)
+
+    def _sense_in_python(self) -> Sensing:
+        from .sensing import Sensing  # imported where a car measures more than the compiled scan and odometry
+
+        self._sensing = Sensing(self, self._arrays)
+        return self._sensing
 
     def sense(self, which: Mask | None = None) -> None:
         """Take the scans and odometry of cars, (r,); None: of all that race. Once for each moment: noise is drawn."""
@@ -520,27 +441,10 @@ class Engine(Uncopied):
             if others.any():
                 self._share(lambda share: read_all(share.tables, share.firsts, others))
         self._share(lambda share: sense_all(share.tables, share.firsts, chosen))
-        if self._drifts:
-            drifted = self.odometry[chosen]
-            drift_odometry(drifted, 1.0 + self._odometry_drift[chosen])
-            self.odometry[chosen] = drifted
-        for batch in self._batches:
-            if batch.drawn is None:
-                for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
-                    lidar = batch.lidar(row % self.cars_per_world)
-                    self.ranges[row] = lidar.ranges(self._data_of(row // self.cars_per_world))
-        if self._samplers:
-            self._measure(np.flatnonzero(chosen), deliver=True)
-        if self._row_effects:
-            self._row_effects.apply(chosen, self.ranges)
-        if self._pipelines:
-            self.scans = {
-                row: pipeline.scan(self._data_of(row // self.cars_per_world, pipeline))
-                for row, pipeline in self._pipelines.items()
-                if chosen[row]
-            }
-            for row, scan in self.scans.items():
-                self.ranges[row] = scan.ranges
+        if self._sensing is None and any(batch.drawn is None for batch in self._batches):
+            self._sense_in_python()
+        if self._sensing is not None:
+            self._sensing.sense(chosen)
 
     def read_odometry(self, which: Mask) -> None:
         """Take the odometry of cars, (r,), and what begins their rows of telemetry, without their scans."""
@@ -564,7 +468,8 @@ class Engine(Uncopied):
         Args:
           controls: of the actuators, as recorded, (n, controls), instead of the commands; None: the commands are held.
         """
-        if self.before_substep or self.after_substep or self._in_steps or controls is not None:
+        in_steps = self._sensing is not None and self._sensing.in_steps
+        if self.before_substep or self.after_substep or in_steps or controls is not None:
             for batch in self._batches:
                 self._drive_in_steps(batch, controls)
         else:
@@ -615,9 +520,7 @@ class Engine(Uncopied):
 
     def _compiled_calls(self) -> Calls | None:
         """Return the calls that decide in a tick of one compiled call; None where it takes more."""
-        if self.before_substep or self.after_substep or self._samplers or self._drifts:
-            return None
-        if self._pipelines or self._row_effects:
+        if self.before_substep or self.after_substep or (self._sensing is not None and self._sensing.active):
             return None
         if self._called is not self.planners:
             self._called, self._calls, batch = self.planners, None, self._batches[0]
@@ -667,106 +570,16 @@ class Engine(Uncopied):
             self._pool.shutdown()
             self._pool = None
 
-    def _drift(self, rows: Any, drift: float | Sequence[float]) -> None:
-        """Let the odometry of some rows err by a share of what is measured."""
-        self._odometry_drift[rows] = drift
-        self._drifts = bool(self._odometry_drift.any())
-
     def _place_of(self, i: int) -> tuple[WorldBatch, int]:
         """Return the batch that has world i, and its place there."""
         batch = self._batch_of[i]
         return batch, i - batch.worlds.start
-
-    def _sense_plainly(self, row: int) -> None:
-        """Take the effects of its LiDAR and its sensors off a car."""
-        self._pipelines.pop(row, None)
-        self._samplers.pop(row, None)
-        if self._row_effects is not None:
-            self._row_effects.end(row)
-
-    def _effects_of_rows(self) -> EffectsOfRows:
-        if self._row_effects is None:
-            from ..lidar.scan_pipeline import EffectsOfRows
-
-            self._row_effects = EffectsOfRows(self.beams, len(self.commands))
-        return self._row_effects
-
-    def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
-        i, car = divmod(row, self.cars_per_world)
-        distorted = self._place_of(i)[0].lidar(car) if effects.motion_distortion else None
-        from ..lidar.scan_pipeline import ScanPipeline
-
-        return ScanPipeline(
-            distorted or RangesRow(self.beams, self.ranges[row]), effects, np.random.default_rng(seed)
-        )  # fmt: skip
-
-    def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:
-        """Return the data that a LiDAR in Python measures in, of world i; a pipeline without bodies needs its time."""
-        if pipeline is not None and not pipeline.needs_every_step:
-            return SimpleNamespace(time=self.time(i))
-        if i not in self._data:
-            self._data[i] = mujoco.MjData(self.world_of(i).model)
-        self.read(i, self._data[i])
-        return self._data[i]
-
-    @property
-    def _in_steps(self) -> bool:
-        """Whether any LiDAR moves during its sweep, or any sensor measures within a tick."""
-        return any(pipeline.needs_every_step for pipeline in self._pipelines.values()) or any(
-            sampler.steps % self.substeps for samplers in self._samplers.values() for sampler in samplers
-        )
-
-    def readings(self, row: int) -> Mapping[str, Reading]:
-        """Return what the sensors of a car have delivered up to when it last sensed, by their names."""
-        samplers = self._samplers.get(row)
-        if samplers is None:
-            return NO_READINGS
-        return Readings((sampler.sensor.name, sampler.reading) for sampler in samplers)
-
-    def car_state(self, row: int) -> CarState:
-        """Return what can be measured on a car now. Live."""
-        from ..vehicle.sensors import CarState
-
-        i, car = divmod(row, self.cars_per_world)
-        batch, place = self._place_of(i)
-        cars = self._arrays.constants[row - car : row - car + self.cars_per_world]
-        return CarState(
-            time=self.time(i), qpos=self.qpos(i), qvel=self.qvel(i), sensordata=batch.physics.sensors[place],
-            ranges=self.ranges[row], constants=cars[car : car + 1], others=np.delete(cars, car),
-            odometry_drift=float(self._odometry_drift[row]), model=batch.world.model, prefix=car_prefix(car),
-        )  # fmt: skip
-
-    def _make_samplers(self, row: int, sensors: Sequence[Sensor], seed: int) -> list[Sampler]:
-        """Return what measures with the sensors of a car."""
-        from ..vehicle.sensors import Sampler
-
-        timestep, beams = self.world_of(row // self.cars_per_world).model.opt.timestep, len(self.beams.bearings)
-        return [
-            Sampler(sensor, seed, steps=sensor.steps(timestep, self.substeps), size=sensor.size(beams))
-            for sensor in sensors
-        ]
-
-    def _measure(self, rows: NDArray[np.int64], *, deliver: bool) -> None:
-        """Have the sensors of some cars measure where it is time to, and deliver what is old enough."""
-        for row in rows.tolist():
-            samplers = self._samplers.get(row, ())
-            state = self.car_state(row) if samplers else None
-            for sampler in samplers:
-                assert state is not None
-                sampler.measure(round(state.time / state.model.opt.timestep), state)
-                if deliver:
-                    sampler.deliver(state.time)
 
     def _drive_in_steps(self, batch: WorldBatch, controls: FloatArray | None) -> None:
         """Drive a batch as its `drive` does, one physics step after the other, hooks in between."""
         ids = batch.driven
         worlds = ids.astype(np.int64) + batch.worlds.start
         batch.hold(ids, None if controls is None else controls[batch.worlds])
-        swept = [
-            (row, pipeline)
-            for row, pipeline in self._pipelines.items()
-            if pipeline.needs_every_step and row // self.cars_per_world in worlds
-        ]
         stepped = np.zeros(self.count, np.bool_)
         stepped[worlds] = True
         for step in range(self.substeps):
@@ -775,10 +588,8 @@ class Engine(Uncopied):
             batch.step(ids, step)
             for hook in self.after_substep:
                 hook(self, worlds)
-            for row, pipeline in swept:
-                pipeline.record(self._data_of(row // self.cars_per_world, pipeline))
-            if self._samplers and step < self.substeps - 1:  # at the end of a tick when the car senses
-                self._measure(np.flatnonzero(self.running & np.repeat(stepped, self.cars_per_world)), deliver=False)
+            if self._sensing is not None:
+                self._sensing.follow(stepped, last=step == self.substeps - 1)
         batch.book(ids)
 
     def _share(self, work: Callable[[Share], None]) -> None:
@@ -788,47 +599,3 @@ class Engine(Uncopied):
                 work(share)
         else:
             list(self._pool.map(work, self._shares))
-
-
-class Share(NamedTuple):
-    """The batches that one thread drives."""
-
-    tables: NDArray[np.int64]  # addresses of their tables
-    firsts: NDArray[np.int64]  # first row of the cars of each
-
-
-def _ends_of_shares(count: int, threads: int) -> list[int]:
-    """Return the ends of equal shares of the worlds, one for each thread."""
-    shares = min(threads, count)
-    return [count * k // shares for k in range(1, shares + 1)]
-
-
-def _parts(worlds: Sequence[World], shares: Sequence[int]) -> list[slice]:
-    """Split the worlds into runs of equal models that end where a share ends."""
-    count = len(worlds)
-    ends = set(shares) | {i for i in range(1, count) if worlds[i] is not worlds[i - 1]}
-    return [slice(first, end) for first, end in zip([0, *sorted(ends)], sorted(ends), strict=False)]
-
-
-class RangesRow:
-    """A car's row of ranges, as the LiDAR that its ScanPipeline measures with."""
-
-    def __init__(self, beams: Beams, row: FloatArray) -> None:
-        self.beams = beams
-        self._row = row
-
-    def ranges(self, data: Any) -> FloatArray:
-        """Return a copy of the row [m]. Shape (beams,)."""
-        return self._row.copy()
-
-
-def whole_steps(period: float, timestep: float) -> int:
-    """Return the number of physics steps in one period.
-
-    Raises:
-      ModelError: not a whole number of them.
-    """
-    steps = round(period / timestep)
-    if steps < 1 or abs(steps * timestep - period) > 1e-9:
-        raise ModelError(f"timestep is {timestep} s; accepted: a whole fraction of the LiDAR's period of {period} s")
-    return steps

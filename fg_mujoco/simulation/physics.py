@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..arguments import Uncopied
 from ..compiled.kernels import kernel, library_function
-from ..errors import EngineError
+from ..errors import EngineError, ModelError
 from ..messages import FloatArray
 from ..vehicle.stages import library_path
 
@@ -277,3 +277,15 @@ def _view(handle: _Handle, address: int, shape: tuple[int, ...], kind: Any) -> A
 
 def _failed(message: Any) -> int:
     raise EngineError(f"MuJoCo makes no batch: {' '.join(message.value.decode().split())}")
+
+
+def whole_steps(period: float, timestep: float) -> int:
+    """Return the number of physics steps in one period.
+
+    Raises:
+      ModelError: not a whole number of them.
+    """
+    steps = round(period / timestep)
+    if steps < 1 or abs(steps * timestep - period) > 1e-9:
+        raise ModelError(f"timestep is {timestep} s; accepted: a whole fraction of the LiDAR's period of {period} s")
+    return steps

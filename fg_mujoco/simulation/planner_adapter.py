@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.array_table import Table
 from ..errors import ControllerError, PlannerError
 from ..lidar.beams import Beams
 from ..messages import (
@@ -56,6 +57,28 @@ Calls = NDArray[np.int64]
 """Calls of compiled code that decide, (k, 2), see ControllerBatch."""
 
 Decide = Callable[[], DriveCommand]
+
+
+class Clock(Protocol):
+    """Times decisions."""
+
+    limit: float  # of a decision [s]; inf: none
+
+    def time(self, decide: Callable[[], None]) -> None:
+        """Call what decides, and note how long it took."""
+
+    def note(self, seconds: float) -> None:
+        """Note how long a decision took; raise where that is longer than the limit."""
+
+
+class Keeper(Protocol):
+    """Keeps ticks."""
+
+    def append(self) -> None:
+        """Keep the tick that was driven."""
+
+    def room(self) -> Table:
+        """Return a table of compiled_tick.KEPT with room for another tick."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.physics import STATE
+from fg_mujoco.simulation.physics import STATE, span_of
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter
@@ -86,7 +86,7 @@ def test_a_world_is_rebuilt_while_the_others_go_on():
     engine, undisturbed = placed(Engine(OVAL, 3, changes=changes)), placed(Engine(OVAL, 3, changes=changes))
     driven(engine, 5), driven(undisturbed, 5)
     fresh = fg.World("hairpins")
-    engine.rebuild(1, fresh)
+    engine.rebuild_worlds({1: fresh})
     assert engine.running.tolist() == [True, False, True] and engine.world_of(1) is fresh
     engine.place([Start(s=2.0)], np.array([False, True, False]))
     states, expected = driven(engine, 10), driven(undisturbed, 10)
@@ -102,7 +102,8 @@ def test_hooks_act_before_and_after_each_physics_step():
 
     def push(engine, worlds):
         for i in worlds.tolist():
-            engine.part_of_state(i, mujoco.mjtState.mjSTATE_QFRC_APPLIED)[1] = force  # along y, of the free joint
+            first, _ = span_of(engine.world.model, mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+            engine.state(i)[first + 1] = force  # along y, of the free joint
 
     engine = placed(Engine(OVAL, 2))
     engine.before_substep.append(push)

@@ -1,0 +1,204 @@
+"""What the cars of an engine measure in Python: LiDARs with effects, further sensors, odometry that drifts.
+
+The kernels of `compiled_tick` have taken scans and odometry before; `Sensing` changes them, and measures the rest.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ..lidar.beams import Beams
+from ..lidar.effects import LidarEffects
+from ..lidar.scan_pipeline import EffectsOfRows, ScanPipeline
+from ..messages import NO_READINGS, FloatArray, LaserScan, Reading, Readings
+from ..vehicle.motion import drift_odometry
+from ..vehicle.sensors import CarState, Sampler, Sensor
+from .cars import car_prefix
+from .world_batch import CarArrays, Mask
+
+if TYPE_CHECKING:
+    from .engine import Engine
+
+
+class Sensing:
+    """The measurements of an engine's cars that take Python.
+
+    Args:
+      engine: whose cars measure.
+      arrays: of the cars.
+
+    Attributes:
+      scans: of the cars whose LiDAR has effects, last sensed, by row.
+    """
+
+    def __init__(self, engine: Engine, arrays: CarArrays) -> None:
+        self.scans: dict[int, LaserScan] = {}
+        self._engine: Engine = weakref.proxy(engine)  # no circle: an engine without references is freed at once
+        self._arrays = arrays
+        self._pipelines: dict[int, ScanPipeline] = {}
+        self._row_effects = EffectsOfRows(engine.beams, len(arrays.commands))
+        self._samplers: dict[int, list[Sampler]] = {}
+        self._odometry_drift = np.zeros(len(arrays.commands))
+        self._drifts = False
+        self._data: dict[int, mujoco.MjData] = {}
+
+    @property
+    def active(self) -> bool:
+        """Whether any car measures here."""
+        return bool(self._samplers or self._drifts or self._pipelines or self._row_effects)
+
+    def begin(
+        self, row: int, effects: LidarEffects | None, sensors: Sequence[Sensor], seed: int, drift: float, *,
+        messages: bool,
+    ) -> None:  # fmt: skip
+        """Begin anew for a car: with the effects of its LiDAR, its sensors, and the drift of its odometry.
+
+        Args:
+          row: of the car.
+          effects: of its LiDAR; None: none.
+          sensors: besides LiDAR and odometry.
+          seed: of the noise of both.
+          drift: relative error of the speeds and the yaw rate in its odometry.
+          messages: whether its scans are read as messages, and not only its ranges.
+
+        Raises:
+          SettingsError: a sensor's rate that is not one in a whole number of physics steps.
+        """
+        self._pipelines.pop(row, None)
+        self._row_effects.end(row)
+        if effects is not None and effects != LidarEffects():
+            if messages or effects.motion_distortion:
+                self._pipelines[row] = self._pipeline(row, effects, seed)
+            else:
+                self._row_effects.begin(row, effects, seed)
+        self._samplers.pop(row, None)
+        if sensors:
+            self._samplers[row] = self._make_samplers(row, sensors, seed)
+        self._odometry_drift[row] = drift
+        self._drifts = bool(self._odometry_drift.any())
+
+    def forget(self, i: int) -> None:
+        """Forget the data of a world that another one has taken the place of."""
+        self._data.pop(i, None)
+
+    def sense(self, chosen: Mask) -> None:
+        """Measure with the cars `chosen` (r,), whose scans and odometry have just been taken."""
+        engine = self._engine
+        if self._drifts:
+            drifted = engine.odometry[chosen]
+            drift_odometry(drifted, 1.0 + self._odometry_drift[chosen])
+            engine.odometry[chosen] = drifted
+        for batch in engine._batches:
+            if batch.drawn is None:
+                for row in (np.flatnonzero(chosen[batch.rows]) + batch.rows.start).tolist():
+                    lidar = batch.lidar(row % engine.cars_per_world)
+                    engine.ranges[row] = lidar.ranges(self._data_of(row // engine.cars_per_world))
+        if self._samplers:
+            self._measure(np.flatnonzero(chosen), deliver=True)
+        if self._row_effects:
+            self._row_effects.apply(chosen, engine.ranges)
+        if self._pipelines:
+            self.scans = {
+                row: pipeline.scan(self._data_of(row // engine.cars_per_world, pipeline))
+                for row, pipeline in self._pipelines.items()
+                if chosen[row]
+            }
+            for row, scan in self.scans.items():
+                engine.ranges[row] = scan.ranges
+
+    def follow(self, stepped: Mask, *, last: bool) -> None:
+        """Follow a physics step: LiDARs that move during their sweep, and sensors that measure within a tick.
+
+        Args:
+          stepped: the worlds that did it, (n,).
+          last: whether it ends the tick; sensors then measure when the car senses.
+        """
+        engine = self._engine
+        for row, pipeline in self._pipelines.items():
+            if pipeline.needs_every_step and stepped[row // engine.cars_per_world]:
+                pipeline.record(self._data_of(row // engine.cars_per_world, pipeline))
+        if self._samplers and not last:
+            self._measure(np.flatnonzero(engine.running & np.repeat(stepped, engine.cars_per_world)), deliver=False)
+
+    @property
+    def in_steps(self) -> bool:
+        """Whether any LiDAR moves during its sweep, or any sensor measures within a tick."""
+        return any(pipeline.needs_every_step for pipeline in self._pipelines.values()) or any(
+            sampler.steps % self._engine.substeps for samplers in self._samplers.values() for sampler in samplers
+        )
+
+    def readings(self, row: int) -> Mapping[str, Reading]:
+        """Return what the sensors of a car have delivered up to when it last sensed, by their names."""
+        samplers = self._samplers.get(row)
+        if samplers is None:
+            return NO_READINGS
+        return Readings((sampler.sensor.name, sampler.reading) for sampler in samplers)
+
+    def _car_state(self, row: int) -> CarState:
+        """Return what can be measured on a car now. Live."""
+        engine = self._engine
+        i, car = divmod(row, engine.cars_per_world)
+        batch, place = engine._place_of(i)
+        cars = self._arrays.constants[row - car : row - car + engine.cars_per_world]
+        return CarState(
+            time=engine.time(i), qpos=engine.qpos(i), qvel=engine.qvel(i), sensordata=batch.physics.sensors[place],
+            ranges=engine.ranges[row], constants=cars[car : car + 1], others=np.delete(cars, car),
+            odometry_drift=float(self._odometry_drift[row]), model=batch.world.model, prefix=car_prefix(car),
+        )  # fmt: skip
+
+    def _pipeline(self, row: int, effects: LidarEffects, seed: int) -> ScanPipeline:
+        engine = self._engine
+        i, car = divmod(row, engine.cars_per_world)
+        distorted = engine._place_of(i)[0].lidar(car) if effects.motion_distortion else None
+        return ScanPipeline(
+            distorted or _RangesRow(engine.beams, engine.ranges[row]), effects, np.random.default_rng(seed)
+        )  # fmt: skip
+
+    def _data_of(self, i: int, pipeline: ScanPipeline | None = None) -> Any:
+        """Return the data that a LiDAR in Python measures in, of world i; a pipeline without bodies needs its time."""
+        engine = self._engine
+        if pipeline is not None and not pipeline.needs_every_step:
+            return SimpleNamespace(time=engine.time(i))
+        if i not in self._data:
+            self._data[i] = mujoco.MjData(engine.world_of(i).model)
+        engine.read(i, self._data[i])
+        return self._data[i]
+
+    def _make_samplers(self, row: int, sensors: Sequence[Sensor], seed: int) -> list[Sampler]:
+        """Return what measures with the sensors of a car."""
+        engine = self._engine
+        timestep, beams = engine.world_of(row // engine.cars_per_world).model.opt.timestep, len(engine.beams.bearings)
+        return [
+            Sampler(sensor, seed, steps=sensor.steps(timestep, engine.substeps), size=sensor.size(beams))
+            for sensor in sensors
+        ]
+
+    def _measure(self, rows: NDArray[np.int64], *, deliver: bool) -> None:
+        """Have the sensors of some cars measure where it is time to, and deliver what is old enough."""
+        for row in rows.tolist():
+            samplers = self._samplers.get(row, ())
+            state = self._car_state(row) if samplers else None
+            for sampler in samplers:
+                assert state is not None
+                sampler.measure(round(state.time / state.model.opt.timestep), state)
+                if deliver:
+                    sampler.deliver(state.time)
+
+
+class _RangesRow:
+    """A car's row of ranges, as the LiDAR that its ScanPipeline measures with."""
+
+    def __init__(self, beams: Beams, row: FloatArray) -> None:
+        self.beams = beams
+        self._row = row
+
+    def ranges(self, data: Any) -> FloatArray:
+        """Return a copy of the row [m]. Shape (beams,)."""
+        return self._row.copy()
