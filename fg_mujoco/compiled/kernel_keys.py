@@ -1,9 +1,9 @@
 """Names the files of compiled kernels: by a hash of all that the machine code depends on.
 
-That is the code of the kernel and of all functions that it calls, with their lines; the values of the globals and
-closures that these read; the types of the arguments; the modules that compile; and versions, processor and settings.
-Files without kernels do not count. Names that a function reads as attributes are looked up as globals, too: a kernel
-is rather compiled once too often than once too seldom.
+That is the code of the kernel and of all functions that it calls; the values of the globals and closures that these
+read; the types of the arguments; the modules that compile; and versions, processor and settings. Comments, docstrings
+and files without kernels do not count. Names that a function reads as attributes are looked up as globals, too: a
+kernel is rather compiled once too often than once too seldom.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from enum import Enum
 from functools import cache
 from importlib.resources import files
+from opcode import opmap
 from pathlib import Path
 from types import CellType, CodeType, FunctionType, ModuleType
 from typing import Any
@@ -27,6 +28,7 @@ from .kernel_files import cache_folder
 
 _COMPILING = ("kernels.py", "compiling.py", "machine_code.py", "kernel_files.py", "kernel_keys.py")
 _VERSIONED = ("numba", "numpy", "llvmlite", "math", "typing", "builtins")  # a key has their versions, or Python's
+_RAISE = opmap["RAISE_VARARGS"]
 _PLAIN = (type(None), bool, int, float, complex, str, bytes)
 
 
@@ -121,9 +123,17 @@ def _has_version(module: str | None) -> bool:
 
 @cache
 def _read(code: CodeType) -> tuple[str, tuple[str, ...]]:
-    """Return a hash of some code, wherever its file lies, and all names in it: of globals and attributes."""
+    """Return a hash of some code, wherever its file lies, and all names in it: of globals and attributes.
+
+    Docstrings do not count, and lines only where the code raises: its traceback names them.
+    """
     inner = [_read(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
-    constants = tuple(constant for constant in code.co_consts if not isinstance(constant, CodeType))
-    bare = marshal.dumps(code.replace(co_filename="", co_consts=constants), 2)  # 2: the same for equal code
-    digest = hashlib.sha256(bare + "".join(text for text, _ in inner).encode()).hexdigest()
+    constants = [constant for constant in code.co_consts if not isinstance(constant, CodeType)]
+    if constants and isinstance(constants[0], str) and not code.co_name.startswith("<"):
+        constants[0] = "docstring"
+    bare = code.replace(co_filename="", co_consts=tuple(constants))
+    if _RAISE not in code.co_code[::2]:
+        bare = bare.replace(co_firstlineno=1, co_linetable=b"")
+    text = "".join(text for text, _ in inner)
+    digest = hashlib.sha256(marshal.dumps(bare, 2) + text.encode()).hexdigest()  # 2: the same for equal code
     return digest, tuple(dict.fromkeys([*code.co_names, *(name for _, names in inner for name in names)]))

@@ -175,7 +175,9 @@ CHANGES_OF_THE_OTHER = {
     "what is written out": ("0.5 * x", "0.25 * x"),
 }
 NO_CHANGES = {
-    "a comment at the end of a line": ("total + array_at(x)", "total + array_at(x)  # a number"),
+    "a docstring": ("Return a number.", "Return a number, which is less than another one, and a\n    second line."),
+    "a docstring of a kernel that it calls": ("Return something.", "Return something\n\n    Else.\n    "),
+    "a comment": ("# a comment", "# another comment\n    # of two lines"),
     "a constant that it does not read": ("UNUSED = 1.0", "UNUSED = 2.0"),
     "a function that it does not call": ("return 2 * x", "return 3 * x"),
 }
@@ -206,8 +208,10 @@ def test_what_nobody_calls_in_another_module_is_not_in_the_name(key):
     assert key() == key(other=OTHER.replace("return x\n", "return -x\n"))
 
 
-def test_lines_are_in_the_name(key):
-    assert key("\n\n" + SOURCE)[1] != key()[1], "the traceback of a kernel that raises names the line"
+def test_lines_are_in_the_name_only_of_kernels_that_raise(key):
+    found, raises = key()
+    assert key("\n\n" + SOURCE)[0] == found
+    assert key("\n\n" + SOURCE)[1] != raises, "its traceback names the line"
 
 
 def test_a_constant_that_is_set_at_run_time_is_in_the_name(key):
