@@ -64,7 +64,7 @@ assert narrow(small) == (60000**2, 60000 * 50000) and small[0] == 6
 records = np.zeros(2, ROW)
 records["at"] = [[1.0, 0.0], [3.0, 2.0]]
 of_records(records)
-assert records.tolist() == [(math.inf, [1.0, 1.0], (2,)), (1.5, [3.0, 3.0], (2,))], records
+assert repr(records.tolist()) == repr([(math.inf, np.array([1.0, 1.0]), (2,)), (1.5, np.array([3.0, 3.0]), (2,))])
 arrays = {"a": np.zeros(2), "b": np.zeros(1, ROW)}
 of_table(ArrayTable(("a", "b"), arrays).rows)
 assert arrays["a"].tolist() == [0.0, 5.0] and arrays["b"]["size"].tolist() == [2.5]
