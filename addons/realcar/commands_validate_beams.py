@@ -30,7 +30,7 @@ def validate_beams(options: argparse.Namespace) -> str:
       SettingsError: no map, a drive without beams or poses, or one that was not driven in the map.
       TrackError: a map that cannot be read.
     """
-    from fg_mujoco.course.maps.wall_rays import MapWalls
+    from fg_mujoco.addons.realcar.drives.wall_rays import MapWalls
 
     from .drives.beam_comparison import compare_beams
     from .drives.beam_text import comparison_text

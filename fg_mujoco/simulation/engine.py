@@ -120,8 +120,9 @@ class Engine(Uncopied):
         batches = [self._batch(worlds[part.start], part) for part in parts_of(worlds, self._ends_of_shares)]
         self._take_batches(batches)
         self._changes = None if changes is None else list(changes)
-        for batch in batches if self._changes is not None else ():
-            batch.change(self._changes[batch.rows])
+        if changes is not None:
+            for batch in batches:
+                batch.change(changes[batch.rows])
         self._pool = ThreadPoolExecutor(threads) if threads > 1 and self.count >= 2 * _WORLDS_A_THREAD else None
         self.odometry, self.ranges, self.commands, self.mu = arrays.odometry, arrays.ranges, arrays.commands, arrays.mu
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
@@ -138,11 +139,7 @@ class Engine(Uncopied):
         return brief(self, f"{self.count} worlds", f"tick {self.period:g} s of {self.substeps} steps", repr(self.world))
 
     def _batch(self, world: World, worlds: slice, room: int = 1, alone: CarsAlone | None = None) -> WorldBatch:
-        """Return the batch of some consecutive worlds, see WorldBatch.
-
-        Raises:
-          ModelError, SettingsError: another timestep, or another LiDAR.
-        """
+        """Return the batch of some consecutive worlds; raise ModelError or SettingsError as the class says."""
         if world.lidar.beams.geometry != self.beams.geometry and world.lidar.beams is not self.beams:
             raise SettingsError("the worlds of an engine have different LiDARs; accepted: the same beams in all")
         if len(world.cars) != self.cars_per_world:
@@ -409,12 +406,11 @@ class Engine(Uncopied):
         batch, place = self._place_of(i)
         batch.load(place, state, timed=timed)
         rows = range(i * self.cars_per_world, (i + 1) * self.cars_per_world)
-        each = len(rows)
-        effects_of = effects if isinstance(effects, Sequence) else [effects] * each
-        seed_of = seed if isinstance(seed, Sequence) else [seed] * each
-        drift_of = odometry_drift if isinstance(odometry_drift, Sequence) else [odometry_drift] * each
-        for row, *begun in zip(rows, effects_of, sensors or [()] * each, seed_of, drift_of, strict=True):
-            self._begin_sensing(row, *begun, messages=True)
+        for k, row in enumerate(rows):
+            own = effects[k] if isinstance(effects, Sequence) else effects
+            number = seed[k] if isinstance(seed, Sequence) else seed
+            drift = odometry_drift[k] if isinstance(odometry_drift, Sequence) else odometry_drift
+            self._begin_sensing(row, own, sensors[k] if sensors else (), number, drift, messages=True)
             self.running[row] = self.running[row] or not timed
 
     def _begin_sensing(

@@ -15,8 +15,9 @@ from fg_mujoco.racing.run_folder import read_failed_scan
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.sensing import Sampler
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.vehicle.sensors import SENSORS, Sampler, Sensor, as_sensors
+from fg_mujoco.vehicle.sensors import SENSORS, Sensor, as_sensors
 
 MIXED = (
     "imu", {"sensor": "pose", "rate": 100, "delay": 0.013, "noise_std": (0.02, 0.02, 0.01)},

@@ -42,7 +42,7 @@ from fg_mujoco.messages import FloatArray
 from .recorded_beams import FittedPoses, LidarMount, RecordedBeams, cast_beams, fit_mount, fit_poses
 
 if TYPE_CHECKING:
-    from fg_mujoco.course.maps.wall_rays import MapWalls
+    from .wall_rays import MapWalls
 
 BoolArray = NDArray[np.bool_]
 

@@ -25,9 +25,8 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray
 
 if TYPE_CHECKING:
-    from fg_mujoco.course.maps.wall_rays import MapWalls, RayHits
-
     from .drive_recording import RecordedDrive
+    from .wall_rays import MapWalls, RayHits
 
 BoolArray = NDArray[np.bool_]
 

@@ -1,11 +1,10 @@
 """Sensors: what is measured on a car besides the scan and the odometry of each tick, how often, how late and how well.
 
-`sensor` has Sensor, the base of all of them, and their registry SENSORS; `bundled` fills it. `sampling` has Sampler,
-which is one sensor on one car. A sensor of your own is a subclass and a line in SENSORS, see docs/howto/own_sensor.md.
+`sensor` has Sensor, the base of all of them, and their registry SENSORS; `bundled` fills it. A sensor of your own is a
+subclass and a line in SENSORS, see docs/howto/own_sensor.md. `simulation.sensing` measures with them.
 """
 
 from . import bundled
-from .sampling import Sampler
 from .sensor import SENSORS, CarState, Sensor, as_sensors
 
-__all__ = ["SENSORS", "CarState", "Sampler", "Sensor", "as_sensors", "bundled"]
+__all__ = ["SENSORS", "CarState", "Sensor", "as_sensors", "bundled"]

@@ -14,8 +14,8 @@ import fg_mujoco as fg
 from fg_mujoco.addons.realcar.drives.beam_comparison import compare_beams, pose_jumps
 from fg_mujoco.addons.realcar.drives.beam_text import comparison_text
 from fg_mujoco.addons.realcar.drives.recorded_beams import LidarMount, RecordedBeams, cast_beams
+from fg_mujoco.addons.realcar.drives.wall_rays import MapWalls
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.maps.wall_rays import MapWalls
 from fg_mujoco.lidar.effects import LidarEffects
 from map_oracles import draw_map, ring
 

@@ -4,8 +4,8 @@
     hits = walls.hits(origins, angles)       # (n, 2) [m], (n,) [rad]
     hits.ranges                              # [m], inf where there is no wall
 
-The walls are the polylines that a course of the map is made of (`walls.trace`), so a ray ends where a beam of the LiDAR
-ends in the compiled course. Any map will do, also one without a way round.
+The walls are the polylines that a course of the map is made of (`course.maps.walls.trace`), so a ray ends where a beam
+of the LiDAR ends in the compiled course. Any map will do, also one without a way round.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...compiled.kernels import kernel
-from ...errors import TrackError
-from ...messages import FloatArray
-from .map_server import read_map_file
-from .walls import outlines, trace
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.course.maps.map_server import read_map_file
+from fg_mujoco.course.maps.walls import outlines, trace
+from fg_mujoco.errors import TrackError
+from fg_mujoco.messages import FloatArray
 
 _STEEPEST = 0.1  # least cosine of the angle of incidence by which a derivative divides
 
