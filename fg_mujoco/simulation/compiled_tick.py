@@ -333,7 +333,7 @@ def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
         together = count
         if alone:
             span[_FIRST], states[0], together = first, ids[place] + places[_FIRST_STATE], 1
-            span[_FIRST] = _step_alone(table, np.int64(ids[place]))  # not compiled again for short numbers
+            span[_FIRST] = _step_alone(table, np.int64(ids[place]))  # type: ignore[arg-type]  # compiled for these only
         if span[_FIRST] < end:
             apply_to_states(places[_BATCH], states, together, step_world, table.ctypes.data)
 

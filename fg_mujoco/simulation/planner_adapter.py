@@ -107,8 +107,11 @@ class Cars(Protocol):
     beams: Beams  # of the LiDARs
     odometry: NDArray[np.void]  # (r,) of ODOMETRY
     ranges: FloatArray  # (r, beams) [m]
-    scans: dict[int, LaserScan]  # of the cars whose LiDAR has effects, by row
     commands: FloatArray  # (r, 2) [rad, m/s], written to
+
+    @property
+    def scans(self) -> dict[int, LaserScan]:
+        """The scans of the cars whose LiDAR has effects, by row."""
 
     @property
     def running(self) -> NDArray[np.bool_]:
