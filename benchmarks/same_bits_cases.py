@@ -15,6 +15,7 @@ import argparse
 import csv
 import hashlib
 import importlib
+import importlib.util
 import inspect
 import json
 import pkgutil
@@ -382,7 +383,7 @@ def dm_env_episodes(task: str, settings: Facts, count: int) -> Facts:
 
 
 def f110_episodes() -> Facts:
-    env = in_module("make", "name", "f110")("f110_gym:f110-v0", map="oval", num_agents=1)
+    env = in_module("make", "name", "f110", "gym2d")("f110_gym:f110-v0", map="oval", num_agents=1)
     facts, rng = {}, np.random.default_rng(10)
     for episode, y in enumerate((0.0, 0.2)):
         record, steps = Record(), 0
@@ -437,8 +438,11 @@ def in_module(name: str, parameter: str, *places: str) -> Callable[..., Any]:
 
 
 def modules(*places: str) -> Iterator[Any]:
-    """Import one after the other the modules of fg_mujoco whose names have one of `places`."""
-    for found in pkgutil.walk_packages(fg.__path__, "fg_mujoco."):
+    """Import one after the other the modules of fg_mujoco and its add-ons whose names have one of `places`."""
+    addons = importlib.util.find_spec("fg_mujoco.addons")
+    walks = [(fg.__path__, "fg_mujoco.")]
+    walks += [(addons.submodule_search_locations, "fg_mujoco.addons.")] if addons is not None else []
+    for found in (each for paths, prefix in walks for each in pkgutil.walk_packages(paths, prefix)):
         if any(place in found.name for place in places):
             try:
                 yield importlib.import_module(found.name)
