@@ -21,6 +21,7 @@ from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, valid
 from fg_mujoco.addons.realcar.validation.windows import (
     ACCELERATE,
     COMMAND_SPEED,
+    HOLD_SPEED,
     PERIOD,
     motion_of,
     steady_states_of,
@@ -28,6 +29,7 @@ from fg_mujoco.addons.realcar.validation.windows import (
 )
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
+from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 SHARED = Path(__file__).resolve().parent.joinpath("../../../../shared/data/real_drives").resolve()
@@ -176,3 +178,22 @@ def test_a_real_drive_is_validated_and_its_steady_states_found():
     assert state.steering == pytest.approx(0.2) and state.speed == pytest.approx(1.7, abs=0.1)
     assert state.yaw_rate / state.speed == pytest.approx(0.967 * 1.412 / 1.69, rel=0.03)
     assert np.isfinite([each.rms for each in found.agreements[HELD, 1.0]]).all()
+
+
+def test_a_recorded_state_is_written_as_it_was():
+    start = (1.0, -2.0, 0.5, 3.0, -0.2, 1.5, 0.2)
+    model = CarModel(vehicle=CAR, tires=Tires.load("forzaeth_sim"), mu=0.66)
+    found = model.simulate(task(0.2, 3.0, start, 0.1, kind=HOLD_SPEED))[0]
+    assert found[0] == pytest.approx(start[:6]) and found[1, 5] == pytest.approx(1.5, abs=0.4)
+    assert found[-1, 3] == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")
+def test_a_second_in_which_a_real_car_hits_the_wall_is_no_window():
+    """At 61.1 s it is thrown round: its speed falls from 3.5 to 1.6 m/s within .1 s, on tires that hold .8 g."""
+    drive = read_drive(SHARED / "ipz20_race_03.csv")
+    motion = motion_of(drive, Vehicle.load("ipz").parameters, "ipz")
+    times = [motion.time[[each.first, each.first + each.count]] for each in windows_of([motion], 1.0)]
+    assert not any(first < 61.1 < last for first, last in times)
+    assert any(first < 60.0 < last for first, last in times)
+    assert drive.checks.heading_offset.value == pytest.approx(-0.022, abs=0.004)
