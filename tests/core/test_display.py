@@ -17,7 +17,7 @@ from fg_mujoco.addons.gym2d import F110Env
 from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.course.tight import TightSettings
-from fg_mujoco.display import LONGEST, Drawing
+from fg_mujoco.display import LONGEST
 from fg_mujoco.lab.manoeuvres import find_manoeuvre
 from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.race import RaceProgress
@@ -177,17 +177,6 @@ def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparis
 
 def numbers(text):
     return np.array([float(number) for number in re.findall(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", text)])
-
-
-def test_the_plan_is_to_scale_and_y_is_up():
-    drawing = Drawing((0.0, 0.0), (10.0, 5.0))
-    drawing.line([(0.0, 0.0), (10.0, 5.0), (np.nan, 1.0)], "red")
-    drawing.scale()
-    line, bar, words = ElementTree.fromstring(drawing.svg("a"))[1:]
-    x, y, end_x, end_y = numbers(line.attrib["d"])
-    assert (x, end_y) == (0.0, 0.0) and end_x == pytest.approx(2.0 * y)  # the first point is below, the last above
-    left, right = numbers(bar.attrib["d"])[0], numbers(bar.attrib["d"].partition("H")[2])[0]
-    assert right - left == pytest.approx(float(words.text.removesuffix(" m")) * end_x / 10.0, abs=0.1)
 
 
 def test_the_driven_line_is_where_the_car_was_in_the_colours_of_its_speed(crashed):

@@ -111,22 +111,6 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
     assert batch.get_model(0).body_mass.tobytes() == plain.model.body_mass.tobytes()
 
 
-def test_a_delay_holds_a_command_back():
-    """Oracle: the same command given so much later."""
-    command = fg.DriveCommand(steering_angle=0.2, speed=1.0)
-    delayed = fg.Simulation(fg.World("oval", changes=CarChanges(command_delay=0.05)))
-    prompt = fg.Simulation(fg.World("oval", changes=CarChanges(command_delay=0.0)))
-    for _ in range(2):
-        delayed.step(command)
-        prompt.step(fg.STOP)
-    for _ in range(5):
-        delayed.step(command)
-        prompt.step(command)
-    assert delayed.pose == pytest.approx(prompt.pose, abs=1e-4)
-    assert delayed.speed == pytest.approx(prompt.speed, abs=1e-3)
-    assert delayed.speed > 0.3
-
-
 PLANNERS = '''
 import math
 from fg_mujoco.messages import DriveCommand, STOP
@@ -200,20 +184,6 @@ def test_stop_ends_what_still_runs():
     assert results.rows["end_reason"].tolist() == ["interrupted"] * 2
     assert results.rows["sim_time_s"] == pytest.approx([0.1, 0.1])
     assert np.isnan(results.rows["first_lap_s"]).all() and np.isnan(results.lap_times_s).all()
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    (
-        ({}, "neither laps nor time_limit"),
-        ({"laps": 0}, "laps is 0"),
-        ({"time_limit": -1.0}, r"time_limit is -1\.0"),
-        ({"laps": 1, "record": "video"}, "record is 'video'; accepted: summary, telemetry, states"),
-    ),
-)
-def test_what_cannot_be_driven_is_refused(settings, message):
-    with pytest.raises(fg.SettingsError, match=message):
-        drive_worlds([Scenario()], "gap_finder", **settings)
 
 
 def test_models_are_left_alone():

@@ -335,32 +335,6 @@ def test_passing_a_car_is_rewarded_once_and_taken_back_when_it_passes_again():
     assert info["position"] == 2 and info["return_overtaking"] == 0.0
 
 
-def test_policies_of_opponents_see_the_chosen_observations():
-    """Those that an agent in the same place sees."""
-    pytest.importorskip("pettingzoo")
-    names = ["scan", "cross_track_error", "command", "lead", "wall_distance"]
-    rng = np.random.default_rng(0)
-    drawn = rng.uniform((-0.1, 0.5), (0.1, 3.0), (20, 2, 2))
-    clock, seen_by_policy = iter(range(21)), []
-
-    def policy(seen):
-        seen_by_policy.append(seen)
-        return drawn[next(clock), 1]
-
-    env = F1TenthEnv(beam_step=60, opponents=[policy], observation=names)
-    parallel = fg.parallel_env(beam_step=60, observation=names)
-    env.reset(seed=3)
-    both, _ = parallel.reset(seed=3)
-    for tick, (own, other) in enumerate(drawn):
-        before = both["car_1"]
-        env.step(own)
-        both, *_ = parallel.step({"car_0": own, "car_1": other})
-        assert {name: seen_by_policy[tick][name].tobytes() for name in names} == {
-            name: before[name].tobytes() for name in names
-        }
-    assert both["car_0"]["lead"].item() == -both["car_1"]["lead"].item() != 0.0
-
-
 def test_own_terms_are_registered_by_their_functions_names():
     @reward
     def mine_rewarded(state):

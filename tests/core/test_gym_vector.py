@@ -182,27 +182,3 @@ def test_stepping_what_does_not_run_is_refused():
     envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[1\]"):
         envs.step(np.zeros((2, 2)))
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_gymnasiums_wrapper_counts_the_episodes(mode):
-    """As single-file training scripts use it."""
-    from gymnasium.wrappers.vector import RecordEpisodeStatistics
-
-    envs = RecordEpisodeStatistics(vector(autoreset_mode=mode, time_limit=0.3, start="line"))
-    envs.reset(seed=1)
-    returns, over, counted = np.zeros(WORLDS), np.zeros(WORLDS, bool), 0
-    for _ in range(30):
-        _, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
-        returns = np.where(over, 0.0, returns + rewards) if mode == "NextStep" else returns + rewards
-        over = terminated | truncated
-        if over.any():
-            info = infos["final_info"] if mode == "SameStep" and "final_info" in infos else infos
-            found = info if "episode" in info else infos
-            np.testing.assert_allclose(found["episode"]["r"][over], returns[over], atol=1e-9)
-            assert (found["episode"]["l"][over] == 12).all()
-            counted += over.sum()
-            if mode == "SameStep":
-                returns[over] = 0.0
-    assert counted == 2 * WORLDS
-    envs.close()

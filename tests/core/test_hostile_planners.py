@@ -240,31 +240,6 @@ def test_in_a_batch_it_is_the_failure_of_that_world(how):
     assert same(rows[[0, 2]], honest.rows[[0, 2]])
 
 
-def test_planners_that_decide_together_and_raise_are_driven_alone():
-    text = """
-class Together:
-    batch = classmethod(lambda kind, planners: kind.All(planners))
-    class All:
-        def __init__(self, planners): self.planners = planners
-        def __call__(self, geometry, ranges, odometry, running, commands):
-            for row in range(len(running)):
-                if running[row]:
-                    commands[row] = 0.0, 1.0
-                    if self.planners[row].speed == 4.0 and odometry[row]["stamp"] > 0.09: raise GeneratorExit
-    def __init__(self, max_speed): self.speed = max_speed
-    def reset(self): pass
-    def __call__(self, scan, odometry): raise NotImplementedError
-"""
-    with open("together.py", "w") as file:
-        file.write(text)
-    scenarios = [Scenario(max_speed=speed) for speed in (3.0, 4.0, 5.0)]
-    found = drive_worlds(scenarios, "together.py:Together", time_limit=0.3, record="states")
-    assert found.rows["end_reason"].tolist() == ["time_limit", "planner_failed", "time_limit"]
-    assert [len(ticks) for ticks in found.ctrl] == [12, 4, 12]
-    alone = drive_worlds([scenarios[2]], "together.py:Together", time_limit=0.3, record="states")
-    assert alone.states[0].tobytes() == found.states[2].tobytes()
-
-
 def test_a_planner_that_cannot_be_built_in_one_world_is_that_worlds_failure():
     with open("picky.py", "w") as file:
         file.write(

@@ -261,19 +261,3 @@ def test_a_hostile_look_is_refused(asset, said, here):
     (here / "car/looks/none.png").write_bytes(b"P6 1 1 255 aaa")
     with pytest.raises(fg.ModelError, match=said):
         scenery(here, f"<mujoco>{asset}</mujoco>")
-
-
-def test_tires_and_lidar_beside_a_vehicle_and_below_are_found(here):
-    (here / "car/parts").mkdir()
-    (here / "car/parts/eye.xml").write_text(LidarModel.load().text.replace('cutoff="30"', 'cutoff="10"'), "utf-8")
-    tires = fg.Tires.load("coulomb")
-    text = F1TENTH.replace('"hokuyo_ust10lx.xml"', '"parts/eye.xml"')
-    (here / "car/mine.xml").write_text(added('<custom><text name="tires" data="coulomb"/></custom>')(text), "utf-8")
-    vehicle = fg.Vehicle.load("car/mine.xml")
-    assert vehicle.lidar.beams.range_max == 10.0 and vehicle.tires == tires
-
-
-def test_most_bodies_that_are_accepted_are_read_in_seconds():
-    """What bounds their number: MuJoCo looks through all bodies for each."""
-    text = "<mujoco><worldbody>" + "<body/>" * MOST_BODIES + "</worldbody></mujoco>"
-    assert mujoco.MjSpec.from_string(checked_mjcf(text).text).compile().nbody == MOST_BODIES + 1

@@ -8,11 +8,10 @@ import fg_mujoco as fg
 from fg_mujoco.errors import MessageError
 from fg_mujoco.racing.entries import Entry, grid_starts
 
-gymnasium = pytest.importorskip("gymnasium")
+pytest.importorskip("gymnasium")
 
-
-from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
 PARKED = np.zeros(2)
 
@@ -146,17 +145,6 @@ def test_cars_start_on_the_grid_in_their_order(order, positions):
     np.testing.assert_allclose(standing, expected, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_grids_at_random_places_are_clear_and_all_over_the_lap():
-    env = F1TenthEnv(track="chicanes", opponents=[parked] * 3, obstacles=2, beam_step=540)
-    places = []
-    for seed in range(30):
-        env.reset(seed=seed)
-        assert not env._world.engine.crashed.any()
-        places.append(float(env._world.monitor.timers["place"][0]))
-    assert np.ptp(places) > 0.6 * env._world.world.track.length
-
-
 def test_touches_are_told_and_end_nothing():
     """The learning car starts behind a parked one, in line with it, and pushes it."""
     env = F1TenthEnv(
@@ -169,41 +157,6 @@ def test_touches_are_told_and_end_nothing():
         assert not (terminated or truncated)
     assert info["touches"] >= 1
     assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position", "lead_m"}
-
-
-def test_the_world_ends_with_the_learning_car():
-    env = F1TenthEnv(start="line", beam_step=540, opponents=["gap_finder"])
-    env.reset(seed=0)
-    terminated = False
-    while not terminated:
-        _, _, terminated, _, info = env.step(np.array([0.4, 3.0]))
-    assert info["end_reason"] == "crash"
-    assert not env._world.engine.running.any()
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(PARKED)
-
-
-def test_a_planner_that_fails_stops_and_the_episode_goes_on(tmp_path):
-    path = tmp_path / "fails.py"
-    path.write_text(
-        "from fg_mujoco.messages import DriveCommand\n"
-        "class Fails:\n"
-        "    def reset(self):\n"
-        "        self.ticks = 0\n"
-        "    def __call__(self, scan, odometry):\n"
-        "        self.ticks += 1\n"
-        "        if self.ticks > 40:\n"
-        "            raise ValueError('enough')\n"
-        "        return DriveCommand(steering_angle=0.0, speed=1.5)\n"
-    )
-    env = F1TenthEnv(start="line", beam_step=540, opponents=[f"{path}:Fails"], grid_order="reversed")
-    for _ in range(2):
-        env.reset(seed=0)
-        states(env, 40)
-        assert env._world.engine.speed(1) > 1.0
-        states(env, 80)
-        assert env._world.engine.speed(1) == pytest.approx(0.0, abs=0.02)
-        assert env._episodes.running[0] and list(env._world._opponents.failures) == [1]
 
 
 @pytest.mark.parametrize(

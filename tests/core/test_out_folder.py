@@ -117,16 +117,6 @@ def test_a_folder_of_runs_numbers_itself(run, without_pictures, capsys, given):
         read_summary(run.parent / number)
 
 
-def test_a_number_that_is_not_used_is_given_back_and_the_next_one_is_above_all(tmp_path):
-    (tmp_path / "runs/007").mkdir(parents=True)
-    for _ in range(2):
-        given = options(f"{tmp_path}/runs/")
-        with pytest.raises(ZeroDivisionError), chosen_folder(given, STUDY):
-            assert given.out == str(tmp_path / "runs/008") and os.listdir(given.out) == []
-            raise ZeroDivisionError
-    assert os.listdir(tmp_path / "runs") == ["007"]
-
-
 def test_two_processes_that_number_at_once_get_two_folders(tmp_path):
     first, second = options(f"{tmp_path}/"), options(f"{tmp_path}/")
     with chosen_folder(first, RUN), chosen_folder(second, RUN):
@@ -155,14 +145,6 @@ def test_force_removes_no_folder_with_files_of_others(run, name, said):
     with pytest.raises(RunFolderError, match=said), chosen_folder(options(run, force=True), RUN):
         raise AssertionError
     assert (run / name).exists() and (run / "summary.json").exists()
-
-
-def test_force_leaves_what_is_no_run_alone_and_numbers(tmp_path):
-    (tmp_path / "notes.txt").write_text("mine")
-    given = options(tmp_path, force=True)
-    with chosen_folder(given, RUN):
-        assert given.out == str(tmp_path / "001")
-    assert os.listdir(tmp_path) == ["notes.txt"]
 
 
 def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tmp_path):

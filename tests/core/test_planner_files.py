@@ -182,28 +182,6 @@ def test_a_rollout_with_other_weights_is_another_one(here, monkeypatch):
         rollout(out="drawn", randomize={"planner.weights": ["policy", "fast"]})
 
 
-@pytest.mark.parametrize("study", ["compare", "rollout"])
-def test_the_weights_of_an_opponent_count(here, monkeypatch, study):
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", lambda *args, **options: 1 / 0)
-    opponents = ["mine.py:Learned"]
-
-    def run():
-        if study == "compare":
-            return fg.compare(["gap_finder"], out="out", opponents=opponents, **SHORT)
-        return fg.rollout("oval", n=1, laps=1, workers=1, out="out", opponents=opponents)
-
-    if study == "compare":
-        run()
-    else:
-        with pytest.raises(ZeroDivisionError):
-            run()
-    opponent = json.loads((here / "out" / "manifest.json").read_text())["settings"]["opponents"][0]
-    assert list(opponent["controller_files"]) == ["policy.txt"]
-    (here / "policy.txt").write_text("3.0")
-    with pytest.raises(RunFolderError, match=r"opponents is .* there and"):
-        run()
-
-
 # run folders
 
 
@@ -278,14 +256,3 @@ def test_the_files_of_data_that_a_node_reads_count(here, read, files):
     assert list(before) == files
     line(here / "maps" / "line.csv", 6)
     assert (read_by("ros:node.py:Mine") == before) == (not files)
-
-
-def test_parameters_in_a_file_count_as_a_setting_and_in_a_launch_file(here):
-    pytest.importorskip("rosbags")
-    (here / "node.py").write_text(NODE.format(read="pass"))
-    (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 1.0}}\n")
-    (here / "launch.yaml").write_text("nodes: [{file: node.py, class: Mine, params_file: params.yaml}]\n")
-    launch = ControllerChoice.of("ros:launch.yaml").sha256
-    assert list(read_by("ros:node.py:Mine[host.params=params.yaml]")) == ["params.yaml"]
-    (here / "params.yaml").write_text("mine: {ros__parameters: {gain: 2.0}}\n")
-    assert ControllerChoice.of("ros:launch.yaml").sha256 != launch

@@ -72,29 +72,6 @@ def with_car(result, **changes):
     return replace(result, cars=(replace(result.car, **changes),))
 
 
-def cut_off(figure):
-    """Return the texts of a figure that are not wholly in it."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Text
-
-    FigureCanvasAgg(figure).draw()
-    low, high = np.zeros(2) - 0.5, np.array([figure.bbox.width, figure.bbox.height]) + 0.5
-    ticks = {label for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()}
-    texts = [each for each in figure.findobj(Text) if each.get_text() and each.get_visible() and each not in ticks]
-    boxes = {text: text.get_window_extent() for text in texts}
-    return [text.get_text() for text, box in boxes.items() if (box.min < low).any() or (box.max > high).any()]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("tires", ["contact", "f1tenth_gym"])
-def test_no_text_of_a_trace_picture_is_cut(lap, tires, monkeypatch):
-    drawn = []
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
-    named = with_car(lap, entry=fg.Entry(tires=tires), controller=f"{'path/to/' * 12}planner.py:Planner")
-    fg.trace_picture(named, "not written")
-    assert cut_off(drawn[0]) == []
-
-
 @pytest.mark.slow
 def test_trace_picture_of_a_race_of_no_tick(lap):
     """As of a planner that does not answer its first scan."""

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.envs.gym_environment import F1TenthEnv
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import MessageError
+
+pytest.importorskip("gymnasium")
+
+from fg_mujoco.envs.gym_environment import F1TenthEnv
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
 CAR = fg.World("oval").parameters
 ISSUE = "beams:108,history:3,speed,steering,previous_action"

@@ -60,15 +60,6 @@ def test_a_pipe_is_told_the_last_text_in_a_line(stderr, monkeypatch):
     assert "\r" not in stream.getvalue() and stream.getvalue().endswith("\n")
 
 
-@pytest.mark.parametrize("terminal", [True, False])
-def test_nothing_is_written_where_it_is_not_to_be_shown(stderr, terminal):
-    stream = stderr(terminal=terminal)
-    threads = threading.active_count()
-    with ProgressLine("preparing runs", show=False) as line:
-        assert not line.due and threading.active_count() == threads
-    assert stream.getvalue() == ""
-
-
 def test_the_thread_ends_with_the_work_and_a_closed_stderr_does_no_harm(stderr):
     stream = stderr(terminal=True)
     threads = threading.active_count()

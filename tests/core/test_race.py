@@ -11,7 +11,6 @@ import pytest
 
 import fg_mujoco as fg
 from conftest import Straight
-from fg_mujoco.racing.result import History
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row
 from fg_mujoco.vehicle.car import WHEELS
@@ -143,30 +142,6 @@ def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     monkeypatch.undo()
     whole = race(lambda time: (0.0, 1.0), time_limit=0.2)
     assert np.array_equal(result.states, whole.states[: len(result.states)])
-
-
-def test_an_interrupt_within_a_row_of_the_history_leaves_no_half_row(short_race):
-    engine = driven_engine(short_race.world)
-    history = History(engine)
-    assert [len(array) for array in history.arrays().values()] == [0, 1, 0]  # telemetry, states, ctrl
-    telemetry, state, ctrl = history._now
-    history._now = telemetry, state, [object()]  # fails when the third of the arrays is written
-    with pytest.raises(TypeError):
-        history.append()
-    assert [len(array) for array in history.arrays().values()] == [0, 1, 0]
-    history._now = telemetry, state, ctrl
-    history.append()
-    assert [len(array) for array in history.arrays().values()] == [1, 2, 1]
-    assert history.arrays()["states"][1].tolist() == engine.state(0).tolist()
-
-
-def driven_engine(world):
-    """An engine after one tick of standing still."""
-    engine = Engine(world)
-    engine.place([fg.Start()])
-    engine.sense()
-    engine.drive()
-    return engine
 
 
 # What a race is run with

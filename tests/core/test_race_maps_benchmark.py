@@ -51,14 +51,6 @@ def test_rows_are_in_the_order_of_what_was_asked_for_and_have_the_figures_of_the
     assert finished >= 4 and last.startswith(f"{finished} of 7 finished; {crashed} crashed;")
 
 
-def test_the_ratio_is_to_a_lap_of_the_planner_with_the_map(data):
-    figures = data / "figures.json"
-    run("--maps", "none", "--track", "oval", "--speeds", "4", "--laps", 2, "--reference", "--json", figures)
-    (row,) = json.loads(figures.read_text(encoding="utf-8"))["races"]
-    assert row["reference_lap_s"] == fg.race("oval", "pure_pursuit", laps=1, max_speed=4.0).car.lap_times_s[0]
-    assert row["ratio"] == row["best_flying_lap_s"] / row["reference_lap_s"]
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [(("--maps", "drawn,nowhere"), "--maps has nowhere; accepted: none, or any of broken, drawn")],

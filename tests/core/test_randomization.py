@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.racing.randomization import PARAMETERS, Choice, Randomization, Uniform, as_range, world_seeds
+from fg_mujoco.racing.randomization import PARAMETERS, Randomization, Uniform, as_range, world_seeds
 from fg_mujoco.simulation.course_loading import default_car
 
 OVAL = fg.load_track("oval")
@@ -53,28 +53,6 @@ def test_a_value_is_within_its_range_and_as_far_along_as_its_share(low, high, sh
     value = Uniform(low, high).at(share)
     assert low <= value <= high
     assert value == pytest.approx((1.0 - share) * low + share * high, abs=1e-9 * max(1.0, abs(low), abs(high)))
-
-
-@pytest.mark.parametrize(
-    ("text", "meant"),
-    [
-        ("0.6:1.2", Uniform(0.6, 1.2)),
-        (" -0.2 : 0.2", Uniform(-0.2, 0.2)),
-        ("1e-3:1", Uniform(0.001, 1.0)),
-        ("0.8", Choice((0.8,))),
-        ("off|1.0", Choice((math.inf, 1.0))),
-        ("3|4|5", Choice((3, 4, 5))),
-        ("true|false", Choice((True, False))),
-        ("wide|narrow", Choice(("wide", "narrow"))),
-        ((1, 2), Uniform(1.0, 2.0)),
-        ([1, 2], Choice((1, 2))),
-        (np.array([0.5, 1.5]), Choice((0.5, 1.5))),
-        (np.float64(0.5), Choice((0.5,))),
-        (True, Choice((True,))),
-    ],
-)
-def test_what_is_meant_by_a_text_or_value(text, meant):
-    assert as_range(text) == meant
 
 
 @pytest.mark.slow

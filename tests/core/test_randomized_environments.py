@@ -141,20 +141,6 @@ def test_opponents_that_take_no_part_are_nowhere():
     assert alone > 5.0 and info["drawn_opponent"] in ("gap_finder", "pure_pursuit")
 
 
-def test_opponents_start_so_far_ahead_of_their_places_on_the_grid():
-    settings = {"opponents": ["gap_finder"], "beam_step": 90, "start": "line", "grid_order": "reversed"}
-    _, info = F1TenthEnv(**settings).reset(seed=1)
-    grid = -info["lead_m"]  # to the car ahead
-    env = F1TenthEnv(**settings, randomize={"opponent_ahead": (-20.0, 5.0)})
-    _, info = env.reset(seed=1, options={"opponent_ahead": 4.0})
-    assert -info["lead_m"] == pytest.approx(grid + 4.0, abs=0.05) and info["drawn_opponent_ahead"] == 4.0
-    with pytest.raises(fg.SettingsError, match="car_0"):
-        env.reset(seed=1, options={"opponent_ahead": -grid})  # in the other car
-    env.set_randomization({"opponent_ahead": (-1.5, 0.5)})
-    leads = [env.reset(seed=seed)[1]["lead_m"] for seed in range(12)]  # some are drawn again, as the two would touch
-    assert min(leads) < 0.0 < max(leads)
-
-
 def test_terms_of_the_course_are_those_of_each_worlds_own():
     envs = F1TenthVectorEnv(2, track=["oval", "hairpins"], builds=2, beam_step=90, rewards={"near_wall": 1.0})
     _, info = envs.reset(seed=3)

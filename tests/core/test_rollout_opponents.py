@@ -94,43 +94,7 @@ def test_the_whole_grid_moves_with_the_start_of_car_0():
 # -- what is told
 
 
-@pytest.mark.slow
-def test_a_slow_car_is_overtaken_and_loses():
-    fast = Entry(max_speed=4.0, name="fast")
-    result = fg.rollout("scene:slow_leader:1", n=1, opponents=[fast], max_speed=1.0, laps=1)
-    race = fg.race("scene:slow_leader:1", entries=result.setup(0).entries, laps=1)
-    assert (result["winner"][0], result["position"][0]) == ("fast", 2) == (race.winner, race.car.position)
-    summary = result.summary()
-    assert summary["wins"] == 0.0 and summary["mean_position"] == 2.0
-    assert summary["overtaken_per_world"] == sum(overtake.of == "car_0" for overtake in race.overtakes)
-
-
-def test_an_opponent_that_fails_ends_its_own_race_only(here):
-    bad = {"opponents": ["gap_finder", "mine.py:Broken"], "time_limit": 1.5, "record": "telemetry"}
-    result = fg.rollout("oval", n=3, max_speed=3.0, **bad)
-    assert result["end_reason"].tolist() == ["time_limit"] * 3
-    assert len(result.telemetry(0)) == 60
-    race = fg.race("oval", entries=result.setup(1).entries, time_limit=1.5, laps=5)
-    assert [car.end_reason for car in race.cars] == ["time_limit", "time_limit", "planner_failed"]
-    assert same(result.telemetry(1), race.car.telemetry)
-
-
 # -- folders
-
-
-@pytest.mark.slow
-def test_a_rollout_is_gone_on_with_where_it_was(tmp_path):
-    options = {"n": 4, "executor": fg.Executor(chunk=2), "opponents": MIXED, **SHORT}
-    whole = fg.rollout("oval", out=tmp_path / "whole", **options)
-    for name in ("chunks/000001.npz", "summary.json", "worlds.csv"):
-        (tmp_path / "whole" / name).unlink()
-    again = fg.rollout("oval", out=tmp_path / "whole", **options)
-    assert again.worlds_driven == 2
-    assert_same(again, whole)
-    read = fg.read_rollout(tmp_path / "whole")
-    assert_same(read, whole)
-    assert read.setup(3).entries == whole.setup(3).entries
-    assert read.summary()["opponents"] == whole.summary()["opponents"]
 
 
 @pytest.mark.parametrize(

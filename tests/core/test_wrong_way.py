@@ -1,6 +1,5 @@
 """A race ends when the car has come back by five metres from its greatest progress, and tells where it turned."""
 
-import json
 import math
 
 import numpy as np
@@ -9,28 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import main
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
 WORLDS = {name: fg.World(name) for name in ("oval", "hairpins", "scene:dead_end:0")}
-
-TURNER = """
-import fg_mujoco as fg
-
-class Reverser:
-    \"\"\"Drives forward, and from a time on backward.\"\"\"
-
-    def __init__(self, car, mu, max_speed):
-        pass
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.0, speed=1.5 if odometry.stamp < 1.0 else -3.0)
-"""
 
 
 def there_and_back(start, furthest, back):
@@ -149,39 +131,3 @@ def test_a_car_that_turns_round_is_told_of():
     across = result.car.column("heading_rad")[tick] - (math.atan2(turn.y_m, turn.x_m) + 0.5 * math.pi)
     assert across % (2.0 * math.pi) == pytest.approx(0.5 * math.pi, abs=0.1)
     assert progress[-1] > turn.s_m - WRONG_WAY_LIMIT >= progress[-1] - 1.5 * TICK - 0.01
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "turner.py").write_text(TURNER)
-    return tmp_path
-
-
-def test_table_json_report_and_picture_say_where_the_car_turned(here, capsys, monkeypatch):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    drawn = []
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
-    monkeypatch.setattr("fg_mujoco.addons.look.report.report_page.make_clip", lambda *_: None)
-    assert main(["race", "--controller", "turner.py:Reverser", "--out", "runs/back"]) == 1
-    table = capsys.readouterr().out
-    summary = json.loads((here / "runs/back/summary.json").read_text())
-    assert summary["end_reason"] == "wrong_way"
-    turn = summary["wrong_way"]
-    run = fg.read_run("runs/back")
-    tick = int(run.column("progress_m").argmax())
-    assert turn == {
-        "time_s": run.column("time_s")[tick], "x_m": run.column("x_m")[tick], "y_m": run.column("y_m")[tick],
-        "lap": 1, "s_m": run.column("progress_m")[tick], "speed_m_s": run.column("vx_m_s")[tick:].mean(),
-    }  # fmt: skip
-    assert turn["s_m"] > 1.0 and turn["time_s"] > 1.0
-    place = f"({turn['x_m']:.2f}, {turn['y_m']:.2f}) m, {turn['s_m']:.1f} m into lap 1"
-    said = f"reversed from {place}, t = {turn['time_s']:.2f}"
-    assert f"  wrong way         {said} s\n" in table
-    assert "0 of 5, wrong way\n" in table
-    page = (here / "runs/back/report.html").read_text()
-    assert f"Wrong way: {said} s." in page
-    assert '"name":"wrong_way"' in page
-    axes = drawn[0].axes[0]
-    assert (turn["x_m"], turn["y_m"]) in [tuple(line.get_xydata()[0]) for line in axes.lines if len(line.get_xdata())]
-    assert main(["replay", "runs/back"]) == 0

@@ -1,6 +1,5 @@
 """A league: who beats whom, ratings, planners that fail, the proof of a heat, and a folder that is gone on with."""
 
-import json
 import shutil
 import signal
 import subprocess
@@ -19,7 +18,6 @@ from fg_mujoco.addons.arena.league.league import PAGE, league, plan_heats
 from fg_mujoco.addons.arena.league.league_tables import make_standings
 from fg_mujoco.addons.arena.league.ratings import MEAN, POINTS, ratings
 from fg_mujoco.addons.arena.turn import read_turn
-from fg_mujoco.cli.main import main
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
 from refusals import refused
@@ -162,21 +160,6 @@ def settings_of():
     from fg_mujoco.addons.arena.league.heat import LeagueSettings
 
     return LeagueSettings(base=Setup(decision_limit=1.0), grid="staggered", rules="roboracer_2026")
-
-
-def test_a_planner_that_fails_loses_its_heat_and_is_named_and_the_rest_goes_on(here, capsys):
-    planners = [f"mine.py:{name}" for name in ("Stands", "Kills")]
-    arguments = ["--track", "oval", "--laps", "1", "--time-limit", "0.3", "--workers", "2"]
-    assert main(["league", *planners, *arguments, "--out", "out", "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
-    table = {row["planner"].partition(":")[2]: row for row in found["table"]}
-    assert found["heats"] == 2
-    assert {name: row["failures"] for name, row in table.items()} == {"Stands": 0, "Kills": 2}
-    assert {name: row["wins"] for name, row in table.items()} == {"Stands": 2, "Kills": 0}
-    raised = league(["mine.py:Stands", "mine.py:Raises"], out="raised", **SHORT | {"time_limit": 0.3})
-    assert {each.planner: each.failures for each in raised.cells} == {"mine.py:Stands": 0, "mine.py:Raises": 2}
-    for folder, said in (("raised", "ZeroDivisionError: on purpose (mine.py"), ("out", "the worker ended by SIGKILL")):
-        assert said in (here / folder / "results.csv").read_text() and said in (here / folder / PAGE).read_text()
 
 
 def test_a_heat_is_proved_by_its_file_by_its_run_folder_and_by_its_hash(here):

@@ -97,23 +97,6 @@ def test_the_overtaker_passes_a_slow_opponent_and_stays_behind_one_that_is_faste
     assert scenario(speed=1.0, headway=12.0, seconds=2.0).outcome == "behind"
 
 
-def test_a_scenario_off_the_course_or_in_the_other_car_is_named_and_the_rest_goes_on(tmp_path, capsys):
-    suite = write(
-        tmp_path,
-        'seconds = 0.5\n[[scenarios]]\ntrack = "oval"\nstarts = [4.0]\noffset = [0.0, 7.0]\nheadway = [3.0, 0.2]\n'
-        'lane = "middle"\n',
-    )
-    out = str(tmp_path / "out")
-    assert main(["scenarios", str(suite), "--out", out, "--workers", "1"]) == 1
-    lines = (tmp_path / "out" / "scenarios.csv").read_text()
-    assert lines.count("in a wall or an obstacle") == 2 and lines.count("behind") >= 1
-    assert lines.count("failed") == 3
-    printed = capsys.readouterr().out
-    assert "| overtaker | oval" in printed
-    assert main(["scenarios", str(suite), "--out", out, "--workers", "1"]) == 1  # goes on: nothing is missing
-    assert "4 of them by an earlier call" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -152,19 +152,6 @@ def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
     assert not done and obs["collisions"].tolist() == [0.0]
 
 
-def test_bundled_tracks_corridors_and_other_maps_can_be_driven(tmp_path, drawn):
-    env = f110.make(map="oval")
-    env.reset(np.array([[0.0, 0.0, 0.0]]))
-    env.update_map(f"{drawn}.yaml", ".png")
-    assert env.reset(np.array([[7.5, 2.25, 0.0]]))[0]["scans"][0].max() < 15.0
-    free = np.zeros((100, 300), dtype=bool)
-    free[40:60, 10:290] = True
-    draw_map(tmp_path, free, name="corridor")
-    env.update_map(str(tmp_path / "corridor"), ".png")
-    obs, _, done, _ = env.reset(np.array([[5.0, 2.5, 0.0]]))
-    assert not done and obs["lap_counts"].tolist() == [0.0]
-
-
 def test_parameters_of_the_car_are_taken_and_others_are_refused():
     gym_defaults = {
         "mu": 1.0489, "C_Sf": 4.718, "C_Sr": 5.4562, "lf": 0.15875, "lr": 0.17145, "h": 0.074, "m": 3.74,
@@ -195,17 +182,6 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
 def test_settings_that_are_wrong_are_refused(settings, error, message):
     with pytest.raises(error, match=message):
         f110.make(**settings)
-
-
-def test_a_car_that_is_not_to_reverse_brakes_to_a_stop():
-    """The gym's gain divides by v_min, which is 0 then."""
-    env = f110.make(map="oval", params={"v_min": 0.0})
-    env.reset(np.array([[0.0, 0.0, 0.0]]))
-    speeds = []
-    for tick in range(100):
-        observation, *_ = env.step(np.array([[0.0, 2.0 if tick < 50 else 0.0]]))
-        speeds.append(observation["linear_vels_x"][0])
-    assert max(speeds) > 1.0 and abs(speeds[-1]) < 0.1
 
 
 @pytest.mark.parametrize("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
@@ -314,22 +290,6 @@ def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart(secon
     assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
     assert np.abs(ends - poses[:, :2]).max() < 3.0
     assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
-
-
-def test_what_a_script_writes_into_the_parameters_holds_from_the_next_reset_on():
-    env = f110.make(map="oval", num_agents=2)
-    poses = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
-    env.params["mu"] = 0.3
-    assert [car.mu for car in env.world.cars] == pytest.approx([1.0489, 1.0489])
-    env.reset(poses)
-    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.3])
-    env.update_params(dict(env.params), index=1)
-    env.sim.agents[1].params.update(mu=0.6)
-    env.reset(poses)
-    assert [car.mu for car in env.world.cars] == pytest.approx([0.3, 0.6])
-    world = env.world
-    env.reset(poses)
-    assert env.world is world
 
 
 def test_footprints_touch_where_mujoco_finds_contacts():

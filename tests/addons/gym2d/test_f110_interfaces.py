@@ -11,7 +11,6 @@ import pytest
 
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
-from fg_mujoco.addons.gym2d.gym_world import LapCount
 from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, own_params
 from fg_mujoco.errors import TrackError
 from map_oracles import draw_map, ring
@@ -126,31 +125,6 @@ def test_a_reset_without_poses_is_at_the_start_of_the_course(drawn):
     assert behind == pytest.approx(-1.5, abs=0.1)
 
 
-def test_callbacks_draw_with_pyglets_names_and_nothing_is_shown(drawn, monkeypatch):
-    for display in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(display, raising=False)
-    env, seen = f110.make(map=str(drawn)), []
-
-    def draw(e):
-        x, y = e.cars[0].vertices[::2], e.cars[0].vertices[1::2]
-        seen.append((sum(x) / 4, sum(y) / 4))
-        e.score_label.x, e.score_label.y = min(x), max(y) - 700
-        e.left, e.right = min(x) - 800, max(x) + 800
-        points = e.batch.add(1, 0, None, ("v3f/stream", [0.0, 0.0, 0.0]), ("c3B/stream", [183, 193, 222]))
-        points.vertices = [1.0, 2.0, 0.0]
-        e.get_closed_lines_renderer(np.zeros((4, 2)), color=(0, 0, 0)).update(np.zeros((4, 2)))
-
-    env.add_render_callback(draw)
-    env.reset(POSE)
-    with pytest.warns(UserWarning, match="render shows nothing and goes on: there is no display") as told:
-        for mode in ("human", "human_fast", "human"):
-            env.render(mode=mode)
-    assert len(told) == 1
-    assert seen == [pytest.approx((50 * 7.5, 50 * 2.25), abs=0.1)] * 3  # 50 px a metre
-    assert env.renderer.score_label.text.startswith("Lap Time: 0.01")
-    env.close()
-
-
 # Maps
 
 
@@ -228,26 +202,6 @@ def test_configuration_objects_are_the_settings(drawn):
     moved = gym_config.LiDARConfig(base_link_to_lidar_tf=(0.1, 0.0, 0.0))
     assert f110.make("f1tenth-v0", config=settings.with_updates(lidar=moved)).sim.lidar_dist == 0.1
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
-
-
-@pytest.mark.parametrize("way", [1, -1])
-def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
-    """Driven by hand: a lap in 10 s, then one in 5 s."""
-    from fg_mujoco.addons.gym2d import gym_config
-
-    env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
-    _, info = env.reset()
-    assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
-    course = env.world.track
-    x, y, heading = course.start_pose(0.0)
-    laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
-    found = {}
-    for tick in range(1, 1650):
-        time = 0.01 * tick
-        lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
-        laps.count(time, *course.start_pose(way * course.length * lap)[:2])
-        found.setdefault(laps.completed, laps.last)
-    assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
 
 
 # Functions

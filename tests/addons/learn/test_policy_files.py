@@ -13,11 +13,7 @@ from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.resimulation import recorded_planner
 from refusals import refused
-from scan_worlds import corridor
 from small_policies import FLAT, PARTS, interface_of, network_for, write_onnx
-
-WORLD = fg.World("oval")
-CAR, BEAMS = WORLD.parameters, WORLD.vehicle.lidar.beams
 
 
 def written(path, settings=FLAT, **network):
@@ -123,24 +119,6 @@ def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, setting
     result = fg.race("hairpins", controller, time_limit=0.025 * ticks - 0.01)
     column = fg.TELEMETRY.index("command_steering_rad")
     assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
-
-
-def test_a_scan_with_other_beams_is_seen_along_its_own(tmp_path):
-    """A bag's LiDAR has 1080 beams, or every second one; a beam that it lacks reads as a failed one."""
-    planner = fg.make_controller(written(tmp_path / "policy", PARTS), car=CAR, mu=1.0, max_speed=8.0)
-    scan = corridor(1.0, 1.5, 4.0)
-    every_second = fg.LaserScan(
-        stamp=0.0, angle_min=scan.angle_min, angle_max=scan.angle_max, angle_increment=2.0 * scan.angle_increment,
-        range_min=0.0, range_max=30.0, ranges=scan.ranges[::2],
-    )  # fmt: skip
-    np.testing.assert_array_equal(planner._fitted(every_second).ranges[::2], scan.ranges[::2])
-    half = fg.LaserScan(
-        stamp=0.0, angle_min=0.0, angle_max=scan.angle_max, angle_increment=scan.angle_increment, range_min=0.0,
-        range_max=30.0, ranges=scan.ranges[540:],
-    )  # fmt: skip
-    seen = planner._fitted(half).ranges
-    np.testing.assert_array_equal(seen[540:], scan.ranges[540:])
-    assert np.isnan(seen[:540]).all()
 
 
 def changed(path, **changes):

@@ -121,32 +121,6 @@ def test_the_estimator_finds_the_mean_and_the_spread_of_what_it_is_fitted_to():
     assert abs(float(error) - 0.2) < 0.02
 
 
-def test_a_training_starts_from_the_weights_of_another(train, tmp_path):
-    """One whose learning rate is as good as nothing stays what it starts from, with other rewards."""
-    first = tmp_path / "first"
-    train(first, steps=64, **SMALL)
-    slow = {**SMALL["ppo"], "learning_rate": 1e-12}
-    rewards = {**SMALL["environment"], "rewards": {"sliding": 20.0, "bounded": False}}
-    train(tmp_path / "second", steps=64, start_from=first, **{**SMALL, "environment": rewards, "ppo": slow})
-    train(tmp_path / "fresh", steps=64, **{**SMALL, "environment": rewards, "ppo": slow})
-    seen = np.ones(21, np.float32)
-    own, second, fresh = (read_policy(tmp_path / name).act(seen) for name in ("first", "second", "fresh"))
-    np.testing.assert_allclose(second, own, atol=1e-6)
-    assert np.abs(fresh - own).max() > 1e-4
-    calm = train(tmp_path / "calm", steps=128, start_from=first, **{**SMALL, "ppo": {**slow, "log_std": -3.0}})
-    assert calm.figures["train/std"] == pytest.approx(np.exp(-3.0), rel=1e-3)
-    np.testing.assert_allclose(read_policy(tmp_path / "calm").act(seen), own, atol=1e-6)
-    for change, said in (
-        ({"observation": "beams:21,speed,flat"}, r"observation beams:20,speed,flat, not beams:21,speed,flat; accepted"),
-        ({"privileged": "mu,slip"}, r"size mismatch"),
-    ):
-        with pytest.raises(fg.ControllerError, match=said):
-            environment = {**SMALL["environment"], **change}
-            train(tmp_path / "other", steps=64, start_from=str(first), **{**SMALL, "environment": environment})
-    with pytest.raises(fg.SettingsError, match="where no checkpoint is; accepted: the folder of a training"):
-        train(tmp_path / "other", steps=64, start_from=tmp_path, **SMALL)
-
-
 @pytest.mark.parametrize("door", ["out", "folder", "file"])
 def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
     """Loading it runs the code in it: it is refused before anything reads it."""

@@ -2,7 +2,6 @@
 
 import base64
 import hashlib
-import itertools
 import json
 import math
 import re
@@ -115,22 +114,6 @@ def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, secon
     times = race.car.telemetry[:, 0]
     assert [d.time for d in seen.decisions] == times.tolist()
     assert [d.tick for d in seen.decisions] == list(range(len(times)))
-
-
-def test_the_motion_of_guidance_is_where_the_car_goes_then():
-    seen = fg.debug(fg.race("scene:u_turn_trap:3", "gap_finder", time_limit=8.0), window=8.0)
-    led = [len(each.motion) > 0 for each in seen.decisions]
-    followed = [place for place in range(len(led) - 8) if all(led[place : place + 9])]
-    assert len(followed) > 10
-    assert {seen.decisions[place].steering_step.name for place in followed} >= {"guidance"}
-    for place in followed:
-        x, y, heading = seen.decisions[place].pose
-        dx, dy = seen.decisions[place + 8].pose[:2] - (x, y)
-        cos, sin = math.cos(heading), math.sin(heading)
-        there = (cos * dx + sin * dy, cos * dy - sin * dx)
-        line = np.concatenate((np.zeros((1, 2)), seen.decisions[place].motion))
-        fine = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(line)])
-        assert np.hypot(*(fine - there).T).min() < 0.15  # [m]
 
 
 RAISES = """
@@ -363,21 +346,3 @@ def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page
         assert MARKUP[:50] in page.inner_text("#layers")
         assert page.locator("img").count() == 0
     assert dialogs == []
-
-
-@pytest.mark.parametrize("width", [390, 1280])
-def test_the_page_fits_the_screen_and_no_label_is_cut_or_lies_on_another(folder, tmp_path, width, page_of):  # noqa: F811
-    path = fg.debug(folder, at=1.0, window=1.0).write_page(tmp_path / "debug.html")
-    with page_of(viewport={"width": width, "height": 900}) as page:
-        page.add_init_script(WRITTEN)
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
-        page.evaluate(
-            "document.querySelector('h1').textContent = 'oval, /a/path/' + 'to/'.repeat(30) + 'planner.py:Mine'"
-        )
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        written = page.evaluate("window.written")
-    assert {"135°", "-135°", "0°"} <= {each["text"] for each in written["ranges"]}
-    for name in ("ranges", "strip"):
-        assert len(written[name]) > 4
-        assert outside_or_over_another(written[name]) == []

@@ -6,7 +6,6 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.look.live.browser_shapes import world_shapes
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
@@ -93,20 +92,3 @@ def test_browser_has_the_shapes_of_all_cars():
     model, shapes = world_shapes(session.world)
     bodies = {model.body(shape.body).name for shape in shapes}
     assert {"car/base_link", "car_1/base_link", "car_2/base_link"} <= bodies
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--opponents", "gap_findr"], "did you mean"),
-        (["--opponents", "gap_finder", "--grid", "heap"], "grid is 'heap'; accepted: staggered, side_by_side"),
-        (["--opponent-max-speed", "3"], "--opponent-max-speed is given 1 times for 0 opponents"),
-        (["--opponents", "gap_finder"] * 16, "17 entries; accepted: 1 to 16"),
-    ],
-)
-def test_opponents_that_cannot_be_are_refused_in_one_line(capsys, monkeypatch, options, message):
-    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.require_display", lambda: None)
-    monkeypatch.setattr("fg_mujoco.addons.look.live.desktop.run_desktop", lambda session: None)
-    assert main(["view", *options]) == 2
-    said = capsys.readouterr().err
-    assert message in said and said.count("\n") == 1

@@ -334,15 +334,6 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
     assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - refused
 
 
-def test_no_name_in_a_summary_becomes_markup(folder, tmp_path):
-    summary = json.loads((folder / "summary.json").read_text())
-    copy = tmp_path / "run"
-    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
-    (copy / "summary.json").write_text(json.dumps(summary | {MARKUP: 1, "more": {MARKUP: [MARKUP]}}))
-    text = write_report(copy, copy / "report.html", clip_seconds=None).read_text("utf-8")
-    assert "<script>alert" not in text and Scripts(text).others == []
-
-
 def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     out = tmp_path / "out"
     shutil.copytree(comparison / "out", out, ignore=shutil.ignore_patterns("report"))

@@ -13,13 +13,12 @@ import fg_mujoco as fg
 from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
 from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
 from fg_mujoco.addons.realcar.mapping import recorded_map
-from fg_mujoco.addons.realcar.mapping.ray_model import LogOdds
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map, write_map
 from fg_mujoco.addons.realcar.mapping.scan_matching import match_scans, step_between, stepped
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.bag_writer import export_bag
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
+from fg_mujoco.course.maps.map_server import FREE
 from fg_mujoco.course.polyline import subdivide
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -128,25 +127,6 @@ def test_scans_alone_make_no_map_and_what_does_is_said(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "does not say where the LiDAR was: it has /scan (sensor_msgs/msg/LaserScan); accepted: nav_msgs" in said
     assert said.count("\n") == 1
-
-
-def test_a_beam_frees_what_it_went_through_and_ends_in_a_wall():
-    grid = LogOdds.around(np.zeros((1, 3)), reach=5.0, resolution=0.1)
-    bearings = np.array([0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi])
-    grid.add(np.tile((0.05, 0.05, 0.0), (4, 1)), bearings, np.array([2.0, math.inf, math.nan, 9.0]))
-    cells = grid.cells()
-
-    def at(x, y):
-        column, row = np.floor((np.array((x, y)) - grid.origin) / grid.resolution + 1e-9).astype(int)
-        return cells[row, column]
-
-    assert [at(x, 0.0) for x in (0.1, 1.0, 1.9)] == [FREE] * 3
-    assert at(2.0, 0.0) == OCCUPIED
-    assert at(2.1, 0.0) == UNKNOWN
-    assert at(0.0, 1.0) == UNKNOWN  # what is not seen may be black
-    assert at(-1.0, 0.0) == UNKNOWN
-    assert at(0.0, -4.9) == FREE  # a wall beyond the reach: free as far as that
-    assert np.count_nonzero(cells == OCCUPIED) == 1
 
 
 ROOM = 3.0  # [m] half of its side

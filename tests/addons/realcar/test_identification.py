@@ -245,34 +245,6 @@ def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks
     assert table["rear"]["D"] == 1.0
 
 
-def test_drives_that_say_nothing_are_refused(exciting_drive):
-    def cut(end):
-        return {
-            name: Channel(name=name, time=channel.time[channel.time < end], values=channel.values[channel.time < end])
-            for name, channel in (
-                (n, getattr(exciting_drive, n)) for n in ("speed", "yaw_rate", "acceleration", "pose")
-            )
-        }
-
-    with pytest.raises(fg.SettingsError, match=r"drive 1: lasts 3\.\d+ s; accepted: 5 s or more"):
-        replace(exciting_drive, **cut(4.0))
-    speed = exciting_drive.speed
-    standing = Channel(name="speed", time=speed.time, values=np.zeros_like(speed.values))
-    with pytest.raises(fg.SettingsError, match="drive 1: the car stands; accepted: 5 s or more above 1 m/s"):
-        replace(exciting_drive, speed=standing)
-    with pytest.raises(fg.SettingsError, match="neither accelerations nor poses"):
-        replace(exciting_drive, acceleration=None, pose=None)
-    other = replace(exciting_drive, name="drive 2", car=replace(exciting_drive.car, mass=9.0))
-    with pytest.raises(fg.SettingsError, match="drive 2: is of another car than drive 1"):
-        identify_drives([exciting_drive, other])
-    with pytest.raises(fg.SettingsError, match="no drive"):
-        identify_drives([])
-    with pytest.raises(fg.SettingsError, match=r"front_drive is 1\.5; accepted: 0 to 1"):
-        identify_drives([exciting_drive], front_drive=1.5)
-    with pytest.raises(fg.SettingsError, match="its times do not increase"):
-        Channel(name="gyro", time=np.zeros(2), values=np.zeros((2, 1)))
-
-
 def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
     text = tire_text(found)
     table = tomllib.loads(text)

@@ -13,7 +13,6 @@ from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
-from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -137,22 +136,6 @@ def vesc_entries(driver, number="std_msgs/msg/Float64", count=120):
             (f"{driver}/commands/servo/position", time + 2, make(number, data=servo)),
         ]  # fmt: skip
     return found
-
-
-@pytest.mark.parametrize(("driver", "bits", "storage"), [("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")])
-def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys, driver, bits, storage):
-    bag = write_bag(tmp_path / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
-    (drive,) = read_drives(bag)
-    angles = 0.001 * np.arange(120)
-    assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
-    assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
-    assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
-    with ScanBag(bag, CAR) as scans:
-        assert scans.topics[DRIVE] == f"{driver}/commands"
-        last = list(scans)[-1].odometry
-    assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
-    assert main(["bag", str(bag)]) == 0
-    assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_a_measurement_of_a_bag_that_failed_is_left_out_and_one_that_none_measures_is_refused(tmp_path):

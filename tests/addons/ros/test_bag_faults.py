@@ -178,21 +178,6 @@ def test_a_lidar_on_the_car_and_on_the_map_at_once_is_mounted_as_on_the_car(tmp_
     assert said == []
 
 
-def test_speeds_are_those_from_pose_to_pose_where_there_are_transforms_alone(tmp_path, capsys):
-    entries = [("/tf_static", EPOCH, transforms(EPOCH, ("base_link", "laser", vector(), rotation())))]
-    for number, time in enumerate(ticks(60)):
-        at = 1.25 * 0.025 * number  # on a circle of 2 m
-        placed = (vector(x=2.0 * math.sin(at / 2.0), y=2.0 - 2.0 * math.cos(at / 2.0)), rotation(at / 2.0))
-        entries += [("/tf", time, transforms(time, ("odom", "base_link", *placed)))]
-        entries += [("/scan", time, robot_scan(WALLS, time=time))]
-    bag = write_bag(tmp_path / "bag", entries)
-    found = read(bag)
-    assert [d.odometry.speed for d in found[10:]] == pytest.approx([1.25] * 50, rel=1e-3)
-    assert [d.odometry.yaw_rate for d in found[10:]] == pytest.approx([0.625] * 50, rel=1e-3)
-    assert main(["replay-scans", str(bag), "--out", str(tmp_path / "out.csv")]) == 0
-    assert "no odometry; the speed is that of the transforms to the car" in capsys.readouterr().err
-
-
 def test_two_candidates_are_refused_by_name_with_the_option(tmp_path, capsys):
     entries = [(topic, EPOCH, robot_odometry(EPOCH)) for topic in ("/wheel/odom", "/pf/pose/odom")]
     entries += [("/scan", EPOCH, robot_scan(WALLS, time=EPOCH))]

@@ -282,20 +282,6 @@ def test_topics_that_were_written_one_after_the_other_are_read_in_the_order_of_t
     assert nearest(of_mcap(tmp_path / "drive.mcap", found)) == EXPECTED
 
 
-def test_a_message_that_is_cut_is_left_out_and_said(tmp_path, recwarn):
-    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
-    (file,) = folder.glob("*.db3")
-    base = sqlite3.connect(file)
-    (last,) = base.execute(
-        "SELECT max(m.id) FROM messages m JOIN topics t ON t.id = m.topic_id WHERE t.name = '/scan'"
-    ).fetchone()
-    base.execute("UPDATE messages SET data = substr(data, 1, 40) WHERE id = ?", (last,))
-    base.commit()
-    base.close()
-    assert nearest(folder) == EXPECTED[:-1]
-    assert any("1 messages on /scan are damaged and left out" in str(w.message) for w in recwarn)
-
-
 def test_a_part_that_is_missing_is_said_and_the_others_are_read(tmp_path, recwarn):
     folder = split(tmp_path / "drive")
     (folder / "drive_1.mcap").unlink()

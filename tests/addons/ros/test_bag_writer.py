@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rosbags.highlevel import AnyReader
 
 import fg_mujoco as fg
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import BagError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
 
@@ -194,21 +192,3 @@ def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypat
     error = capsys.readouterr().err
     assert named in error and error.count("\n") == 1
     assert not list(tmp_path.iterdir())
-
-
-def test_a_failure_leaves_no_bag_and_ctrl_c_leaves_what_was_written(folder, tmp_path):
-    def fail(index, total):
-        raise BagError("disk full")
-
-    def interrupt(index, total):
-        if index == 5:
-            raise KeyboardInterrupt
-
-    with pytest.raises(BagError):
-        export_bag(folder, tmp_path / "run.mcap", fail)
-    assert not list(tmp_path.iterdir())
-    with pytest.raises(KeyboardInterrupt):
-        export_bag(folder, tmp_path / "run.mcap", interrupt)
-    with AnyReader([tmp_path / "run.mcap"]) as reader:
-        assert reader.topics["/scan"].msgcount == 5
-    assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]

@@ -284,20 +284,3 @@ def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     text = source_code(type(make_controller(source, car=CAR, mu=1.0, max_speed=5.0)))
     for part in ("def start(args=None)", "HALF = 0.5", "return 2 * HALF", "LIMIT = 7", "generate_launch_description"):
         assert part.encode() in text
-
-
-@pytest.mark.parametrize("name", ["shape_msgs", "my_car"])
-def test_a_module_beside_a_node_comes_before_messages_of_its_name(workspace, name):
-    launch = Path(workspace("pass").removeprefix("ros:"))
-    car = launch.parents[1]
-    if name == "my_car":  # its own package has messages, and modules
-        (car / "msg").mkdir()
-        (car / "msg" / "Wish.msg").write_text("float64 speed 0.5\n")
-        (car / "my_car" / "tuned.py").write_text("def gain():\n    return 1.5\n")
-        wanted = "from my_car.msg import Wish\nfrom my_car.tuned import gain\nassert Wish().speed == 0.5"
-    else:
-        (car / "my_car" / "shape_msgs.py").write_text("def gain():\n    return 1.5\n")
-        wanted = "from shape_msgs import gain"
-    text = DRIVE.replace("from my_lib.numbers import gain", wanted).replace('"out"', '"/drive"')
-    (car / "my_car" / "alone.py").write_text(text + "\nstart()\n")
-    assert speeds(f"ros:{car / 'my_car' / 'alone.py'}")[0] == 1.5

@@ -316,19 +316,6 @@ def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
     assert speeds(make(node("self.drive(message.range_max)", head=head)), 3) == [0.0, 0.0, 4.0]
 
 
-@pytest.mark.parametrize(("topic", "other"), [("/sensors/core", "temp_fet"), ("/vesc/sensors/core", "avg_vq")])
-def test_the_state_of_the_motor_has_its_speed(node, topic, other):
-    head = HEAD + PUBLISHER + "        from vesc_msgs.msg import VescImuStamped, VescStateStamped\n"
-    head += "        assert VescImuStamped().imu.orientation.w == 1.0\n"
-    head += f"        self.create_subscription(VescStateStamped, '{topic}', self.core, 1)\n"
-    more = f"""
-    def core(self, message):
-        assert message.state.{other} == 0.0 and message.state.fault_code == message.state.FAULT_CODE_NONE
-        self.drive(message.state.speed / 4614.0)
-"""
-    assert speeds(make(node("pass", more, head)), 2) == pytest.approx([1.0, 1.0], abs=1e-6)
-
-
 def test_poses_and_transforms_are_those_of_the_car(node):
     head = HEAD + PUBLISHER + "        from nav_msgs.msg import Odometry\n        import tf2_ros\n"
     head += "        self.create_subscription(Odometry, '/ego_racecar/odom', self.odom, 1)\n"
@@ -596,23 +583,6 @@ def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(
         assert speeds(make(source), 1) == [1.5]
 
 
-def test_a_file_that_is_written_is_not_another_of_that_name(node, tmp_path):
-    (tmp_path / "log.csv").write_text("kept")
-    body = """
-for name, mode in (("/nowhere/log", "w"), ("/nowhere/log", "a")):
-    try:
-        open(name + ".csv", mode)
-    except FileNotFoundError:
-        self.drive(1)
-try:
-    open("/nowhere/log.csv", "w")
-except FileNotFoundError:
-    self.drive(2)
-"""
-    assert speeds(make(node(body)), 1) == [2.0]
-    assert (tmp_path / "log.csv").read_text() == "kept"
-
-
 def test_locks_events_and_threads_wait_in_simulated_time(node):
     head = (
         HEAD
@@ -631,34 +601,6 @@ def test_locks_events_and_threads_wait_in_simulated_time(node):
 """
     body = "with self.lock:\n    self.drive(self.value)\nself.event.wait(timeout=0.01)"
     assert speeds(make(node(body, more, head)), 6)[-1] >= 2.0
-
-
-def test_parameters_of_ros_1_have_namespaces(tmp_path):
-    path = tmp_path / "old.py"
-    path.write_text(
-        """
-import rospy
-from ackermann_msgs.msg import AckermannDriveStamped
-from rospy.core import is_shutdown
-
-gain = rospy.get_param("/team/gain")
-rospy.init_node("old")
-speeds = rospy.get_param("~speeds")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-rate = rospy.Rate(40)
-while not is_shutdown():
-    message = AckermannDriveStamped()
-    message.drive.speed = gain * speeds["fast"]
-    publisher.publish(message)
-    rate.sleep()
-"""
-    )
-    file = tmp_path / "config.yaml"
-    file.write_text("team: {gain: 2.0}\nspeeds: {fast: 1.5}\n")
-    assert speeds(make(f"ros:{path}", **{"host.params": str(file)}), 2)[-1] == 3.0
-    assert speeds(make(f"ros:{path}", **{"team/gain": 1.0, "speeds/fast": 2.0}), 2)[-1] == 2.0
-    with pytest.raises(ControllerError, match=r"parameter /team/gain is not given, and has no default; .*line 6\)"):
-        make(f"ros:{path}")
 
 
 def test_messages_have_the_fields_defaults_and_types_of_their_definitions():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING_TO_SERVO
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
 from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
@@ -201,21 +200,6 @@ def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path, car):
     found = [planner(replace(SCAN, stamp=0.025 * i), replace(odometry, stamp=0.025 * i)) for i in range(2)]
     assert [command.speed for command in found] == pytest.approx([0.1 * THROTTLE] * 2, rel=1e-6)
     assert [command.steering_angle for command in found] == pytest.approx([0.25 * STEERING, 0.5 * STEERING], rel=1e-6)
-
-
-def test_a_node_that_commands_motor_and_servo_drives(tmp_path):
-    path = tmp_path / "vesc.py"
-    path.write_text(
-        NODE.replace("AckermannDriveStamped", "Float64").replace("ackermann_msgs", "std_msgs").replace(
-            'self.create_publisher(Float64, "/drive", 10)',
-            '[self.create_publisher(Float64, f"/commands/{each}", 1) for each in ("motor/speed", "servo/position")]',
-        )
-        + "\n    def callback(self, message):\n"
-        f"        values = (2.0 * {SPEED_TO_ERPM}, {SERVO_OFFSET} + 0.1 * {STEERING_TO_SERVO})\n"
-        "        for publisher, value in zip(self.publisher, values):\n"
-        "            publisher.publish(Float64(data=value))\n"
-    )  # fmt: skip
-    assert commands(make(f"ros:{path}:Mine"), 2)[1] == pytest.approx((2.0, 0.1), abs=1e-6)
 
 
 def test_nodes_answer_each_others_services_and_actions(tmp_path):

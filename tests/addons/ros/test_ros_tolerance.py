@@ -146,19 +146,6 @@ def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
         commands(planner, 12)
 
 
-def test_a_nan_throttle_is_held_and_never_full_throttle(tmp_path):
-    made = '[self.create_publisher(Float32, f"/autodrive/roboracer_1/{each}_command", 1) for each in TOPICS]'
-    text = HEAD2.replace('self.create_publisher(AckermannDriveStamped, "/drive", 10)', made)
-    text += '\nTOPICS = "throttle", "steering"\n\nclass Mine(Mine):'
-    body = "\n    def callback(self, message):\n        self.count += 1\n"
-    body += "        value = float('nan') if self.count == 2 else 0.1\n"
-    body += "        self.publisher[0].publish(Float32(data=value))\n        self.publisher[1].publish(Float32())\n"
-    (tmp_path / "mine.py").write_text(text + body)
-    with pytest.warns(UserWarning, match="nan .*which is no command: the last command is held"):
-        found = speeds(make(f"ros:{tmp_path / 'mine.py'}:Mine"), 3)
-    assert found == pytest.approx([2.288] * 3, rel=1e-5)
-
-
 # Scalars of NumPy in messages
 
 
@@ -221,20 +208,6 @@ def test_poses_with_covariance_come_on_a_topic_of_any_name(node2, topic):
     planner = make(node2("pass", init, more))
     with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
         assert commands(planner, 1, (3.0, 4.0, math.pi / 2))[0][0] == 3.0
-
-
-def test_names_that_rclpy_keeps_for_itself_are_there_and_may_be_ones_own(node2):
-    body = """
-assert self._logger is self.get_logger() and self._clock is self.get_clock()
-assert "use_sim_time" in self._parameters and self._Node__publishers == self.publishers
-assert [each.topic_name for each in self._publishers] == ["/drive"]
-assert [each.topic_name for each in self._subscriptions] == ["/scan"] and self._timers == [7]
-with self.handle as handle:
-    assert handle.get_fully_qualified_name() == "/mine"
-assert not hasattr(self, "_other")
-self.drive(1.0)
-"""
-    assert speeds(make(node2(body, "self._timers = [7]")), 1) == [1.0]
 
 
 # Names that NumPy has no longer

@@ -176,39 +176,6 @@ def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays
     assert commanded.tolist() == list(range(20))
 
 
-def classic(number, packet):
-    """Drive as steer_by_sides, from a packet as AutoDRIVE's own DevKits read it."""
-    ticks, angles = ([float(each) for each in packet[f"V1 Encoder {name}"].split()] for name in ("Ticks", "Angles"))
-    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.0)
-    ranges = packet["V1 LIDAR Range Array"].split()
-    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1080
-    text = base64.b64encode(gzip.compress("\n".join(ranges).encode())).decode()
-    return steer_by_sides(number, {"V1 LIDAR Range Array": text})
-
-
-def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
-    hashes = []
-    for drive in (steer_by_sides, classic):
-        with (
-            devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
-            contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic"),
-        ):  # fmt: skip
-            result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
-        hashes.append(result.trajectory_sha256)
-    assert hashes[0] == hashes[1]
-
-
-def test_in_real_time_the_last_command_is_held_while_an_answer_is_awaited():
-    with (
-        devkit_server(lambda number, packet: commands(0.1) if number < 3 else SILENT) as (address, kit),
-        DevKit(address, BlankCamera(), real_time=True, patience=30.0) as devkit,
-    ):  # fmt: skip
-        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.4)
-    assert len(kit.packets) == 4  # none while one is not answered
-    commanded = result.car.column("command_speed_m_s")
-    assert commanded[0] == 0.0 and commanded[-1] == pytest.approx(2.288)
-
-
 @pytest.mark.usefixtures("without_pictures")
 def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
     resets = [5]

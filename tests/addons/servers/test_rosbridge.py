@@ -260,29 +260,6 @@ def test_services_place_and_pause_the_car(shared):
     assert refused["result"] is False and "did you mean '/reset'?" in refused["values"]
 
 
-def test_peers_talk_to_each_other(shared):
-    _, server, one = shared
-    other = Peer(server)
-    one.send(op="advertise", topic="/goal", type="geometry_msgs/PointStamped", latch=True)
-    one.send(op="publish", topic="/goal", msg={"header": {"stamp": {"secs": 3, "nsecs": 4}}, "point": {"x": 1}})
-    one.send(op="advertise_service", service="/twice", type="std_srvs/SetBool")
-    one.call("/rosapi/get_time")
-    other.send(op="subscribe", topic="/goal")
-    assert other.receive("publish", topic="/goal")["msg"] == {
-        "header": {"stamp": {"sec": 3, "nanosec": 4}, "frame_id": ""}, "point": {"x": 1.0, "y": 0.0, "z": 0.0},
-    }  # fmt: skip
-    for goes in (False, True):
-        other.send(op="call_service", service="/twice", id="x", args={"data": True})
-        call = one.receive("call_service", service="/twice")
-        assert call["args"] == {"data": True}
-        if goes:
-            one.drop()
-        else:
-            one.send(op="service_response", id=call["id"], service="/twice", values={"success": True}, result=True)
-        answer = other.receive("service_response", id="x")
-        assert answer["result"] is not goes and ("has gone" in str(answer["values"])) == goes
-
-
 def test_a_client_that_has_gone_leaves_nothing():
     with served() as (_, server):
         one, other = Peer(server), Peer(server)
