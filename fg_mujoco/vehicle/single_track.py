@@ -3,14 +3,9 @@
 Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / L and F_zr = m (g l_f + a_x h) / L.
 
 - Linear axles, as the 2D gyms drive them: F_y = mu C_S F_z alpha. Angles are small: steering and slip angles stand
-  where their tangents would, and nothing turns a force. `linear_rates` has the equations; `SingleTrack` drives them:
-
-      model = SingleTrack(car=car.parameters, mu=car.mu)
-      motion = model.follow(steering, speed, timestep=0.001)
-      motion.yaw_rate, motion.slip_angle
-
-  Source: M. Althoff, M. Koschi and S. Manzinger, "CommonRoad: Composable benchmarks for motion planning on roads", IV
-  2017, and its vehicle models, the single-track model with load transfer by acceleration.
+  where their tangents would, and nothing turns a force. `linear_rates` has the equations. Source: M. Althoff, M. Koschi
+  and S. Manzinger, "CommonRoad: Composable benchmarks for motion planning on roads", IV 2017, and its vehicle models,
+  the single-track model with load transfer by acceleration.
 - Magic Formula axles, which identification fits: F_y = F_z D sin(C atan(B a - E (B a - atan(B a)))), with the slip
   angles a_f = delta - atan((v_y + l_f r) / v_x), a_r = -atan((v_y - l_r r) / v_x). `simulate` drives them at the
   forward speed and acceleration that were measured. Of the force that drives the car, the share of the front axle acts
@@ -21,20 +16,15 @@ Both kinds carry the loads by longitudinal transfer, F_zf = m (g l_r - a_x h) / 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.kernels import inlined, kernel
-from ..errors import SettingsError
-from ..messages import CarParameters, FloatArray, require
+from ..messages import CarParameters, FloatArray
 
 FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562
 """[1/rad] C_Sf and C_Sr: side force over (mu times load times slip angle), of each axle; f1tenth_gym's."""
-
-SLOWEST = 0.1
-"""[m/s] Below it the published model switches to a kinematic one, because slip angles are over the speed."""
 
 TIRE = ("stiffness", "C", "D", "E")
 """Parameters of an axle in the fit: the stiffness B C D takes the place of B, because a drive determines it better."""
@@ -72,109 +62,29 @@ def linear_rates(
     front_stiffness: float, rear_stiffness: float, front: float, rear: float, height: float, mass: float,
     yaw_inertia: float, gravity: float,
 ) -> tuple[float, float]:  # fmt: skip
-    """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] of a car on linear axles change; see SingleTrack."""
+    """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] of a car on linear axles change.
+
+    Args:
+      yaw_rate: [rad/s].
+      slip_angle: [rad], from the heading to the velocity of the centre of gravity, left positive.
+      steering: [rad].
+      speed: of the centre of gravity [m/s].
+      acceleration: along the velocity [m/s^2]; it moves load between the axles.
+      mu: [-].
+      front_stiffness: side force over mu times load times slip angle [1/rad].
+      rear_stiffness: the same.
+      front: distance from the centre of gravity to the front axle [m].
+      rear: the same to the rear axle [m].
+      height: of the centre of gravity [m].
+      mass: [kg].
+      yaw_inertia: [kg m^2].
+      gravity: [m/s^2].
+    """
     front_load, rear_load = axle_loads(acceleration, front, rear, height, mass, gravity)
     front_force = mu * front_stiffness * front_load * (steering - slip_angle - front * yaw_rate / speed)
     rear_force = mu * rear_stiffness * rear_load * (rear * yaw_rate / speed - slip_angle)
     turning = (front * front_force - rear * rear_force) / yaw_inertia
     return turning, (front_force + rear_force) / (mass * speed) - yaw_rate
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """What the model did, one value a step, each of shape (n,). Of the centre of gravity."""
-
-    x: FloatArray  # [m]
-    y: FloatArray  # [m]
-    heading: FloatArray  # [rad]
-    yaw_rate: FloatArray  # [rad/s]
-    slip_angle: FloatArray  # [rad] from the heading to the velocity, left positive
-
-
-@dataclass(frozen=True, kw_only=True)
-class SingleTrack:
-    """A car on two linear tires, one for each axle.
-
-    Raises:
-      SettingsError: a cornering stiffness or friction that is not positive.
-    """
-
-    car: CarParameters
-    mu: float  # [-]
-    front_stiffness: float = FRONT_STIFFNESS  # [1/rad]
-    rear_stiffness: float = REAR_STIFFNESS  # [1/rad]
-
-    def __post_init__(self) -> None:
-        names = ("mu", "front_stiffness", "rear_stiffness")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", names, SettingsError)
-
-    @property
-    def wheelbase(self) -> float:
-        """[m]."""
-        return self.car.front_axle_distance + self.car.rear_axle_distance
-
-    def rates(
-        self, yaw_rate: float, slip_angle: float, steering: float, speed: float, acceleration: float
-    ) -> tuple[float, float]:
-        """Return how fast yaw rate [rad/s^2] and slip angle [rad/s] change.
-
-        Args:
-          yaw_rate: [rad/s].
-          slip_angle: [rad].
-          steering: [rad].
-          speed: of the centre of gravity [m/s].
-          acceleration: along the velocity [m/s^2]; it moves load between the axles.
-        """
-        car = self.car
-        return linear_rates(
-            yaw_rate, slip_angle, steering, speed, acceleration, self.mu, self.front_stiffness, self.rear_stiffness,
-            car.front_axle_distance, car.rear_axle_distance, car.center_of_gravity_height, car.mass, car.yaw_inertia,
-            car.gravity,
-        )  # fmt: skip
-
-    def steady_yaw_rate(self, steering: float, speed: float) -> float:
-        """Return the yaw rate that a held steering angle and speed lead to, v d / (b + K v^2) [rad/s].
-
-        K is the understeer gradient of the two stiffnesses, (1 / C_Sf - 1 / C_Sr) / (mu g).
-        """
-        gradient = (1.0 / self.front_stiffness - 1.0 / self.rear_stiffness) / (self.mu * self.car.gravity)
-        return speed * steering / (self.wheelbase + gradient * speed**2)
-
-    def follow(self, steering: FloatArray, speed: FloatArray, *, timestep: float) -> Motion:
-        """Drive from the origin, along x, by steering angles and speeds that are given, by Runge and Kutta.
-
-        Args:
-          steering: (n,) [rad]; linear from one step to the next.
-          speed: (n,) [m/s] of the centre of gravity.
-          timestep: between two of them [s].
-
-        Raises:
-          SettingsError: a speed below SLOWEST.
-        """
-        slowest = float(np.min(speed))
-        if not slowest >= SLOWEST:
-            raise SettingsError(f"the speed is {slowest!r} m/s; accepted: {SLOWEST} m/s and above")
-        acceleration = np.gradient(speed, timestep)
-        inputs = np.column_stack((steering, speed, acceleration))
-        middles = 0.5 * (inputs[:-1] + inputs[1:])
-        states = np.zeros((len(inputs), 5))
-        rows, between = inputs.tolist(), middles.tolist()
-        for step in range(1, len(rows)):
-            state = states[step - 1]
-            first = self._derivative(state, rows[step - 1])
-            second = self._derivative(state + 0.5 * timestep * first, between[step - 1])
-            third = self._derivative(state + 0.5 * timestep * second, between[step - 1])
-            fourth = self._derivative(state + timestep * third, rows[step])
-            states[step] = state + timestep / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
-        x, y, heading, yaw_rate, slip_angle = np.ascontiguousarray(states.T)
-        return Motion(x=x, y=y, heading=heading, yaw_rate=yaw_rate, slip_angle=slip_angle)
-
-    def _derivative(self, state: FloatArray, inputs: list[float]) -> FloatArray:
-        _, _, heading, yaw_rate, slip_angle = state.tolist()
-        steering, speed, acceleration = inputs
-        course = heading + slip_angle
-        rates = self.rates(yaw_rate, slip_angle, steering, speed, acceleration)
-        return np.array((speed * math.cos(course), speed * math.sin(course), yaw_rate, *rates))
 
 
 def car_array(car: CarParameters, front_drive: float, *, single_track: bool = False) -> FloatArray:
