@@ -78,19 +78,6 @@ def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
     assert at_open < ahead(driven, 0.5) < at_closed
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a frontier that moves by more than 1 m, as at a corner, is not the last one"
-)
-def test_at_a_junction_with_two_ways_on_the_choice_stays():
-    driven = Driven(junction(30.0, 30.0))
-    driven.go(4.0)
-    side = math.copysign(1.0, goal(driven)[1])
-    assert side * goal(driven)[1] > 1.0
-    for _ in range(4):
-        driven.go(0.25)
-        assert side * goal(driven)[1] > 1.0
-
-
 @pytest.mark.parametrize("pocket", [0.0, 1.5, 2.5])
 def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket):
     driven = Driven(hairpin(pocket))

@@ -8,9 +8,7 @@ import fg_mujoco as fg
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
 from fg_mujoco.course.random_moving import with_moving
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -75,22 +73,3 @@ def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
 def test_bad_input_is_named(track, moving, message):
     with pytest.raises(SettingsError, match=message):
         ground_of(Setup.of(track, moving=moving))
-
-
-def test_race_replay_rollout_and_environment_have_the_same_things(tmp_path):
-    setup = Setup.of("oval", moving=ALL, obstacle_seed=3)
-    moving = ground_of(setup).course.moving
-    result = fg.race(setup, time_limit=0.5)
-    assert result.world.track.moving == moving
-    for each, compiled in zip(moving, result.world.moving, strict=True):  # with the digits of MJCF
-        assert compiled.numbers() == pytest.approx(each.numbers(), rel=1e-4)
-    fg.write_run(result, tmp_path / "run", picture=False)
-    assert replay(tmp_path / "run").holds
-    assert (result.summary()["moving"], result.summary()["obstacle_seed"]) == (ALL, 3)
-    assert ground_of(fg.rollout(setup, n=1, time_limit=0.5).setup(0)).course.moving == moving
-    assert EnvironmentSettings.of({"setup": setup}).make_world().track.moving == moving
-    given = Setup.of("oval", moving=moving)
-    given.write(tmp_path / "race.toml")
-    assert Setup.read(tmp_path / "race.toml") == given
-    assert ground_of(given).course.moving == moving
-    assert Setup.read(setup.described()) == setup

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -243,29 +242,6 @@ def test_wall_across_the_blind_sector_is_seen_on_both_sides_of_it() -> None:
 
 
 # --- the same bits ---
-
-
-def test_many_worlds_are_scanned_as_each_alone_by_any_thread() -> None:
-    rng = np.random.default_rng(5)
-    lidar = RaycastLidar(random_spec(np.random.default_rng(5)).compile(), PREFIX)
-    scene, count, moving = lidar.scene, 40, len(lidar.scene.moving)
-    positions, rotations = random_poses(rng, count)
-    moving_positions = rng.uniform(-5, 5, (count, moving, 3))
-    moving_rotations = np.stack([random_poses(rng, moving)[1] for _ in range(count)])
-    poses = positions, rotations, moving_positions, moving_rotations
-    together, scratch = np.empty((count, 1081)), scene.scratch()  # what one scan leaves in it is nothing to the next
-    for world in range(count):
-        scan(scene.arrays, *(part[world] for part in poses), scratch, together[world])
-
-    def alone(world: int) -> Any:
-        readings = np.empty(1081)
-        scan(scene.arrays, *(part[world] for part in poses), scene.scratch(), readings)
-        return readings
-
-    with ThreadPoolExecutor(4) as pool:
-        singles = np.array(list(pool.map(alone, range(count))))
-    assert np.array_equal(together, singles)
-    assert np.isfinite(singles).mean() > 0.2
 
 
 # --- where the LiDAR is ---

@@ -365,20 +365,6 @@ def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
 # -- settings
 
 
-def test_a_setup_with_sensors_is_read_back_from_a_file(tmp_path):
-    setup = Setup.of("oval", sensors=MIXED, seed=3)
-    again = Setup.read(setup.write(tmp_path / "race.toml"))
-    assert again == setup and again.first.sensors == as_sensors(MIXED)
-    assert setup != Setup.of("oval", seed=3)
-    text = 'sensors = ["imu", {sensor = "pose", rate = 10, noise_std = [0.1, 0.1, 0.01]}]'
-    (tmp_path / "other.toml").write_text(text)
-    read = Setup.read(tmp_path / "other.toml").first.sensors
-    assert read == as_sensors(["imu", {"sensor": "pose", "rate": 10, "noise_std": (0.1, 0.1, 0.01)}])
-    (tmp_path / "other.toml").write_text('laps = 2\nsensors = ["imo"]')
-    with pytest.raises(fg.SettingsError, match=r"other.toml, line 2: sensors\[0\] is 'imo'; .*did you mean 'imu'"):
-        Setup.read(tmp_path / "other.toml")
-
-
 @pytest.mark.parametrize(
     ("sensors", "said"),
     [

@@ -1,6 +1,5 @@
 """One world, one tick: 25 ms, the same bits every time, and sensors that agree with the truth."""
 
-import math
 from copy import copy
 
 import mujoco
@@ -115,30 +114,6 @@ def test_the_accelerometer_is_that_of_the_last_physics_step(tires):
         assert same_bits(simulation.state, state)
         assert odometry.linear_acceleration.tolist() == expected != before
         before = expected
-
-
-@pytest.mark.parametrize("side", (1.0, -1.0))
-@pytest.mark.parametrize("speed", (0.5, 6.0))
-def test_driving_into_a_wall_is_a_crash_when_the_chassis_touches_it_and_not_before(simulation, side, speed):
-    """Half the car's width, turned by its heading, against the straight wall at y = +-1.1 m."""
-    simulation.reset(s=52.0, speed=speed)
-    car = simulation.world.parameters
-    turned = 0.0
-    while not simulation.crashed and simulation.time < 10.0:
-        reached = reach(simulation, car, side)
-        simulation.step(fg.DriveCommand(steering_angle=0.1 * side if abs(turned) < 0.4 else 0.0, speed=speed))
-        turned = simulation.pose[2]
-    assert simulation.crashed
-    assert reached < 1.1 < reach(simulation, car, side) + 0.03
-    assert simulation.world.track.project(simulation.pose[:2])[1][0] * side < 1.1
-
-
-def reach(simulation, car, side):
-    """How far to one side the corners of the chassis reach [m]."""
-    _, y, heading = simulation.pose
-    front = car.length - car.rear_overhang
-    corners = [(ahead, left) for ahead in (front, -car.rear_overhang) for left in (0.5 * car.width, -0.5 * car.width)]
-    return max(side * (y + ahead * math.sin(heading) + left * math.cos(heading)) for ahead, left in corners)
 
 
 def test_a_crash_is_remembered_and_told_by_the_next_tick(simulation):

@@ -234,21 +234,3 @@ def test_unknown_name_is_refused_with_the_known_ones(name):
         load_track(name)
     if not name.startswith("random"):
         assert all(known in str(refusal.value) for known in track_names())
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("levine.png", r"is a picture; accepted: .*track from-image .*levine\.png --resolution"),
-        ("map.pgm", r"is a picture; accepted: the map that it belongs to, .*map\.yaml"),
-        ("global_waypoints.json", "is JSON, .* accepted: a .csv of x_m"),
-        ("line.npy", "is an array of NumPy; accepted"),
-        ("walls.STL", "is a mesh"),
-        ("drive.mcap", "is a bag"),
-    ],
-)
-def test_a_file_of_another_kind_is_named_as_what_it_is(tmp_path, name, message):
-    (tmp_path / name).write_bytes(b"\x93NUMPY")
-    (tmp_path / "map.yaml").write_text("image: map.pgm\n")
-    with pytest.raises(TrackError, match=message):
-        load_track(tmp_path / name)
