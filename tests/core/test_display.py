@@ -2,10 +2,8 @@
 
 import importlib.util
 import re
-import sys
 import webbrowser
 from dataclasses import replace
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -213,22 +211,3 @@ def test_show_writes_a_page_and_says_where(crashed, tmp_path, capsys, monkeypatc
     assert "not UTF-8: \\udcff" in (tmp_path / "name.html").read_text("utf-8")
     with pytest.raises(fg.SettingsError, match=r"path is 'a\.png'; accepted: a file that ends in \.html"):
         crashed.show("a.png")
-
-
-@pytest.mark.parametrize(
-    ("kind", "display", "opened"),
-    [(SimpleNamespace, ":0", 1), (webbrowser.GenericBrowser, ":0", 0), (SimpleNamespace, "", 0)],
-)
-def test_show_opens_a_browser_only_where_it_takes_nothing_over(kind, display, opened, lap, tmp_path, monkeypatch):
-    pages = []
-    browser = kind() if kind is SimpleNamespace else kind("w3m")
-    browser.open = pages.append
-    monkeypatch.setattr(webbrowser, "get", lambda *_: browser)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setenv("DISPLAY", display)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    lap.show()
-    (place,) = tmp_path.glob("*.html")
-    assert pages == [place.as_uri()] * opened

@@ -7,8 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-import fg_mujoco as fg
-
 pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
 
 from absl.testing import absltest
@@ -95,20 +93,6 @@ def test_crash_ends_with_discount_0_and_the_time_limit_with_1():
     assert crash.discount == 0.0
     assert crash.reward < -5.0
     assert (late.last(), late.discount) == (True, 1.0)
-
-
-def test_physics_holds_a_command_for_whole_ticks():
-    physics = load("oval", beam_step=540).physics
-    physics.set_control([0.1, 2.0])
-    physics.step()
-    physics.step(10)
-    simulation = fg.Simulation(fg.World("oval"))
-    for _ in range(3):
-        simulation.step(fg.DriveCommand(steering_angle=0.1, speed=2.0))
-    assert physics.simulation.state.tobytes() == simulation.state.tobytes()
-    assert physics.named.data.qpos["car/base_link"][:2].tolist() == list(simulation.pose[:2])
-    with pytest.raises(fg.SettingsError, match="multiple of 5"):
-        physics.step(3)
 
 
 RENDER = """

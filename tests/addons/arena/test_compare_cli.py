@@ -13,7 +13,6 @@ import fg_mujoco as fg
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import install_command
-from refusals import refused
 
 SHORT = ["--track", "oval", "--laps", "1", "--time-limit", "0.6", "--workers", "1", "--out", "out"]
 
@@ -27,10 +26,6 @@ def here(tmp_path, monkeypatch):
 
 def command(*arguments):
     return [sys.executable, "-m", "fg_mujoco", "compare", *arguments]
-
-
-def refusal(here, capsys, *arguments):
-    return refused(here, capsys, "compare", *arguments)
 
 
 def test_the_command_is_the_function(here, capsys):
@@ -49,25 +44,6 @@ def test_the_command_is_the_function(here, capsys):
     assert files(here / "out") == files(here / "mine")
     assert out == f"{expected.markdown()}\n8 runs; written to out\nmu 0.9; the planner has no limit\n"
     assert "\x1b" not in err  # what planners print is there, and no progress
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--out", "out", "--controller", "nobody"), "'nobody' is not known"),
-        (("--out", "out", "--controller", "gap_finder,"), "accepted: names"),
-        (("--out", "out", "--controller", "gap_finder[lookahead]"), "accepted: SETTING=VALUE"),
-        (("--out", "out", "--track", "nowhere"), "unknown track 'nowhere'"),
-        (("--out", "out", "--track", "scene:nowhere"), "unknown scene"),
-        (("--out", "out", "--seed", "1:x"), "accepted: FIRST:END"),
-        (("--out", "out", "--seed", "5:5"), "no seed is given"),
-        (("--out", "out", "--max-speed", "4,fast"), "accepted: a number"),
-        (("--out", "out", "--track", "oval", "--obstacles", "500"), "accepted: at most"),
-        (("--track", "oval"), "--out"),
-    ],
-)
-def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
-    assert said in refusal(here, capsys, *arguments)
 
 
 def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):

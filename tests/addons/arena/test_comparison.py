@@ -45,21 +45,6 @@ def compare(controller=GRID, **options):
 
 
 @pytest.mark.parametrize(
-    ("text", "source", "settings"),
-    [
-        ("gap_finder", "gap_finder", {}),
-        (" a/b.py:C ", "a/b.py:C", {}),
-        ("f[point=middle, n=3,t=5.0,on=true]", "f", {"point": "middle", "n": 3, "t": 5.0, "on": True}),
-    ],
-)
-def test_a_controller_is_read_with_its_settings(text, source, settings):
-    choice = ControllerChoice.of(text)
-    assert choice.source == source
-    assert dict(choice.settings) == settings
-    assert ControllerChoice.of(choice.label).settings == choice.settings
-
-
-@pytest.mark.parametrize(
     "text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""]
 )
 def test_what_is_no_controller_with_settings_is_refused(text):

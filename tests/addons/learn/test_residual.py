@@ -1,7 +1,6 @@
 """Residual policies: they correct a planner's commands. Without a correction the planner drives, bit for bit."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from fg_mujoco.addons.learn.policy_files import description_of, read_policy, sav
 from fg_mujoco.addons.learn.residual import Residual
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.envs.actions import ActionBounds, ActionReader
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
 from small_policies import network_for
 
@@ -112,18 +110,6 @@ def test_a_command_is_the_planned_one_and_the_correction_within_the_limits(plann
     expected = np.array(planned) + share * np.clip(action, -1, 1) * (0.1, 1.5)
     expected = np.clip(expected, (-CAR.max_steering_angle, -1.0), (CAR.max_steering_angle, 7.0))
     np.testing.assert_allclose(commands[0], expected, atol=1e-12)
-
-
-def test_the_planner_is_told_nothing_that_is_drawn():
-    drawn = {"mu": (0.5, 1.1), "command_delay": (0.0, 0.02), "mass": (3.2, 4.3)}
-    interface = F1TenthVectorEnv(1, randomize=drawn, effects={"latency": 0.03}, **SETTINGS).policy_interface
-    context = interface.planner_context
-    assert (context.mu, context.latency, context.max_speed, context.map_line) == (0.5, 0.05, 8.0, None)
-    assert context.car == CAR
-    assert replace(interface, residual=replace(interface.residual, latency=0.01)).planner_context.latency == 0.01
-    described = json.loads(json.dumps(interface.described(), allow_nan=False))
-    assert PolicyInterface.read(described) == interface
-    assert "residual" not in F1TenthVectorEnv(1).policy_interface.described()
 
 
 @pytest.mark.parametrize(

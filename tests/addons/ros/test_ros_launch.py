@@ -125,21 +125,9 @@ def speeds(source, count=2, **settings):
             4.0,
         ),
         (
-            "file = get_package_share_directory('my_car') + '/config/car.yaml'\n"
-            "with open(file, 'r') as opened:\n    values = yaml.safe_load(opened)['driver']['ros__parameters']\n"
-            "return LaunchDescription([drive(parameters=[{'speed': values['speed'] * 2}])])",
-            3.0,
-        ),
-        (
             "path = os.path.join(os.path.dirname(__file__), 'inner.launch.py')\n"
             "return LaunchDescription([IncludeLaunchDescription(PythonLaunchDescriptionSource([path]))])",
             1.25,
-        ),
-        (
-            "path = PathJoinSubstitution([FindPackageShare('my_car'), 'launch', 'inner.launch.py'])\n"
-            "return LaunchDescription([IncludeLaunchDescription(\n"
-            "    PythonLaunchDescriptionSource(path), launch_arguments={'fast': '2.25'}.items())])",
-            2.25,
         ),
         (
             "back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"

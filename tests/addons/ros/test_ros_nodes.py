@@ -221,41 +221,7 @@ def main():
         rclpy.spin_once(node, timeout_sec=0)
 """
     )
-    (tmp_path / "nested.py").write_text(
-        """
-import rospy
-import tf
-from ackermann_msgs.msg import AckermannDrive, AckermannDriveStamped
-from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Header
-
-
-class Nested(object):
-    def __init__(self):
-        rospy.init_node("nested")
-        self.listener = tf.TransformListener()
-        self.publisher = rospy.Publisher("drive", AckermannDriveStamped, queue_size=1)
-        rospy.Subscriber("scan", LaserScan, self.callback)
-        rospy.Timer(rospy.Duration(0.05), self.timer)
-        rospy.spin()
-
-    def callback(self, message):
-        self.place, _ = self.listener.lookupTransform("map", "base_link", rospy.Time(0))
-
-    def timer(self, event):
-        speed = 1 if self.place == [0.0, 0.0, 0.0] else 2
-        self.publisher.publish(AckermannDriveStamped(Header(stamp=event.current_real), AckermannDrive(speed=speed)))
-
-
-if __name__ == "__main__":
-    Nested()
-"""
-    )
-    scan = replace(ODOMETRY, speed=0.0)
     assert speeds(make(f"ros:{package / 'polling.py'}"), 4) == [0.0, 1.5, 1.5, 1.5]
-    planner = make(f"ros:{tmp_path / 'nested.py'}")
-    commands = [planner(replace(SCAN, stamp=0.025 * i), replace(scan, stamp=0.025 * i)) for i in range(5)]
-    assert [command.speed for command in commands] == [0.0, 0.0, 1.0, 1.0, 1.0]
 
 
 def test_parameters_are_declared_given_and_refused(node, tmp_path):
@@ -307,13 +273,6 @@ def test_a_topic_that_may_be_something_else_stays_silent(node, more):
     source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
     with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
         assert speeds(make(source), 2) == [0.0, 0.0]
-
-
-def test_a_topic_of_the_nodes_own_is_not_taken_for_ours(node):
-    head = HEAD.replace("/scan", "/own_scan") + PUBLISHER
-    head += "        self.relay = self.create_publisher(LaserScan, '/own_scan', 1)\n"
-    head += "        self.create_timer(0.03, lambda: self.relay.publish(LaserScan(range_max=4.0)))\n"
-    assert speeds(make(node("self.drive(message.range_max)", head=head)), 3) == [0.0, 0.0, 4.0]
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):
