@@ -52,6 +52,16 @@ PLANNERS = {
 }
 """Planners by name."""
 
+STAGES = {
+    "learn": "drivers.friction_learning:LEARN",
+    "lqr": "drivers.line_trackers:LQR",
+    "map": "drivers.line_trackers:MAP",
+    "mpc": "drivers.line_mpc:TRACK",
+    "remember": "drivers.known_line:REMEMBER",
+    "stanley": "drivers.line_trackers:STANLEY",
+}
+"""Optional stages of driving, by the settings of planners that name them."""
+
 SCHEMES = {
     "policy": "learn.policy_planner:POLICIES",
     "ros": "ros.node_host.ros_planner:NODES",
@@ -68,8 +78,10 @@ PARTS = {
     "localiser": "drivers.localisation.localiser:Localiser",
     "policy batch": "learn.policy_batch:PolicyBatch",
     "pose settings": "drivers.localisation.localiser:PoseSettings",
+    "raceline": "drivers.line_optimizer:raceline",
     "report": "look.commands_report:report_race",
     "residual": "learn.residual:Residual",
+    "room on map": "drivers.line_optimizer:room_on_map",
     "run page": "look.report.report_page:write_report",
 }
 """Parts that the core uses where somebody asks for them."""

@@ -99,12 +99,12 @@ def _stepped(track: str, tires: str, mu: float, learns: bool, time: float) -> st
         if since >= 0.0:
             slide = float(np.nanmax(simulation.slip.sliding_speed))
             greatest, sliding = max(greatest, slide), sliding + simulation.period * (slide > SLIDES)
-            if learns and np.isnan(found) and planner._alone.memory[0]["learned"]["mu"] < 1.05 * STEP * mu:
+            if learns and np.isnan(found) and planner.kept("learn")["learned"]["mu"] < 1.05 * STEP * mu:
                 found = since
         if simulation.crashed:
             touched = f"{since:.1f} s"
             break
-    used = planner._alone.memory[0]["learned"]["mu"] if learns else mu
+    used = planner.kept("learn")["learned"]["mu"] if learns else mu
     name = "learning" if learns else "told"
     slid = f"{touched:8} {greatest:20.3f} {sliding:12.2f}"
     return f"{Path(track).stem:15} {mu:4.2f}   {name:10} {slid} {found:20.2f} {used:8.3f}"

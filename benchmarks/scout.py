@@ -21,6 +21,7 @@ import numpy as np
 from common import parser, report, table
 
 import fg_mujoco as fg
+from fg_mujoco.addons.drivers.known_line import line_of
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import GripLimits, make_raceline
 from fg_mujoco.controllers.control.planner import Planner
@@ -72,7 +73,8 @@ def drive(name: str, course: str, mu: float, controller: str) -> Row:
     car = fg.race(course, planner, laps=LAPS, mu=mu).car
     other = fg.race(course, "gap_finder", laps=LAPS, mu=mu).car
     own = raceline = math.nan
-    line = planner.known_line() if isinstance(planner, Planner) else np.empty((0, 2))
+    remembers = isinstance(planner, Planner) and "remember" in planner.stages
+    line = line_of(planner) if remembers else np.empty((0, 2))
     if len(line):
         smooth = smooth_line(line, TOLERANCE)
         own = lap_time(smooth, fastest_speeds(smooth, GripLimits(grip=double_track_grip(setup.first))))

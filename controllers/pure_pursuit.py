@@ -33,13 +33,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fg_mujoco.addons.drivers.line_mpc import MPC, SOLVED, plan_steering
-from fg_mujoco.addons.drivers.line_optimizer import limited_grip, optimize_line, room_beside, walls_beside
-from fg_mujoco.addons.drivers.line_trackers import lqr_steering, map_steering, stanley_steering
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.course.line_csv import require_closed
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
+from fg_mujoco.registry import PARTS
 
 from .control.driving import DrivingSettings, SpeedLaw, refer
 from .control.planner import Planner
@@ -47,7 +45,6 @@ from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_ca
 from .control.racelines import (
     LEFT,
     RIGHT,
-    ROOM,
     SPEED,
     STEP,
     X,
@@ -60,16 +57,11 @@ from .control.racelines import (
 )
 from .control.slip import late_on_path
 from .control.steering import late_by, pursue
-from .perception.intermediate_scans import keep
-from .perception.scan_filters import valid_ranges
-from .perception.scan_geometry import period_of, sees
+from .perception.scan_geometry import sees
 from .safety.friction_limiter import FrictionLimiter
-from .safety.predictions import foresee
 
-_PURE_PURSUIT, _STANLEY, _LQR, _MAP, _MPC = 1, 2, 3, 4, 5  # places of the words of the setting `tracker`
+_PURE_PURSUIT, _MAP = 1, 4  # places of words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
-_OFF_LINE = 0.4  # [m] from the line, beyond which every tracker joins it by pure pursuit
-_LEAST_MARGIN = 0.5  # share of the margin that a plan leaves to the walls
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
@@ -179,42 +171,31 @@ def profile_speed(line: FloatArray, nearest: int, ahead: float) -> float:
 
 @kernel
 def _follow(
-    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray, period: float
-) -> tuple[float, float, float, int]:
-    """Return the steering angle [rad], the speed of the profile [m/s], the goal's bearing [rad], and the plan it is by.
+    odometry: Record, driver: Record, settings: Record, memory: Record, line: FloatArray, reference: Record
+) -> tuple[float, float, float, float]:
+    """Return the steering angle [rad], the speed of the profile [m/s], the goal's bearing [rad] and distance [m].
 
-    NaN: brake. The plan is line_mpc.SOLVED, LAST_PLAN or NO_PLAN; of trackers that do not plan it is SOLVED.
+    NaN: brake. The nearest point of the line is written into the reference, for other trackers.
     """
-    car, slip, mpc = driver.car, driver.limiter.slip, memory.mpc
+    car, slip = driver.car, driver.limiter.slip
     x, y, heading = odometry.pose
-    planned, mpc.planned = mpc.planned, False
     if not (math.isfinite(x + y + heading) and math.isfinite(odometry.speed)):
-        return math.nan, 0.0, math.nan, SOLVED
+        return math.nan, 0.0, math.nan, math.nan
     now = min(abs(odometry.speed), car.max_speed)
     nearest = nearest_point(line, memory, settings.lost_distance, x, y)
     if line[nearest, SPEED] == 0.0:
-        return math.nan, 0.0, math.nan, SOLVED
+        return math.nan, 0.0, math.nan, math.nan
     offset = distance_to(line, nearest, x, y)
+    reference.point, reference.off_line = nearest, offset
     goal_x, goal_y = goal_ahead(line, nearest, lookahead_at(settings, slip, car, now, offset), x, y)
     bearing, distance = math.atan2(goal_y - y, goal_x - x) - heading, math.hypot(goal_x - x, goal_y - y)
     bearing = math.atan2(math.sin(bearing), math.cos(bearing))
     speed = profile_speed(line, nearest, (settings.reaction + late_by(car)) * now)
-    plan = SOLVED
     if abs(bearing) > 0.5 * math.pi:
         steering_angle = math.copysign(car.max_steering_angle, bearing)
-    elif settings.tracker == _STANLEY and offset < _OFF_LINE:
-        steering_angle = stanley_steering(line, nearest, x, y, heading, now, car)
-    elif settings.tracker == _LQR and offset < _OFF_LINE:
-        steering_angle = lqr_steering(line, nearest, x, y, heading, now, car)
-    elif settings.tracker == _MPC and offset < (ROOM if planned else _OFF_LINE):
-        mpc.planned = planned
-        steering_angle, slower, plan = plan_steering(line, nearest, odometry, driver, period, mpc)
-        speed = min(speed, slower)
-    elif settings.tracker == _MAP:
-        steering_angle = map_steering(line, nearest, bearing, distance, now, car, slip)
     else:
         steering_angle = pursue(bearing, distance, 0.0, car.wheelbase)
-    return steering_angle, speed, bearing, plan
+    return steering_angle, speed, bearing, distance
 
 
 class PurePursuit(Planner):
@@ -230,7 +211,7 @@ class PurePursuit(Planner):
     """
 
     Settings = PurePursuitSettings
-    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_), ("mpc", MPC)])
+    memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
 
     def __init__(
         self,
@@ -250,7 +231,7 @@ class PurePursuit(Planner):
             settings = replace(settings, tracker="lqr" if settings.line == "raceline" else "pure_pursuit")
         points, speeds = map_line.points, np.full(len(map_line.points), math.inf)
         if settings.line == "raceline":
-            points = _raceline(map_line, car, mu, max_speed, for_car(settings, car))
+            points = PARTS.find("raceline")(map_line, car, mu, max_speed, for_car(settings, car))
             speeds = np.full(len(points), math.inf)
         elif settings.line != "centreline":
             points, speeds = read_line(settings.line)
@@ -280,24 +261,24 @@ class PurePursuit(Planner):
     @staticmethod
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, ranges, odometry, running, own, driven, lines, valid, shown
+        scan, odometry, running, own, driven, lines, valid, shown
     ):
         """Write the references of all running worlds."""
         for world in range(len(running)):
             if running[world]:
-                keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
-                driver, planner, memory = driven[world].driver, own[world], driven[world].memory
-                steering_angle, speed, bearing, plan = math.nan, 0.0, math.nan, SOLVED
-                clear = valid[len(valid) - len(running) + world]
-                foresee(scan[0], valid[world], clear, odometry[world], driver, memory.predictions)
+                driver, planner, reference = driven[world].driver, own[world], driven[world].reference
+                steering_angle, speed, bearing, distance = math.nan, 0.0, math.nan, math.nan
                 if sees(scan[0], valid[world]):
                     line = lines[driver.line_first : driver.line_end]
-                    steering_angle, speed, bearing, plan = _follow(
-                        odometry[world], driver, planner.settings, planner.memory, line, period_of(scan[0])
+                    steering_angle, speed, bearing, distance = _follow(
+                        odometry[world], driver, planner.settings, planner.memory, line, reference
                     )
-                reference = driven[world].reference
-                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, math.nan, reference)
-                reference.plan = plan
+                refer(scan[0], valid[world], driver, steering_angle, speed, bearing, distance, reference)
+
+    def stage_names(self) -> tuple[str, ...]:
+        """Return the names of its optional stages, in STAGES: its tracker is one."""
+        tracker = self.settings.tracker
+        return (*super().stage_names(), *(() if tracker == "pure_pursuit" else (tracker,)))
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""
@@ -315,20 +296,6 @@ class PurePursuit(Planner):
         slip, car = driver["limiter"]["slip"], driver["car"]
         lookahead = lookahead_at(self.settings_row[0], slip, car, abs(odometry.speed), offset)
         return goal_ahead(self.line, nearest, lookahead, x, y)
-
-
-@lru_cache(maxsize=8)
-def _raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float, settings: Any) -> FloatArray:
-    """Return the line of least lap time between the walls of a map, by what its profile may use of the tires. (n, 2).
-
-    Raises:
-      SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
-    """
-    if not (map_line.closed and map_line.walls and math.isfinite(mu)):
-        raise SettingsError("line is 'raceline'; accepted: on a circuit whose walls are known, with friction limits")
-    grip = limited_grip(FrictionLimiter(car, mu), max_speed, settings.cornering_use, settings.braking_use)
-    walls = walls_beside(map_line.points, map_line.walls)
-    return optimize_line(map_line.points, walls, car, grip, margin=settings.margin).points
 
 
 @lru_cache(maxsize=8)
@@ -357,7 +324,6 @@ def _table(
         braking_use=settings.braking_use,
     )
     if walled is not None:
-        walls, line = walls_beside(walled.points, walled.walls), table[:, : Y + 1].copy()
-        table[:, [RIGHT, LEFT]] = room_beside(line, walls, car, _LEAST_MARGIN * settings.margin, ROOM)
+        table[:, [RIGHT, LEFT]] = PARTS.find("room on map")(table, walled, car, settings.margin)
     table.flags.writeable = False
     return table

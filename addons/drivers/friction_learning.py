@@ -35,6 +35,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,13 @@ from fg_mujoco.controllers.control.planner_settings import (
     setting,
 )
 from fg_mujoco.controllers.control.slip import slip_angle, slip_row
-from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray
+from fg_mujoco.controllers.control.stages import Stage
+from fg_mujoco.controllers.control.steering import saturate
+from fg_mujoco.controllers.perception.scan_geometry import period_of
+from fg_mujoco.messages import CarParameters, FloatArray
+
+if TYPE_CHECKING:
+    from fg_mujoco.controllers.control.planner import Planner
 
 _RATIO = 1.06  # of neighbours in the bank
 _BELOW = 5  # of the bank lie below the start
@@ -108,7 +115,6 @@ class FrictionLearningSettings(Settings):
 
 LEARNING = np.dtype(
     [
-        ("active", np.bool_),
         ("settings", record_type(FrictionLearningSettings)),
         ("mus", np.float64, (_BANK,)),
         ("front_slip", np.float64, (_POINTS,)),  # [-] by the use of the friction, from 0 to _WIDEST
@@ -138,7 +144,6 @@ LEARNED = np.dtype(
         ("steering_products", np.float64, (_UNKNOWNS,)),
         ("gain", np.float64),  # of the steering that is corrected for, less 1
         ("offset", np.float64),  # [rad] likewise
-        ("odometry", ODOMETRY),  # as the car's, with the true steering angle
         ("use", np.float64),  # [-] greatest force of a tire over its load, in the mean of the last tenth of a second
         ("held", np.float64),  # [-] greatest of that
         ("ceiling", np.float64),  # [-] after the tires slid; 0: there is none
@@ -165,7 +170,7 @@ def learning_row(car: CarParameters, settings: FrictionLearningSettings | None =
     """Return a row of type LEARNING, shape (1,), of a planner that learns."""
     settings = settings or FrictionLearningSettings()
     row = np.zeros(1, LEARNING)
-    row["active"], row["settings"], row["mus"] = True, record_values(settings), _bank(settings)
+    row["settings"], row["mus"] = record_values(settings), _bank(settings)
     slip = slip_row(car, car.gravity)[0]
     least = min(car.front_peak, car.rear_peak)
     uses = np.linspace(0.0, _WIDEST, _POINTS)
@@ -524,3 +529,60 @@ def use_friction(limiter: Record, row: Record, mu: float) -> None:
     gained = (height + 0.5 / row.mu) / (height + 0.5 / mu)
     limiter.mu, limiter.lateral = mu, row.lateral * share
     limiter.braking, limiter.accelerating = row.braking * gained, row.accelerating * gained
+
+
+_LEARNS = np.dtype([("learning", LEARNING), ("learned", LEARNED)])
+
+
+@kernel
+def _learn(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Learn from the odometry, and let the planner use the friction and the true steering angle.
+
+    Arguments are as in control.stages.
+    """
+    driver, learned = driven.driver, own.learned
+    learn(own.learning, learned, driver.car, driven.odometry, period_of(scan))
+    row = trajectories[driver.trajectories + learned.level].limiter
+    driver.limiter = row
+    use_friction(driver.limiter, row, learned.mu)
+    driver.stops = learned.stops
+    driven.odometry.steering_angle = true_steering(learned, driven.odometry.steering_angle)
+
+
+@kernel
+def _correct(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Correct the command for the error of the steering; arguments as in control.stages."""
+    command[0] = saturate(commanded_steering(own.learned, command[0]), driven.driver.car.max_steering_angle)
+
+
+def _first(planner: Planner) -> NDArray[np.void]:
+    """Return what a planner begins with, of type _LEARNS."""
+    row = np.zeros(1, _LEARNS)
+    row["learning"] = learning_row(planner.car)
+    return row
+
+
+LEARN = Stage(
+    before_guidance=_learn, after_driving=_correct, own=_LEARNS, first=_first, frictions=tuple(levels().tolist())
+)
+"""The stage `learn`: the planner is not told the friction."""

@@ -29,19 +29,27 @@ not followed at all.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.driving import extend_path, hold_by
 from fg_mujoco.controllers.control.planner_settings import Record
+from fg_mujoco.controllers.control.reasons import KNOWN_LINE, note
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import arc_through, late_by, saturate
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
 from fg_mujoco.controllers.perception.scan_geometry import nearest_place, sees
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER, longitudinal_share
 from fg_mujoco.messages import FloatArray
 
-from .lap_map import FAR, LAP_MAP, PLACES, tell_sides, wall_points
+from .lap_map import FAR, LAP_MAP, PLACES, see_lap, tell_sides, wall_points
 from .least_time import quicken
+
+if TYPE_CHECKING:
+    from fg_mujoco.controllers.control.planner import Planner
 
 RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]
@@ -81,12 +89,13 @@ _LEAVES = 0.6  # [m] to the side of the line, beyond which the car no longer fol
 _CLEAR = 0.05  # [m] to each side of the car, within which the end of a beam on the line is something new
 _BEAMS_A_POINT = 24  # that are looked at for each point, at most
 _STOPS_BEFORE = 1.0  # [m] between the rear axle and something new at which the car stands
+_LINE_USE = 1.0  # share of the grip for cornering on the line, when the car is too fast
 _PLANNER_DRIVES = 5.0  # [m] after something new was within twice that
 
 AWAY, NEAR, ON = range(3)
 """Where the car is: the planner drives, the car is led to the line, or it follows the line."""
 
-KNOWN_LINE = np.dtype(
+LINE = np.dtype(
     [
         ("round", np.int64),
         # 0: on which side walls are is to be told; points are 1: to be spread, 2: to get their room, 3: to be moved
@@ -108,7 +117,7 @@ KNOWN_LINE = np.dtype(
 )
 """Type of a line, and of what is kept of it from tick to tick; zero at the beginning."""
 
-REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", KNOWN_LINE)])
+REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE)])
 """Type of all that is remembered of the first lap."""
 
 
@@ -117,7 +126,7 @@ def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Rec
     """Do a tick's part of the shaping.
 
     Args:
-      line: of type KNOWN_LINE, written to.
+      line: of type LINE, written to.
       lap: of type LAP_MAP, closed.
       scan: of type SCAN.
       beams: of a scan.
@@ -322,7 +331,7 @@ def follow_line(
     AWAY, the reference is left as it is. NEAR, the speed is that of the reference, too.
 
     Args:
-      line: of type KNOWN_LINE, ready; written to.
+      line: of type LINE, ready; written to.
       lap: of type LAP_MAP, closed.
       scan: of type SCAN.
       ranges: readings (n,) [m], without NaN or inf.
@@ -517,3 +526,78 @@ def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, 
         share = min(each - at, 1.0)
         best = min(best, (1.0 - share) * squares[at] + share * squares[at + 1])
     return math.sqrt(best)
+
+
+@kernel
+def _remember(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Record the lap, and decide while the car is on its line; arguments as in control.stages."""
+    driver, memory, reference = driven.driver, driven.memory, driven.reference
+    seen, odometry = driven.scan, driven.odometry
+    see_lap(own.lap, seen, guiding, odometry, driver.car.lidar_offset)
+    if not driven.decided and _is_on_line(seen, valid, odometry, driver, memory, own, reference):
+        extend_path(seen, odometry, driver, memory)
+        speed, limiter = min(reference.speed, reference.limit, driver.max_speed), own.line.limiter
+        steering = reference.steering_angle
+        command[0], command[1] = hold_by(limiter, seen, odometry, driver, memory, steering, speed, _LINE_USE, 0.0)
+        driven.decided = True
+
+
+@kernel
+def _is_on_line(
+    scan: Record,
+    valid: FloatArray,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    own: Record,
+    reference: Record,
+) -> bool:
+    """Return whether the car is on its line, and write the reference that follows it.
+
+    Until the line is ready, a tick's part of the work on it is done.
+
+    Args:
+      scan: of type SCAN.
+      valid: readings (n,) [m], without NaN or inf.
+      odometry: of type ODOMETRY.
+      driver: of type driving.DRIVER.
+      memory: of type driving.DRIVING_MEMORY.
+      own: of type REMEMBERED, written to.
+      reference: of type REFERENCE, written to.
+    """
+    lap, line = own.lap, own.line
+    if not lap.closed:
+        forget_line(line)
+        return False
+    if not line.ready:
+        shape_line(line, lap, scan, len(valid), driver.limiter, driver.max_speed)
+        return False
+    if memory.guidance.follows and not line.follows:
+        return False
+    place = follow_line(line, lap, scan, valid, driver.limiter, odometry, reference)
+    if place != AWAY:
+        note(memory.reasons, KNOWN_LINE, reference.steering_angle, reference.speed)
+    return place == ON
+
+
+REMEMBER = Stage(after_guidance=_remember, own=REMEMBERED)
+"""The stage `remember`: from the second lap on the car follows a line through the ground of the first."""
+
+
+def line_of(planner: Planner) -> FloatArray:
+    """Return the closed line of a planner that remembers, in the frame in which its first lap began.
+
+    Shape (n, 2) [m]; no points while there is no line.
+    """
+    line = planner.kept("remember")["line"]
+    return np.array(line["points"][: line["count"] if line["ready"] else 0, :2])

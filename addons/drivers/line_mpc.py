@@ -34,16 +34,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, SPEED, STEP, X, Y, next_point
+from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, ROOM, SPEED, STEP, X, Y, next_point
 from fg_mujoco.controllers.control.slip import arc_angle, course_angle, slip_angle, steady_arc, steered, tightest_arc
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, saturate
+from fg_mujoco.controllers.perception.scan_geometry import period_of
 from fg_mujoco.messages import FloatArray
 
-from .line_trackers import curvature_at, direction_at
+from .line_trackers import OFF_LINE, curvature_at, direction_at, is_ahead, own_line
 from .ltv_program import COUPLED, FIRST, HIGH, INPUT, LAST, LOW, MOST_ITERATIONS, SOFTNESS, solve_program
 
 STEPS, DT = 20, 0.05  # of the horizon, and [s] of each
@@ -362,3 +365,30 @@ def _bound(
         limits[SOFTNESS, k, COUPLED] = 1.0 / (_BEYOND_RATE * effort[k])
         limits[SOFTNESS, k, LAST] = 1.0 / (_BEYOND * weights[k + 1, last])
         limits[SOFTNESS, k, FIRST] = 1.0 / (_BEYOND * weights[k + 1, 0])
+
+
+@kernel
+def _track(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Steer by a plan near the line, and slow where it leaves the room there; arguments as in stages."""
+    driver, reference = driven.driver, driven.reference
+    planned, own.planned = own.planned, False
+    if is_ahead(reference) and reference.off_line < (ROOM if planned else OFF_LINE):
+        own.planned, line = planned, own_line(driver, lines)
+        reference.steering_angle, speed, reference.plan = plan_steering(
+            line, reference.point, driven.odometry, driver, period_of(scan), own
+        )
+        reference.speed, reference.own_speed = min(reference.speed, speed), min(reference.own_speed, speed)
+
+
+TRACK = Stage(after_reference=_track, own=MPC)
+"""The tracker as a stage of driving, by which pure pursuit steers along its line."""

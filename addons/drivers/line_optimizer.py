@@ -26,15 +26,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from functools import lru_cache
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.racelines import ROOM, Y
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.messages import CarParameters, FloatArray, MapLine
 
 from .band_program import least_on_ring
 
@@ -60,6 +62,7 @@ _REGULAR = 1e-6
 _LOCK_USE = 0.95  # share of the curvature at full lock that the line may have
 _LOCK_PRICE = 0.05  # [s m] of the squared curvature beyond
 _PRICE_OUTSIDE = 0.5  # [s/m] of the deepest place of the car outside of its room
+_LEAST_MARGIN = 0.5  # share of a planner's margin to the walls that it leaves when it is off its line
 _FINE = 8  # points in a step, by which a curve is measured
 
 
@@ -492,3 +495,37 @@ def fastest_lap(
             time += lock_price * beyond * beyond * steps[i]
             by_bend[i] += 2.0 * lock_price * math.copysign(beyond, bends[i]) * steps[i]
     return time
+
+
+@lru_cache(maxsize=8)
+def raceline(map_line: MapLine, car: CarParameters, mu: float, max_speed: float, settings: Any) -> FloatArray:
+    """Return the line of least lap time between the walls of a map, by what its profile may use of the tires. (n, 2).
+
+    Args:
+      map_line: the line through the course, with the walls beside it.
+      car: parameters of the car.
+      mu: friction coefficient that the planner assumes.
+      max_speed: [m/s].
+      settings: PurePursuitSettings of the car.
+
+    Raises:
+      SettingsError: a line that is open, without walls or friction limits; a solver that does not converge.
+    """
+    if not (map_line.closed and map_line.walls and math.isfinite(mu)):
+        raise SettingsError("line is 'raceline'; accepted: on a circuit whose walls are known, with friction limits")
+    grip = limited_grip(FrictionLimiter(car, mu), max_speed, settings.cornering_use, settings.braking_use)
+    walls = walls_beside(map_line.points, map_line.walls)
+    return optimize_line(map_line.points, walls, car, grip, margin=settings.margin).points
+
+
+def room_on_map(table: FloatArray, map_line: MapLine, car: CarParameters, margin: float) -> FloatArray:
+    """Return the room beside a planner's line to the right (negative) and to the left, (n, 2) [m].
+
+    Args:
+      table: of the line, as of racelines.line_table.
+      map_line: the line through the course, with its walls.
+      car: parameters of the car.
+      margin: of the planner's settings [m], of which a part is left.
+    """
+    walls, line = walls_beside(map_line.points, map_line.walls), table[:, : Y + 1].copy()
+    return room_beside(line, walls, car, _LEAST_MARGIN * margin, ROOM)

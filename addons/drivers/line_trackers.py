@@ -27,10 +27,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.racelines import X, Y, moved_along
 from fg_mujoco.controllers.control.slip import course_angle, steady_arc
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
 from fg_mujoco.messages import FloatArray
@@ -39,6 +43,9 @@ _SPAN = 0.2  # [m] to either side of a point, for the direction of the line
 _BEND_SPAN = 0.4  # [m] the same for its curvature
 _STANLEY_GAIN, _STANLEY_SLOWEST = 2.5, 1.0  # [1/s] and [m/s]
 _LENGTH, _LENGTH_TIME = 0.4, 0.1  # [m] and [s]: of the regulator's L
+OFF_LINE = 0.4
+"""[m] Distance from the line beyond which the car joins it by pure pursuit."""
+
 
 @kernel
 def direction_at(line: FloatArray, point: int) -> float:
@@ -124,3 +131,83 @@ def map_steering(
         return pursue(bearing, distance, 0.0, car.wheelbase)
     course = course_angle(slip, car, speed, speed * curvature_at(line, nearest))
     return steady_arc(slip, car, pursue(bearing - course, distance, 0.0, car.wheelbase), speed)
+
+
+@kernel
+def own_line(driver: Record, lines: FloatArray) -> FloatArray:
+    """Return the line of a planner among the lines of its batch."""
+    return lines[driver.line_first : driver.line_end]
+
+
+@kernel
+def is_ahead(reference: Record) -> bool:
+    """Return whether the car has a goal on its line, and does not turn round for it."""
+    return bool(abs(reference.bearing) <= 0.5 * math.pi)
+
+
+@kernel
+def _track_by_stanley(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Steer by Stanley's law near the line; arguments as in stages."""
+    driver, reference = driven.driver, driven.reference
+    if is_ahead(reference) and reference.off_line < OFF_LINE:
+        line, point, (x, y, heading) = own_line(driver, lines), reference.point, driven.odometry.pose
+        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        reference.steering_angle = stanley_steering(line, point, x, y, heading, now, driver.car)
+
+
+@kernel
+def _track_by_lqr(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Steer by the regulator near the line; arguments as in stages."""
+    driver, reference = driven.driver, driven.reference
+    if is_ahead(reference) and reference.off_line < OFF_LINE:
+        line, point, (x, y, heading) = own_line(driver, lines), reference.point, driven.odometry.pose
+        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        reference.steering_angle = lqr_steering(line, point, x, y, heading, now, driver.car)
+
+
+@kernel
+def _track_by_map(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Steer by model- and acceleration-based pursuit; arguments as in stages."""
+    driver, reference = driven.driver, driven.reference
+    if is_ahead(reference):
+        line, point = own_line(driver, lines), reference.point
+        now = min(abs(driven.odometry.speed), driver.car.max_speed)
+        reference.steering_angle = map_steering(
+            line, point, reference.bearing, reference.distance, now, driver.car, driver.limiter.slip
+        )
+
+
+STANLEY = Stage(after_reference=_track_by_stanley)
+LQR = Stage(after_reference=_track_by_lqr)
+MAP = Stage(after_reference=_track_by_map)
+"""The trackers as stages of driving, by which pure pursuit steers along its line."""

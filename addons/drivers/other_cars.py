@@ -31,9 +31,9 @@ from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.steering import saturate
 from fg_mujoco.controllers.perception.scan_filters import noise_of
 from fg_mujoco.controllers.perception.scan_geometry import bearing_of, period_of
+from fg_mujoco.controllers.safety.predictions import MOST_CARS
 from fg_mujoco.messages import MOST_OTHERS, OF_OTHER_CAR, FloatArray, Reading, columns_of_others
 
-MOST_CARS = 6
 BEHIND = 0.06  # [m] from the middle of what is seen of a box to its own middle
 
 _FARTHEST = 9.0  # [m] at which runs of beams are looked at

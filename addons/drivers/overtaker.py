@@ -28,7 +28,6 @@ from fg_mujoco.controllers.control.driving import refer_to_goal
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
-from fg_mujoco.controllers.perception.scan_filters import valid_ranges
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.predictions import draw_disc, place_of, separate, track, write_predictions
 from fg_mujoco.messages import FloatArray, Reading
@@ -81,7 +80,7 @@ class Overtaker(GapFinder):
     @staticmethod
     @kernel
     def refer_worlds(  # type: ignore[no-untyped-def]
-        scan, ranges, odometry, running, own, driven, lines, valid, shown
+        scan, odometry, running, own, driven, lines, valid, shown
     ):
         """Write the references of all running worlds, and for each the scan with cars as drawn and that without."""
         scans = IntermediateScans(shown[0], shown[1], shown[2], shown[3])
@@ -89,7 +88,6 @@ class Overtaker(GapFinder):
         for world in range(count):
             if running[world]:
                 drawn, without, clear = valid[world], valid[count + world], valid[2 * count + world]
-                keep(drawn, valid_ranges(ranges[world], scan[0].range_max))
                 keep(without, drawn)
                 driver, bearing, distance = driven[world].driver, math.nan, 0.0
                 limit, among = math.inf, False

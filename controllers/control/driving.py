@@ -12,8 +12,7 @@ the same for all planners:
 5. A car that stands without a frontier reverses along its path (recovery).
 6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
-With the setting `remember` the places of the first lap are kept (lap_map), and from the second lap on the car follows a
-line through them (known_line). While it is on that line, only 6 applies.
+Optional stages (stages) may change the reference before 2, or decide in place of 3 to 6.
 
 The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
 no friction limit, mu = inf, has only the laws of the mean range and of the distance straight ahead.
@@ -28,27 +27,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.addons.drivers.friction_learning import (
-    LEARNED,
-    LEARNING,
-    commanded_steering,
-    learn,
-    learning_row,
-    true_steering,
-    use_friction,
-)
-from fg_mujoco.addons.drivers.known_line import AWAY, ON, follow_line, forget_line, shape_line
-from fg_mujoco.addons.drivers.lap_map import see_lap
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import CarParameters, FloatArray, require
+from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
 
 from ..perception.scan_filters import widen_all
-from ..perception.scan_geometry import beams_between, period_of
+from ..perception.scan_geometry import SCAN, beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter, held_on_circle, limited
 from ..safety.guidance import GUIDANCE, GuidanceSettings, guide, path_ahead
-from ..safety.predictions import MOST_LATE, PREDICTIONS, turned
+from ..safety.predictions import MOST_LATE, PREDICTIONS, foresee, turned
 from ..safety.recovery import PATH_HISTORY, RecoverySettings, angle_along_history, extend_history, reverses
 from ..safety.safety_filter import SafetyFilterSettings, least_cornering, passing_steering, safe_steering
 from .planner_settings import (
@@ -68,7 +56,6 @@ from .reasons import (
     AFTER_RECOVERY,
     AHEAD,
     GRIP,
-    KNOWN_LINE,
     LAST_PLAN,
     LOCK,
     MAXIMUM,
@@ -97,7 +84,6 @@ from .speedometer import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedomete
 from .steering import pursue, saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
-_LINE_USE = 1.0  # share of the grip for cornering on a known line, when the car is too fast
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
@@ -167,14 +153,13 @@ DRIVER = np.dtype(
         ("guidance", np.bool_),
         ("prediction", np.bool_),
         ("late", np.int64),  # ticks by which scans are older than the odometry
-        ("remembers", np.bool_),
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
-        ("learning", LEARNING),  # inactive where the planner is told the friction
         ("filter_settings", record_type(SafetyFilterSettings)),
         ("recovery_settings", record_type(RecoverySettings)),
         ("guidance_settings", record_type(GuidanceSettings)),
-        ("trajectories", np.int64),  # which table of braking trajectories is its own; of one that learns, the first
+        ("trajectories", np.int64),  # which table of braking trajectories is its own: the first,
+        ("stops", np.int64),  # and how many tables behind it is that of its friction now
         ("line_first", np.int64),  # which points of the lines through the map are its own: the first,
         ("line_end", np.int64),  # and the one behind the last
     ]
@@ -184,7 +169,6 @@ DRIVER = np.dtype(
 DRIVING_MEMORY = np.dtype(
     [
         ("limiter", LIMITER_MEMORY),
-        ("learned", LEARNED),
         ("history", PATH_HISTORY),
         ("guidance", GUIDANCE),
         ("speedometer", SPEEDOMETER),
@@ -204,9 +188,11 @@ REFERENCE = np.dtype(
         ("steering_angle", np.float64),  # [rad]; NaN: there is no reference, and the car brakes
         ("speed", np.float64),  # [m/s] greatest
         ("bearing", np.float64),  # [rad] of the goal; NaN: there is none
-        ("distance", np.float64),  # [m] of the goal from the LiDAR
+        ("distance", np.float64),  # [m] of the goal from the LiDAR; of one on a line, from the rear axle
+        ("point", np.int64),  # of the planner's line through the map, which is nearest to the rear axle
+        ("off_line", np.float64),  # [m] of the rear axle from there
         ("own_speed", np.float64),  # [m/s] before any speed law
-        ("plan", np.int64),  # of line_mpc, by which it is: 0 that of now, 1 the last one, 2 none, and the car brakes
+        ("plan", np.int64),  # of the tracker mpc, by which it is: 0 this tick's, 1 the last one, 2 none: the car brakes
         ("limit", np.float64),  # [m/s] greatest, whatever guidance makes of the rest; inf: none
         ("lane", np.float64, (MOST_LANE, 4)),  # motion beside another car, which guidance leaves, as in `tracking`
         ("places", np.int64),  # of the lane; 0: there is none
@@ -243,15 +229,21 @@ def driver_record(
         row["recovery"] = settings.recovery and row["safety_filter"]
         row["guidance"] = settings.guidance and law == "minimum"
         row["prediction"] = settings.prediction and row["safety_filter"] and late < MOST_LATE
-        row["remembers"] = settings.remember and row["guidance"]
         row["limiter"] = limiter.record
-        if settings.learn:
-            row["learning"] = learning_row(car)
     return row
 
 
-DRIVEN = np.dtype([("driver", DRIVER), ("reference", REFERENCE), ("memory", DRIVING_MEMORY)])
-"""Type of all that the shared kernels read and keep of one world."""
+DRIVEN = np.dtype(
+    [
+        ("driver", DRIVER),
+        ("scan", SCAN),  # this tick's scan and odometry; from guidance on, of tires that need slip angles, as seen
+        ("odometry", ODOMETRY),  # from the course, see slip
+        ("reference", REFERENCE),
+        ("memory", DRIVING_MEMORY),
+        ("decided", np.bool_),  # there is a command for this tick
+    ]
+)
+"""Type of all that the stages read and keep of one world."""
 
 
 @kernel
@@ -308,92 +300,40 @@ def refer(
 
 
 @kernel
-def drive_worlds(
-    scan: NDArray[np.void],
+def predict(
+    scan: Record,
     valid: FloatArray,
     guiding: FloatArray,
-    odometry: NDArray[np.void],
-    running: NDArray[np.bool_],
-    driven: NDArray[np.void],
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
     trajectories: NDArray[np.void],
-    remembered: NDArray[np.void],
-    commands: FloatArray,
+    own: Record,
+    command: FloatArray,
 ) -> None:
-    """Write the commands of all running worlds for their references: one row a world, see `drive`."""
-    for world in range(len(running)):
-        if running[world]:
-            row, clear = driven[world], valid[len(valid) - len(running) + world]
-            command = drive(
-                scan[0], valid[world], guiding[world], clear, odometry[world], row.driver, row.reference, row.memory,
-                trajectories, remembered[world : world + 1],
-            )  # fmt: skip
-            commands[world, 0], commands[world, 1] = command
+    """Track what moves, and draw it into the scan where it may be; arguments as in stages."""
+    foresee(scan, valid, clear, driven.odometry, driven.driver, driven.memory.predictions)
 
 
 @kernel
-def drive(
+def guide_reference(
     scan: Record,
     valid: FloatArray,
     guiding: FloatArray,
     clear: FloatArray,
-    odometry: Record,
-    driver: Record,
-    reference: Record,
-    memory: Record,
+    driven: Record,
+    lines: FloatArray,
     trajectories: NDArray[np.void],
-    remembered: NDArray[np.void],
-) -> tuple[float, float]:
-    """Return the command for a reference: steering angle [rad] and speed [m/s]; of one that learns, as learned now.
-
-    Without a reference, and without odometry, the car brakes.
-
-    Args:
-      scan: of type SCAN.
-      valid: its readings (n,) [m], without NaN or inf.
-      guiding: the same for guidance: of a planner that sees cars, without them.
-      clear: the same without targets that move, for the safety filter; read where there are such targets.
-      odometry: of type ODOMETRY.
-      driver: of type DRIVER.
-      reference: of type REFERENCE.
-      memory: of type DRIVING_MEMORY, written to.
-      trajectories: tables of type TRAJECTORIES; `driver.trajectories` is the index of the planner's own.
-      remembered: (1,) of type REMEMBERED, written to; of a planner that does not remember, (0,).
-    """
-    if not driver.learning.active:
-        return _drive(scan, valid, guiding, clear, odometry, driver, reference, memory, trajectories, remembered)
-    learned = memory.learned
-    learn(driver.learning, learned, driver.car, odometry, period_of(scan))
-    row = trajectories[driver.trajectories + learned.level].limiter
-    driver.limiter = row
-    use_friction(driver.limiter, row, learned.mu)
-    learned.odometry = odometry
-    learned.odometry.steering_angle = true_steering(learned, odometry.steering_angle)
-    steering, speed = _drive(
-        scan, valid, guiding, clear, learned.odometry, driver, reference, memory, trajectories, remembered
-    )
-    return saturate(commanded_steering(learned, steering), driver.car.max_steering_angle), speed
-
-
-@kernel
-def _drive(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    odometry: Record,
-    driver: Record,
-    reference: Record,
-    memory: Record,
-    trajectories: NDArray[np.void],
-    remembered: NDArray[np.void],
-) -> tuple[float, float]:
-    """Return the command for a reference, see `drive`."""
-    reasons = memory.reasons
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
+    driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
+    reasons, slip, course, scan = memory.reasons, driver.limiter.slip, memory.course, driven.scan
     forget_reasons(reasons)
-    slip, course = driver.limiter.slip, memory.course
     if slip.soft:
         memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
-        scan, odometry = course.scan, course.odometry
+        driven.scan, driven.odometry = course.scan, course.odometry
         reference.bearing -= course.angle
     note(reasons, MAXIMUM, math.nan, driver.max_speed)
     note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
@@ -403,30 +343,56 @@ def _drive(
         note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
     if driver.friction:
         read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
-    if driver.guidance:
-        if memory.predictions.count > 0:
-            memory.guidance.turning.slow = 0  # what is in the way moves on
-        if driver.remembers:
-            see_lap(remembered[0].lap, scan, guiding, odometry, driver.car.lidar_offset)
-        own = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
-        guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
-        if reference.places > 0:
-            reference.steering_angle, reference.speed, reference.bearing, reference.distance = own
-        note(reasons, GUIDED, reference.steering_angle, reference.speed)
-        turning = memory.guidance.turning
-        if turning.active and reference.places == 0:
-            note(reasons, MOVES, turning.steering_angle, turning.speed)
-            _extend_history(scan, odometry, driver, memory)
-            least = driver.limiter.settings.least_lateral_use
-            return _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
-        if driver.remembers and _follow_known_line(
-            scan, valid, odometry, driver, memory, remembered[0], reference
-        ):  # fmt: skip
-            _extend_history(scan, odometry, driver, memory)
-            speed = min(reference.speed, reference.limit, driver.max_speed)
-            limiter = remembered[0].line.limiter
-            steering = reference.steering_angle
-            return _hold_by(limiter, scan, odometry, driver, memory, steering, speed, _LINE_USE, 0.0)
+    if not driver.guidance:
+        return
+    turning = memory.guidance.turning
+    if memory.predictions.count > 0:
+        turning.slow = 0  # what is in the way moves on
+    own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
+    guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+    if reference.places > 0:
+        reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
+    note(reasons, GUIDED, reference.steering_angle, reference.speed)
+    if turning.active and reference.places == 0:
+        note(reasons, MOVES, turning.steering_angle, turning.speed)
+        extend_path(scan, odometry, driver, memory)
+        least = driver.limiter.settings.least_lateral_use
+        command[0], command[1] = _hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
+        driven.decided = True
+
+
+@kernel
+def drive(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Write the command for a reference, unless another stage has; arguments as in stages.
+
+    Without a reference, and without odometry, the car brakes.
+    """
+    if not driven.decided:
+        command[0], command[1] = _drive(driven.scan, valid, clear, driven.odometry, driven, trajectories)
+
+
+@kernel
+def _drive(
+    scan: Record,
+    valid: FloatArray,
+    clear: FloatArray,
+    odometry: Record,
+    driven: Record,
+    trajectories: NDArray[np.void],
+) -> tuple[float, float]:
+    """Return the command for a reference: steering angle [rad] and speed [m/s]; arguments as in stages."""
+    driver, reference, memory = driven.driver, driven.reference, driven.memory
+    reasons, slip, course = memory.reasons, driver.limiter.slip, memory.course
     if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
         return _brake(scan, odometry, driver, memory)
     speed = min(reference.speed, reference.limit)
@@ -434,11 +400,11 @@ def _drive(
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.stopping:
-        table = trajectories[driver.trajectories + memory.learned.stops]
+        table = trajectories[driver.trajectories + driver.stops]
         predictions = turned(memory.predictions, course.angle if slip.soft else 0.0)
         surroundings = clear if len(predictions) > 0 else valid
         widened = widen_all(surroundings, scan.angle_increment, table.radius)
-        _extend_history(scan, odometry, driver, memory)
+        extend_path(scan, odometry, driver, memory)
         # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less
         # from a slower speed, and so the stops are those of as much friction or more.
         faster = math.sqrt(driver.limiter.lateral / table.lateral)
@@ -458,35 +424,6 @@ def _drive(
         return within, speed
     least_use = driver.limiter.settings.least_lateral_use
     return _hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
-
-
-@kernel
-def _follow_known_line(
-    scan: Record,
-    valid: FloatArray,
-    odometry: Record,
-    driver: Record,
-    memory: Record,
-    remembered: Record,
-    reference: Record,
-) -> bool:
-    """Return whether the car is on the line through known ground, and write its reference; arguments as of `drive`.
-
-    Until the line is ready, a tick's part of the work on it is done.
-    """
-    lap, line = remembered.lap, remembered.line
-    if not lap.closed:
-        forget_line(line)
-        return False
-    if not line.ready:
-        shape_line(line, lap, scan, len(valid), driver.limiter, driver.max_speed)
-        return False
-    if memory.guidance.follows and not line.follows:
-        return False
-    place = follow_line(line, lap, scan, valid, driver.limiter, odometry, reference)
-    if place != AWAY:
-        note(memory.reasons, KNOWN_LINE, reference.steering_angle, reference.speed)
-    return place == ON
 
 
 @kernel
@@ -602,7 +539,7 @@ def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tu
 
     Without the friction law, and without odometry, that is 0 and 0.
     """
-    _extend_history(scan, odometry, driver, memory)
+    extend_path(scan, odometry, driver, memory)
     note(memory.reasons, NO_REFERENCE, odometry.steering_angle if driver.friction else 0.0, 0.0)
     if not driver.friction:
         return 0.0, 0.0
@@ -612,7 +549,7 @@ def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tu
 
 
 @kernel
-def _extend_history(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
+def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
     """Add the last tick to the path history, in every tick, whatever is commanded."""
     if driver.recovery:
         yaw_rate = odometry.angular_velocity[2]
@@ -630,11 +567,11 @@ def _hold(
     least_use: float,
 ) -> tuple[float, float]:
     """Return the command nearest to a reference that the friction limiter allows."""
-    return _hold_by(driver.limiter, scan, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE)
+    return hold_by(driver.limiter, scan, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE)
 
 
 @kernel
-def _hold_by(
+def hold_by(
     limiter: Record,
     scan: Record,
     odometry: Record,

@@ -173,7 +173,7 @@ def _nearest(grid: FloatArray, value: float) -> int:
     return best
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def trajectories_of(
     car: CarParameters, mus: tuple[float, ...], shares: tuple[FrictionLimiterSettings | None, ...], max_speed: float
 ) -> NDArray[np.void]:
@@ -182,7 +182,8 @@ def trajectories_of(
     `shares` are the settings of the limiter of each friction; None: the defaults.
     """
     settings, limiters = for_car(BrakingSettings(), car), map(FrictionLimiter, [car] * len(mus), mus, shares)
-    tables = np.concatenate([_table(car, each.mu, each.settings, max_speed, settings) for each in limiters])
+    each_table = [_table(car, each.mu, each.settings, max_speed, settings) for each in limiters]
+    tables = np.concatenate(each_table) if len(mus) > 1 else each_table[0]
     tables.flags.writeable = False
     return tables
 

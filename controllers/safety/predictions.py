@@ -27,7 +27,6 @@ import math
 
 import numpy as np
 
-from fg_mujoco.addons.drivers.other_cars import MOST_CARS
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import ODOMETRY, FloatArray
 
@@ -35,6 +34,9 @@ from ..control.planner_settings import Record
 from ..control.slip import course_angle
 from ..perception.scan_geometry import nearest_place, sees
 from ..perception.targets import MOST_TARGETS, TARGETS, track_targets
+
+MOST_CARS = 6
+"""Cars that a planner follows by rules of its own."""
 
 MOST_ROWS = MOST_TARGETS + 3 * MOST_CARS
 """Predictions: targets, and for each car that a planner follows by rules of its own three discs."""

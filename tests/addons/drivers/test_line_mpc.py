@@ -143,7 +143,7 @@ def test_the_single_track_model_is_the_exponential_of_its_equations(speed):
 
 
 def plan_of(planner):
-    return planner._alone._own["memory"][0]["mpc"]
+    return planner.kept("mpc")
 
 
 @pytest.mark.parametrize("offset", [0.3, -0.3])

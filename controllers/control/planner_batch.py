@@ -1,0 +1,229 @@
+"""Planners of many worlds that decide together: a tick of all worlds is a few compiled calls.
+
+1. see: readings without NaN, and odometry;
+2. predict: what moves, see safety.predictions;
+3. refer: the planner's own kernel, from the scan to a reference;
+4. guide: a reference that does not lead on is replaced (driving);
+5. drive: from the reference to a command (driving).
+
+Optional stages are called after 3, 4 and 5. A call that no planner of the batch needs is neither made nor compiled. An
+engine makes all of them from within its own compiled call (ControllerBatch).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.compiled.array_table import ArrayTable
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeometry
+
+from ..perception.intermediate_scans import IntermediateScans
+from ..perception.scan_geometry import SCAN, scan_values
+from ..safety.braking_trajectories import TRAJECTORIES
+from .driving import DRIVEN, DRIVING_MEMORY, drive, guide_reference, predict
+from .planner_settings import record_type
+from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Call, Step, refer_at, see_at, stage_at
+
+if TYPE_CHECKING:
+    from .planner import Planner
+
+_NO_LINE = np.empty((0, 0))
+_ALL = slice(None)
+
+
+class PlannerBatch:
+    """Planners of one class, one for each world: a fg_mujoco.messages.ControllerBatch.
+
+    One batch is for one thread at a time; others may decide at the same time.
+
+    Args:
+      planner_class: of the planners.
+      planners: in the order of their worlds; they lend their settings and keep their memory to themselves.
+
+    Attributes:
+      references: of the last tick, (n,) of type REFERENCE.
+      memory: what driving keeps from tick to tick, (n,) of type DRIVING_MEMORY.
+      kept: what each optional stage keeps from tick to tick, by its name, (n,) of its type.
+      shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
+
+    Raises:
+      ControllerError: a planner of another class.
+    """
+
+    def __init__(self, planner_class: type[Planner], planners: Sequence[Planner]) -> None:
+        for planner in planners:
+            if type(planner) is not planner_class:
+                raise ControllerError(
+                    f"a batch of {planner_class.__name__} was given a {type(planner).__name__}; accepted: its own class"
+                )
+        count, self._read = len(planners), planner_class.read
+        tables = {id(p.trajectories): p.trajectories for p in planners if p.trajectories is not None}
+        ends_of_tables = np.cumsum([len(table) for table in tables.values()]).tolist()
+        places = {table: end - len(tables[table]) for table, end in zip(tables, ends_of_tables, strict=True)}
+        lines = {id(p.line): p.line for p in planners if p.line is not None}
+        ends = dict(zip(lines, np.cumsum([len(line) for line in lines.values()]).tolist(), strict=True))
+        self._guided = 1 if planner_class.hides_cars else 0  # which of the scans guidance has; the last is `clear`
+        self._driven = np.zeros(count, DRIVEN)
+        own = [("settings", record_type(planner_class.Settings)), ("memory", planner_class.memory_type)]
+        self._own = np.zeros(count, np.dtype(own))
+        for world, planner in enumerate(planners):
+            self._driven["driver"][world], self._own["settings"][world] = planner.driver[0], planner.settings_row[0]
+            driver = self._driven["driver"][world]
+            driver["trajectories"] = places.get(id(planner.trajectories), 0)
+            if planner.line is not None:
+                end = ends[id(planner.line)]
+                driver["line_first"], driver["line_end"] = end - len(planner.line), end
+        self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
+        self._lines = _joined(list(lines.values()), _NO_LINE)
+        self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
+        self._table = ArrayTable(ARRAYS, {})
+        self._lent: list[ArrayTable] = []
+        self._arrays: dict[str, Any] = {
+            "scan": np.zeros(1, SCAN), "own": self._own, "driven": self._driven, "lines": self._lines,
+            "trajectories": self._trajectories,
+        }  # fmt: skip
+        self.shown = np.empty((len(IntermediateScans._fields), 0))
+        self.references, self.memory = self._driven["reference"], self._driven["memory"]
+        stages = {name: stage for planner in planners for name, (stage, _) in planner.stages.items()}
+        self.kept = {name: np.zeros(count, stage.own) for name, stage in stages.items()}
+        has = {name: np.array([name in planner.stages for planner in planners]) for name in stages}
+        for world, planner in enumerate(planners):
+            for name, (_, first) in planner.stages.items():
+                self.kept[name][world] = first[0]
+        self._first = {name: kept.copy() for name, kept in self.kept.items()}
+        self._steps: list[tuple[Call, dict[str, NDArray[Any]]]] = []
+        self._calls: list[tuple[Call, ArrayTable]] = []  # the same, with tables for what was given last
+        nothing, predicts = np.zeros(count, NO_MEMORY), self._driven["driver"]["prediction"].copy()
+
+        def add(step: Step | None, active: NDArray[np.bool_], own: NDArray[np.void]) -> None:
+            if step is not None and active.any():
+                self._steps.append((stage_at(step, own.dtype), {"active": active, "own": own}))
+
+        def add_optional(place: str) -> None:
+            for name, stage in stages.items():
+                add(getattr(stage, place), has[name], self.kept[name])
+
+        self._steps.append((see_at, {}))
+        if not planner_class.hides_cars:
+            add(predict, predicts, nothing)
+        self._steps.append((refer_at(planner_class.refer_worlds, self._own.dtype), {}))
+        self._until_reference = len(self._steps)
+        add_optional("after_reference")
+        add_optional("before_guidance")
+        add(guide_reference, np.ones(count, np.bool_), nothing)
+        add_optional("after_guidance")
+        add(drive, np.ones(count, np.bool_), nothing)
+        add_optional("after_driving")
+
+    def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
+        """Forget everything seen so far, in all worlds or in those `which` (n,)."""
+        self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
+        self._driven["memory"][which] = np.zeros((), DRIVING_MEMORY)
+        for name, kept in self.kept.items():
+            kept[which] = self._first[name][which]
+
+    def __call__(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> None:
+        """Write the command of each running world into `commands`; see ControllerBatch."""
+        written = np.ascontiguousarray(commands, np.float64)
+        self._take(geometry, ranges, odometry, running, written)
+        for call, table in self._calls:
+            call(table.address)
+        if written is not commands:
+            commands[:] = written
+
+    def take_readings(self, world: int, readings: Mapping[str, Reading]) -> None:
+        """Take the readings of the sensors of a world's car; see ControllerBatch."""
+        self._read(self._own["memory"][world], readings)
+
+    def refer(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+    ) -> None:
+        """Write the reference of each running world into `references`; arguments as of a call."""
+        self._take(geometry, ranges, odometry, running, np.empty((len(running), 2)))
+        for call, table in self._calls[: self._until_reference]:
+            call(table.address)
+
+    def compiled_calls(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> NDArray[np.int64]:
+        """Return the calls that replace this one, see ControllerBatch."""
+        self._take(geometry, ranges, odometry, running, commands)
+        self._given = ()  # from now on nobody puts anything else into these tables
+        self._arrays["scan"] = self._arrays["scan"].copy()
+        self._lent += [self._table, *(table for _, table in self._calls)]
+        kernels: list[tuple[Any, int]] = [(kernel, table.address) for kernel, table in self._calls]
+        return np.array([(kernel.address(address), address) for kernel, address in kernels], np.int64)
+
+    def _take(
+        self,
+        geometry: ScanGeometry | LaserScan,
+        ranges: FloatArray,
+        odometry: NDArray[np.void],
+        running: NDArray[np.bool_],
+        commands: FloatArray,
+    ) -> None:
+        """Put what a call is given into the table of all arrays, where it is not what the last one was given."""
+        if geometry is not self._geometry:  # neither a scan nor a geometry changes
+            self._arrays["scan"][0], self._geometry = scan_values(geometry), geometry
+        ranges, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
+        odometry, given = np.ascontiguousarray(odometry, ODOMETRY), self._given
+        if given and given[0] is ranges and given[1] is odometry and given[2] is running and given[3] is commands:
+            return
+        beams = ranges.shape[1]
+        if "valid" not in self._arrays or beams != self.shown.shape[1]:
+            count = len(running)
+            valid = np.empty(((2 + self._guided) * count, beams))
+            guiding = valid[self._guided * count : (1 + self._guided) * count]
+            self.shown = np.full((len(self.shown), beams), math.nan)
+            self._arrays |= {"valid": valid, "guiding": guiding, "shown": self.shown}
+            given = ()
+        new = {"ranges": ranges, "odometry": odometry, "running": running, "commands": commands}
+        self._arrays |= new
+        if given:
+            for name, array in new.items():
+                self._table.put(name, array)
+        else:
+            self._table = ArrayTable(ARRAYS, self._arrays)
+            rows = {"batch": self._table.rows}
+            self._calls = [
+                (call, ArrayTable(STAGE_ARRAYS, rows | own) if own else self._table) for call, own in self._steps
+            ]
+        self._given = ranges, odometry, running, commands
+
+
+def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:
+    """Return the tables as one, read-only; a single one as it is, and `none` where there is none."""
+    if len(tables) == 1:
+        return _read_only(tables[0])
+    return _read_only(np.concatenate(tables) if tables else none)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a view that cannot be written to: numba compiles for both kinds, and one is enough."""
+    if not array.flags.writeable:
+        return array
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,170 @@
+"""Stages of a tick: compiled calls that follow each other, which all have the same arguments.
+
+    @kernel
+    def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command):
+        command[1] = min(command[1], 1.0)
+
+    CREEP = Stage(after_driving=creep)
+    STAGES["creep"] = "my_package.my_module:CREEP"
+
+Every planner sees, predicts, refers, guides and drives (planner_batch). Between these calls a planner has the optional
+stages that its settings name. They are found by their text: of an optional stage nothing is imported or compiled for a
+planner without it.
+
+The arguments are those of one world:
+
+scan          geometry of the scan, of type SCAN
+valid         readings (n,) [m], without NaN or inf
+guiding       the same for guidance; of a planner that sees other cars, without them
+clear         the same without targets that move, for the safety filter; undefined where nothing moves
+driven        of type driving.DRIVEN: the planner, its odometry, its reference and its memory; written to
+lines         points of the lines through the map, of all planners: driver.line_first to driver.line_end are its own
+trajectories  tables of type TRAJECTORIES, of all planners: driver.trajectories is the first of its own
+own           what the stage keeps of this world, of its type `own`; written to
+command       (2,) steering angle [rad] and speed [m/s], written to
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.registry import Registry, added
+
+from ..perception.intermediate_scans import keep
+from ..perception.scan_filters import valid_ranges
+from ..perception.scan_geometry import SCAN
+from ..safety.braking_trajectories import TRAJECTORIES
+from .driving import DRIVEN
+
+if TYPE_CHECKING:
+    from .planner import Planner
+
+NO_MEMORY = np.dtype([("unused", np.int8)])
+"""Type of the record of a stage, or of a planner, that keeps nothing."""
+
+Step = Callable[..., None]
+"""A kernel with the arguments above."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """An optional stage of driving.
+
+    Attributes:
+      after_reference: kernel that is called once the planner has referred; None: none is called then.
+      before_guidance: the same after all of those.
+      after_guidance: the same; if it decides, it sets `driven.decided`.
+      after_driving: the same once there is a command.
+      own: type of what the stage keeps of a world.
+      first: returns the record, shape (1,), with which a planner begins; None: all zero.
+      frictions: coefficients for which the planner needs braking trajectories, in place of the one that it assumes;
+        its friction limiter is that of the first.
+    """
+
+    after_reference: Step | None = None
+    before_guidance: Step | None = None
+    after_guidance: Step | None = None
+    after_driving: Step | None = None
+    own: np.dtype[np.void] = NO_MEMORY
+    first: Callable[[Planner], NDArray[np.void]] | None = None
+    frictions: tuple[float, ...] = ()
+
+    def begin(self, planner: Planner) -> NDArray[np.void]:
+        """Return the record with which a planner begins. Shape (1,)."""
+        return np.zeros(1, self.own) if self.first is None else self.first(planner)
+
+
+STAGES: Registry[Stage] = Registry(
+    "stage of driving", SettingsError, "fg_mujoco.stages", added("STAGES"), instance_of=Stage
+)
+"""Optional stages by the names that planners have for them, see Planner.stage_names."""
+
+ARRAYS = (
+    "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "valid", "guiding", "shown",
+    "commands",
+)  # fmt: skip
+"""Names of a batch's arrays, in the order in which the kernels find them."""
+
+_COUNT = len(ARRAYS)
+(
+    _SCAN, _RANGES, _ODOMETRY, _RUNNING, _OWN, _DRIVEN, _LINES, _TRAJECTORIES, _VALID, _GUIDING, _SHOWN, _COMMANDS,
+) = range(_COUNT)  # fmt: skip
+
+STAGE_ARRAYS = ("batch", "active", "own")
+"""Names of the arrays of one stage: the table of its batch, the worlds that have the stage, and what it keeps."""
+
+Call = Callable[[int], None]
+"""A kernel that is called with the address of a table."""
+
+
+@kernel
+def see_at(address: int) -> None:
+    """Take the readings and the odometry of all running worlds, from the arrays of the table at an address."""
+    table = table_at(address, _COUNT)
+    scan, ranges, valid = rows(table[_SCAN], SCAN), read_only(matrix(table[_RANGES])), matrix(table[_VALID])
+    odometry, running, driven = rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]), rows(table[_DRIVEN], DRIVEN)
+    for world in range(len(running)):
+        if running[world]:
+            keep(valid[world], valid_ranges(ranges[world], scan[0].range_max))
+            row = driven[world]
+            row.scan, row.odometry, row.decided = scan[0], odometry[world], False
+
+
+@cache
+def refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Call:
+    """Return the kernel that calls `refer_worlds` with the arrays of the table at an address.
+
+    Args:
+      refer_worlds: of a planner's class.
+      own: type of what it reads and keeps of each world.
+    """
+
+    @kernel
+    def refer_at(address):  # type: ignore[no-untyped-def]
+        table = table_at(address, _COUNT)
+        refer_worlds(
+            rows(table[_SCAN], SCAN), rows(table[_ODOMETRY], ODOMETRY), flags(table[_RUNNING]), rows(table[_OWN], own),
+            rows(table[_DRIVEN], DRIVEN), read_only(matrix(table[_LINES])), matrix(table[_VALID]),
+            matrix(table[_SHOWN]),
+        )  # fmt: skip
+
+    made: Call = refer_at
+    return made
+
+
+@cache
+def stage_at(step: Step, own: np.dtype[np.void]) -> Call:
+    """Return the kernel that calls a stage for all running worlds that have it, by the table of STAGE_ARRAYS.
+
+    Args:
+      step: kernel with the arguments above.
+      own: type of what the stage keeps of each world.
+    """
+
+    @kernel
+    def stage_at(address):  # type: ignore[no-untyped-def]
+        stage = table_at(address, 3)
+        table, active, kept = whole_matrix(stage[0]), flags(stage[1]), rows(stage[2], own)
+        scan, running = rows(table[_SCAN], SCAN), flags(table[_RUNNING])
+        valid, guiding, driven = matrix(table[_VALID]), matrix(table[_GUIDING]), rows(table[_DRIVEN], DRIVEN)
+        lines, commands = read_only(matrix(table[_LINES])), matrix(table[_COMMANDS])
+        trajectories = read_only(rows(table[_TRAJECTORIES], TRAJECTORIES))
+        for world in range(len(running)):
+            if running[world] and active[world]:
+                step(
+                    scan[0], valid[world], guiding[world], valid[len(valid) - len(running) + world], driven[world],
+                    lines, trajectories, kept[world], commands[world],
+                )  # fmt: skip
+
+    made: Call = stage_at
+    return made
