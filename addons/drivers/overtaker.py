@@ -3,7 +3,7 @@
 1. Moving objects in the scan are separated from standing ones (perception.other_cars). Only what has moved is a car.
    With `knows=opponents` the cars are those whose odometry is told, as far as they are in sight.
 2. The beams that end on a car are lengthened to what is next to it. The course ahead of the car is where it is expected
-   to go, with the room to both sides (perception.corridor).
+   to go, with the room to both sides (corridor).
 3. Each car is followed or passed, by the room that there is (safety.passing). While the planner's car follows, it
    drives as the gap finder does in the scan without cars, so slowly that it could stop behind the car ahead.
 4. While it passes, it keeps a lane: the other car's way, moved aside into the room there. Guidance does not change it.
@@ -29,10 +29,10 @@ from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
 from fg_mujoco.controllers.perception.scan_geometry import sees
-from fg_mujoco.controllers.safety.predictions import draw_disc, place_of, separate, track, write_predictions
+from fg_mujoco.controllers.safety.predictions import MOST_CARS, draw_disc, place_of, separate, track, write_predictions
 from fg_mujoco.messages import FloatArray, Reading
 
-from .other_cars import MOST_CARS, WIDEST, follow_told, is_told, read_told, watch_cars
+from .other_cars import WIDEST, follow_told, is_told, read_told, watch_cars
 from .passing import FOLLOWS, RACING, STANDS_FOR, choose, place_on, predict_cars, take_lane
 
 _HIDDEN = 0.45  # [m] round the middle of a car: beams that end there end on it

@@ -1,7 +1,7 @@
 """Among other cars: which to keep behind, which to pass and on which side, and how fast.
 
 A car ahead is followed until there is room to pass it: beside it, and along the way that it drives meanwhile, as far as
-the course is seen (perception.corridor). A car that follows keeps such a distance that it could stop behind the other
+the course is seen (corridor). A car that follows keeps such a distance that it could stop behind the other
 one, should that one brake. A pass begins where there is `room_to_pass` next to the other car all along that way, and
 more for each m/s. It is given up where there is less than `room_to_go_on`, unless the planner's car is beside the other
 one already, and where they come nearer to each other than a margin: then the planner's car drops back.
@@ -23,12 +23,13 @@ from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.slip import late_on_path
 from fg_mujoco.controllers.control.steering import late_by, saturate
 from fg_mujoco.controllers.control.tracking import steer_along
-from fg_mujoco.controllers.perception.corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
 from fg_mujoco.controllers.perception.scan_geometry import period_of
 from fg_mujoco.controllers.safety import predictions as rows
+from fg_mujoco.controllers.safety.predictions import MOST_CARS
 from fg_mujoco.messages import FloatArray
 
-from .other_cars import MOST_CARS, OTHER_CARS, TOLD
+from .corridor import HEADING, LEFT, MOST_POINTS, RIGHT, STEP, X, Y, ground_points, walk
+from .other_cars import OTHER_CARS, TOLD
 
 FOLLOWS, PASSES, DROPS_BACK = 0, 1, 2
 

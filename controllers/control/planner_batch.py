@@ -28,7 +28,7 @@ from ..perception.scan_geometry import SCAN, scan_values
 from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import DRIVEN, DRIVING_MEMORY, drive, guide_reference, predict
 from .planner_settings import record_type
-from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Call, Step, refer_at, see_at, stage_at
+from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
 
 if TYPE_CHECKING:
     from .planner import Planner
@@ -83,6 +83,7 @@ class PlannerBatch:
         self._lines = _joined(list(lines.values()), _NO_LINE)
         self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
         self._table = ArrayTable(ARRAYS, {})
+        self._tables: list[ArrayTable] = []
         self._lent: list[ArrayTable] = []
         self._arrays: dict[str, Any] = {
             "scan": np.zeros(1, SCAN), "own": self._own, "driven": self._driven, "lines": self._lines,
@@ -97,8 +98,8 @@ class PlannerBatch:
             for name, (_, first) in planner.stages.items():
                 self.kept[name][world] = first[0]
         self._first = {name: kept.copy() for name, kept in self.kept.items()}
-        self._steps: list[tuple[Call, dict[str, NDArray[Any]]]] = []
-        self._calls: list[tuple[Call, ArrayTable]] = []  # the same, with tables for what was given last
+        self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = []
+        self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
         nothing, predicts = np.zeros(count, NO_MEMORY), self._driven["driver"]["prediction"].copy()
 
         def add(step: Step | None, active: NDArray[np.bool_], own: NDArray[np.void]) -> None:
@@ -139,8 +140,7 @@ class PlannerBatch:
         """Write the command of each running world into `commands`; see ControllerBatch."""
         written = np.ascontiguousarray(commands, np.float64)
         self._take(geometry, ranges, odometry, running, written)
-        for call, table in self._calls:
-            call(table.address)
+        call_all(self._calls)
         if written is not commands:
             commands[:] = written
 
@@ -157,8 +157,7 @@ class PlannerBatch:
     ) -> None:
         """Write the reference of each running world into `references`; arguments as of a call."""
         self._take(geometry, ranges, odometry, running, np.empty((len(running), 2)))
-        for call, table in self._calls[: self._until_reference]:
-            call(table.address)
+        call_all(self._calls[: self._until_reference])
 
     def compiled_calls(
         self,
@@ -172,9 +171,8 @@ class PlannerBatch:
         self._take(geometry, ranges, odometry, running, commands)
         self._given = ()  # from now on nobody puts anything else into these tables
         self._arrays["scan"] = self._arrays["scan"].copy()
-        self._lent += [self._table, *(table for _, table in self._calls)]
-        kernels: list[tuple[Any, int]] = [(kernel, table.address) for kernel, table in self._calls]
-        return np.array([(kernel.address(address), address) for kernel, address in kernels], np.int64)
+        self._lent += self._tables
+        return self._calls
 
     def _take(
         self,
@@ -206,10 +204,10 @@ class PlannerBatch:
                 self._table.put(name, array)
         else:
             self._table = ArrayTable(ARRAYS, self._arrays)
-            rows = {"batch": self._table.rows}
-            self._calls = [
-                (call, ArrayTable(STAGE_ARRAYS, rows | own) if own else self._table) for call, own in self._steps
-            ]
+            batch = {"batch": self._table.rows}
+            self._tables = [ArrayTable(STAGE_ARRAYS, batch | own) if own else self._table for _, own in self._steps]
+            calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
+            self._calls = np.array([(kernel.address(address), address) for kernel, address in calls], np.int64)
         self._given = ranges, odometry, running, commands
 
 

@@ -29,13 +29,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
-from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.registry import Registry, added
@@ -103,8 +103,12 @@ _COUNT = len(ARRAYS)
 STAGE_ARRAYS = ("batch", "active", "own")
 """Names of the arrays of one stage: the table of its batch, the worlds that have the stage, and what it keeps."""
 
-Call = Callable[[int], None]
-"""A kernel that is called with the address of a table."""
+
+@kernel
+def call_all(calls: NDArray[np.int64]) -> None:
+    """Call kernels by their addresses, (k, 2): each address of code, and the number that it is called with."""
+    for place in range(len(calls)):
+        call_at(calls[place, 0], calls[place, 1])
 
 
 @kernel
@@ -121,7 +125,7 @@ def see_at(address: int) -> None:
 
 
 @cache
-def refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Call:
+def refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Any:
     """Return the kernel that calls `refer_worlds` with the arrays of the table at an address.
 
     Args:
@@ -138,12 +142,11 @@ def refer_at(refer_worlds: Callable[..., None], own: np.dtype[np.void]) -> Call:
             matrix(table[_SHOWN]),
         )  # fmt: skip
 
-    made: Call = refer_at
-    return made
+    return refer_at
 
 
 @cache
-def stage_at(step: Step, own: np.dtype[np.void]) -> Call:
+def stage_at(step: Step, own: np.dtype[np.void]) -> Any:
     """Return the kernel that calls a stage for all running worlds that have it, by the table of STAGE_ARRAYS.
 
     Args:
@@ -166,5 +169,4 @@ def stage_at(step: Step, own: np.dtype[np.void]) -> Call:
                     lines, trajectories, kept[world], commands[world],
                 )  # fmt: skip
 
-    made: Call = stage_at
-    return made
+    return stage_at

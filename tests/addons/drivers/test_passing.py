@@ -8,10 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.addons.drivers.overtaker import Overtaker
-from fg_mujoco.addons.drivers.passing import DROPS_BACK, FOLLOWS, PASSES, RACING, choose, predict_cars, take_lane
-from fg_mujoco.controllers.control.driving import REFERENCE
-from fg_mujoco.controllers.perception.corridor import (
+from fg_mujoco.addons.drivers.corridor import (
     HEADING,
     LEFT,
     MOST_POINTS,
@@ -23,6 +20,9 @@ from fg_mujoco.controllers.perception.corridor import (
     room_beside,
     walk,
 )
+from fg_mujoco.addons.drivers.overtaker import Overtaker
+from fg_mujoco.addons.drivers.passing import DROPS_BACK, FOLLOWS, PASSES, RACING, choose, predict_cars, take_lane
+from fg_mujoco.controllers.control.driving import REFERENCE
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.safety.predictions import CURVATURE, PREDICTIONS, meets
 from scan_worlds import CAR, MU, corridor

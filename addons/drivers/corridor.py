@@ -16,11 +16,10 @@ from __future__ import annotations
 import math
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.planner_settings import Record
+from fg_mujoco.controllers.control.steering import saturate
+from fg_mujoco.controllers.perception.scan_geometry import bearing_of
 from fg_mujoco.messages import FloatArray
-
-from ..control.planner_settings import Record
-from ..control.steering import saturate
-from .scan_geometry import bearing_of
 
 STEP = 0.25  # [m] of a walk
 MOST_POINTS = 768
