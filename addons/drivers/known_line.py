@@ -35,7 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.driving import extend_path, hold_by
+from fg_mujoco.controllers.control.decision import extend_path
+from fg_mujoco.controllers.control.holding import hold_by
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.reasons import KNOWN_LINE, note
 from fg_mujoco.controllers.control.stages import Stage

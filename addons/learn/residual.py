@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.controllers.control.planner import Planner, PlannerBatch
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.controllers.control.planner_batch import PlannerBatch
 from fg_mujoco.errors import ControllerError, SettingsError, accepted_names
 from fg_mujoco.lidar.beams import Beams
 from fg_mujoco.messages import Controller, FloatArray, PlannerContext, require, shown

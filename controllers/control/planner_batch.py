@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,12 +26,10 @@ from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeo
 from ..perception.intermediate_scans import IntermediateScans
 from ..perception.scan_geometry import SCAN, scan_values
 from ..safety.braking_trajectories import TRAJECTORIES
-from .driving import DRIVEN, DRIVING_MEMORY, drive, guide_reference, predict
+from .decision import drive, guide_reference, predict
+from .driving import DRIVEN, DRIVING_MEMORY
 from .planner_settings import record_type
 from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
-
-if TYPE_CHECKING:
-    from .planner import Planner
 
 _NO_LINE = np.empty((0, 0))
 _ALL = slice(None)
@@ -43,7 +41,7 @@ class PlannerBatch:
     One batch is for one thread at a time; others may decide at the same time.
 
     Args:
-      planner_class: of the planners.
+      planner_class: of the planners, a subclass of planner.Planner.
       planners: in the order of their worlds; they lend their settings and keep their memory to themselves.
 
     Attributes:
@@ -56,7 +54,7 @@ class PlannerBatch:
       ControllerError: a planner of another class.
     """
 
-    def __init__(self, planner_class: type[Planner], planners: Sequence[Planner]) -> None:
+    def __init__(self, planner_class: type[Any], planners: Sequence[Any]) -> None:
         for planner in planners:
             if type(planner) is not planner_class:
                 raise ControllerError(

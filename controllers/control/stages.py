@@ -29,7 +29,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,9 +45,6 @@ from ..perception.scan_filters import valid_ranges
 from ..perception.scan_geometry import SCAN
 from ..safety.braking_trajectories import TRAJECTORIES
 from .driving import DRIVEN
-
-if TYPE_CHECKING:
-    from .planner import Planner
 
 NO_MEMORY = np.dtype([("unused", np.int8)])
 """Type of the record of a stage, or of a planner, that keeps nothing."""
@@ -66,7 +63,7 @@ class Stage:
       after_guidance: the same; if it decides, it sets `driven.decided`.
       after_driving: the same once there is a command.
       own: type of what the stage keeps of a world.
-      first: returns the record, shape (1,), with which a planner begins; None: all zero.
+      first: returns the record, shape (1,), with which a Planner begins; None: all zero.
       frictions: coefficients for which the planner needs braking trajectories, in place of the one that it assumes;
         its friction limiter is that of the first.
     """
@@ -76,10 +73,10 @@ class Stage:
     after_guidance: Step | None = None
     after_driving: Step | None = None
     own: np.dtype[np.void] = NO_MEMORY
-    first: Callable[[Planner], NDArray[np.void]] | None = None
+    first: Callable[[Any], NDArray[np.void]] | None = None
     frictions: tuple[float, ...] = ()
 
-    def begin(self, planner: Planner) -> NDArray[np.void]:
+    def begin(self, planner: Any) -> NDArray[np.void]:
         """Return the record with which a planner begins. Shape (1,)."""
         return np.zeros(1, self.own) if self.first is None else self.first(planner)
 

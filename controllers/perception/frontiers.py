@@ -10,9 +10,8 @@
 4. From the frontier, distances spread back over the free ground. Ground near a wall counts as longer, so that the
    shortest way goes round the end of a barrier on a circle and not along it.
 
-Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997, for frontiers. E.
-Dijkstra, A Note on Two Problems in Connexion with Graphs, Numerische Mathematik 1, 1959, with a ring of buckets (R.
-Dial, Algorithm 360, CACM 12, 1969), for the distances.
+Source: B. Yamauchi, A Frontier-Based Approach for Autonomous Exploration, IEEE CIRA 1997. Cells are marked by
+cell_marks, and distances are those of cell_distances.
 
 Limits: a wide opening into a pocket whose end the car does not see yet is taken for a frontier.
 """
@@ -28,12 +27,12 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from .cell_distances import FAR, LAST, UNIT, cell_at, flood, neighbours, place_of, spread
+from .cell_marks import AT_WALL, HOLE, NEAR_WALL, OPEN, UNSEEN, WAY_BACK, mark_cells
 from .local_map import (
     ALONG,
     CELL,
     COS,
-    EDGE,
-    FREE,
     LEFT,
     LOCAL_MAP,
     PATH,
@@ -43,7 +42,6 @@ from .local_map import (
     SIGHT,
     SIN,
     SIZE,
-    UNKNOWN,
     WALL,
     cut_path,
     enter_scan,
@@ -52,12 +50,6 @@ from .local_map import (
     move,
 )
 from .scan_geometry import period_of
-
-FAR = 65535  # to_go of cells from which no way to the frontier is known
-UNIT = 0.01  # [m] of to_go
-NEAR_WALL, WAY_BACK, AT_WALL, HOLE, OPEN, UNSEEN, WITHIN_6, WITHIN_4 = 1, 2, 4, 8, 16, 32, 64, 128
-# bits of a cell: within two cells of a wall; closed; within one cell; in the middle of a hole of three cells; free;
-# unknown; with a wall in a square of six cells to each side, and of four
 
 _MOVED = 0.2  # [m] after which a scan is entered
 _TURNED = 0.1  # [rad] the same
@@ -84,11 +76,6 @@ _ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow o
 _SAME = 1.0  # [m] from the last frontier: another one counts as the same, and as 1 m farther
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
-_FREE_START = 4  # cells from the car that may be near a wall
-_MARGIN = 8  # columns next to the known ones, in which their walls count
-_BUCKETS = 64  # above the greatest cost of a step; a power of two, so that `cost & _BUCKET` is the bucket of a cost
-_BUCKET = _BUCKETS - 1
-_LAST = SIZE * SIZE - 1
 
 FRONTIER_SEARCH = np.dtype(
     [
@@ -229,10 +216,10 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     asks of each index if it is negative.
     """
     world, blocked, bits = memory.map, memory.blocked, memory.blocked.reshape(SIZE * SIZE)
-    free = _mark_cells(world, blocked)
+    free = mark_cells(world, blocked)
     distance, goal = np.empty(SIZE * SIZE, np.uint16), np.empty(free + 1, np.uint16)
     queue, edge = np.empty(free + 1, np.uint16), np.empty(free + 1, np.uint16)
-    queue[0] = _cell_at(
+    queue[0] = cell_at(
         world.x + lidar_offset * math.cos(world.heading), world.y + lidar_offset * math.sin(world.heading)
     )
     loop, count, closings = False, 0, 0
@@ -246,7 +233,7 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
             _close_path(world, bits, opened, closed, open_ground)
             distance[:] = FAR
             distance[queue[0]] = 0
-            reached, edges = _flood(world, bits, distance, queue, edge, impassable)
+            reached, edges = flood(world, bits, distance, queue, edge, impassable)
             if attempt > 0 or open_ground or not _is_open_ground(world, distance):
                 break
             open_ground = True
@@ -268,7 +255,7 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
             loop = distance[queue[place]] * CELL > _LEAST_LOOP
             if loop:
                 goal[0], count = queue[place], 1
-                a, b = _place_of(world, queue[place])
+                a, b = place_of(world, queue[place])
                 memory.x, memory.y = a * CELL, b * CELL
                 break
     memory.found = count > 0
@@ -277,149 +264,7 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     if not loop:
         _find_edge(memory, bits, goal[:count])
     memory.to_go[:] = FAR
-    _spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
-
-
-@kernel
-def _cell_at(x: float, y: float) -> int:
-    """Return the cell at a place [m]."""
-    return (math.floor(x * PER_METRE) & RING) * SIZE | math.floor(y * PER_METRE) & RING
-
-
-@kernel
-def _place_of(world: Record, cell: int) -> tuple[int, int]:
-    """Return the column and the row of a cell of the window."""
-    half = SIZE // 2
-    i = world.column + (((cell // SIZE) - world.column + half) & RING) - half
-    return i, world.row + (((cell & RING) - world.row + half) & RING) - half
-
-
-@kernel
-def _mark_cells(world: Record, blocked: NDArray[np.uint8]) -> int:
-    """Write the bits of all cells, without WAY_BACK, and return how many are free.
-
-    Only columns with something known in them are looked at. How near walls are is worked out within each column first.
-    Then columns are joined, for the greater distances two and four at a time.
-    """
-    first, end = _known_columns(world)
-    blocked[:] = UNSEEN
-    if first == end:
-        return 0
-    count = end - first + 2 * _MARGIN
-    within = np.zeros((count, SIZE), np.uint8)  # bits as of _mark_column
-    walls = np.empty(SIZE + 12, np.uint8)
-    two, four = np.empty((count, SIZE), np.uint8), np.empty((count, SIZE), np.uint8)  # of this column and those after
-    for k in range(_MARGIN, count - _MARGIN):
-        _mark_column(world.cells[(first + k - _MARGIN) & RING], walls, within[k])
-    for k in range(count - 1):
-        _join(within[k], within[k + 1], two[k])
-    for k in range(count - 3):
-        _join(two[k], two[k + 2], four[k])
-    for k in range(_MARGIN - 2, count - _MARGIN + 2):
-        i = first + k - _MARGIN
-        if abs(i - world.column) > EDGE:
-            continue
-        _mark_ground(world.cells[i & RING], blocked[i & RING])
-        _mark_near(within[k - 2], within[k - 1], within[k], within[k + 1], within[k + 2], blocked[i & RING])
-        _mark_far(two[k - 6], four[k - 4], four[k], within[k + 4], two[k + 5], blocked[i & RING])
-    return (end - first) * SIZE
-
-
-@kernel
-def _known_columns(world: Record) -> tuple[int, int]:
-    """Return the first column in which a cell is known, and the one after the last; twice the same if none is."""
-    first, end = world.column - EDGE, world.column + EDGE + 1
-    while first < end and not _is_known(world.cells[first & RING]):
-        first += 1
-    while first < end and not _is_known(world.cells[(end - 1) & RING]):
-        end -= 1
-    return first, end
-
-
-@kernel
-def _is_known(cells: NDArray[np.uint8]) -> bool:
-    """Return whether any of some cells is known."""
-    known = np.uint8(0)
-    for j in range(len(cells)):
-        known |= cells[j]
-    return bool(known != UNKNOWN)
-
-
-@kernel
-def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDArray[np.uint8]) -> None:
-    """Write how near the walls of a column are to its cells.
-
-    The bits: 1, a wall; 2, within a cell; 4, within two; 8, walls two cells to both sides; WITHIN_4; WITHIN_6.
-
-    Args:
-      cells: (SIZE,) of a column.
-      walls: (SIZE + 12,) room.
-      within: (SIZE,) written to; a column without a wall is left as it is.
-    """
-    some = np.uint8(0)
-    for j in range(SIZE):
-        wall = np.uint8(cells[j] == WALL)
-        walls[j + 6] = wall
-        some |= wall
-    if some == 0:
-        return
-    for j in range(6):
-        walls[j], walls[SIZE + 6 + j] = walls[SIZE + j], walls[6 + j]
-    for j in range(SIZE):
-        one = walls[j + 5] | walls[j + 6] | walls[j + 7]
-        two = one | walls[j + 4] | walls[j + 8]
-        four = two | walls[j + 2] | walls[j + 3] | walls[j + 9] | walls[j + 10]
-        six = four | walls[j] | walls[j + 1] | walls[j + 11] | walls[j + 12]
-        hole = walls[j + 4] & walls[j + 8]
-        near = walls[j + 6] | one << np.uint8(1) | two << np.uint8(2) | hole << np.uint8(3)
-        within[j] = near | six << np.uint8(6) | four << np.uint8(7)
-
-
-@kernel
-def _join(left: NDArray[np.uint8], right: NDArray[np.uint8], both: NDArray[np.uint8]) -> None:
-    """Write the bits of two columns to a third; an expression of whole arrays takes fifty times as long."""
-    for j in range(SIZE):
-        both[j] = left[j] | right[j]
-
-
-@kernel
-def _mark_ground(cells: NDArray[np.uint8], bits: NDArray[np.uint8]) -> None:
-    """Write OPEN or UNSEEN to the bits of a column, or none."""
-    for j in range(SIZE):
-        bits[j] = np.uint8(cells[j] == FREE) << np.uint8(4) | np.uint8(cells[j] == UNKNOWN) << np.uint8(5)
-
-
-@kernel
-def _mark_near(
-    a: NDArray[np.uint8],
-    b: NDArray[np.uint8],
-    c: NDArray[np.uint8],
-    d: NDArray[np.uint8],
-    e: NDArray[np.uint8],
-    bits: NDArray[np.uint8],
-) -> None:
-    """Add NEAR_WALL, AT_WALL and HOLE to the bits of a column, c, with its neighbours: see _mark_column."""
-    for j in range(SIZE):
-        near = (a[j] | e[j]) >> np.uint8(1) | (b[j] | c[j] | d[j]) >> np.uint8(2)
-        touching = c[j] >> np.uint8(1) | b[j] | d[j]
-        hole = c[j] >> np.uint8(3) | (a[j] & e[j])
-        one = np.uint8(1)
-        bits[j] |= (near & one) | (touching & one) << np.uint8(2) | (hole & one) << np.uint8(3)
-
-
-@kernel
-def _mark_far(
-    outer_left: NDArray[np.uint8],
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
-    last: NDArray[np.uint8],
-    outer_right: NDArray[np.uint8],
-    bits: NDArray[np.uint8],
-) -> None:
-    """Add WITHIN_4 and WITHIN_6 to the bits of a column: by those within 4 columns, and the outer ones within 6."""
-    for j in range(SIZE):
-        far = (left[j] | right[j] | last[j]) & np.uint8(WITHIN_4 | WITHIN_6)
-        bits[j] |= far | (outer_left[j] | outer_right[j]) & np.uint8(WITHIN_6)
+    spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
 
 
 @kernel
@@ -458,7 +303,7 @@ def _close_path(world: Record, bits: NDArray[np.uint8], opened: float, closed: f
                 if open_ground and 0.5 * CELL * step > room and bits[cell] & (OPEN | UNSEEN) == 0:
                     break
                 bits[cell] |= np.uint8(WAY_BACK)
-                bits[(cell + SIZE) & _LAST] |= np.uint8(WAY_BACK)  # two cells, or a diagonal step passes it
+                bits[(cell + SIZE) & LAST] |= np.uint8(WAY_BACK)  # two cells, or a diagonal step passes it
 
 
 @kernel
@@ -498,75 +343,6 @@ def _is_open_ground(world: Record, distance: NDArray[np.uint16]) -> bool:
 
 
 @kernel
-def _neighbours(cell: int) -> tuple[int, int, int, int]:
-    """Return the cells that share a side with a cell."""
-    column, row = cell & ~RING, cell & RING
-    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
-    return right | row, left | row, column | up, column | down
-
-
-@kernel
-def _diagonal_neighbours(cell: int) -> tuple[int, int, int, int]:
-    """Return the cells that share a corner with a cell, and no side."""
-    column, row = cell & ~RING, cell & RING
-    right, left, up, down = (column + SIZE) & _LAST, (column - SIZE) & _LAST, (row + 1) & RING, (row - 1) & RING
-    return right | up, right | down, left | up, left | down
-
-
-@kernel
-def _flood(
-    world: Record,
-    bits: NDArray[np.uint8],
-    distance: NDArray[np.uint16],
-    queue: NDArray[np.uint16],
-    edge: NDArray[np.uint16],
-    impassable: int,
-) -> tuple[int, int]:
-    """Spread distances [cells] from the first cell of the queue; return how many cells were reached.
-
-    Steps to four neighbours and to eight take turns, which makes circles octagons. No step leaves the window: the cells
-    around it are unknown.
-
-    Args:
-      world: of type LOCAL_MAP.
-      bits: of each cell.
-      distance: of each cell, FAR but for the first of the queue; written to.
-      queue: cells in the order in which they are reached, written to.
-      edge: those of them that share a side with a cell that nobody has seen, in the same order; written to.
-      impassable: bits of cells that are reached in the first _FREE_START steps only.
-
-    Returns:
-      How many cells there are in the queue, and in `edge`.
-    """
-    first, count, edges, level = 0, 1, 0, 0
-    while first < count:
-        end = count
-        looked_at = np.uint8(OPEN | WAY_BACK | (impassable if level >= _FREE_START else 0))
-        for place in range(first, end):
-            unseen = np.uint8(0)
-            for cell in _neighbours(queue[place]):
-                unseen |= bits[cell]
-                if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
-                    distance[cell] = level + 1
-                    queue[count] = cell
-                    count += 1
-            if level % 2 == 1:
-                for cell in _diagonal_neighbours(queue[place]):
-                    if bits[cell] & looked_at == OPEN and distance[cell] == FAR:
-                        distance[cell] = level + 1
-                        queue[count] = cell
-                        count += 1
-            if unseen & UNSEEN != 0:
-                i, j = _place_of(world, queue[place])
-                if abs(i - world.column) < EDGE and abs(j - world.row) < EDGE:
-                    edge[edges] = queue[place]
-                    edges += 1
-        first = end
-        level += 1
-    return count, edges
-
-
-@kernel
 def _choose_frontier(
     memory: Record,
     bits: NDArray[np.uint8],
@@ -599,7 +375,7 @@ def _choose_frontier(
         count, at = 1, 0
         far, x, y = 0.0, 0.0, 0.0
         while at < count:
-            i, j = _place_of(world, group[at])
+            i, j = place_of(world, group[at])
             far += distance[group[at]] * CELL
             x += i * CELL
             y += j * CELL
@@ -645,8 +421,8 @@ def _has_room_behind(
     count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:
         place = group[at] if at < count else behind[at - count]
-        for cell in _neighbours(place):
-            i, j = _place_of(world, cell)
+        for cell in neighbours(place):
+            i, j = place_of(world, cell)
             if not in_window(world, i, j) or label[cell] == 4:
                 leads_on = True
             elif bits[cell] & (UNSEEN | NEAR_WALL | WAY_BACK) == UNSEEN and label[cell] == 0:
@@ -667,7 +443,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
     """Write where the nearest cell of a frontier is that is not near a wall."""
     world, least = memory.map, math.inf
     for cell in goal:
-        i, j = _place_of(world, cell)
+        i, j = place_of(world, cell)
         distance = math.hypot((i + 0.5) * CELL - world.x, (j + 0.5) * CELL - world.y)
         if distance < least and bits[cell] & NEAR_WALL == 0:
             least, memory.edge_x, memory.edge_y = distance, (i + 0.5) * CELL, (j + 0.5) * CELL
@@ -676,7 +452,7 @@ def _find_edge(memory: Record, bits: NDArray[np.uint8], goal: NDArray[np.uint16]
 @kernel
 def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
     """Return whether a cell is within two cells of the closed way back."""
-    i, j = _place_of(world, cell)
+    i, j = place_of(world, cell)
     for a in range(i - 2, i + 3):
         for b in range(j - 2, j + 3):
             if bits[(a & RING) * SIZE | b & RING] & WAY_BACK != 0:
@@ -688,7 +464,7 @@ def _is_next_to_path(world: Record, bits: NDArray[np.uint8], cell: int) -> bool:
 def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -> bool:
     """Return whether distances grow, at a cell along the path, in the direction in which the car came by there."""
     x, y, here = 0.0, 0.0, distance[cell]
-    i, j = _place_of(world, cell)
+    i, j = place_of(world, cell)
     for di in range(-2, 3):
         for dj in range(-2, 3):
             there = distance[((i + di) & RING) * SIZE | (j + dj) & RING]
@@ -703,67 +479,3 @@ def _comes_from_behind(world: Record, distance: NDArray[np.uint16], cell: int) -
             nearest, age = apart, world.along - point[ALONG]
             along = math.cos(point[2]) * x + math.sin(point[2]) * y
     return along > 0.5 * math.hypot(x, y) and age > _LEAST_AGE
-
-
-@kernel
-def _spread(
-    bits: NDArray[np.uint8], to_go: NDArray[np.uint16], goal: NDArray[np.uint16], free: int, impassable: int
-) -> None:
-    """Write the way to go [UNIT] from all free cells to the nearest cell of `goal`.
-
-    Args:
-      bits: of each cell.
-      to_go: of each cell, FAR; written to.
-      goal: cells.
-      free: how many cells are free.
-      impassable: bits of cells that are no way, besides WAY_BACK.
-    """
-    heads = np.full(_BUCKETS, -1, np.int32)  # of the lists of cells that wait, by their way to go modulo _BUCKETS
-    room = 2 * free + len(goal) + 8  # a cell is come upon once over a side and once over a corner, at most
-    cells, links = np.empty(room, np.uint16), np.empty(room, np.int32)
-    straight, diagonal = _costs(10, WAY_BACK | impassable), _costs(14, WAY_BACK | impassable)
-    made, one = np.uintp(0), np.uintp(1)
-    for cell in goal:
-        to_go[cell] = 0
-        cells[made], links[made] = cell, heads[0]
-        heads[0] = made
-        made += one
-    level, empty = 0, 0
-    while empty < _BUCKETS and made <= np.uintp(room - 8):
-        place = heads[level & _BUCKET]
-        if place < 0:
-            level, empty = level + 1, empty + 1
-            continue
-        empty = 0
-        heads[level & _BUCKET] = links[place]
-        if to_go[cells[place]] != level:
-            continue  # it was reached by a shorter way meanwhile
-        for cell in _neighbours(cells[place]):
-            cost = level + straight[bits[cell]]
-            if cost < to_go[cell]:
-                to_go[cell] = cost
-                cells[made], links[made] = cell, heads[cost & _BUCKET]
-                heads[cost & _BUCKET] = made
-                made += one
-        for cell in _diagonal_neighbours(cells[place]):
-            cost = level + diagonal[bits[cell]]
-            if cost < to_go[cell]:
-                to_go[cell] = cost
-                cells[made], links[made] = cell, heads[cost & _BUCKET]
-                heads[cost & _BUCKET] = made
-                made += one
-
-
-@kernel
-def _costs(length: int, impassable: int) -> NDArray[np.int64]:
-    """Return the costs of a step onto a cell by its bits, in units of to_go: up to 4.5 times its length near a wall."""
-    costs = np.full(256, FAR)
-    for bits in range(256):
-        if bits & (OPEN | impassable) == OPEN:
-            cost = length
-            if bits & WITHIN_6 != 0:
-                cost += cost // 2
-            if bits & WITHIN_4 != 0:
-                cost += cost // 2
-            costs[bits] = 2 * cost if bits & NEAR_WALL != 0 else cost
-    return costs

@@ -35,10 +35,9 @@ from ..control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, Setti
 from ..control.slip import late_on_path
 from ..control.steering import late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
+from ..perception.cell_marks import AT_WALL, NEAR_WALL
 from ..perception.frontiers import (
-    AT_WALL,
     FRONTIER_SEARCH,
-    NEAR_WALL,
     least_to_go_along,
     least_to_go_towards,
     search_frontier,

@@ -26,7 +26,9 @@ from numpy.typing import NDArray
 from fg_mujoco.compiled.kernels import kernel
 
 from ..control.planner_settings import Record
-from ..perception.frontiers import AT_WALL, FAR, UNIT, to_go_around, to_go_at
+from ..perception.cell_distances import FAR, UNIT
+from ..perception.cell_marks import AT_WALL
+from ..perception.frontiers import to_go_around, to_go_at
 from ..perception.local_map import FREE, PER_METRE, RING, SIZE, WALL, in_window
 from .friction_limiter import longitudinal_share
 

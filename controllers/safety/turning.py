@@ -17,7 +17,7 @@ from fg_mujoco.compiled.kernels import kernel
 from ..control.planner_settings import Record
 from ..control.steering import arc_through, saturate
 from ..control.tracking import CURVATURE, HEADING, X, Y
-from ..perception.frontiers import AT_WALL, NEAR_WALL
+from ..perception.cell_marks import AT_WALL, NEAR_WALL
 from .motion_search import (
     DIRECTION,
     MOST_IN_WALLS,

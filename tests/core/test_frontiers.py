@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from drawn_worlds import Driven, box, cell, lines, middles
-from fg_mujoco.controllers.perception.frontiers import (
-    FAR,
-    WAY_BACK,
-)
+from fg_mujoco.controllers.perception.cell_distances import FAR
+from fg_mujoco.controllers.perception.cell_marks import WAY_BACK
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, SIZE, WALL
 
 STRAIGHT = lines([(-30.0, -1.0), (60.0, -1.0)], [(-30.0, 1.0), (60.0, 1.0)])

@@ -6,7 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from fg_mujoco.controllers.perception.frontiers import AT_WALL, FAR, FRONTIER_SEARCH, NEAR_WALL
+from fg_mujoco.controllers.perception.cell_distances import FAR
+from fg_mujoco.controllers.perception.cell_marks import AT_WALL, NEAR_WALL
+from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.perception.local_map import CELL, FREE, RING, WALL
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.controllers.safety.motion_search import MOTION, search_motion, touches

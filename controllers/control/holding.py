@@ -1,10 +1,13 @@
-"""Speedometer: a car whose odometry says another speed than its motor follows is driven by what the odometry says.
+"""The last step to a command: the tires hold it, and the car reaches the speed that it says.
 
-The friction limiter asks for an acceleration a by commanding the speed v + a tau, tau the time constant of the speed
-servo. Odometry that says 5 % too much, as with worn tires, makes .05 v / tau of it that nobody asked for: 4 m/s^2 at
-8 m/s. So the error is measured while driving: in each tick the measured speed moves by the share
-1 - exp(-period / tau) of the way to the command. A car whose odometry is right measures errors within 1 % in this
-way, and such errors are left alone, but for a car on a known line, which counts on most of its braking.
+1. The friction limiter turns the reference into a command that the tires can follow (friction_limiter).
+2. The wheels are turned by the slip angles that soft tires need more (slip).
+3. The speed is corrected for the error of the odometry. The friction limiter asks for an acceleration a by commanding
+   the speed v + a tau, tau the time constant of the speed servo. Odometry that reads 5 % too much, as with worn tires,
+   adds 0.05 v / tau that nobody asked for: 4 m/s^2 at 8 m/s. The error is measured while driving: in each tick the
+   measured speed moves by the share 1 - exp(-period / tau) of the way to the command. Errors within 1 % are left alone,
+   because a car whose odometry is right measures as much. A car on a known line, which needs most of its braking, is
+   corrected for all of it.
 """
 
 from __future__ import annotations
@@ -15,7 +18,12 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 
+from ..perception.scan_geometry import period_of
+from ..safety.friction_limiter import held_on_circle, limited
 from .planner_settings import Record
+from .reasons import GRIP, LOCK, TRANSIENTS, note
+from .reasons import SPEEDOMETER as BY_SPEEDOMETER
+from .slip import steered
 from .speed import share_of_way
 from .steering import saturate
 
@@ -80,3 +88,44 @@ def command_speed(
         command = max(min(command, max(highest, speed)), min(lowest, speed))
     memory.command = command
     return command
+
+
+@kernel
+def hold(
+    scan: Record,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    least_use: float,
+) -> tuple[float, float]:
+    """Return the command nearest to a reference that the friction limiter allows."""
+    return hold_by(driver.limiter, scan, odometry, driver, memory, steering_angle, speed, least_use, LEFT_ALONE)
+
+
+@kernel
+def hold_by(
+    limiter: Record,
+    scan: Record,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    least_use: float,
+    left_alone: float,
+) -> tuple[float, float]:
+    """Return the command nearest to a reference that a friction limiter allows; `left_alone` as of `command_speed`."""
+    angle, now = odometry.steering_angle, odometry.speed
+    period, reasons = period_of(scan), memory.reasons
+    note(reasons, LOCK, saturate(steering_angle, driver.car.max_steering_angle), speed)
+    target, allowed = held_on_circle(limiter, steering_angle, speed, abs(now), least_use)
+    note(reasons, GRIP, target, allowed)
+    steering, speed = limited(limiter, memory.limiter, steering_angle, speed, least_use, angle, now, period, False)
+    note(reasons, TRANSIENTS, steering, speed)
+    if limiter.slip.soft:
+        steering = steered(limiter.slip, driver.car, steering, now)
+    command = command_speed(memory.speedometer, speed, driver.car, driver.max_speed, period, left_alone)
+    note(reasons, BY_SPEEDOMETER, steering, command)
+    return steering, command

@@ -1,0 +1,320 @@
+"""From a reference command to a safe one: guidance, speed laws, safety filter, recovery, friction limiter.
+
+A planner gives a reference: a steering angle, a greatest speed, and the bearing it looks towards. What happens then is
+the same for all planners:
+
+1. The law of the mean range towards the goal lowers the speed (speed).
+2. Guidance replaces a reference that leads into a pocket, or back, by one that leads on (guidance). While it turns the
+   car in several moves, only 6 applies.
+3. The speed is lowered by the distance straight ahead (speed), and to one from which the car stops within what it sees
+   (braking_trajectories), unless a motion through the local map says how fast the car may go.
+4. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
+5. A car that stands without a frontier reverses along its path (recovery).
+6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
+
+Optional stages (stages) may change the reference before 2, or decide in place of 3 to 6.
+
+The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
+no friction limit, mu = inf, has only the laws of the mean range and of the distance straight ahead.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..perception.scan_filters import widen_all
+from ..perception.scan_geometry import beams_between, period_of
+from ..safety.braking_trajectories import safe_speed
+from ..safety.guidance import guide, path_ahead
+from ..safety.predictions import foresee, turned
+from ..safety.recovery import angle_along_history, extend_history, reverses
+from ..safety.safety_filter import least_cornering, passing_steering, safe_steering
+from .holding import hold, read_speedometer
+from .planner_settings import Record
+from .reasons import (
+    AFTER_RECOVERY,
+    AHEAD,
+    LAST_PLAN,
+    LOCK,
+    MAXIMUM,
+    MEAN_RANGE,
+    MOVES,
+    NO_PLAN,
+    NO_REFERENCE,
+    PLANNER,
+    RECOVERY,
+    SAFETY_FILTER,
+    SIGHT,
+    forget_reasons,
+    note,
+)
+from .reasons import GUIDANCE as GUIDED
+from .slip import held_arc, see_from_course
+from .speed import forward_distance_speed
+from .steering import saturate
+
+_ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
+_AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
+
+
+@kernel
+def predict(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Track what moves, and draw it into the scan where it may be; arguments as in stages."""
+    foresee(scan, valid, clear, driven.odometry, driven.driver, driven.memory.predictions)
+
+
+@kernel
+def guide_reference(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
+    driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
+    reasons, slip, course, scan = memory.reasons, driver.limiter.slip, memory.course, driven.scan
+    forget_reasons(reasons)
+    if slip.soft:
+        memory.limiter.curvature = see_from_course(slip, driver.car, scan, odometry, course)
+        driven.scan, driven.odometry = course.scan, course.odometry
+        reference.bearing -= course.angle
+    note(reasons, MAXIMUM, math.nan, driver.max_speed)
+    note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
+    if reference.plan > 0:
+        note(reasons, LAST_PLAN if reference.plan == 1 else NO_PLAN, reference.steering_angle, reference.own_speed)
+    if driver.range_ratio:
+        note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
+    if driver.friction:
+        read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
+    if not driver.guidance:
+        return
+    turning = memory.guidance.turning
+    if memory.predictions.count > 0:
+        turning.slow = 0  # what is in the way moves on
+    own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
+    guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
+    if reference.places > 0:
+        reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
+    note(reasons, GUIDED, reference.steering_angle, reference.speed)
+    if turning.active and reference.places == 0:
+        note(reasons, MOVES, turning.steering_angle, turning.speed)
+        extend_path(scan, odometry, driver, memory)
+        least = driver.limiter.settings.least_lateral_use
+        command[0], command[1] = hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
+        driven.decided = True
+
+
+@kernel
+def drive(
+    scan: Record,
+    valid: FloatArray,
+    guiding: FloatArray,
+    clear: FloatArray,
+    driven: Record,
+    lines: FloatArray,
+    trajectories: NDArray[np.void],
+    own: Record,
+    command: FloatArray,
+) -> None:
+    """Write the command for a reference, unless another stage has; arguments as in stages.
+
+    Without a reference, and without odometry, the car brakes.
+    """
+    if not driven.decided:
+        command[0], command[1] = _drive(driven.scan, valid, clear, driven.odometry, driven, trajectories)
+
+
+@kernel
+def _drive(
+    scan: Record,
+    valid: FloatArray,
+    clear: FloatArray,
+    odometry: Record,
+    driven: Record,
+    trajectories: NDArray[np.void],
+) -> tuple[float, float]:
+    """Return the command for a reference: steering angle [rad] and speed [m/s]; arguments as in stages."""
+    driver, reference, memory = driven.driver, driven.reference, driven.memory
+    reasons, slip, course = memory.reasons, driver.limiter.slip, memory.course
+    if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
+        return _brake(scan, odometry, driver, memory)
+    speed = min(reference.speed, reference.limit)
+    if driver.forward_distance:
+        speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
+        note(reasons, AHEAD, reference.steering_angle, speed)
+    if driver.stopping:
+        table = trajectories[driver.trajectories + driver.stops]
+        predictions = turned(memory.predictions, course.angle if slip.soft else 0.0)
+        surroundings = clear if len(predictions) > 0 else valid
+        widened = widen_all(surroundings, scan.angle_increment, table.radius)
+        extend_path(scan, odometry, driver, memory)
+        # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less
+        # from a slower speed, and so the stops are those of as much friction or more.
+        faster = math.sqrt(driver.limiter.lateral / table.lateral)
+        in_sight = faster * safe_speed(
+            table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
+        )
+        if driver.safety_filter:
+            return _drive_filtered(
+                scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight, predictions,
+                table.radius, reference.lane[: reference.places],
+            )  # fmt: skip
+        speed = min(speed, in_sight)
+        note(reasons, SIGHT, reference.steering_angle, speed)
+    if not driver.friction:
+        within = saturate(reference.steering_angle, driver.car.max_steering_angle)
+        note(reasons, LOCK, within, speed)
+        return within, speed
+    least_use = driver.limiter.settings.least_lateral_use
+    return hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
+
+
+@kernel
+def _speed_by_what_is_ahead(scan: Record, valid: FloatArray, driver: Record) -> float:
+    """Return the speed [m/s] by the law of the distance straight ahead; inf where the scan does not look ahead."""
+    first, end = beams_between(scan, len(valid), -_AHEAD, _AHEAD)
+    ahead = math.inf
+    for beam in range(first, end):
+        ahead = min(ahead, valid[beam])
+    settings = driver.settings
+    return forward_distance_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
+
+
+@kernel
+def _drive_filtered(
+    scan: Record,
+    widened: FloatArray,
+    odometry: Record,
+    driver: Record,
+    memory: Record,
+    steering_angle: float,
+    speed: float,
+    in_sight: float,
+    predictions: FloatArray,
+    radius: float,
+    lane: FloatArray,
+) -> tuple[float, float]:
+    """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
+
+    In another direction than the reference's the car brakes, but not below the crawl speed as long as a direction is
+    free. Where none is free it brakes: on a motion that it follows it stays on that motion, else it takes the direction
+    that the filter chooses. Where it stands and no direction is free it reverses, and tries again.
+
+    Args:
+      scan: of type SCAN.
+      widened: readings (n,) [m], widened by the disc over the car's front.
+      odometry: of type ODOMETRY.
+      driver: of type DRIVER.
+      memory: of type DRIVING_MEMORY, written to.
+      steering_angle: of the reference [rad].
+      speed: of the reference, by the speed laws [m/s].
+      in_sight: from which the car stops within what it sees [m/s].
+      predictions: of targets that move (k, 10), see safety.predictions.
+      radius: of the disc over the car's front [m].
+      lane: motion (m, 4) on which the car stays beside another one; m may be 0.
+    """
+    angle, now, car = odometry.steering_angle, odometry.speed, driver.car
+    limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
+    reference = saturate(steering_angle, car.max_steering_angle)
+    if history.tried > 0:
+        speed = min(speed, driver.recovery_settings.speed)
+        note(memory.reasons, AFTER_RECOVERY, steering_angle, speed)
+    guidance = memory.guidance
+    keeps = len(lane) > 0
+    knows_speed, path = guidance.knows_speed and not keeps, path_ahead(guidance)
+    if keeps:
+        path = lane.copy()
+    reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
+    if not knows_speed:
+        note(memory.reasons, SIGHT, steering_angle, reference_speed)
+    safe, use, found = safe_steering(
+        limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
+        angle, now, period, path, memory.kept, predictions, radius,
+    )  # fmt: skip
+    memory.kept = found and safe == reference
+    among = memory.predictions.cars > 0
+    if among and not memory.kept:
+        without, use_without, _ = safe_steering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
+            angle, now, period, path, True, predictions[:0], radius,
+        )  # fmt: skip
+        if without == reference:
+            note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            if keeps:
+                use_without = 1.0  # beside another car it has to follow the course
+            else:
+                use_without = least_cornering(
+                    limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
+                    now, period, path, use_without, predictions, radius,
+                )  # fmt: skip
+            return hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
+    if len(predictions) > 0 and not memory.kept and not among:
+        onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))
+        past, use_past, passes = passing_steering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference,
+            onwards, angle, now, period, path, predictions, radius,
+        )  # fmt: skip
+        if passes:
+            note(memory.reasons, SAFETY_FILTER, past, onwards)
+            return hold(scan, odometry, driver, memory, past, onwards, use_past)
+    stands = abs(now) < settings.standing_speed
+    if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
+        back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
+        note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
+        return hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
+    if not found:
+        speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
+        if guidance.follows and not keeps:  # it is free, as far as its search could tell
+            note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
+            return hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
+        note(memory.reasons, SAFETY_FILTER, safe, speed)
+        return hold(scan, odometry, driver, memory, safe, speed, use)
+    if safe != reference:
+        note(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
+        return hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
+    note(memory.reasons, SAFETY_FILTER, steering_angle, reference_speed)
+    return hold(scan, odometry, driver, memory, steering_angle, reference_speed, use)
+
+
+@kernel
+def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
+    """Return the command to stop as hard as the tires hold, on the car's present way; arguments as in `drive`.
+
+    Without the friction law, and without odometry, that is 0 and 0.
+    """
+    extend_path(scan, odometry, driver, memory)
+    note(memory.reasons, NO_REFERENCE, odometry.steering_angle if driver.friction else 0.0, 0.0)
+    if not driver.friction:
+        return 0.0, 0.0
+    least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
+    held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
+    return hold(scan, odometry, driver, memory, held, 0.0, least)
+
+
+@kernel
+def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
+    """Add the last tick to the path history, in every tick, whatever is commanded."""
+    if driver.recovery:
+        yaw_rate = odometry.angular_velocity[2]
+        extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))
