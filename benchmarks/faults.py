@@ -163,13 +163,13 @@ FAULTS = {
     ),
     # sensors
     "readings that are delivered a step late": Fault(
-        file="fg_mujoco/vehicle/sensors/sampling.py",
+        file="fg_mujoco/simulation/sensing.py",
         old="while self._held and self._held[0][0] <= time - self.sensor.delay + _SAME_TIME:",
         new="while self._held and self._held[0][0] < time - self.sensor.delay - _SAME_TIME:",
         tests="test_sensors.py",
     ),
     "readings that drop out as often as they should not": Fault(
-        file="fg_mujoco/vehicle/sensors/sampling.py",
+        file="fg_mujoco/simulation/sensing.py",
         old="self._rng.random() < sensor.dropout_probability:",
         new="self._rng.random() > sensor.dropout_probability:",
         tests="test_sensors.py",
