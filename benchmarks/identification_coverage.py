@@ -25,7 +25,7 @@ from identification import SLIPS, Case, random_tires, slaloms, with_noise
 
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.addons.realcar.identification.identification import Identification, identify_drives
-from fg_mujoco.vehicle.single_track import car_array
+from fg_mujoco.addons.realcar.single_track import car_array
 
 DRIVES = ((7.0, 1.0, 0.05), (3.5, 2.0, 0.4), (5.0, 0.8, 0.4), (6.5, 1.4, 0.4), (9.0, 2.4, 0.4))
 """Speed [m/s], frequency [Hz] and angle at the end [rad] of each growing slalom."""

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.addons.realcar.single_track import linear_rates
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.single_track import linear_rates
 
 _GRAVITY = 9.81
 _KINEMATIC_BELOW = 0.5  # [m/s] the single-track model divides by the speed

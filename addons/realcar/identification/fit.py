@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from fg_mujoco.errors import missing_extra
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.single_track import STATES, TIRE, axle_loads, friction_curve
 from fg_mujoco.vehicle.tires.law import GREATEST_SLIP
 
+from ..single_track import STATES, TIRE, axle_loads, friction_curve
 from .problem import (
     DIFFERENCE,
     GAIN,

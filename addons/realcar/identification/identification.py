@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.single_track import TIRE, friction_curve
 
+from ..single_track import TIRE, friction_curve
 from .drive_log import Drive
 from .fit import Fit, fitted_starts, force_points, inverse_dynamics, output_error, require_scipy
 from .problem import PARAMETERS, DriveProblem

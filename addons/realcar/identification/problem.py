@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.vehicle.single_track import STATES, TIRE, car_array, simulate
 
+from ..single_track import STATES, TIRE, car_array, simulate
 from .drive_log import SLOWEST, Drive
 from .smoothed_motion import NOISE, STEP, Motion, smooth
 from .steering_response import Steering

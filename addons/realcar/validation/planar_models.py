@@ -1,6 +1,6 @@
 """The models of other simulators, driven through the same windows: f1tenth_gym's and ForzaETH's.
 
-- `f1tenth_gym`: CommonRoad's single-track model with linear axles and load transfer, as `vehicle.single_track` has it,
+- `f1tenth_gym`: CommonRoad's single-track model with linear axles and load transfer, as `single_track` has it,
   with the gym's stiffnesses and friction. Speed and steering are commanded through the gym's controller: a P controller
   of the speed, and a steering that turns at its greatest rate. Below 0.5 m/s it is kinematic.
 - ForzaETH's: the single-track model with Magic Formula axles that On-Track-SysID identifies (arXiv 2411.17508), with
@@ -23,11 +23,11 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.vehicle.command_response import CommandResponse
-from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, axle_loads, friction_used, linear_rates
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
 from fg_mujoco.vehicle.vehicle import Vehicle
 
+from ..single_track import FRONT_STIFFNESS, REAR_STIFFNESS, axle_loads, friction_used, linear_rates
 from .car_model import BEFORE, SIGNALS, Task
 from .windows import ACCELERATE, HOLD_SPEED, PERIOD
 

@@ -24,9 +24,9 @@ from fg_mujoco.addons.realcar.identification.speed_response import speed_respons
 from fg_mujoco.addons.realcar.identification.steering_response import Steering
 from fg_mujoco.addons.realcar.identification.tire_file import tire_text
 from fg_mujoco.addons.realcar.identification.vehicle_file import write_vehicle
+from fg_mujoco.addons.realcar.single_track import friction_curve
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
-from fg_mujoco.vehicle.single_track import friction_curve
 
 if sys.version_info >= (3, 11):
     import tomllib

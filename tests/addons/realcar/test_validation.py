@@ -13,6 +13,7 @@ pytest.importorskip("scipy")
 import fg_mujoco as fg
 from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.drives.reading import read_drive
+from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.addons.realcar.validation.agreement import of_center
 from fg_mujoco.addons.realcar.validation.car_model import BEFORE, CarModel, Task
 from fg_mujoco.addons.realcar.validation.planar_models import PlanarModel
@@ -28,7 +29,6 @@ from fg_mujoco.addons.realcar.validation.windows import (
     windows_of,
 )
 from fg_mujoco.cli.main import main
-from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -20,8 +20,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled.kernels import inlined, kernel
-from ..messages import CarParameters, FloatArray
+from fg_mujoco.compiled.kernels import inlined, kernel
+from fg_mujoco.messages import CarParameters, FloatArray
 
 FRONT_STIFFNESS, REAR_STIFFNESS = 4.718, 5.4562
 """[1/rad] C_Sf and C_Sr: side force over (mu times load times slip angle), of each axle; f1tenth_gym's."""

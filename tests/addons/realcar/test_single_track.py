@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from car_worlds import flat_world
+from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, linear_rates
 from fg_mujoco.lab.steady_circle import SteadyCircle
-from fg_mujoco.vehicle.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, linear_rates
 from fg_mujoco.vehicle.tires import Tires
 
 CAR = flat_world()[2]
