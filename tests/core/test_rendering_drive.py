@@ -13,7 +13,6 @@ import fg_mujoco as fg
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.pictures.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
-from fg_mujoco.pictures.rendering.gg_diagram import accelerations, gg_picture
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import road, wall_chains
@@ -193,33 +192,3 @@ def test_track_camera_shows_the_whole_course(lap, aspect):
     places, _ = CAMERAS["track"](moment, aspect).project(corners, size)
     assert (places > 0).all() and (places < size).all()
     assert np.ptp(places, axis=0).max() > 0.8 * min(size)  # and fills it
-
-
-def test_gg_diagram_has_the_accelerations_of_the_drive(lap, tmp_path):
-    """Those of the CoG in the first physics step of each tick; within the circle of mu g where nothing slides."""
-    felt, model, gained = accelerations(lap), copy(lap.world.model), []
-    data, tires, site = mujoco.MjData(model), TireForces(model, CAR_PREFIX), model.site(f"{CAR_PREFIX}imu").id
-
-    def velocity():
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        both = np.empty(6)
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, site, both, 0)
-        return both[3:]
-
-    for state, ctrl in zip(lap.states[:-1], lap.ctrl, strict=True):
-        mujoco.mj_setState(model, data, state, STATE)
-        data.ctrl[:] = ctrl
-        before, frame = velocity(), data.site_xmat[site].reshape(3, 3).copy()
-        tires.step(data)
-        after = velocity()
-        frame = 0.5 * (frame + data.site_xmat[site].reshape(3, 3))  # a car that turns feels it on the way
-        # an accelerometer feels gravity, too
-        gained.append(((after - before) / model.opt.timestep + (0.0, 0.0, 9.81)) @ frame)
-    assert np.abs(felt - np.array(gained)[:, :2]).max() < 0.04  # measured .018, of up to 9.4 m/s^2
-    speed, yaw_rate = lap.car.column("speed_m_s"), lap.car.column("yaw_rate_rad_s")
-    assert np.median(np.abs(felt[:, 1] - speed * yaw_rate)) < 0.3
-    assert np.hypot(*felt.T).max() < 1.02 * lap.car.mu * lap.world.parameters.gravity
-    gg_picture(lap, tmp_path / "gg.png")
-    assert (tmp_path / "gg.png").read_bytes().startswith(b"\x89PNG")

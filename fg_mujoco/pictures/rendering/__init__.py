@@ -13,8 +13,7 @@
 
 `gl` opens an OpenGL context, `scenery` compiles the model that is drawn, and `renderer` turns states into arrays.
 `cameras` has the cameras, and `recorded_drive` a recording at any time. `overlays`, `planner_view`, `force_arrows` and
-`telemetry_strip` draw over a picture, and `gg_diagram` draws the g-g diagram. `film` puts all of this together, and
-`video` writes files.
+`telemetry_strip` draw over a picture. `film` puts all of this together, and `video` writes files.
 """
 
 from __future__ import annotations
