@@ -1,6 +1,7 @@
 """The simulation: a course, a vehicle and a LiDAR become one MjModel, and the engine steps n worlds of it.
 
 `world` compiles the model. `engine` has Engine, with the five verbs place, sense, decide, drive and judge. It uses
+`sensing` (sensors and effects of LiDARs that take Python), `slots` (worlds that come and go, and their threads),
 `physics` (MuJoCo's batch functions), `world_step` (obstacles and floor in a step), `clear_ground` (where a car touches
 nothing), `compiled_tick` (the kernels of a tick), `planner_adapter` (scans to planners, commands back), `termination`
 (the race monitor: laps, and when a race ends) and `telemetry` (a row a tick, running statistics).
