@@ -319,8 +319,7 @@ def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str
                 named[name] = torch.clamp((named[name] - mean) / std, -clip, clip)
             for name, shape in unseen.items():
                 named[name] = parts[0].new_zeros((len(parts[0]), *shape))
-            flat = inputs == ["observation"]
-            action = self.policy._predict(named["observation"] if flat else named, deterministic=True)
+            action = self.policy._predict(named if spaces else parts[0], deterministic=True)
             if not self.policy.squash_output:
                 return action
             low, high = (torch.as_tensor(each) for each in (policy.action_space.low, policy.action_space.high))

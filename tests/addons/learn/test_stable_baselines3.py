@@ -97,6 +97,18 @@ def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(model,
     assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
 
 
+def test_an_actor_that_does_not_see_all_becomes_onnx_and_json_alike(tmp_path):
+    pytest.importorskip("onnxscript", reason="onnxscript is not installed")
+    from fg_mujoco.addons.learn.stable_baselines3_env import AsymmetricPolicy
+
+    env = F1TenthVecEnv(1, threads=1, time_limit=0.5, privileged="mu", observation="beams:20,speed,flat")
+    made = sb3.PPO(AsymmetricPolicy, env, n_steps=8, batch_size=8, device="cpu", policy_kwargs={"net_arch": [16]})
+    policies = [read_policy(save_policy(made, tmp_path / name)) for name in ("policy.onnx", "policy.json")]
+    seen = np.random.default_rng(1).normal(size=21).astype(np.float32)
+    actions = [policy.act(seen) for policy in policies]
+    np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
+
+
 def test_a_convolutional_policy_becomes_onnx_and_not_json(tmp_path):
     pytest.importorskip("onnxscript", reason="onnxscript is not installed")
     import torch
