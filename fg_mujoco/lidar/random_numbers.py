@@ -51,7 +51,7 @@ def ziggurat() -> tuple[State, FloatArray, FloatArray]:
 
 def _next_in_python(high: int, low: int, step_high: int, step_low: int) -> tuple[int, int, int, int]:
     def joined(high: int, low: int) -> int:
-        return (high % 2**64) << 64 | (low % 2**64)
+        return (int(high) % 2**64) << 64 | (int(low) % 2**64)  # numpy's would overflow
 
     state = (joined(high, low) * _MULTIPLIER + joined(step_high, step_low)) % 2**128
     halves = divmod(state, 2**64)

@@ -285,11 +285,11 @@ def installed(tmp_path_factory):
     (nested / "__init__.py").write_text("FACTOR = 2.0\n")
     (nested / "constants.py").write_text("OFFSET = 1.0\n")
     (nested / "deep.py").write_text(
-        "from ...kernels import kernel\nfrom . import FACTOR, constants\n\n\n@kernel\ndef deep(x):\n"
+        "from ...compiled.kernels import kernel\nfrom . import FACTOR, constants\n\n\n@kernel\ndef deep(x):\n"
         "    return FACTOR * x + constants.OFFSET\n"
     )
     (nested.parent / "above.py").write_text(
-        "from ..kernels import kernel\nfrom .two.deep import (  # the kernel\n    deep,\n)\n\n\n@kernel\n"
+        "from ..compiled.kernels import kernel\nfrom .two.deep import (  # the kernel\n    deep,\n)\n\n\n@kernel\n"
         "def above(x):\n    return deep(x)\n"
     )
     (site / "users.py").write_text(
