@@ -147,7 +147,7 @@ def plain_runs():
     """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fg_mujoco.cli.race.check_out", lambda folder: False)
-        patch.setattr("fg_mujoco.cli.race.report_race", lambda folder: None)
+        patch.setattr("fg_mujoco.cli.race.write_page", lambda folder: None)
         yield
 
 
