@@ -88,7 +88,7 @@ def parsed(name: str) -> tuple[str, ast.Module]:
 
 def settings_table(kind: type, *, but: type | None = None) -> str:
     """Return a table of the settings of a dataclass; with `but`, without those that are as in that dataclass."""
-    from fg_mujoco.cli.controllers import describe_settings
+    from fg_mujoco.cli.lists import describe_settings
 
     known = [] if but is None else describe_settings(but)
     rows = ["| setting | default | what |", "| --- | --- | --- |"]

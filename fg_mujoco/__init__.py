@@ -218,7 +218,8 @@ _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"addons"
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
-    "ComparisonProgress": "fg_mujoco.rollouts.grid_study.StudyProgress", "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
+    "ComparisonProgress": "fg_mujoco.addons.arena.grid_study.StudyProgress",
+    "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,
     "maps": "track_names", "planners": "controller_names",

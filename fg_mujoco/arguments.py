@@ -10,6 +10,7 @@ Both cost nothing where nothing is wrong but one call in between. `Remade` copie
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import types
@@ -37,6 +38,21 @@ _RATHER = {
 """Arguments that others have -> what does the same here."""
 
 _LEAST_SIMILARITY = 0.7  # of an attribute that may have been meant
+
+
+def setting(default: Any, text: str, metavar: str, group: str, *, told: bool = False) -> Any:
+    """Return a field of a dataclass of settings that the command line has as an option of its keyword.
+
+    Args:
+      default: of the field.
+      text: help of the option; `{names}` stands for the names that it takes, as `cli.options.NAMES` lists them.
+      metavar: that stands for its value in the help; nothing: it is a flag.
+      group: title in the help below which it stands.
+      told: whether every planner is told of it, as PLANNER_OPTIONS are.
+    """
+    return dataclasses.field(
+        default=default, metadata={"help": text, "metavar": metavar, "group": group, "told": told}
+    )
 
 
 def explained(function: _F, name: str = "") -> _F:

@@ -24,13 +24,13 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import shown
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import StudyProgress
-from fg_mujoco.rollouts.intervals import per_cent, varied, wilson
-from fg_mujoco.rollouts.run_grid import as_axis
+from fg_mujoco.rollouts.rollout_result import wilson
 from fg_mujoco.simulation.settings import FASTEST
 
 from .comparison.comparison import USABLE, Comparison, compare
 from .comparison.run import RunRow
+from .grid_study import StudyProgress, as_axis
+from .intervals import per_cent, varied
 
 EVERY_MU = "all"
 """Of the rows over all coefficients."""

@@ -1,6 +1,7 @@
 """Tab completion in bash, zsh and fish, by argcomplete, the extra `completion`; docs/start.md says how to switch it on.
 
-The shell calls `fg-mujoco` with the variable _ARGCOMPLETE set; without it nothing here is imported.
+The shell calls `fg-mujoco` with the variable _ARGCOMPLETE set; without it nothing here is imported. Of the commands
+only that of the line is.
 """
 
 from __future__ import annotations
@@ -8,18 +9,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
-
-from ..course.formats import track_names
-from ..course.scenes.catalogue import PREFIX, scene_names
-from ..lidar.lidar import LIDAR_BACKENDS
-from ..racing.planners import controller_names
-from ..racing.randomization import OF_ENVIRONMENTS, PARAMETERS
-from ..rollouts.recording import RECORDS
-from ..rollouts.rollouts import EXECUTORS
-from ..vehicle.tires import tire_names
-from ..vehicle.vehicle import vehicle_names
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
@@ -29,18 +20,20 @@ def complete(parser: argparse.ArgumentParser) -> None:
     with contextlib.suppress(ImportError):  # the shell completes nothing
         import argcomplete
 
-        _offer_names(parser)
+        _offer_names(parser, os.environ.get("COMP_LINE", "").split()[1:2])
         argcomplete.autocomplete(parser)
 
 
-def _offer_names(parser: argparse.ArgumentParser) -> None:
-    """Give the options of all commands the names that they take; files are offered besides by the shell."""
+def _offer_names(parser: Any, command: Sequence[str] | None = None) -> None:
+    """Add the options of a command of the line (None: of all), and what completes names; the shell offers files."""
+    parser.fill()
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                _offer_names(command)
-        elif action.dest in _NAMES:
-            setattr(action, "completer", _completer(_NAMES[action.dest]))  # noqa: B010
+            for name, each in action.choices.items():
+                if command is None or name in command:
+                    _offer_names(each)
+        elif getattr(action, "names", None) is not None:
+            setattr(action, "completer", _completer(action.names))  # noqa: B010
 
 
 def _completer(names: Callable[[], Iterable[str]]) -> Callable[..., list[str]]:
@@ -51,37 +44,3 @@ def _completer(names: Callable[[], Iterable[str]]) -> Callable[..., list[str]]:
         return [f"{before}{comma}{name}" for name in names()]
 
     return completer
-
-
-def _courses() -> list[str]:
-    return [*track_names(), *(f"{PREFIX}{name}" for name in scene_names())]
-
-
-def _cameras() -> Iterable[str]:
-    from ..pictures.rendering.cameras import CAMERAS  # slow to import
-
-    return CAMERAS
-
-
-def _qualities() -> Iterable[str]:
-    from ..pictures.rendering.presets import QUALITIES  # slow to import
-
-    return QUALITIES
-
-
-_NAMES: dict[str, Callable[[], Iterable[str]]] = {
-    "track": _courses,
-    "tracks": track_names,
-    "scenes": scene_names,
-    "controller": controller_names,
-    "controllers": controller_names,
-    "vehicle": vehicle_names,
-    "tires": tire_names,
-    "lidar": lambda: LIDAR_BACKENDS,
-    "randomize": lambda: [f"{name}=" for name in PARAMETERS if name not in OF_ENVIRONMENTS],
-    "record": lambda: RECORDS,
-    "executor": lambda: EXECUTORS,
-    "camera": _cameras,
-    "quality": _qualities,
-}
-"""Destination of an option -> the names that it takes."""

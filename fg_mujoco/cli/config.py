@@ -29,17 +29,10 @@ from ..racing.resolved import ground_of
 from ..racing.run_folder import SUMMARY, read_summary
 from ..racing.setup import SETUP_KEYWORDS, Setup
 from ..racing.trust import controller_of, require_trusted
-from .options import OPPONENT_OPTIONS, given_settings, number, whole, with_opponents
+from .command import number, whole
+from .options import OPPONENT_OPTIONS, given_settings, with_opponents
 
-_OPTION = "--config"
 _OF_THE_USER = ("help", "config", "trust", "force")  # options that no file can set
-
-
-def add_config(command: argparse.ArgumentParser) -> None:
-    """Give a command the option `--config`, with which `parse` sets its defaults."""
-    command.add_argument(
-        _OPTION, metavar="FILE", help="settings from a TOML file, or from a run folder to race it again; options win"
-    )
 
 
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..errors import SettingsError
 from ..lab.commands import COLUMNS
@@ -19,18 +19,14 @@ from ..lab.manoeuvres import MANOEUVRES
 from ..pictures.plots import write_run
 from ..racing.hints import clamped_hint
 from ..racing.run_folder import check_run_folder, summary_json
-from .config import add_config
-from .options import add_setup_options, add_trust_option, can_draw, number, setup_of
-from .out import PAGE, RUN, add_out_options, write_page
+from .command import CONFIG, JSON, TRUST, can_draw, command, number, option
+from .options import setup_of, setup_options
+from .out import PAGE, RUN, out_options, write_page
 
 if TYPE_CHECKING:
     from ..racing.result import RaceResult
 
 _DONE, _NOT_DONE = 0, 1
-_SETTINGS = (
-    "vehicle", "tires", "mu", "floor", "start_s", "start_offset", "start_heading", "start_speed", "mass", "cog_height",
-    "steering_gain", "speed_gain", "command_delay",
-)  # fmt: skip
 
 _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
     "max_lateral_acceleration_m_s2": ("lateral acceleration", lambda value: f"{value:.2f} m/s^2 at most"),
@@ -45,24 +41,25 @@ _FIGURES: dict[str, tuple[str, Callable[[float], str]]] = {
 """Rows of the table, by the names of `handling`."""
 
 
-def add_drive(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    command = add_command(commands, "drive", _drive, "drive a manoeuvre, or a CSV of commands, on open ground")
-    add = command.add_argument
-    add(
-        "commands", metavar="NAME|COMMANDS.csv", nargs="?",
-        help=f"{', '.join(MANOEUVRES)}, with settings NAME[SETTING=VALUE,...]; or a CSV with {', '.join(COLUMNS)}",
-    )  # fmt: skip
-    add("--list", action="store_true", help="list the manoeuvres and their settings")
-    add("--speed", type=number, metavar="V", help="of a manoeuvre [m/s]; default: its own")
-    add_setup_options(command, *_SETTINGS, start_speed="at which the car rolls; default: the first commanded speed")
-    add_out_options(command, RUN, "write a run folder here")
-    add("--json", action="store_true", help="print one JSON object and nothing else")
-    add_config(command)
-    add_trust_option(add)
-
-
-def _drive(options: argparse.Namespace) -> int:
+@command(
+    option(
+        "commands", f"{', '.join(MANOEUVRES)}, with settings NAME[SETTING=VALUE,...]; or a CSV with "
+        f"{', '.join(COLUMNS)}", "NAME|COMMANDS.csv", nargs="?",
+    ),
+    option("--list", "list the manoeuvres and their settings"),
+    option("--speed", "of a manoeuvre [m/s]; default: its own", "V", number),
+    setup_options(
+        "vehicle", "tires", "mu", "floor", "start_s", "start_offset", "start_heading", "start_speed", "mass",
+        "cog_height", "steering_gain", "speed_gain", "command_delay",
+        start_speed="at which the car rolls; default: the first commanded speed",
+    ),
+    out_options(RUN, "write a run folder here"),
+    JSON,
+    CONFIG,
+    TRUST,
+)  # fmt: skip
+def drive_command(options: argparse.Namespace) -> int:
+    """Drive a manoeuvre, or a CSV of commands, on open ground."""
     if options.list:
         print(_manoeuvres())
         return _DONE

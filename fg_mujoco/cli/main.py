@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any, NoReturn
 
@@ -21,12 +21,11 @@ from ..course.formats import track_names
 from ..errors import FgMujocoError, FinalWarning, SettingsError, accepted_names, nearest
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
+from .command import Command, Commands
 from .config import parse
-from .options import (
-    in_one_line,
-    in_options,
-)
+from .options import in_one_line, in_options
 from .out import chosen_folder
+from .progress import UnfinishedError
 from .words import command_for
 
 _NOT_DONE, _BAD_INPUT = 1, 2
@@ -39,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     terminated = threading.Event()
     try:
         with _warnings_in_a_line(), _ended_in_order(terminated):
-            parser = _parser(_first(arguments))
+            given = sys.argv[1:] if arguments is None else arguments
+            parser = _parser(texts=given[:1] in (["-h"], ["--help"]))
             if "_ARGCOMPLETE" in os.environ:
                 from .completion import complete
 
@@ -52,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         said = str(error) if options is None else in_options(str(error), options.command)
         print("fg-mujoco:", in_one_line(said), file=sys.stderr)
         return _BAD_INPUT
+    except UnfinishedError as error:
+        print("fg-mujoco:", in_one_line(str(error)), file=sys.stderr)
+        return _NOT_DONE
     except KeyboardInterrupt:
         return _TERMINATED if terminated.is_set() else _INTERRUPTED
     except BrokenPipeError:  # the reader of our output has seen enough
@@ -115,15 +118,28 @@ def _warnings_in_a_line() -> Iterator[None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Complains in one line, and says which option or command was probably meant."""
+    """Complains in one line, and says which option or command was probably meant. A command is made where it is used.
+
+    Attributes:
+      place: name of the command whose options are to be added yet; None: they are there.
+    """
+
+    place: str | None = None
+
+    def fill(self) -> None:
+        """Add the options of a command, which takes a while to import."""
+        if self.place is not None:
+            found, self.place = COMMANDS.find(self.place), None
+            found.fill(self)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse; what is not known is refused by the command that it was given to, whose options are looked up."""
+        self.fill()
         given = list(sys.argv[1:] if args is None else args)
         if self._subparsers is None:
-            for option in (each.partition("=")[0] for each in given[: given.index("--") if "--" in given else None]):
-                if option.startswith("--") and option not in self._option_string_actions:
-                    self.error(self._no_option(option))  # before what lacks
+            for name in (each.partition("=")[0] for each in given[: given.index("--") if "--" in given else None]):
+                if name.startswith("--") and name not in self._option_string_actions:
+                    self.error(self._no_option(name))  # before what lacks
         elif given and given[0].startswith("--") and given[0] not in self._option_string_actions:
             self.error(f"{given[0]!r} stands before the command; accepted: {self.prog} COMMAND {given[0]}")
         options, left = super().parse_known_args(given, namespace)
@@ -135,8 +151,7 @@ class _Parser(argparse.ArgumentParser):
     def _no_option(self, given: str) -> str:
         """Return what is said of an option that there is not."""
         known = [option for option in self._option_string_actions if option.startswith("--")]
-        command = command_for(given)
-        meant = nearest(given, known, cutoff=1.0)
+        command, meant = command_for(given), nearest(given, known, cutoff=1.0)
         if not given.startswith("--"):
             meant = "--out" if given == "-o" and "--out" in known else None
         elif meant is None and command is None:
@@ -146,8 +161,13 @@ class _Parser(argparse.ArgumentParser):
 
     def _no_argument(self, given: str) -> str:
         """Return what is said of a word for which there is no place: it may be the value of an option."""
-        means = {option: means for option, means in _MEANS.items() if option in self._option_string_actions}
-        option = next((option for option in means if means[option](given)), None)
+        course = given.endswith((".csv", ".yaml", ".yml")) or given.startswith(("random:", "scene:"))
+        source = given.partition("[")[0]
+        means = {
+            "--track": course or given in track_names(),
+            "--controller": ".py" in given or bool(scheme_of(source)) or source in controller_names(),
+        }
+        option = next((name for name, fits in means.items() if fits and name in self._option_string_actions), None)
         return f"{given!r} is no argument here" + ("" if option is None else f"; did you mean '{option} {given}'?")
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
@@ -164,35 +184,25 @@ class _Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(None, f"{name} is {value!r}; {end}")
 
     def error(self, message: str) -> NoReturn:
+        if message.endswith("required: COMMAND") and self._subparsers is not None:
+            message = f"no command is given; accepted: {', '.join(self._subparsers._group_actions[0].choices or ())}"
         self.exit(_BAD_INPUT, f"{self.prog}: {in_one_line(message)}; see {self.prog} --help\n")
 
 
-def _names_a_course(word: str) -> bool:
-    return word.endswith((".csv", ".yaml", ".yml")) or word.startswith(("random:", "scene:")) or word in track_names()
-
-
-def _names_a_planner(word: str) -> bool:
-    source = word.partition("[")[0]
-    return ".py" in word or bool(scheme_of(source)) or source in controller_names()
-
-
-_MEANS = {"--track": _names_a_course, "--controller": _names_a_planner}
-"""Option -> whether a word is a value of it."""
-
-
-COMMANDS: Registry[Callable[..., None]] = Registry(
+COMMANDS: Registry[Command | Commands] = Registry(
     "command",
     SettingsError,
     own={
-        name: f"fg_mujoco.cli.{module}:add_{name}"
-        for name, module in (
-            ("race", "race"), ("replay", "replay"), ("drive", "drive"), ("track", "track"),
-            ("controllers", "controllers"), ("vehicles", "vehicles"), ("rollout", "rollout"), ("render", "render"),
-            ("friction", "friction"),
-        )
+        name: f"fg_mujoco.cli.{place}"
+        for name, place in {
+            "race": "race:race_command", "replay": "race:replay_command", "drive": "drive:drive_command",
+            "track": "track:TRACK", "controllers": "lists:controllers_command", "vehicles": "lists:vehicles_command",
+            "rollout": "rollout:rollout_command", "render": "render:render_command",
+            "friction": "friction:friction_command",
+        }.items()
     } | added("COMMANDS"),
 )  # fmt: skip
-"""Commands in the order of the help: nine of the core, then those of add-ons -> the function that adds one."""
+"""Commands in the order of the help: nine of the core, then those of add-ons."""
 
 
 class _Version(argparse.Action):
@@ -205,27 +215,22 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _first(arguments: Sequence[str] | None) -> str | None:
-    """Return the command of a command line, if the shell does not ask what it may become."""
-    given = sys.argv[1:] if arguments is None else arguments
-    return given[0] if given and given[0] in COMMANDS and "_ARGCOMPLETE" not in os.environ else None
-
-
 @cache
-def _parser(only: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser of one command, or of all: their options name what there is, which takes a while to import."""
+def _parser(texts: bool = False) -> _Parser:
+    """Return the parser of all commands; that of each gets its options where it is used.
+
+    Args:
+      texts: whether the help is asked for, which has the sentences of the core's commands.
+    """
     parser = _Parser(
         prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False,
         epilog=_addons_text(), formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    of_addons, completes = added("COMMANDS"), "_ARGCOMPLETE" in os.environ
-    for name in COMMANDS if only is None else (only,):
-        if only is None and name in of_addons and not completes:
-            commands.add_parser(name, add_help=False)  # known by its name; its options are added where it is called
-        else:
-            COMMANDS.find(name)(_add, commands)
+    for name in COMMANDS:
+        own: dict[str, Any] = {"help": COMMANDS.find(name).text} if texts and name not in added("COMMANDS") else {}
+        commands.add_parser(name, allow_abbrev=False, **own).place = name
     return parser
 
 
@@ -237,9 +242,3 @@ def _addons_text() -> str:
     width = max(map(len, of_addons), default=0)
     lines = [f"  {addon:<{width}}  {', '.join(names)}" for addon, names in of_addons.items()]
     return "\n".join(["commands of add-ons:", *lines, "", "fg-mujoco COMMAND --help says what a command does."])
-
-
-def _add(commands: Any, name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
-    command: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-    command.set_defaults(run=run, command=command)
-    return command

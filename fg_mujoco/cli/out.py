@@ -22,7 +22,7 @@ from ..course.files import is_file, is_folder, read_text
 from ..errors import RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
 from ..registry import PARTS
-from .options import OUTPUT, group
+from .command import OUTPUT, Part, option
 
 PAGE = "report.html"
 """Name of a run's page in its folder."""
@@ -40,12 +40,16 @@ _ASIDE = re.compile(r"\.fg_mujoco-[0-9a-f]{16}\.partial")  # what a killed proce
 _MOST_BYTES = 16 * 2**20  # of a study's mark
 
 
-def add_out_options(command: argparse.ArgumentParser, kind: str, text: str, *, required: bool = False) -> None:
-    """Add `--out` and `--force` to a command, whose folder has a run or a study."""
-    add = group(command, OUTPUT).add_argument
-    add("--out", metavar="DIR", required=required, help=f"{text}; DIR/ numbers itself: DIR/001")
-    add("--force", action="store_true", help=f"replace the {kind} that DIR has")
-    command.set_defaults(folder_kind=kind)
+def out_options(kind: str, text: str, *, required: bool = False) -> Part:
+    """Return the part that adds `--out` and `--force` to a command, whose folder has a run or a study."""
+    out = option("--out", f"{text}; DIR/ numbers itself: DIR/001", "DIR", title=OUTPUT, required=required)
+    force = option("--force", f"replace the {kind} that DIR has", title=OUTPUT)
+
+    def add(parser: argparse.ArgumentParser) -> None:
+        parser.set_defaults(folder_kind=kind)
+        out(parser), force(parser)
+
+    return add
 
 
 def write_page(folder: str | Path) -> None:

@@ -11,12 +11,15 @@ one part of it takes long. So a terminal shows within a second that something go
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from typing import TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from ..errors import EngineError
 
 _Progress = TypeVar("_Progress")
 
@@ -98,6 +101,42 @@ def shown_as(
                 line.write(text(progress))
 
         yield watch
+
+
+class UnfinishedError(Exception):
+    """A study has ended before its end; the command says why in a line, and exits 1."""
+
+
+@contextlib.contextmanager
+def study(
+    options: argparse.Namespace, noun: str, progress: Callable[[Any], Sequence[Any]]
+) -> Iterator[Callable[[Any], None]]:
+    """Yield the `watch` of a study, which shows how far it is; what planners print goes to stderr.
+
+    Args:
+      options: of the command; `out`, in which finished work is kept, and `json`, with which nothing is shown.
+      noun: what is driven, as "worlds".
+      progress: returns how many are done, how many there are, the time that is left [s], and what else is shown.
+
+    Raises:
+      UnfinishedError: a worker or a cluster failed.
+    """
+
+    def text(each: Any) -> str:
+        done, of, left, *more = progress(each)
+        return f"{done}/{of} {noun}{''.join(more)}{to_go(left)}"
+
+    show = not getattr(options, "json", False)
+    with contextlib.redirect_stdout(sys.stderr), shown_as(text, f"preparing {noun}", show=show) as watch:
+        try:
+            yield watch
+        except EngineError as error:
+            kept = "nothing is kept without --out" if options.out is None else f"finished {noun} are kept"
+            raise UnfinishedError(f"{error}; {kept}") from error
+        except KeyboardInterrupt:
+            goes_on = "nothing is kept without --out" if options.out is None else "the same command goes on"
+            print(f"fg-mujoco: {options.out or noun}: interrupted; {goes_on}", file=sys.stderr)
+            raise
 
 
 def clock(seconds: float) -> str:

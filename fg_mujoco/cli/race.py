@@ -1,4 +1,4 @@
-"""The command `fg-mujoco race`."""
+"""The commands `fg-mujoco race` and `fg-mujoco replay`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ..errors import FgMujocoError, RunFolderError
 from ..pictures.plots import write_run
@@ -20,36 +18,31 @@ from ..racing.hints import race_hints
 from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
 from ..racing.race_control import find_rules
+from ..racing.replay import decisions_again, replay
 from ..racing.result import RaceResult
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
-from .config import add_config
-from .options import CAR, OUTPUT, add_setup_options, add_trust_option, can_draw, group, in_one_line, setup_of
-from .out import PAGE, RUN, add_out_options, write_page
+from .command import CONFIG, JSON, OUTPUT, TRUST, can_draw, command, option
+from .options import in_one_line, setup_of, setup_options
+from .out import PAGE, RUN, out_options, write_page
 from .progress import ProgressLine
 from .render import check_film, film_race
 
 _DONE, _NOT_DONE = 0, 1
 
 
-def add_race(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    command = add_command(commands, "race", _race, "race a controller from a standing start")
-    add_setup_options(
-        command, "track", "controller", "laps", "obstacles", "obstacle_seed", "moving", "patches", *CAR, "lidar",
-        "motion_distortion", "seed", "opponents", "grid", "rules", "time_limit", "decision_limit",
-    )  # fmt: skip
-    add_out_options(command, RUN, "write a run folder here")
-    add = group(command, OUTPUT).add_argument
-    add("--video", type=Path, metavar="FILE", help="write a video of the best lap, .mp4 or .gif; see render")
-    add("--json", action="store_true", help="print one JSON object and nothing else")
-    add("--traceback", action="store_true", help="of a planner that fails, print the whole traceback, not its own part")
-    add_config(command)
-    add_trust_option(command.add_argument)
-
-
-def _race(options: argparse.Namespace) -> int:
+@command(
+    setup_options(),
+    out_options(RUN, "write a run folder here"),
+    option("--video", "write a video of the best lap, .mp4 or .gif; see render", "FILE", Path, title=OUTPUT),
+    JSON,
+    option("--traceback", "of a planner that fails, print the whole traceback, not its own part"),
+    CONFIG,
+    TRUST,
+)
+def race_command(options: argparse.Namespace) -> int:
+    """Race a controller from a standing start."""
     setup = setup_of(options)
     picture = options.out is not None and check_out(options.out)
     if options.video is not None:
@@ -80,6 +73,15 @@ def _race(options: argparse.Namespace) -> int:
     for hint in race_hints(result):
         print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
     return code
+
+
+@command(option("folder", "written by race --out", "DIR"))
+def replay_command(options: argparse.Namespace) -> int:
+    """Simulate a run folder again and compare it bit for bit."""
+    report = replay(options.folder)
+    again = decisions_again(options.folder) if report.first_difference is None else ""
+    print(f"{options.folder}: {report}", *(f"  {line}" for line in (*report.lines, again) if line), sep="\n")
+    return _DONE if report.holds else _NOT_DONE
 
 
 def check_out(folder: str) -> bool:

@@ -6,20 +6,19 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import SettingsError
 from ..racing.run_folder import read_summary
-from .options import add_trust_option, number, whole
+from .command import TRUST, command, number, option, require_ending, whole
 from .progress import ProgressLine, to_go
 
 if TYPE_CHECKING:
     from ..pictures.rendering import Film
     from ..racing.result import RaceResult
 
-_DONE = 0
 _USUAL_SIZE = (1280, 720)
 _TIMED, _LONG = 20, 3.0  # after so many frames it is said how long the video takes, where that is longer [s]
 _CAMERA_NAMES = "chase, onboard, top, track, orbit"
@@ -29,25 +28,6 @@ _SWITCHES = {
     "forces": "the tires' forces in their friction circles",
     "strip": "speed, the law's limit, steering, lap and friction utilisation along the lower edge",
 }
-
-
-def add_render(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    command = add_command(commands, "render", _render, "draw a run folder as a video, or one moment of it as a picture")
-    add = command.add_argument
-    add("folder", metavar="DIR", help="written by race --out")
-    add("--camera", default="chase", metavar="NAME", help=f"{_CAMERA_NAMES}; default: chase")
-    add("--car", type=whole, default=0, metavar="N", help="that the camera follows, of several; default: 0")
-    add("--size", type=size_of, default=_USUAL_SIZE, metavar="WxH", help="pixels; default: 1280x720")
-    add("--fps", type=number, default=30.0, metavar="N", help="frames a second of the video; default: 30")
-    add("--quality", default="good", metavar="NAME", help="draft, good, best; default: good")
-    add("--from", dest="start", type=number, metavar="S", help="begin there; default: the best lap, else 0")
-    add("--to", dest="end", type=number, metavar="S", help="end there; default: that of the best lap, else of the run")
-    add("--frame", type=number, metavar="S", help="one picture, of this time, as PNG")
-    add("--out", type=Path, metavar="FILE", help=".mp4, .gif, or .png with --frame; default: DIR-CAMERA.mp4 here")
-    for name, text in _SWITCHES.items():
-        add(f"--{name}", action=argparse.BooleanOptionalAction, default=None, help=f"{text}; default: by camera")
-    add_trust_option(add)
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -75,7 +55,34 @@ def film_race(result: RaceResult, path: Path) -> None:
         _write(film, path, fps=30.0, quality="good", start=None, end=None)
 
 
-def _render(options: argparse.Namespace) -> int:
+def _names(module: str, table: str) -> Callable[[], Iterable[str]]:
+    """Return what returns the names of a table of the renderer, which takes a while to import."""
+    return lambda: list(getattr(import_module(f"fg_mujoco.pictures.rendering.{module}"), table))
+
+
+@command(
+    option("folder", "written by race --out", "DIR"),
+    option(
+        "--camera", f"{_CAMERA_NAMES}; default: chase", "NAME", default="chase", names=_names("cameras", "CAMERAS")
+    ),
+    option("--car", "that the camera follows, of several; default: 0", "N", whole, 0),
+    option("--size", "pixels; default: 1280x720", "WxH", size_of, _USUAL_SIZE),
+    option("--fps", "frames a second of the video; default: 30", "N", number, 30.0),
+    option(
+        "--quality", "draft, good, best; default: good", "NAME", default="good", names=_names("presets", "QUALITIES")
+    ),
+    option("--from", "begin there; default: the best lap, else 0", "S", number, dest="start"),
+    option("--to", "end there; default: that of the best lap, else of the run", "S", number, dest="end"),
+    option("--frame", "one picture, of this time, as PNG", "S", number),
+    option("--out", ".mp4, .gif, or .png with --frame; default: DIR-CAMERA.mp4 here", "FILE", Path),
+    *(
+        option(f"--{name}", f"{text}; default: by camera", action=argparse.BooleanOptionalAction)
+        for name, text in _SWITCHES.items()
+    ),
+    TRUST,
+)
+def render_command(options: argparse.Namespace) -> int:
+    """Draw a run folder as a video, or one moment of it as a picture."""
     from ..pictures.rendering import Film, find_overlays, write_picture
     from ..pictures.rendering.cameras import find_camera
     from ..pictures.rendering.presets import find_quality
@@ -88,27 +95,21 @@ def _render(options: argparse.Namespace) -> int:
     whose = f"-car_{options.car}" if options.car else ""
     name = f"{Path(options.folder).resolve().name}-{options.camera}{whose}{'.png' if one else '.mp4'}"
     path = options.out or Path(name)
-    if one and path.suffix.lower() != ".png":
-        raise SettingsError(f"{path}: is no name for a picture; accepted with --frame: one that ends in .png")
+    require_ending(path if one else None, ".png", what="a picture", when=" with --frame")
     check_place(path) if one else check_video(path, options.size)
     overlays = find_overlays(options.camera, **{name: getattr(options, name) for name in _SWITCHES})
     with Film(
-        options.folder,
-        camera=options.camera,
-        car=options.car,
-        size=options.size,
-        quality=options.quality,
-        overlays=overlays,
-        trust=options.trust,
-    ) as film:
+        options.folder, camera=options.camera, car=options.car, size=options.size, quality=options.quality,
+        overlays=overlays, trust=options.trust,
+    ) as film:  # fmt: skip
         if film.note:
             print(f"fg-mujoco: of the planner only its beams are drawn: {film.note}", file=sys.stderr)
         if not one:
             _write(film, path, fps=options.fps, quality=options.quality, start=options.start, end=options.end)
-            return _DONE
+            return 0
         write_picture(path, film.frame(options.frame))
         print(f"{path}: {film.size[0]} x {film.size[1]} pixels at {options.frame:g} s, {film.renderer.description}")
-    return _DONE
+    return 0
 
 
 def _write(film: Film, path: Path, *, fps: float, quality: str, start: float | None, end: float | None) -> None:

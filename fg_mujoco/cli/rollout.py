@@ -8,14 +8,12 @@ on with the others.
 from __future__ import annotations
 
 import argparse
-import contextlib
-import sys
-from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..errors import EngineError, SettingsError
+from ..errors import SettingsError
 from ..messages import require_whole
 from ..racing.planners import bundled_names
+from ..racing.randomization import OF_ENVIRONMENTS, PARAMETERS
 from ..racing.setup import Setup
 from ..rollouts.recording import RECORDS, Record
 from ..rollouts.rollout_result import RolloutResult
@@ -23,59 +21,52 @@ from ..rollouts.rollouts import DEFAULT_WORLDS, EXECUTORS, Executor, RolloutProg
 from ..rollouts.store import as_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule
-from .config import add_config
-from .options import CAR, add_setup_options, add_trust_option, setup_of, whole
-from .out import STUDY, add_out_options
-from .progress import shown_as, to_go
+from .command import CONFIG, JSON, TRUST, command, named_values, option, whole
+from .options import NAMES, setup_of, setup_options
+from .out import STUDY, out_options
+from .progress import study
 
 _DONE, _NOT_DONE = 0, 1
 _MIB = 2**20
 
 
-def add_rollout(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    text = "drive many worlds, each drawn from its own seed, on all cores or on a cluster"
-    command = add_command(commands, "rollout", _rollout, text)
-    add = command.add_argument
-    add(
-        "--track", action="append", metavar="TRACK",
-        help="NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: oval",
-    )  # fmt: skip
-    add("--n", type=whole, metavar="N", help=f"worlds; default: {DEFAULT_WORLDS}")
-    add(
-        "--randomize", action="append", default=[], metavar="NAME=RANGE",
-        help="as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one value",
-    )  # fmt: skip
-    add_setup_options(
-        command, "controller", *CAR, "seed", "opponents", "grid", "obstacles", "obstacle_seed", "moving",
-        "patches", "laps", "time_limit", "decision_limit", seed="of all that is drawn; default: 0",
+@command(
+    option(
+        "--track", "NAME, random:SEED[:tight] or file.csv, as often as wanted: the worlds take them in turn; default: "
+        "oval", "TRACK", names=NAMES["track"], action="append",
+    ),
+    option("--n", f"worlds; default: {DEFAULT_WORLDS}", "N", whole),
+    option(
+        "--randomize", "as often as wanted; mu=0.6:1.2, max_speed=6|8, obstacles=0:4, planner.SETTING=LOW:HIGH, or one "
+        "value", "NAME=RANGE", default=[], action="append",
+        names=lambda: [f"{name}=" for name in PARAMETERS if name not in OF_ENVIRONMENTS],
+    ),
+    setup_options(
+        but=("track", "lidar", "motion_distortion", "rules"), seed="of all that is drawn; default: 0",
         laps="default: 1, or as many as fit the time limit", decision_limit="of wall time for each decision; a planner "
         "that takes longer, or never answers, ends its world",
-    )  # fmt: skip
-    add("--workers", type=whole, metavar="N", help="threads, processes, or with Ray cores; default: all cores")
-    add(
-        "--record", default="summary", metavar="WHAT",
-        help=f"{', '.join(RECORDS)}, or scans:STEP, every how many-th beam; default: summary",
-    )  # fmt: skip
-    add_out_options(command, STUDY, "keep the results here; the same command goes on with a folder left unfinished")
-    add(
-        "--memory-budget", type=whole, default=Executor.memory_budget // _MIB, metavar="MIB",
-        help=f"of what is recorded and being driven; default: {Executor.memory_budget // _MIB}",
-    )  # fmt: skip
-    add(
-        "--chunk", type=whole, default=Executor.chunk, metavar="N",
-        help=f"worlds that a worker drives together; default: {Executor.chunk}",
-    )  # fmt: skip
-    add(
-        "--executor", metavar="NAME",
-        help=f"{', '.join(EXECUTORS)}; default: threads; processes where a planner is not bundled or has a limit",
-    )  # fmt: skip
-    add("--json", action="store_true", help="print one JSON object and nothing else")
-    add_config(command)
-    add_trust_option(add)
-
-
-def _rollout(options: argparse.Namespace) -> int:
+    ),
+    option("--workers", "threads, processes, or with Ray cores; default: all cores", "N", whole),
+    option(
+        "--record", "{names}, or scans:STEP, every how many-th beam; default: summary", "WHAT", default="summary",
+        names=lambda: RECORDS,
+    ),
+    out_options(STUDY, "keep the results here; the same command goes on with a folder left unfinished"),
+    option(
+        "--memory-budget", f"of what is recorded and being driven; default: {Executor.memory_budget // _MIB}", "MIB",
+        whole, Executor.memory_budget // _MIB,
+    ),
+    option("--chunk", f"worlds that a worker drives together; default: {Executor.chunk}", "N", whole, Executor.chunk),
+    option(
+        "--executor", "{names}; default: threads; processes where a planner is not bundled or has a limit", "NAME",
+        names=lambda: EXECUTORS,
+    ),
+    JSON,
+    CONFIG,
+    TRUST,
+)  # fmt: skip
+def rollout_command(options: argparse.Namespace) -> int:
+    """Drive many worlds, each drawn from its own seed, on all cores or on a cluster."""
     if Record.of(options.record).what != "summary" and options.out is None:
         raise SettingsError(f"--record {options.record} is kept nowhere; accepted: with --out DIR")
     require_whole("memory_budget", options.memory_budget, 0)  # of MiB, as it was given
@@ -83,29 +74,12 @@ def _rollout(options: argparse.Namespace) -> int:
     executor = Executor(
         kind=options.executor or _executor(setup), chunk=options.chunk, memory_budget=options.memory_budget * _MIB
     )
-    with (
-        contextlib.redirect_stdout(sys.stderr),
-        shown_as(_progress, "preparing worlds", show=not options.json) as watch,
-    ):
-        try:
-            result = rollout_setup(
-                setup,
-                options.track,
-                n=options.n,
-                randomize=_named_ranges(options.randomize),
-                record=options.record,
-                out=options.out,
-                workers=options.workers,
-                executor=executor,
-                watch=watch,
-            )
-        except EngineError as error:
-            print("fg-mujoco:", *str(error).split(), file=sys.stderr)
-            return _NOT_DONE
-        except KeyboardInterrupt:
-            if options.out is not None:
-                print(f"fg-mujoco: {options.out}: interrupted; the same command goes on", file=sys.stderr)
-            raise
+    with study(options, "worlds", _progress) as watch:
+        result = rollout_setup(
+            setup, options.track, n=options.n, record=options.record, out=options.out, workers=options.workers,
+            randomize=named_values(options.randomize, "--randomize", "NAME=RANGE, as mu=0.6:1.2"), executor=executor,
+            watch=watch,
+        )  # fmt: skip
     print(as_json(result.summary()) if options.json else _table(result, options.out))
     return _NOT_DONE if (result["end_reason"] == "worker_died").any() else _DONE
 
@@ -117,21 +91,9 @@ def _executor(setup: Setup) -> str:
     return "threads" if bundled and setup.decision_limit is None else "processes"
 
 
-def _named_ranges(texts: Sequence[str]) -> dict[str, str]:
-    ranges: dict[str, str] = {}
-    for text in texts:
-        name, equals, values = text.partition("=")
-        if not equals or name in ranges:
-            accepted = "NAME=RANGE, as mu=0.6:1.2" if not equals else f"{name} once"
-            raise SettingsError(f"--randomize {text!r}; accepted: {accepted}")
-        ranges[name] = values
-    return ranges
-
-
-def _progress(progress: RolloutProgress) -> str:
+def _progress(progress: RolloutProgress) -> tuple[int, int, float | None, str]:
     done = progress.worlds_found + progress.worlds_driven
-    left = to_go(progress.remaining_s)
-    return f"{done}/{progress.worlds} worlds  {progress.rate:.0f} world-seconds/s{left}"
+    return done, progress.worlds, progress.remaining_s, f"  {progress.rate:.0f} world-seconds/s"
 
 
 def _table(result: RolloutResult, out: str | None) -> str:

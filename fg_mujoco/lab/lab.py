@@ -26,9 +26,8 @@ from ..errors import SettingsError, accepted_names
 from ..messages import require_whole
 from ..pictures.pages.figure_kit import require_matplotlib
 from ..rollouts.job import versions
-from ..rollouts.run_grid import time_left
 from ..rollouts.store import Rows, StudyFolder, claimed
-from ..rollouts.workers import work_through
+from ..rollouts.workers import time_left, work_through
 from .experiment import Cell, Experiment, LabSettings, Section, Tables
 from .lab_report import Chapter, expected_table, write_report
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ..arguments import explain_class
+from ..arguments import explain_class, setting
 from ..errors import SettingsError, accepted_names
 from ..messages import require
 from .beams import NO_RETURN_READINGS
@@ -39,13 +39,15 @@ class LidarEffects:
       SettingsError: a value out of its range.
     """
 
-    range_noise_std: float = 0.0  # [m] Gaussian, each return on its own
-    dropout_probability: float = 0.0  # of each beam to fail, returns or not
-    latency: float = 0.0  # [s] from measurement to delivery, rounded up to whole sweeps
-    motion_distortion: bool = False  # each beam from the LiDAR's pose at its own time in the sweep
+    range_noise_std: float = setting(0.0, "standard deviation of each range [m], Gaussian", "M", "sensors")
+    dropout_probability: float = setting(0.0, "probability that a beam fails", "P", "sensors")
+    latency: float = setting(0.0, "from measurement to delivery [s], rounded up to whole sweeps", "S", "sensors")
+    motion_distortion: bool = setting(False, "each beam from the pose at its own time in the sweep", "", "sensors")
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
-    measured: MeasuredErrors | Mapping[str, Any] | str | Path | None = None  # noise, bias and dropouts by range and
-    # bearing: a bundled name, the path of a TOML file, or MeasuredErrors
+    measured: MeasuredErrors | Mapping[str, Any] | str | Path | None = setting(
+        None, "noise, bias and dropouts by range and bearing as measured: {names}, or the file that validate --beams "
+        "wrote", "NAME|FILE.toml", "sensors",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if self.measured is not None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arguments import explain_class
+from ..arguments import explain_class, setting
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..course.standing import off_course, stands_in_something
@@ -45,7 +45,10 @@ class Entry(DriveSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
-    controller: str | Controller = "gap_finder"  # as `race` takes it
+    controller: str | Controller = setting(
+        "gap_finder", "NAME, path/to/file.py:ClassName, a policy's file or folder, or ros:path/to/node.py, with "
+        "settings NAME[SETTING=VALUE,...]; default: gap_finder", "CONTROLLER", "what is driven",
+    )  # fmt: skip
     name: str | None = None  # in the results; None: `car_0`, `car_1` and so on
     start: Start | None = None  # type: ignore[assignment]  # None: its place on the grid
 

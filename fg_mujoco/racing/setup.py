@@ -21,7 +21,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..arguments import explain_class, unknown_argument
+from ..arguments import explain_class, setting, unknown_argument
 from ..course.course import Course, require_course
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
@@ -93,18 +93,38 @@ class Setup:
       ModelError: a file that is not that of a vehicle.
     """
 
-    track: Course | str = "oval"  # as `load_track` takes it
+    track: Course | str = setting(
+        "oval", "NAME, random:SEED[:tight], scene:NAME:SEED, file.csv or map.yaml; default: oval; names: track list, "
+        "track scenes", "TRACK", "what is driven",
+    )  # fmt: skip
     entries: Sequence[Entry] = field(default_factory=lambda: (Entry(),))  # the cars, in the order of the grid
-    laps: int | None = None  # None: what is usual: of a race 5, of a scene 1, of a world of a rollout 1
-    time_limit: float | None = None  # [s] of simulated time at most; None: what a car of 0.5 m/s needs, or the scene's
-    obstacles: Sequence[Obstacle] | int = ()  # on the track, besides a scene's own; or how many boxes at random places
-    obstacle_seed: int = 0  # of the random places, of `moving`, too
-    moving: str | Sequence[MovingObstacle] = ""  # on the track: kinds at random places, as "pedestrian:2,crossing"
-    patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
-    lidar: str = "raycast"  # back end, "raycast" or "rangefinder"
-    grid: str = "staggered"  # or another of GRIDS: where entries without a start stand, see `entries.grid_starts`
-    rules: str = "none"  # of race control, see `race_control.RULES`
-    decision_limit: float | None = None  # [s] of wall time that a planner may take for a decision; None: any
+    laps: int | None = setting(  # of a world of a rollout 1
+        None, "default: 5; a scene is driven once", "N", "what is driven"
+    )
+    time_limit: float | None = setting(
+        None, "of simulated time [s]; default: what a car of 0.5 m/s needs, or the scene's", "S", "what is driven"
+    )
+    obstacles: Sequence[Obstacle] | int = setting(  # or the solids themselves, besides a scene's own
+        (), "boxes on the track, with a way past each; default: 0", "N", "what is driven"
+    )
+    obstacle_seed: int = setting(0, "of their places, and of --moving; default: 0", "K", "what is driven")
+    moving: str | Sequence[MovingObstacle] = setting(
+        "", "what moves on the track, at places that --obstacle-seed draws: {names}; default: nothing", "KIND[:N],...",
+        "what is driven",
+    )  # fmt: skip
+    patches: Sequence[Patch] = setting(
+        (), "a patch of the floor with another friction, x=1,y=2,length=3,width=1,mu=.4; again for each", "x=X,...",
+        "floor",
+    )  # fmt: skip
+    lidar: str = setting("raycast", "back end: {names}; default: raycast", "NAME", "sensors")
+    grid: str = setting(  # where entries without a start stand, see `entries.grid_starts`
+        "staggered", "before the start: {names}; default: staggered", "NAME", "other cars"
+    )
+    rules: str = setting("none", "of race control: {names}; default: none", "NAME", "other cars")
+    decision_limit: float | None = setting(
+        None, "of wall time for each decision [s]; a planner that takes longer, or never answers, ends its race", "S",
+        "what is driven",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         if isinstance(self.track, Path):

@@ -27,10 +27,10 @@ from ..registry import PARTS
 from ..simulation.settings import GREATEST_LAPS, DriveSettings
 from .chunk_store import ChunkStore, FolderStore
 from .drive_worlds import laps_within
-from .intervals import wilson
 from .job import Arrays, RolloutJob
 from .store import blame
 
+_Z = 1.959963984540054  # of 95 %
 _WORLDS_SHOWN = 10  # in a notebook
 
 _RECORDED = {"telemetry": "telemetry or states", "states": "states", "ctrl": "states"}  # in which rollouts each is
@@ -337,3 +337,20 @@ def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "" if value != value else repr(value).removesuffix(".0")
     return str(value)
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1.
+
+    Source: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal of the American
+    Statistical Association 22, 1927.
+    """
+    if count == 0:
+        return 0.0, 1.0
+    share, square = successes / count, _Z * _Z
+    middle = (share + 0.5 * square / count) / (1.0 + square / count)
+    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
+    return (
+        0.0 if successes == 0 else max(middle - half, 0.0),
+        1.0 if successes == count else min(middle + half, 1.0),
+    )  # fmt: skip

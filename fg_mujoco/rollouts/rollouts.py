@@ -33,9 +33,8 @@ from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
 from .ray_cluster import drive_on_ray, require_ray
 from .rollout_result import RolloutResult, gather
-from .run_grid import time_left
 from .store import claimed
-from .workers import usable_cores
+from .workers import time_left, usable_cores
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

@@ -36,6 +36,18 @@ _Item = TypeVar("_Item")
 _Answer = TypeVar("_Answer")
 
 
+def time_left(runs: int, found: int, driven: int, elapsed: float) -> float | None:
+    """Return the expected time for what is missing of some work [s]; None before the first is finished.
+
+    Args:
+      runs: of all the work.
+      found: finished by an earlier call.
+      driven: finished by this one.
+      elapsed: what those took [s].
+    """
+    return (runs - found - driven) * elapsed / driven if driven else None
+
+
 def usable_cores() -> int:
     """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 
 import mujoco
 
-from ..arguments import explain_class
+from ..arguments import explain_class, setting
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..display import brief, changed
@@ -141,10 +141,10 @@ class Start:
       SettingsError: a value that is not finite.
     """
 
-    s: float = 0.0  # [m] progress
-    offset: float = 0.0  # [m] left positive
-    heading: float = 0.0  # [rad] from the centreline's, left positive
-    speed: float = 0.0  # [m/s] wheels rolling
+    s: float = setting(0.0, "progress at which the car starts [m]; default: 0", "M", "what is driven")
+    offset: float = setting(0.0, "how far to the left of the line it starts [m]; default: 0", "M", "what is driven")
+    heading: float = setting(0.0, "from the line's [rad], left positive; default: 0", "RAD", "what is driven")
+    speed: float = setting(0.0, "with wheels rolling [m/s]; default: 0", "V", "what is driven")
 
     def __post_init__(self) -> None:
         require(self, math.isfinite, "a finite number", ("s", "offset", "heading", "speed"), SettingsError)
@@ -159,17 +159,29 @@ class CarSettings:
       ModelError: a file that is not that of a vehicle.
     """
 
-    vehicle: Vehicle | str | Path = DEFAULT_VEHICLE  # a bundled name, the path of an MJCF file, or a Vehicle
-    mu: float | None = None  # friction coefficient of the tires, or their greatest peak; None: as in their file
-    changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
-    tires: Tires | str | Path | None = None  # a bundled set, the path of a TOML file, or Tires; None: the vehicle's
-    patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
-    sensors: Sequence[Sensor | str | Mapping[str, Any]] = ()  # besides LiDAR and odometry, as `as_sensors` takes them
-    floor: Floor | str | Path | Mapping[str, Any] | None = None  # whose friction the tires have, in place of `mu`: a
-    # bundled name, the path of a TOML file, or Floor; None: that of `mu`
-    knows: str = field(  # of KNOWN: what the planner is told that nothing on its car measures
-        default="", metadata={"help": "opponents: the planner is told the odometry of the other cars; default: nothing"}
+    vehicle: Vehicle | str | Path = setting(
+        DEFAULT_VEHICLE, f"{{names}}, or the MJCF file of one; default: {DEFAULT_VEHICLE}", "NAME|FILE.xml", "car"
     )
+    mu: float | None = setting(
+        None, "friction coefficient of the tires, or their greatest peak; default: as published", "MU", "floor"
+    )
+    changes: CarChanges = field(default_factory=CarChanges)  # what else differs from the vehicle's MJCF
+    tires: Tires | str | Path | None = setting(
+        None, "{names}, or the file of a set; default: the vehicle's, coulomb", "NAME|FILE.toml", "car"
+    )
+    patches: Sequence[Patch] = ()  # of the floor, on which the tires have another friction
+    sensors: Sequence[Sensor | str | Mapping[str, Any]] = setting(
+        (), "a sensor besides LiDAR and odometry, {names}, or sensor=NAME,rate=100,noise_std=.1 with settings; again "
+        "for each", "NAME", "sensors",
+    )  # fmt: skip
+    floor: Floor | str | Path | Mapping[str, Any] | None = setting(
+        None, "a floor that was measured, whose friction the tires have, in place of --mu: {names}, or the file of one",
+        "NAME|FILE.toml", "floor",
+    )  # fmt: skip
+    knows: str = setting(  # of KNOWN: what the planner is told that nothing on its car measures
+        "", "opponents: the planner is told the odometry of the other cars; default: nothing", "TEXT", "sensors",
+        told=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
@@ -311,7 +323,7 @@ class CarKeywords(TypedDict, total=False):
     """The settings of a car as keywords: those of DriveSettings, but for axes of studies, and of its parts by name.
 
     A new setting stands here, and as a field of DriveSettings. One that planners are told of is a field of CarSettings
-    with `metadata={"help": ...}`, which makes it an option of the command line and one of PLANNER_OPTIONS.
+    with `arguments.setting(..., told=True)`, which makes it an option of the command line and one of PLANNER_OPTIONS.
     """
 
     vehicle: Vehicle | str | Path
@@ -342,7 +354,7 @@ class CarKeywords(TypedDict, total=False):
     command_delay: float | None
 
 
-PLANNER_OPTIONS = tuple(f.name for f in fields(CarSettings) if "help" in f.metadata)
+PLANNER_OPTIONS = tuple(f.name for f in fields(CarSettings) if f.metadata.get("told"))
 """Settings of a car that its planner is told of; every study, environment and command has them."""
 
 
@@ -355,13 +367,20 @@ class DriveSettings(CarSettings):
       ModelError: a file that is not that of a vehicle.
     """
 
-    planner_mu: float | None = None  # that the planner assumes; None: that of the tires; inf: no friction limits
-    max_speed: float = FASTEST  # [m/s] fastest that the planner may command
+    planner_mu: float | None = setting(  # inf: no friction limits
+        None, "friction coefficient that the planner assumes; off: no friction limits; default: that of --mu", "MU",
+        "floor",
+    )  # fmt: skip
+    max_speed: float = setting(
+        FASTEST, f"fastest that the planner may command [m/s]; default: {FASTEST:g}", "V", "what is driven"
+    )
     planner_settings: Mapping[str, Any] = field(default_factory=dict)  # that differ from the planner's own
     start: Start = field(default_factory=Start)
     effects: LidarEffects = field(default_factory=LidarEffects)  # what the LiDAR does to a scan
-    odometry_drift: float = 0.0  # relative error of the speeds and the yaw rate that the planner is told; 0.05: 5 %
-    seed: int = 0  # of the LiDAR's noise and dropouts, and of the sensors'
+    odometry_drift: float = setting(
+        0.0, "relative error of measured speeds and yaw rate, .05 is 5 %%; default: 0", "D", "sensors"
+    )
+    seed: int = setting(0, "of noise and dropouts; default: 0", "N", "what is driven")
 
     def __post_init__(self) -> None:
         super().__post_init__()

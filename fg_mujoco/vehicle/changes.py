@@ -14,7 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..arguments import explain_class
+from ..arguments import explain_class, setting
 from ..errors import SettingsError
 from ..messages import FloatArray, require
 from .car import WHEELS
@@ -43,11 +43,17 @@ class CarChanges:
     """
 
     mu: float | None = None  # [-] friction coefficient of the tires
-    mass: float | None = None  # [kg] of the whole car; what is added or taken sits in the chassis' centre of gravity
-    center_of_gravity_height: float | None = None  # [m] of the whole car over the ground
-    steering_gain: float | None = None  # [-] times the stiffness of the steering servo
-    speed_gain: float | None = None  # [-] times the gain of the speed servo
-    command_delay: float | None = None  # [s] from a command to the servos
+    mass: float | None = setting(  # what is added or taken sits in the chassis' centre of gravity
+        None, "of the whole car [kg]; default: the vehicle's", "KG", "car"
+    )
+    center_of_gravity_height: float | None = setting(
+        None, "of the whole car's centre of gravity over the ground [m]; default: the vehicle's", "M", "car"
+    )
+    steering_gain: float | None = setting(None, "times the stiffness of the steering servo; default: 1", "K", "car")
+    speed_gain: float | None = setting(None, "times the gain of the speed servo; default: 1", "K", "car")
+    command_delay: float | None = setting(
+        None, "from a command to the servos [s]; default: the vehicle's", "S", "car"
+    )
 
     def __post_init__(self) -> None:
         given = {field.name for field in fields(self) if getattr(self, field.name) is not None}

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.cli.command import OUTPUT
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.options import GROUPS, OUTPUT
+from fg_mujoco.cli.options import GROUPS
 from fg_mujoco.course.tight import generate_tight_track
 from fg_mujoco.errors import SettingsError, install_command
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
@@ -222,9 +223,9 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "race,replay,drive,track,controllers"),
+        ((), "race, replay, drive, track, controllers"),
         (("fly",), "race"),
-        (("track",), "new,show,from-image,list"),
+        (("track",), "new, show, from-image, list"),
         (("race", "--lap", "3"), "--lap"),
         (("replay",), "DIR"),
         (("replay", "nowhere"), "summary.json"),

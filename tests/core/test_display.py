@@ -11,6 +11,7 @@ import pytest
 
 import fg_mujoco as fg
 from conftest import Straight
+from fg_mujoco.addons.arena.grid_study import StudyProgress
 from fg_mujoco.addons.gym2d import F110Env
 from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
@@ -20,7 +21,6 @@ from fg_mujoco.lab.manoeuvres import find_manoeuvre
 from fg_mujoco.lidar.lidar import RangefinderLidar
 from fg_mujoco.racing.race import RaceProgress
 from fg_mujoco.racing.randomization import Choice, Uniform
-from fg_mujoco.rollouts.grid_study import StudyProgress
 from fg_mujoco.rollouts.rollouts import RolloutProgress
 from fg_mujoco.simulation.planner_failure import PlannerFailure
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter

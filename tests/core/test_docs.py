@@ -152,7 +152,7 @@ def test_commands_of_a_page_are_accepted(page, capsys):
         command = words[0].rpartition("/")[2] if words else ""
         if command == "fg-mujoco":
             try:
-                _parser(words[1]).parse_args([word.replace("$TASK", "7") for word in words[1:]])
+                _parser().parse_args([word.replace("$TASK", "7") for word in words[1:]])
             except SystemExit:
                 pytest.fail(f"{page}: {line}\n{capsys.readouterr().err}")
         elif command == "make":

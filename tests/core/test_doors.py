@@ -124,10 +124,11 @@ def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here
 
 @pytest.mark.parametrize("command", ["race", "rollout", "view", "compare"])
 def test_commands_have_the_options_of_a_car_with_the_same_help(command):
-    def helps_of(name):
-        return {a.dest: a.help for a in _parser(name)._subparsers._group_actions[0].choices[name]._actions}
-
-    helps, race = helps_of(command), helps_of("race")
+    commands = _parser()._subparsers._group_actions[0].choices
+    for each in (command, "race"):
+        commands[each].fill()
+    helps = {a.dest: a.help for a in commands[command]._actions}
+    race = {a.dest: a.help for a in commands["race"]._actions}
     same = [name for name in CAR_OPTIONS if (command, name) != ("compare", "max_speed")]  # that one is a list
     assert {name: helps.get(name) for name in same} == {name: race[name] for name in same}
 

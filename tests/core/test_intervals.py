@@ -7,7 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fg_mujoco.rollouts.intervals import median_interval, per_cent, share_difference, wilson
+from fg_mujoco.addons.arena.intervals import median_interval, per_cent, share_difference
+from fg_mujoco.rollouts.rollout_result import wilson
 
 
 def pairs(both, first, second, neither):

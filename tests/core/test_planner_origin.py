@@ -7,7 +7,7 @@ import pytest
 
 import fg_mujoco as fg
 from conftest import Straight
-from fg_mujoco.cli.controllers import describe
+from fg_mujoco.cli.lists import describe
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planners import find_controller, make_controller
 from fg_mujoco.racing.trust import _distributions, origin, source_code

@@ -94,8 +94,7 @@ def test_every_long_command_shows_it_by_the_same_line(name, terminal, stderr, tm
 
     place = {
         "race": "fg_mujoco.cli.race.race_setup", "rollout": "fg_mujoco.cli.rollout.rollout_setup",
-        "compare": "fg_mujoco.addons.arena.commands_compare.compare",
-        "overtake": "fg_mujoco.addons.arena.commands_overtake.overtake",
+        "compare": "fg_mujoco.addons.arena.commands.compare", "overtake": "fg_mujoco.addons.arena.commands.overtake",
         "friction": "fg_mujoco.cli.friction.run_lab", "identify": "fg_mujoco.addons.realcar.bag_drive.identify",
     }[name]  # fmt: skip
     if name == "identify":

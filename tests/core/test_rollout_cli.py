@@ -13,7 +13,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
-from fg_mujoco.rollouts.intervals import wilson
+from fg_mujoco.rollouts.rollout_result import wilson
 from refusals import refused
 from rollout_worlds import stand_in
 from terminals import read_to_the_end
@@ -113,7 +113,7 @@ def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
     monkeypatch.setattr("fg_mujoco.rollouts.rollouts.require_ray", lambda: None)
     monkeypatch.setattr("fg_mujoco.rollouts.rollouts.drive_on_ray", lost)
     assert main(["rollout", "--executor", "ray"]) == 1
-    assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good\n")
+    assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good; nothing is kept without --out\n")
 
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):

@@ -119,7 +119,7 @@ def test_its_commands_are_accepted():
     (block,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
     for line in block.splitlines():
         program, *words = shlex.split(line)
-        assert program == "fg-mujoco" and _parser(words[0]).parse_args(words)
+        assert program == "fg-mujoco" and _parser().parse_args(words)
 
 
 def test_the_names_in_its_text_are_there():

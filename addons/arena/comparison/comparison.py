@@ -25,10 +25,9 @@ from fg_mujoco.racing.opponents import Opponents
 from fg_mujoco.racing.planners import ControllerChoice, controller_names
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
 from fg_mujoco.racing.trust import check_planner, files_sha256
-from fg_mujoco.rollouts.grid_study import Study, StudyProgress, drive_grid
-from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.simulation.settings import FASTEST
 
+from ..grid_study import Study, StudyProgress, as_axis, drive_grid, require_axes
 from .comparison_tables import DIFFERENCES, Cell, cells_table, make_cells
 from .ground import check_course, course_ground, course_name, ground_sha256
 from .pictures import table_picture, trace_pictures

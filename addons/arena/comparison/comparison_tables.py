@@ -21,10 +21,10 @@ from typing import Any
 
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.opponents import FIRST
-from fg_mujoco.rollouts.differences import ALL, Differences
-from fg_mujoco.rollouts.grid_study import GridCell
-from fg_mujoco.rollouts.intervals import per_cent, quantile, quartiles, varied, wilson
+from fg_mujoco.rollouts.rollout_result import wilson
 
+from ..grid_study import GridCell
+from ..intervals import ALL, Differences, per_cent, quantile, quartiles, varied
 from .run import RunFigures, RunRow
 
 DIFFERENCES = Differences(

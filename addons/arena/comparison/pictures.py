@@ -13,9 +13,9 @@ from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.course_drawing import draw_course, draw_obstacles, extent
 from fg_mujoco.pictures.pages.figure_kit import ALERT, COLOURS, picture
 from fg_mujoco.racing.resolved import Ground
-from fg_mujoco.rollouts.intervals import per_cent
 from fg_mujoco.simulation.cars import footprint
 
+from ..intervals import per_cent
 from .comparison_tables import Cell, course_title
 from .run import Run, RunKey, RunRow
 from .run_store import ComparisonFolder

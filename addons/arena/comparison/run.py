@@ -24,12 +24,12 @@ from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
 from fg_mujoco.rollouts.store import of_kind
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import FASTEST, DriveSettings, Start
 from fg_mujoco.vehicle.vehicle import Vehicle
 
+from ..grid_study import GridKey, GridRow, figures_of, why_failed
 from .ground import course_ground, laps_of
 
 WRONG_WAY_SPEED = 0.1  # [m/s] back along the line; slower is the jitter of a car that stands

@@ -20,9 +20,9 @@ import numpy as np
 
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.messages import FloatArray
-from fg_mujoco.rollouts.grid_study import GridFolder
 from fg_mujoco.rollouts.store import WRITABLE, Rows, blame
 
+from ..grid_study import GridFolder
 from .run import Run, RunKey, RunRow
 
 

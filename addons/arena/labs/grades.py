@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.rollouts.grid_study import GridCell
+
+from ..grid_study import GridCell
 
 
 @dataclass(frozen=True, kw_only=True)

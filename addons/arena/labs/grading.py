@@ -34,10 +34,19 @@ from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import GridFolder, GridKey, GridRow, Study, StudyProgress, drive_grid, why_failed
-from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.rollouts.store import as_json, digest, of_kind
 
+from ..grid_study import (
+    GridFolder,
+    GridKey,
+    GridRow,
+    Study,
+    StudyProgress,
+    as_axis,
+    drive_grid,
+    require_axes,
+    why_failed,
+)
 from .checks import Drive
 from .grade_page import page_names, write_grade_page
 from .grades import Checked, Grade, checks_table, grades_table

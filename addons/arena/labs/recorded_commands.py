@@ -35,9 +35,10 @@ from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry
 from fg_mujoco.racing.planners import ControllerChoice, only_planner
 from fg_mujoco.racing.race import RaceProgress, race_setup
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import why_failed
 from fg_mujoco.rollouts.workers import PULSE, how_ended
 from fg_mujoco.simulation.settings import LONGEST_RACE
+
+from ..grid_study import why_failed
 
 FAILED = ("planner_failed", "decision_limit", "interrupted")
 """Ends of a drive that only its planner's process knows of."""

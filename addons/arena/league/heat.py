@@ -24,9 +24,9 @@ from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.result import CarResult, RaceResult
 from fg_mujoco.racing.run_folder import write_run
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import GridKey, GridRow, why_failed
 from fg_mujoco.rollouts.store import of_kind
 
+from ..grid_study import GridKey, GridRow, why_failed
 from ..turn import Turn, read_turn, stuck
 from .incidents import Incident, incidents_of
 

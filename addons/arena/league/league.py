@@ -32,13 +32,12 @@ from fg_mujoco.racing.race_control import find_rules
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
 from fg_mujoco.racing.trust import check_planner, files_sha256
-from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
-from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.rollouts.store import digest
 from fg_mujoco.simulation.cars import GREATEST_CARS
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.settings import Start
 
+from ..grid_study import GridFolder, Study, StudyProgress, as_axis, drive_grid, require_axes
 from .heat import BETWEEN, Heat, HeatKey, HeatRow, LeagueSettings
 from .league_page import write_league_page
 from .league_tables import Standing, beaten_table, make_standings, standings_table

@@ -17,10 +17,10 @@ from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.pictures.pages.page import boxes, note, resource, result, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.resolved import ground_of
-from fg_mujoco.rollouts.grid_study import Study
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.course_loading import load_track
 
+from ..grid_study import Study
 from .heat import CarFigures, Heat, HeatRow
 from .incidents import Incident
 from .league_tables import FAILURES, Standing, beaten_table, standings_table, tracks_table

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.rollouts.grid_study import GridCell
 
+from ..grid_study import GridCell
 from .heat import CarFigures, HeatRow, beaten
 from .ratings import ratings
 

@@ -28,7 +28,6 @@ from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.race_control import RULES, RaceControl
 from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.rollouts.grid_study import GridKey, GridRow, figures_of, why_failed
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import Cars, Planners, PlannersOfEach, Reasons, adapt
@@ -36,6 +35,7 @@ from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.simulation.world import World
 
+from ..grid_study import GridKey, GridRow, figures_of, why_failed
 from .slower_opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]

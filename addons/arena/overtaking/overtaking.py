@@ -20,10 +20,9 @@ from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup
 from fg_mujoco.racing.trust import check_planner, files_sha256
-from fg_mujoco.rollouts.grid_study import GridFolder, Study, StudyProgress, drive_grid
-from fg_mujoco.rollouts.run_grid import as_axis, require_axes
 from fg_mujoco.simulation.course_loading import load_track
 
+from ..grid_study import GridFolder, Study, StudyProgress, as_axis, drive_grid, require_axes
 from .duel import Duel, DuelKey, DuelRow, DuelSettings
 from .overtaking_tables import DIFFERENCES, DuelCell, cells_table, chosen_cells, make_cells, ratio_picture
 from .slower_opponents import OPPONENTS

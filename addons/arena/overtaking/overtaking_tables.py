@@ -21,10 +21,10 @@ from pathlib import Path
 from fg_mujoco.pictures.pages.figure_kit import COLOURS, picture
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.entries import BOTH
-from fg_mujoco.rollouts.differences import ALL, Differences
-from fg_mujoco.rollouts.grid_study import GridCell
-from fg_mujoco.rollouts.intervals import Outcome, quantile, quartiles, wilson
+from fg_mujoco.rollouts.rollout_result import wilson
 
+from ..grid_study import GridCell
+from ..intervals import ALL, Differences, Outcome, quantile, quartiles
 from .duel import DuelFigures, DuelRow
 
 DIFFERENCES = Differences(

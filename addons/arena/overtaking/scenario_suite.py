@@ -37,11 +37,10 @@ from fg_mujoco.racing.entries import BOTH
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.racing.trust import check_planner, files_sha256
-from fg_mujoco.rollouts.differences import ALL
-from fg_mujoco.rollouts.grid_study import GridCell, GridFolder, Study, StudyProgress, drive_grid
-from fg_mujoco.rollouts.intervals import wilson
-from fg_mujoco.rollouts.run_grid import as_axis
+from fg_mujoco.rollouts.rollout_result import wilson
 
+from ..grid_study import GridCell, GridFolder, Study, StudyProgress, as_axis, drive_grid
+from ..intervals import ALL
 from .duel import DuelSettings, closed_track
 from .overtaking import USABLE
 from .scenario import LANES, Scenario, ScenarioKey, ScenarioRow

@@ -20,7 +20,7 @@ from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.resolved import Ground
-from fg_mujoco.rollouts.intervals import wilson
+from fg_mujoco.rollouts.rollout_result import wilson
 
 CAR = fg.Vehicle.load().parameters
 GRID = ["planners.py:Gentle", "planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"]
@@ -209,7 +209,7 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         compare(GRID[:1], laps=2)
     with pytest.raises(fg.RunFolderError, match='planner_mu is null there and "off" here'):
         compare(GRID[:1], planner_mu=float("inf"))
-    monkeypatch.setattr("fg_mujoco.rollouts.grid_study.versions", lambda: {"sources_sha256": "other"})
+    monkeypatch.setattr("fg_mujoco.addons.arena.grid_study.versions", lambda: {"sources_sha256": "other"})
     with pytest.raises(fg.RunFolderError, match="sources_sha256 is "):
         compare(GRID[:1])
     (here / "full").mkdir()

@@ -23,7 +23,7 @@ from fg_mujoco.addons.arena.overtaking.overtaking_tables import DIFFERENCES
 from fg_mujoco.addons.arena.overtaking.slower_opponents import OPPONENTS, least_curvature, make_opponent
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.planners import ControllerChoice
-from fg_mujoco.rollouts.intervals import wilson
+from fg_mujoco.rollouts.rollout_result import wilson
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt
 from fg_mujoco.simulation.settings import Start

@@ -197,7 +197,7 @@ def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
 @pytest.mark.usefixtures("without_pictures")
 @pytest.mark.parametrize(("resets", "races"), [(lambda number: True, 2), (lambda number: number % 2 == 0, 3)])
 def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(resets, races, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("fg_mujoco.addons.servers.commands_serve._MOST_RACES", 3)
+    monkeypatch.setattr("fg_mujoco.addons.servers.commands._MOST_RACES", 3)
     out = tmp_path / "served"
     with devkit_server(lambda number, packet: commands(Reset=str(resets(number)))) as (address, _):
         code = main(["serve", "autodrive", "--devkit", address, "--time-limit", "0.2", "--out", str(out)])

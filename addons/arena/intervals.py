@@ -1,7 +1,9 @@
-"""Intervals at 95 % of what studies count and measure: shares, and differences between planners in the same runs.
+"""Intervals at 95 % of what studies count and measure, and how two planners differ in the runs that both drove.
 
-`wilson`, of a share: E. Wilson, Probable Inference, the Law of Succession, and Statistical Inference, Journal of the
-American Statistical Association 22, 1927.
+What makes a course hard with a seed is hard for both planners. So the difference within such a pair of runs says more
+than that of two averages does. `Differences` has the records and the table of them.
+
+`rollout_result.wilson` is that of a share.
 
 `share_difference`, of the difference of two shares of the same runs: R. Newcombe, Improved confidence intervals for the
 difference between binomial proportions based on paired data, Statistics in Medicine 17, 1998, method 10.
@@ -15,33 +17,22 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-_Z = 1.959963984540054  # of 95 %
+from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.rollouts.rollout_result import wilson
+
 _TAIL = 40  # one part in so many, on either side: 2.5 %
 
 
 def varied(runs: Iterable[Hashable]) -> bool:
     """Return whether two runs are unlike. Of a single one, or of copies of one, intervals and quartiles say nothing."""
     return len(set(runs)) > 1
-
-
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Return the interval of a share at 95 %, from 0 to 1; of nothing, 0 and 1."""
-    if count == 0:
-        return 0.0, 1.0
-    share, square = successes / count, _Z * _Z
-    middle = (share + 0.5 * square / count) / (1.0 + square / count)
-    half = _Z * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2) / (1.0 + square / count)
-    return (
-        0.0 if successes == 0 else max(middle - half, 0.0),
-        1.0 if successes == count else min(middle + half, 1.0),
-    )  # fmt: skip
 
 
 def share_difference(pairs: Sequence[tuple[bool, bool]]) -> tuple[float, float, float]:
@@ -144,6 +135,50 @@ def paired_by_planner(
         for group, pairs in groups.items():
             if group is None or len(groups) > 2:
                 yield planner, reference, group, paired([own for own, _ in pairs], [other for _, other in pairs])
+
+
+ALL = "all"
+"""What stands for all courses, or all opponents."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Differences:
+    """What a study calls the differences of two planners, each the planner's figure minus the reference's."""
+
+    outcome: Callable[[Any], tuple[str, Hashable, Any, Outcome]]
+    """Returns of a row its planner, what tells it from the planner's others, its group, and its outcome."""
+
+    names: tuple[str, ...]  # of the planner, the reference, what runs are grouped by, and the figures of `Paired`
+    everything: tuple[str | None, ...]  # what the group of all runs is called
+    header: tuple[str, ...]  # of the table for people
+    legend: str
+
+    def of(self, rows: Iterable[Any]) -> tuple[dict[str, Any], ...]:
+        """Return the differences of each two planners, over all runs and in each of several groups."""
+        return tuple(
+            dict(zip(self.names, (planner, reference, *(group or self.everything), *astuple(found)), strict=True))
+            for planner, reference, group, found in paired_by_planner(map(self.outcome, rows))
+        )
+
+    def csv(self, found: Iterable[dict[str, Any]]) -> str:
+        """Return all differences as CSV."""
+        return Table.of(found, self.names).csv()
+
+    def table(self, found: Sequence[dict[str, Any]]) -> Table | None:
+        """Return the differences from the first planner over all runs, for people; None where there is one planner."""
+        rows = []
+        for each in found:
+            planner, reference, *group, pairs, _, _, share, low, high, values, value, least, most = each.values()
+            if tuple(group) == self.everything and reference == found[0][self.names[1]]:
+                points = _signed("+.0f", *(None if end is None else 100.0 * end for end in (share, low, high)))
+                rows.append((planner, reference, pairs, *points, values, *_signed("+.2f", value, least, most)))
+        return Table(header=self.header, rows=rows, left=self.header[:2], legend=self.legend) if rows else None
+
+
+def _signed(form: str, value: float | None, low: float | None, high: float | None) -> tuple[str | None, str | None]:
+    """Return a difference and the ends of its interval as texts, with their signs."""
+    ends = None if low is None or high is None else f"{low:{form}} to {high:{form}}"
+    return None if value is None else f"{value:{form}}", ends
 
 
 def per_cent(low: float | None, high: float | None) -> str | None:

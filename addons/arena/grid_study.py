@@ -5,7 +5,7 @@ A study has a key, figures and a row of its runs, the run itself with `drive` an
     folder = GridFolder(out, DuelRow.of, title="overtaking study", command="overtake", file="duels.jsonl")
     study = drive_grid(Overtaking, duels, folder, settings.manifest(), workers=None, watch=None, draw=picture)
 
-A new study is a module of `studies` and one of `cli`, for which see `cli.drive_study`; `cli.main` lists its name.
+A new study is a module here, and a function of `commands`; the table of the add-ons lists its command.
 
 The folder has, besides what `store` says of it:
 
@@ -17,29 +17,47 @@ The folder has, besides what `store` says of it:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_type_hints
 
-from ..arguments import Suggesting, explain_class
-from ..course.writing import write_file
-from ..display import Shown, brief, escaped, paragraph, quoted
-from ..errors import ControllerError
-from ..pictures.pages.table import Table
-from ..simulation.planner_failure import one_line, without_exit
-from .differences import Differences
-from .job import versions
-from .run_grid import time_left
-from .store import WRITABLE, Rows, StudyFolder, blame, claimed, of_kind
-from .workers import work_through
+from fg_mujoco.arguments import Suggesting, explain_class
+from fg_mujoco.course.writing import write_file
+from fg_mujoco.display import Shown, brief, escaped, paragraph, quoted
+from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.rollouts.job import versions
+from fg_mujoco.rollouts.store import WRITABLE, Rows, StudyFolder, blame, claimed, of_kind
+from fg_mujoco.rollouts.workers import time_left, work_through
+from fg_mujoco.simulation.planner_failure import one_line, without_exit
+
+from .intervals import Differences
 
 _Figures = TypeVar("_Figures")
 _GridRow = TypeVar("_GridRow", bound="GridRow")
 _Row = TypeVar("_Row", bound="GridRow")
 _Cell = TypeVar("_Cell", bound="GridCell")
 _Study = TypeVar("_Study", bound="Study[Any, Any]")
+
+
+def as_axis(value: Any) -> list[Any]:
+    """Return the values of an axis: one, or a sequence of them."""
+    return [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+
+
+def require_axes(axes: Iterable[tuple[str, Sequence[Any]]]) -> None:
+    """Refuse an axis, a name and its values, that is empty or has a value twice.
+
+    Raises:
+      SettingsError: one is.
+    """
+    for name, values in axes:
+        twice = next((value for i, value in enumerate(values) if value in values[:i]), None)
+        if not values or twice is not None:
+            said = f"no {name} is given" if not values else f"{name} {twice} is given twice"
+            raise SettingsError(f"{said}; accepted: one or more, each once")
 
 
 @explain_class

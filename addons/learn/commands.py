@@ -6,63 +6,57 @@ import argparse
 import contextlib
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from fg_mujoco.cli.options import add_trust_option, names_in, whole
+from fg_mujoco.cli.command import JSON, Part, command, named_values, names_in, option, trust, whole
+from fg_mujoco.cli.options import NAMES
 from fg_mujoco.cli.progress import clock, shown_as, to_go
 from fg_mujoco.course.documents import read_toml, read_value
 from fg_mujoco.course.files import is_file
 from fg_mujoco.errors import SettingsError
 
-_DONE, _NOT_DONE = 0, 1
 _OWN = ("steps", "worlds", "seed", "threads", "checkpoints", "start_from", "estimate")
 
 
-def add_train(add_command: Callable[..., argparse.ArgumentParser], commands: Any) -> None:
-    """Add the command; `add_command` is the one that adds the others."""
-    text = "train a policy by PPO of Stable-Baselines3; its folder is a planner"
-    command = add_command(commands, "train", _train, text)
-    add = command.add_argument
-    add(
-        "settings", metavar="SETTINGS.toml", nargs="?",
-        help="a file with steps, worlds, seed and the tables [environment], [ppo], [teacher], [self_play]; options win",
-    )  # fmt: skip
-    add(
-        "--track", type=names_in, metavar="LIST",
-        help="of the environment; comma between two; default: random:0:100,random:0:100:tight",
-    )  # fmt: skip
-    add("--steps", type=whole, metavar="N", help="of all worlds together; default: 1000000")
-    add("--worlds", type=whole, metavar="N", help="that are driven at once; default: 32")
-    add("--seed", type=whole, metavar="K", help="of the worlds and of the network; default: 0")
-    add("--threads", type=whole, metavar="N", help="that drive the worlds, and that torch has; default: 1")
-    add("--start-from", metavar="PATH", help="begin with the weights of another training's folder, or of a policy.zip")
-    add("--estimate", type=names_in, metavar="LIST", help="privileged terms that the actor gets estimates of, as mu")
-    add("--checkpoints", type=whole, metavar="N", help="how many are written; default: 20")
-    add(
-        "--env", action="append", default=[], metavar="NAME=VALUE",
-        help="a setting of the environment, as 'observation=beams:54,speed,flat', speed_range=[0.5,6]; again for each",
-    )  # fmt: skip
-    add(
-        "--ppo", action="append", default=[], metavar="NAME=VALUE",
-        help="a setting of PPO, as gamma=0.995 or net=[64,64]; again for each",
-    )  # fmt: skip
-    add(
-        "--self-play", action="append", default=[], metavar="NAME=VALUE",
-        help="race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
-        "planners=[\"gap_finder\"]; again for each",
-    )  # fmt: skip
-    add(
-        "--teacher", action="append", default=[], metavar="NAME=VALUE",
-        help="a planner that is told the friction teaches the policy first: planner=gap_finder, steps=2000000; again "
-        "for each",
-    )  # fmt: skip
-    add("--out", metavar="DIR", required=True, help="folder; the same command goes on with a training that is there")
-    add("--json", action="store_true", help="print one JSON object and nothing else")
-    add_trust_option(add, "go on with, or start from, a checkpoint that you did not write here, which runs its code")
+def _settings_of(name: str, text: str) -> Part:
+    """Return the option of the settings of a table of the file, each given by itself."""
+    return option(name, f"{text}; again for each", "NAME=VALUE", default=[], action="append")
 
 
-def _train(options: argparse.Namespace) -> int:
+@command(
+    option(
+        "settings", "a file with steps, worlds, seed and the tables [environment], [ppo], [teacher], [self_play]; "
+        "options win", "SETTINGS.toml", nargs="?",
+    ),
+    option(
+        "--track", "of the environment; comma between two; default: random:0:100,random:0:100:tight", "LIST", names_in,
+        names=NAMES["track"],
+    ),
+    option("--steps", "of all worlds together; default: 1000000", "N", whole),
+    option("--worlds", "that are driven at once; default: 32", "N", whole),
+    option("--seed", "of the worlds and of the network; default: 0", "K", whole),
+    option("--threads", "that drive the worlds, and that torch has; default: 1", "N", whole),
+    option("--start-from", "begin with the weights of another training's folder, or of a policy.zip", "PATH"),
+    option("--estimate", "privileged terms that the actor gets estimates of, as mu", "LIST", names_in),
+    option("--checkpoints", "how many are written; default: 20", "N", whole),
+    _settings_of(
+        "--env", "a setting of the environment, as 'observation=beams:54,speed,flat', speed_range=[0.5,6]"
+    ),
+    _settings_of("--ppo", "a setting of PPO, as gamma=0.995 or net=[64,64]"),
+    _settings_of(
+        "--self-play", "race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
+        "planners=[\"gap_finder\"]",
+    ),
+    _settings_of(
+        "--teacher", "a planner that is told the friction teaches the policy first: planner=gap_finder, steps=2000000"
+    ),
+    option("--out", "folder; the same command goes on with a training that is there", "DIR", required=True),
+    JSON,
+    trust("go on with, or start from, a checkpoint that you did not write here, which runs its code"),
+)  # fmt: skip
+def train_command(options: argparse.Namespace) -> int:
+    """Train a policy by PPO of Stable-Baselines3; its folder is a planner."""
     from .training import train
     from .training_settings import TrainingProgress
 
@@ -92,7 +86,7 @@ def _train(options: argparse.Namespace) -> int:
     else:
         print(f"{options.out}: {training.steps} steps, {clock(training.seconds)}")
         print(f"fg-mujoco race --controller {options.out}")
-    return _DONE
+    return 0
 
 
 _SHOWN = {"episode/return": "return", "episode/laps": "laps", "episode/speed_m_s": "m/s"}
@@ -113,11 +107,14 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
     optional = {"self_play": ("--self-play", options.self_play), "teacher": ("--teacher", options.teacher)}
     given |= {name: each for name, each in optional.items() if each[1] or name in found}
-    for table, (option, texts) in given.items():
+    for table, (name, texts) in given.items():
         own = found.get(table, {})
         if not isinstance(own, dict):
             raise SettingsError(f"{options.settings}: {table} is {own!r}; accepted: a table, [{table}]")
-        found[table] = own | _values(texts, option)
+        given_here = named_values(texts, name, "NAME=VALUE")
+        found[table] = own | {
+            key.strip().replace("-", "_"): read_value(value.strip()) for key, value in given_here.items()
+        }
     if options.track is not None:
         found["environment"]["track"] = options.track if len(options.track) > 1 else options.track[0]
     return found
@@ -131,15 +128,3 @@ def _with_underscores(values: Mapping[str, Any]) -> dict[str, Any]:
         else value
         for name, value in values.items()
     }
-
-
-def _values(texts: Sequence[str], option: str) -> dict[str, Any]:
-    """Return values by name of texts such as `gamma=0.995`; what is no value of TOML is a text."""
-    found: dict[str, Any] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or name in found:
-            accepted = "NAME=VALUE" if not equals else f"{name} once"
-            raise SettingsError(f"{option} {text!r}; accepted: {accepted}")
-        found[name.strip().replace("-", "_")] = read_value(value.strip())
-    return found

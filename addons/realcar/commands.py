@@ -1,0 +1,467 @@
+"""The commands of real cars and their bags.
+
+`identify` and `validate` fit a car to recorded drives, and compare it with them; `map` makes a map of what a planner
+saw, and `bag` one of what a robot saw. `export` writes a run as a bag, `replay-scans` runs a planner over its scans.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from os.path import abspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
+from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, trust, whole
+from fg_mujoco.cli.options import CAR, NAMES, in_one_line, setup_of, setup_options
+from fg_mujoco.cli.out import RUN, require_new, write_page
+from fg_mujoco.cli.progress import ProgressLine, shown_as
+from fg_mujoco.cli.race import RaceWatch
+from fg_mujoco.course.course import describe_course
+from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
+from fg_mujoco.course.writing import temporary_folder, write_file
+from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
+from fg_mujoco.messages import require_whole
+from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
+from fg_mujoco.pictures.pages.page import writing
+from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.racing.planners import ControllerChoice, make_controller
+from fg_mujoco.racing.resolved import ground_of
+from fg_mujoco.racing.run_folder import check_run_folder, read_run
+from fg_mujoco.simulation.course_loading import load_track
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+from .drives.reading import kind_of, read_drive, refuse_for_kind
+
+if TYPE_CHECKING:
+    from fg_mujoco.addons.ros.bag_replay import PlannedCommand
+
+    from .mapping.recorded_map import RecordedMap
+
+FORMATS = ("mcap",)
+
+_ANY_TRACK = "oval"  # a planner is told of the car as in a race: as MJCF text has it, to six digits
+_LAPS = 2  # that `map` drives
+
+_BAG = option("bag", ".mcap or .db3, or the folder of one or of its parts; .bag of ROS 1; or a drive's .csv", "BAG")
+_COLUMNS = option(
+    "--columns", "which columns of a CSV file are what; default: a layout that is recognised", "FILE.toml|LAYOUT"
+)
+_DRIVE_TOPIC = option("--drive-topic", "default: /drive, or the only one with commands", "TOPIC")
+_ODOM_TOPIC = option("--odom-topic", "of odometry, poses or a VESC; default: /odom, or the only one there is", "TOPIC")
+_SCAN_TOPIC = option("--scan-topic", "default: /scan, or the only one with scans", "TOPIC")
+
+
+@command(
+    option("sources", "run folders; .csv, .mcap, .db3 or .bag files, or folders of bags", "DRIVE", nargs="+"),
+    option(
+        "--out", "FOLDER: the car, its tires and a page, NAME.xml, NAME_tires.toml and NAME.html, NAME that of the "
+        "folder; FILE.toml: the tires alone", "FOLDER|FILE.toml", Path, required=True,
+    ),
+    option(
+        "--hold-out", "drives that nothing is fitted to, to validate on; default: every third second of each drive",
+        "DRIVE", nargs="+", default=[],
+    ),
+    option("--budget", "time for the fit [s], after which the best so far counts; default: 120", "S", number),
+    option("--report", "a page of data and fit; default: none", "FILE.html", Path),
+    option(
+        "--vehicle", "whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with others",
+        "NAME|FILE.xml", names=NAMES["vehicle"],
+    ),
+    option("--linear", "find the stiffness of each axle alone, which a gentle drive determines"),
+    option(
+        "--front-drive", "of the drive at the front axle: 0.5, the default, with four driven wheels, 0 with driven "
+        "rear wheels", "SHARE", number, 0.5,
+    ),
+    option(
+        "--single-track", "fit the single-track model: no load on outer tires, and driving takes nothing of the grip"
+    ),
+    _COLUMNS,
+    option("--pose-topic", "of the poses in a bag; default: the only one there is, or the odometry's", "TOPIC"),
+    _DRIVE_TOPIC,
+    option("--imu-topic", "default: /imu, or the only one there is", "TOPIC"),
+    _ODOM_TOPIC,
+    FORCE,
+)  # fmt: skip
+def identify_command(options: argparse.Namespace) -> int:
+    """Find the tires, the steering and the drive of a car from its drives, and write them as files."""
+    from .bag_drive import identify
+    from .identification.fit import require_scipy
+    from .identification.identification import BUDGET
+    from .identification.identification_page import write_identification_report
+    from .identification.tire_file import check_tire_file, write_tires
+    from .identification.vehicle_file import write_vehicle
+
+    require_scipy()
+    folder = None if options.out.suffix else options.out
+    tires, report = options.out, options.report
+    if folder is not None:
+        name = folder.absolute().name
+        if name.encode(errors="replace").decode() != name:
+            raise SettingsError(f"out is {str(folder)!r}; accepted: a name in UTF-8, which the files get")
+        tires, report = folder / f"{name}_tires.toml", report or folder / f"{name}.html"
+        require_new(folder / f"{name}.xml", force=options.force)
+    check_tire_file(tires, force=options.force)
+    if report is not None:
+        require_bokeh()
+        require_ending(report, ".html", ".htm", what="a page")
+        require_new(report, force=options.force)
+    with shown_as(str, "reading drives") as watch:
+        found = identify(
+            *options.sources, vehicle=options.vehicle, linear=options.linear, front_drive=options.front_drive,
+            single_track=options.single_track, columns=options.columns, pose_topic=options.pose_topic,
+            drive_topic=options.drive_topic, imu_topic=options.imu_topic, odometry_topic=options.odom_topic,
+            hold_out=options.hold_out, budget=BUDGET if options.budget is None else options.budget, watch=watch,
+        )  # fmt: skip
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    write_tires(found, tires, force=options.force)
+    print(found.summary())
+    print(f"written to {tires}")
+    if folder is not None:
+        vehicle = Vehicle.load(options.vehicle or found.drives[0].vehicle)
+        car = write_vehicle(found, vehicle, folder / f"{folder.absolute().name}.xml", tires=tires.name)
+        Vehicle.load(car)
+        print(f"car: {car}; drive it with --vehicle {car}")
+    if report is not None:
+        print(f"report: {write_identification_report(found, report)}")
+    return 0
+
+
+@command(
+    option("drives", "CSV files, folders of them, bags, or run folders", "DRIVE", nargs="+"),
+    setup_options("vehicle", "tires", "mu", "floor"),
+    _COLUMNS,
+    option("--scoreboard", "every bundled set of tires on its car, the gym's model, ForzaETH's"),
+    option("--threads", "that drive the windows, same bits for any; default: 1", "N", whole, 1),
+    option("--report", "a page of overlays and residuals; default: none", "FILE.html", Path),
+    option("--csv", "all figures, a row each; default: none", "FILE.csv", Path),
+    option("--beams", "compare the recorded beams of the LiDAR with those cast in --map"),
+    option("--map", "the ROS map in whose frame the poses are; with --beams", "MAP.yaml", Path),
+    option(
+        "--effects", "write noise, bias and dropouts of the LiDAR, as --lidar-effects reads them; with --beams",
+        "FILE.toml", Path,
+    ),
+    FORCE,
+)  # fmt: skip
+def validate_command(options: argparse.Namespace) -> int:
+    """Drive the recorded commands of a real car from its recorded states, and say how far a model is off."""
+    from .validation.scoreboard import scoreboard
+    from .validation.validation import validate
+    from .validation.validation_page import write_validation_page
+
+    if options.beams:
+        for name in ("scoreboard", "report", "csv"):
+            if getattr(options, name):
+                raise SettingsError(f"{name} is given with --beams; accepted: --beams with --map and --effects")
+        print(_validate_beams(options), end="")
+        return 0
+    for name in ("map", "effects"):
+        if getattr(options, name) is not None:
+            raise SettingsError(f"{name} is given without --beams; accepted: --beams --map MAP.yaml")
+    require_whole("threads", options.threads, 1)
+    for path, endings in ((options.report, (".html", ".htm")), (options.csv, (".csv",))):
+        if path is not None:
+            require_ending(path, *endings, what="it")
+            require_new(path, force=options.force)
+    if options.report is not None:
+        require_bokeh()
+        if options.scoreboard:
+            raise SettingsError("report with --scoreboard; accepted: the page of one vehicle on one set of tires")
+    setup = setup_of(options).first
+    if options.scoreboard and setup.tires is not None:
+        raise SettingsError(f"tires is {setup.tires!r} with --scoreboard, which has every bundled set; accepted: none")
+    with shown_as(str, "reading drives") as watch:
+        given: dict[str, Any] = {
+            "vehicle": setup.car, "mu": setup.set_mu, "columns": options.columns, "threads": options.threads,
+            "watch": watch,
+        }  # fmt: skip
+        if options.scoreboard:
+            board = scoreboard(options.drives, **given)
+            first, text, rows = board.validations[0], str(board), board.rows
+        else:
+            first = validate(options.drives, tires=setup.tires, **given)
+            text, rows = str(first), first.rows
+    for name, checks in {drive.part_of or drive.name: drive.checks for drive in first.drives}.items():
+        print(f"{name}: {checks}")
+    print(f"\n{text}")
+    if options.csv is not None:
+        with writing(options.csv):
+            write_file(options.csv, Table.of(rows).csv().encode())
+        print(f"written to {options.csv}")
+    if options.report is not None:
+        print(f"report: {write_validation_page(first, options.report)}")
+    return 0
+
+
+def _validate_beams(options: argparse.Namespace) -> str:
+    """Compare the beams of `options.drives` with the map, and return the tables as a text.
+
+    Raises:
+      SettingsError: no map, a drive without beams or poses, or one that was not driven in the map.
+      TrackError: a map that cannot be read.
+    """
+    from .drives.beam_comparison import compare_beams
+    from .drives.beam_text import comparison_text
+    from .drives.recorded_beams import RecordedBeams
+    from .drives.wall_rays import MapWalls
+
+    if options.map is None:
+        raise SettingsError("--beams without --map; accepted: the map_server YAML in whose frame the poses are")
+    if options.effects is not None:
+        require_new(options.effects, force=options.force)
+    walls = MapWalls.of(options.map)
+    with shown_as(str, "reading drives") as watch:
+        recorded: list[RecordedBeams] = []
+        for index, source in enumerate(options.drives, start=1):
+            watch(f"reading {index} of {len(options.drives)} drives")
+            recorded += map(RecordedBeams.of, read_drive(source, columns=options.columns).parts())
+        found = compare_beams(recorded, walls, map_name=options.map.stem, watch=watch)
+    text = comparison_text(found)
+    if options.effects is not None:
+        write_file(options.effects, found.errors.toml.encode())
+        text += f"\nwritten to {options.effects}, for --lidar-effects\n"
+    return text
+
+
+@command(
+    option("name", "as --track of race takes it; default: oval", "TRACK", nargs="?", names=NAMES["track"]),
+    setup_options(
+        "controller", "laps", *CAR, "motion_distortion", "seed", "time_limit",
+        laps=f"that are driven; default: {_LAPS}",
+    ),
+    option("--out", "my_map writes my_map.yaml, my_map.png and my_map.g2o; default: none", "FILE", Path),
+    option("--resolution", f"of the cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
+    FORCE,
+    CONFIG,
+)  # fmt: skip
+def map_command(options: argparse.Namespace) -> int:
+    """Drive a planner, and make a map and a pose graph of what it saw."""
+    from .mapping.driven_map import driven_files, map_course, write_driven
+
+    require_maps_extra()
+    files = () if options.out is None else driven_files(options.out)
+    for file in files:
+        require_new(file, force=options.force)
+    setup = setup_of(options)
+    if len(setup.entries) > 1:
+        raise SettingsError(f"{len(setup.entries)} cars; accepted: one, which maps the course")
+    if options.name is not None:
+        setup = setup.replace(track=options.name)
+    if not hasattr(options, "laps") and setup.laps is None and ground_of(setup).course.closed:
+        setup = setup.replace(laps=_LAPS)
+    with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as watch, _progress("scan", "matching") as scans:
+        driven = map_course(setup, resolution=options.resolution, watch=watch, watch_scans=scans)
+    car, made = driven.race.car, driven.made
+    print(f"{_size(made)}, {car.laps_completed} laps by {setup.first.controller}, {car.end_reason}; {made.text}")
+    print(driven.table())
+    if files:
+        write_driven(driven, files[0], f"made by: fg-mujoco map {setup.track}")
+        print(f"written to {', '.join(map(str, files))}")
+        print(f"fg-mujoco race --track {files[0]} --controller 'pure_pursuit[pose=particle_filter]' races on it")
+    return 0 if car.finished else 1
+
+
+@command(
+    option("folder", "written by race --out", "DIR"),
+    option("--format", "{names}, the default", "NAME", default="mcap", names=lambda: FORMATS),
+    option("--out", "default: the folder's name, here", "FILE.mcap", Path),
+    FORCE,
+    trust("run the planner once more: what it shows by fg.show, and what nodes publish, is written, too"),
+)
+def export_command(options: argparse.Namespace) -> int:
+    """Write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags."""
+    from fg_mujoco.addons.ros.bag_writer import export_bag
+
+    if options.format not in FORMATS:
+        raise SettingsError(f"format is {options.format!r}; {accepted_names(options.format, FORMATS)}")
+    path = options.out or Path(f"{Path(abspath(options.folder)).name}.mcap")
+    require_ending(path, ".mcap", what="a bag")
+    require_new(path, force=options.force)
+    with _progress("tick") as watch:
+        ticks = export_bag(options.folder, path, watch, trust=options.trust)
+    print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+@command(
+    _BAG,
+    option("--map", "write the map of its scans, with a PNG beside it", "FILE.yaml", Path),
+    option(
+        "--out", "write the drive as a run folder, for report, debug and replay-scans; DIR/ numbers itself: DIR/001",
+        "DIR",
+    ),
+    lambda parser: parser.set_defaults(folder_kind=RUN),
+    option("--resolution", f"of the map's cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
+    option("--match", "correct the poses by the scans, too, where they are not said to drift"),
+    _SCAN_TOPIC,
+    option(
+        "--pose-topic", "of poses on the map; default: the transforms from map, or the only one with poses", "TOPIC"
+    ),
+    _ODOM_TOPIC,
+    _DRIVE_TOPIC,
+    _COLUMNS,
+    setup_options("vehicle"),
+    option("--force", "replace files that exist, and the run that DIR has"),
+)  # fmt: skip
+def bag_command(options: argparse.Namespace) -> int:
+    """Say what a robot's bag holds, and make a map of it that --track takes."""
+    from fg_mujoco.addons.ros.bag_recording import Recording
+
+    from .bag_mapping.mapped_run import write_recorded_run
+    from .bag_mapping.poses import read_sweeps
+    from .mapping.recorded_map import make_map, map_files, write_map
+
+    if _is_csv(options):
+        if options.map is not None or options.out is not None:
+            what = "map" if options.map is not None else "out"
+            raise SettingsError(f"{what} is given, and {options.bag} is a CSV file; accepted: with bags")
+        print("\n".join(read_drive(options.bag, columns=options.columns).lines))
+        return 0
+    require_ros_extra()
+    if options.map is not None or options.out is not None:
+        require_maps_extra()
+    if options.map is not None:
+        for file in map_files(options.map):
+            require_new(file, force=options.force)
+    if options.out is not None:
+        check_run_folder(options.out)
+    vehicle = setup_of(options).first.car
+    with contextlib.ExitStack() as stack:
+        bag = stack.enter_context(Recording(options.bag))
+        print("\n".join(bag.table()))
+        if options.map is None and options.out is None:
+            return 0
+        aside = stack.enter_context(temporary_folder("the map of the bag"))
+        path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
+        with bag.blame(), _progress("scan") as watch:
+            sweeps = read_sweeps(
+                bag, vehicle.parameters, scan_topic=options.scan_topic, pose_topic=options.pose_topic,
+                odometry_topic=options.odom_topic,
+            )  # fmt: skip
+            made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
+        write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
+        print(f"{options.map or 'map'}: {_size(made)}, of {made.text}")
+        if options.map is not None:
+            print(_course_of(options.map))
+        if options.out is not None:
+            with contextlib.redirect_stdout(sys.stderr):
+                course = load_track(str(path))
+                write_recorded_run(
+                    bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic
+                )
+                write_page(options.out)
+            print(f"written to {options.out}: {read_run(options.out)!r}")
+    return 0
+
+
+def _size(made: RecordedMap) -> str:
+    """Return the size of a map, in words."""
+    rows, columns = made.cells.shape
+    return f"{columns * made.resolution:.1f} x {rows * made.resolution:.1f} m"
+
+
+def _course_of(path: Path) -> str:
+    """Return what course a map is, in words."""
+    try:
+        return f"a course: {describe_course(load_track(str(path)))}; fg-mujoco race --track {path} drives it"
+    except TrackError as error:
+        return f"no course yet: {in_one_line(str(error))}"
+
+
+def _is_csv(options: argparse.Namespace) -> bool:
+    """Return whether a command is given a CSV file, and refuse columns with anything else."""
+    path = Path(options.bag)
+    kind = kind_of(path)
+    refuse_for_kind(path, kind, options.columns, {})
+    if kind == "csv":
+        names = ("scan_topic", "drive_topic", "odom_topic")
+        refuse_for_kind(path, kind, None, {name: getattr(options, name) for name in names})
+    return kind == "csv"
+
+
+@command(
+    _BAG,
+    setup_options(
+        "controller", "vehicle", "tires", "planner_mu", "max_speed", "track",
+        track="whose line a planner with a map follows, as race takes it; default: it has no map",
+    ),
+    option("--out", "the commands, .csv, or .mcap with /drive; default: BAG_commands.csv, here", "FILE", Path),
+    _SCAN_TOPIC,
+    _ODOM_TOPIC,
+    _DRIVE_TOPIC,
+    _COLUMNS,
+    FORCE,
+)
+def replay_scans_command(options: argparse.Namespace) -> int:
+    """Run a planner over the scans of a robot's bag."""
+    from fg_mujoco.addons.ros.bag_reader import ScanBag
+    from fg_mujoco.addons.ros.bag_replay import check_commands_file, planned
+
+    from .drives.drive_scans import deliveries
+
+    from_csv = _is_csv(options)
+    if not from_csv:
+        require_ros_extra()
+    out = options.out or Path(f"{Path(abspath(options.bag)).stem}_commands.csv")
+    check_commands_file(out)
+    require_new(out, force=options.force)
+    setup = setup_of(options)
+    choice, drive = ControllerChoice.of(str(setup.first.controller)), setup.drive_settings
+    mapped = hasattr(options, "track")
+    course = load_track(setup.track if mapped else _ANY_TRACK, car=drive.car.parameters)
+    context = drive.context(drive.world(course).parameters, course.map_line if mapped else None)
+    planner = make_controller(choice.source, context, settings=dict(choice.settings))
+    if from_csv:
+        recorded = read_drive(options.bag, columns=options.columns)
+        with contextlib.redirect_stdout(sys.stderr):
+            written = _write(planned(planner, deliveries(recorded, context.car)), out)
+        if written is None:
+            return 1
+        print(f"{out}: {written} commands to the beams of {options.bag}")
+        return 0
+    bag = ScanBag(
+        options.bag, context.car, scan_topic=options.scan_topic, odometry_topic=options.odom_topic,
+        drive_topic=options.drive_topic,
+    )  # fmt: skip
+    # what a planner prints is not our output
+    with bag, contextlib.redirect_stdout(sys.stderr), _progress("scan") as watch:
+        if ODOMETRY not in bag.topics:
+            warnings.warn(f"{options.bag}: no odometry; the speed is {bag.speed}", stacklevel=2)
+
+        def watched() -> Iterator[Any]:
+            for count, delivery in enumerate(bag, start=1):
+                yield delivery
+                watch(count, bag.scans)
+
+        count = _write(planned(planner, watched()), out)
+    if count is None:
+        return 1
+    print(f"{out}: {count} commands to the scans on {bag.topics[SCAN]}")
+    return 0
+
+
+def _write(commands: Iterator[PlannedCommand], out: Path) -> int | None:
+    """Write commands and return how many there are; None: the planner failed, which is said."""
+    from fg_mujoco.addons.ros.bag_replay import write_commands
+
+    try:
+        return write_commands(commands, out)
+    except PlannerError as error:
+        print("fg-mujoco:", in_one_line(f"{error}; {out} has the commands up to there"), file=sys.stderr)
+        return None
+
+
+@contextlib.contextmanager
+def _progress(what: str, doing: str = "reading") -> Iterator[Callable[[int, int], None]]:
+    with ProgressLine(f"{doing} {what}s") as line:
+
+        def watch(count: int, total: int) -> None:
+            if line.due:
+                line.write(f"{what} {count}/{total}")
+
+        yield watch

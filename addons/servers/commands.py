@@ -1,0 +1,170 @@
+"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive, and live ones for Foxglove and rosbridge."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from fg_mujoco.cli.command import CONFIG, TRUST, Commands, Part, command, number, option, whole
+from fg_mujoco.cli.options import setup_of, setup_options
+from fg_mujoco.cli.out import RUN, out_options, write_page
+from fg_mujoco.cli.race import RaceWatch, check_out, race_table
+from fg_mujoco.errors import ControllerError
+from fg_mujoco.messages import STOP
+from fg_mujoco.pictures.plots import write_run
+from fg_mujoco.racing.race import race_setup
+
+if TYPE_CHECKING:
+    from fg_mujoco.addons.look.live.live_session import LiveSession
+    from fg_mujoco.racing.race import RaceProgress
+    from fg_mujoco.racing.result import RaceResult
+    from fg_mujoco.racing.setup import Setup
+
+    from .autodrive.devkit import DevKit
+
+_RULES = "autodrive_2026"
+_MOST_RACES = 100  # that resets of a DevKit begin
+
+
+def _live_options(port: int, **helps: str) -> tuple[Part, ...]:
+    """Return the options of a live race; `helps` are the texts of some of a Setup's."""
+    return (
+        setup_options(but=("laps", "lidar", "motion_distortion", "rules", "time_limit", "decision_limit"), **helps),
+        option("--host", "address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone", "ADDRESS"),
+        option("--port", f"to listen on; default: {port}", "N", whole, port),
+        option(
+            "--step-on-drive",
+            "time stands still between commands, and each one on /drive is a tick of 25 ms; default: real time",
+        ),
+        CONFIG,
+        TRUST,
+    )
+
+
+def _serve(session: LiveSession, server: Any, options: argparse.Namespace, said: str, **own: Any) -> int:
+    """Serve a live race until Ctrl-C; `said` follows the address."""
+    host = options.host or "127.0.0.1"
+    with server(session, host=host, port=options.port, step_on_drive=options.step_on_drive, log=_log, **own) as served:
+        try:
+            print(f"{served.url}, {said}; Ctrl-C ends it", flush=True)
+            served.run()
+        except KeyboardInterrupt:
+            print(file=sys.stderr)
+    return 0
+
+
+@command(*_live_options(port=8765))
+def _foxglove(options: argparse.Namespace) -> int:
+    """Serve a live race to Foxglove, which shows it, and may drive and change the car."""
+    from fg_mujoco.addons.look.live.live_session import LiveSession
+
+    from .foxglove_server import FoxgloveServer, require_foxglove
+
+    require_foxglove()
+    return _serve(LiveSession(setup_of(options)), FoxgloveServer, options, "in Foxglove: Open connection")
+
+
+_DRIVER = "planner that drives until a program does, as in race; default: the car stands until then"
+
+
+@command(*_live_options(port=9090, controller=_DRIVER))
+def _rosbridge(options: argparse.Namespace) -> int:
+    """Serve a live race to programs of roslibpy or roslibjs, which drive the car as on a robot, without ROS."""
+    from fg_mujoco.addons.look.live.live_session import LiveSession
+
+    from .rosbridge.network import require_rosbridge
+    from .rosbridge.server import RosbridgeServer
+
+    require_rosbridge()
+    session = LiveSession(setup_of(options))
+    if not hasattr(options, "controller") and getattr(options, "setup", None) is None:
+        session.hold(STOP)
+    return _serve(session, RosbridgeServer, options, "for roslibpy and roslibjs")
+
+
+def _log(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+@command(
+    option(
+        "--devkit", "where a DevKit listens, which is to be started first; again for each car; default: "
+        "127.0.0.1:4567", "HOST[:PORT]", action="append",
+    ),
+    option(
+        "--real-time", "a tick takes 25 ms and holds the last command; default: it waits for the DevKit's answer"
+    ),
+    option(
+        "--patience", "time after which a DevKit that does not answer is taken to be gone [s]; default: 10", "S", number
+    ),
+    option("--camera", "draw the pictures of the front camera; default: they are blank"),
+    setup_options(
+        but=("controller", "decision_limit"),
+        rules=f"of race control: {{names}}; default: {_RULES}, as the league has them",
+    ),
+    out_options(RUN, "write a run folder here; where the DevKit resets, folders 1, 2, ... in it"),
+    CONFIG,
+    TRUST,
+)  # fmt: skip
+def _autodrive(options: argparse.Namespace) -> int:
+    """Connect to a DevKit of AutoDRIVE, in the place of its simulator, and race the car that it drives."""
+    from .autodrive.devkit import PATIENCE, PORT, DevKit
+    from .autodrive.front_camera import BlankCamera, FrontCamera
+
+    if not hasattr(options, "rules"):
+        options.rules = _RULES
+    setup = setup_of(options)
+    picture = options.out is not None and check_out(options.out)
+    patience = PATIENCE if options.patience is None else options.patience
+    with contextlib.ExitStack() as stack:
+        devkits = []
+        for address in options.devkit or [f"127.0.0.1:{PORT}"]:
+            camera = FrontCamera() if options.camera else BlankCamera()
+            devkit = DevKit(address, camera, real_time=options.real_time, patience=patience)
+            devkits.append(stack.enter_context(devkit))
+        return _race_on(_with_devkits(setup, devkits), devkits, options.out, picture)
+
+
+def _with_devkits(setup: Setup, devkits: Sequence[DevKit]) -> Setup:
+    """Return a setup in which DevKits drive the first cars, all in the car of the first; opponents follow."""
+    first, *others = setup.entries
+    cars = [replace(first, controller=devkit, name=f"devkit_{i}") for i, devkit in enumerate(devkits)]
+    return setup.replace(entries=[*cars, *others])
+
+
+def _race_on(setup: Setup, devkits: Sequence[DevKit], out: str | None, picture: bool) -> int:
+    """Race, and once more whenever a DevKit asks for the simulation to begin anew."""
+    number, again = 0, True
+    while again:
+        number, result = number + 1, _race_once(setup, devkits)
+        again = any(devkit.reset_asked for devkit in devkits)
+        folder = None if out is None else f"{out}/{number}" if again or number > 1 else out
+        if folder is not None:
+            write_run(result, folder, picture=picture, add=write_page)
+        print(race_table(result, folder), flush=True)
+        if again and number == _MOST_RACES:
+            raise ControllerError(f"a DevKit has asked for a reset {number} times; accepted: fewer in one command")
+    return 0 if result.car.finished else 1
+
+
+def _race_once(setup: Setup, devkits: Sequence[DevKit]) -> RaceResult:
+    with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=True) as shown:
+
+        def watch(progress: RaceProgress) -> None:
+            for devkit, collisions in zip(devkits, progress.wall_contacts, strict=False):
+                devkit.collisions = collisions
+            if any(devkit.reset_asked for devkit in devkits):
+                raise KeyboardInterrupt  # ends the race between two ticks
+            shown(progress)
+
+        return race_setup(setup, watch=watch)
+
+
+SERVE = Commands(
+    "race a car that another program drives or watches: Foxglove, roslibpy or roslibjs, an AutoDRIVE DevKit",
+    {"autodrive": _autodrive, "foxglove": _foxglove, "rosbridge": _rosbridge},
+)
