@@ -535,17 +535,9 @@ _LEARNS = np.dtype([("learning", LEARNING), ("learned", LEARNED)])
 
 
 @kernel
-def _learn(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _learn(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Learn from the odometry, and let the planner use the friction and the true steering angle.
 
     Arguments are as in control.stages.
@@ -560,17 +552,9 @@ def _learn(
 
 
 @kernel
-def _correct(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _correct(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Correct the command for the error of the steering; arguments as in control.stages."""
     command[0] = saturate(commanded_steering(own.learned, command[0]), driven.driver.car.max_steering_angle)
 

@@ -32,7 +32,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.decision import extend_path
@@ -530,17 +529,9 @@ def speed_on(points: FloatArray, place: float, spacing: float, limiter: Record, 
 
 
 @kernel
-def _remember(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _remember(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Record the lap, and decide while the car is on its line; arguments as in control.stages."""
     driver, memory, reference = driven.driver, driven.memory, driven.reference
     seen, odometry = driven.scan, driven.odometry

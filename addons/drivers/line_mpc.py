@@ -34,7 +34,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
@@ -368,17 +367,9 @@ def _bound(
 
 
 @kernel
-def _track(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _track(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Steer by a plan near the line, and slow where it leaves the room there; arguments as in stages."""
     driver, reference = driven.driver, driven.reference
     planned, own.planned = own.planned, False

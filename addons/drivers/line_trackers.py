@@ -27,9 +27,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.racelines import X, Y, moved_along
@@ -146,17 +143,9 @@ def is_ahead(reference: Record) -> bool:
 
 
 @kernel
-def _track_by_stanley(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _track_by_stanley(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Steer by Stanley's law near the line; arguments as in stages."""
     driver, reference = driven.driver, driven.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
@@ -166,17 +155,9 @@ def _track_by_stanley(
 
 
 @kernel
-def _track_by_lqr(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _track_by_lqr(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Steer by the regulator near the line; arguments as in stages."""
     driver, reference = driven.driver, driven.reference
     if is_ahead(reference) and reference.off_line < OFF_LINE:
@@ -186,17 +167,9 @@ def _track_by_lqr(
 
 
 @kernel
-def _track_by_map(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def _track_by_map(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Steer by model- and acceleration-based pursuit; arguments as in stages."""
     driver, reference = driven.driver, driven.reference
     if is_ahead(reference):

@@ -1,7 +1,8 @@
 """From a planner's reference to the car's command.
 
-A planner finds a goal or a reference (planner), which becomes a safe command in one place for all planners (driving):
-steering by pure pursuit (steering), speed by the laws of the scan and of friction (speed), then the rooms of
-`safety`. Settings say of themselves what they accept, and how they depend on the car (settings). Lines through a map
-and the speeds at which they can be driven are in racelines.
+A planner finds a goal or a reference (planner). All planners of a batch then decide by the same stages (planner_batch,
+decision): steering by pure pursuit (steering), speed by the laws of the scan and of friction (speed), then what is in
+`safety`, and at last the friction limiter and the motor (holding). Optional stages are registered in `stages`. The
+settings of a planner say what they accept and how they depend on the car (planner_settings). Lines through a map, and
+the speeds at which they can be driven, are in racelines.
 """

@@ -64,33 +64,17 @@ _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 
 @kernel
-def predict(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def predict(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Track what moves, and draw it into the scan where it may be; arguments as in stages."""
     foresee(scan, valid, clear, driven.odometry, driven.driver, driven.memory.predictions)
 
 
 @kernel
-def guide_reference(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def guide_reference(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
     driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
     reasons, slip, course, scan = memory.reasons, driver.limiter.slip, memory.course, driven.scan
@@ -126,17 +110,9 @@ def guide_reference(
 
 
 @kernel
-def drive(
-    scan: Record,
-    valid: FloatArray,
-    guiding: FloatArray,
-    clear: FloatArray,
-    driven: Record,
-    lines: FloatArray,
-    trajectories: NDArray[np.void],
-    own: Record,
-    command: FloatArray,
-) -> None:
+def drive(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
     """Write the command for a reference, unless another stage has; arguments as in stages.
 
     Without a reference, and without odometry, the car brakes.

@@ -9,6 +9,7 @@ import pytest
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
+from fg_mujoco.controllers.control.planner_batch import PlannerBatch
 from fg_mujoco.controllers.control.planner_settings import (
     FROM_ZERO,
     Settings,
@@ -16,9 +17,10 @@ from fg_mujoco.controllers.control.planner_settings import (
     relative_size,
     setting_of_car,
 )
+from fg_mujoco.controllers.control.stages import STAGES, Stage
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
-from fg_mujoco.errors import ControllerError
+from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
 
@@ -154,3 +156,47 @@ def test_a_setting_that_is_given_is_taken_as_it_is():
     assert planner.settings.pursuit_distance == 1.0
     assert planner.settings.safe_distance == pytest.approx(0.4)
     assert planner.driver["filter_settings"]["crawl_speed"][0] == pytest.approx(0.5 * math.sqrt(2.0))
+
+
+@kernel
+def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command):
+    own.ticks += 1
+    command[1] = min(command[1], 0.5)
+
+
+class Creeping(GapFinder):
+    """The gap finder with a stage that is registered here."""
+
+    def stage_names(self):
+        return (*super().stage_names(), "creep")
+
+
+def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_reset(monkeypatch):
+    stage = Stage(after_driving=creep, own=np.dtype([("ticks", np.int64)]))
+    monkeypatch.setitem(STAGES._own, "creep", stage)
+    planner = Creeping(CAR, MU)
+    for ticks in (1, 2):
+        assert planner(corridor(2.0, 2.0), odometry_of(3.0)).speed == 0.5
+        assert planner.kept("creep")["ticks"] == ticks
+    planner.reset()
+    assert planner.kept("creep")["ticks"] == 0
+    assert GapFinder(CAR, MU)(corridor(2.0, 2.0), odometry_of(3.0)).speed > 2.5
+
+
+def test_planners_have_the_stages_that_their_settings_name_and_no_others():
+    plain, remembers = (GapFinder(CAR, MU, 8.0, GapFinderSettings(remember=each)) for each in (False, True))
+    unguided = GapFinder(CAR, MU, 8.0, GapFinderSettings(remember=True, guidance=False))
+    assert (set(plain.stages), set(remembers.stages), set(unguided.stages)) == (set(), {"remember"}, set())
+    assert PlannerBatch(GapFinder, [plain]).kept == {}
+    assert len(PlannerBatch(GapFinder, [remembers, plain]).kept["remember"]) == 2
+    with pytest.raises(KeyError):
+        plain.kept("remember")
+
+
+def test_a_stage_that_nobody_registers_is_refused():
+    class Lacking(GapFinder):
+        def stage_names(self):
+            return ("creeep",)
+
+    with pytest.raises(SettingsError, match="'creeep' is not known"):
+        Lacking(CAR, MU)
