@@ -275,7 +275,7 @@ def _drive_filtered(
 
 @kernel
 def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
-    """Return the command to stop as hard as the tires hold, on the car's present way; arguments as in `drive`.
+    """Return the command of the hardest stop that the tires hold on the present path; arguments as in `_drive`.
 
     Without the friction law, and without odometry, that is 0 and 0.
     """
@@ -290,7 +290,7 @@ def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tu
 
 @kernel
 def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) -> None:
-    """Add the last tick to the path history, in every tick, whatever is commanded."""
+    """Add the motion of the last tick to the path history; to be called once in every tick."""
     if driver.recovery:
         yaw_rate = odometry.angular_velocity[2]
         extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))

@@ -46,7 +46,7 @@ SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "st
 
 @dataclass(frozen=True, kw_only=True)
 class DrivingSettings(Settings):
-    """Parameters that every planner has, with its own defaults: how it drives to a goal.
+    """Parameters of driving, which all planners have; a planner may have other defaults.
 
     Raises:
       SettingsError: an unknown law; a length or gain that is not a positive number; an angle or distance below 0; a

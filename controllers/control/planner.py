@@ -159,7 +159,7 @@ class Planner(Remade):
 
     @staticmethod
     def read(memory: Any, readings: Mapping[str, Reading]) -> None:
-        """Put what the planner uses of the readings of its car's sensors into its memory, before each decision.
+        """Copy the sensor readings that the planner uses into its memory, before each decision.
 
         Its kernels get no readings. Most planners use none.
 
@@ -173,7 +173,7 @@ class Planner(Remade):
         self._alone.reset()
 
     def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
-        """Answer the command to hold until the next scan."""
+        """Return the command to hold until the next scan."""
         self._odometry[0] = _motion_of(odometry)
         if self._ranges.shape[1] != len(scan.ranges):
             self._ranges = np.empty((1, len(scan.ranges)))

@@ -180,7 +180,7 @@ class PlannerBatch:
         running: NDArray[np.bool_],
         commands: FloatArray,
     ) -> None:
-        """Put what a call is given into the table of all arrays, where it is not what the last one was given."""
+        """Put the arrays of a call into the tables, unless they are those of the last call."""
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
             self._arrays["scan"][0], self._geometry = scan_values(geometry), geometry
         ranges, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
@@ -217,7 +217,7 @@ def _joined(tables: list[NDArray[Any]], none: NDArray[Any]) -> NDArray[Any]:
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a view that cannot be written to: numba compiles for both kinds, and one is enough."""
+    """Return a read-only view; numba would compile kernels for arrays of both kinds."""
     if not array.flags.writeable:
         return array
     view = array.view()

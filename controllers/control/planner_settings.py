@@ -50,7 +50,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def _once_for_each_class(function: _F) -> _F:
-    """Return a function of a class that keeps its answers."""
+    """Return a function of a class, with a cache of its results."""
     return cast(_F, lru_cache(maxsize=64)(function))
 
 
@@ -86,7 +86,7 @@ def setting_of_car(value: float, unit: str, text: str, accepted: Accepted | None
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters, validated when they are made by what their fields accept.
+    """Parameters, which are checked against what their fields accept.
 
     Raises:
       SettingsError: a value that its field does not accept.

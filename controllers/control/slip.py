@@ -211,7 +211,7 @@ def fastest_on(slip: Record, angle: float) -> float:
 
 @kernel
 def held_arc(slip: Record, car: Record, angle: float, curvature: float) -> float:
-    """Return the angle [rad] of the arc to command so that the car keeps its way; that of its wheels if not soft.
+    """Return the angle [rad] of the arc to command so that the car keeps its path; `angle` of tires that are not soft.
 
     Braking takes load off the rear axle, whose slip angle then grows: the car turns in more than its wheels say, by
     itself, and the harder it turns the more. A planner that follows a path steers against that. Where there is none,

@@ -37,5 +37,5 @@ def arc_through(x: float, y: float, wheelbase: float) -> float:
 
 @kernel
 def late_by(car: Record) -> float:
-    """Return how much later the wheels of a car turn than those of the F1TENTH car [s], by its servo and the delay."""
+    """Return by how much later than on the F1TENTH car the wheels turn [s]: lag of the servo and delay of commands."""
     return float(car.steering_time_constant - F1TENTH_STEERING + car.command_delay)

@@ -146,7 +146,7 @@ def search_frontier(
 
 @kernel
 def search_frontier_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
-    """Enter a scan, and search the frontier, unless that was done in this tick; arguments as of `search_frontier`."""
+    """Enter the scan and search the frontier, at most once a tick; arguments as of `search_frontier`."""
     if memory.searched == memory.ticks:
         return
     if memory.entered != memory.ticks:
@@ -172,7 +172,7 @@ def to_go_at(memory: Record, x: float, y: float) -> int:
 
 @kernel
 def to_go_around(memory: Record, x: float, y: float) -> float:
-    """Return the way to go [m] from a place, or from the nearest one within .6 m from where it is known; else inf."""
+    """Return the way to go [m] from a place, or from the nearest known place within 0.6 m; else inf."""
     for reach in range(7):
         least = math.inf
         for i in range(-reach, reach + 1):
@@ -188,7 +188,7 @@ def to_go_around(memory: Record, x: float, y: float) -> float:
 
 @kernel
 def least_to_go_along(memory: Record, x: float, y: float, heading: float, distance: float) -> tuple[float, float]:
-    """Return the least way to go [m] on a line from a place, inf if none is known, and how far along that is [m]."""
+    """Return the least way to go [m] along a line from a place (inf: none is known), and how far along it is [m]."""
     return least_to_go_towards(memory, x, y, math.cos(heading), math.sin(heading), distance)
 
 
@@ -269,7 +269,7 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
 
 @kernel
 def _open_path(bits: NDArray[np.uint8]) -> None:
-    """Take all lines across the path away again."""
+    """Remove all lines across the path."""
     for cell in range(len(bits)):
         bits[cell] &= np.uint8(255 - WAY_BACK)
 

@@ -115,7 +115,7 @@ def guide(
     memory: Record,
     reference: Record,
 ) -> None:
-    """Change a planner's reference where it does not lead on; a scan that shows nothing ahead leaves it as it is.
+    """Replace a planner's reference that does not lead on. Without a scan that looks ahead the reference stays.
 
     Args:
       scan: of type SCAN.
@@ -246,7 +246,7 @@ def _best_beam(
 
 @kernel
 def _renew_motion(limiter: Record, settings: Record, memory: Record, present: float, speed: float) -> bool:
-    """Search for a motion to follow, where the car has none, and in every second tick; say whether one was found."""
+    """Search for a motion in every second tick, or in each while the car has none; return whether one was found."""
     if memory.follows and memory.way.ticks % 2 == 1:
         return False
     way, trial, horizon = memory.way, memory.trial, settings.horizon + 0.1 * speed * speed

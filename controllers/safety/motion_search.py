@@ -218,7 +218,7 @@ def is_clear(way: Record, car: Record, x: float, y: float, heading: float, neare
 
 @kernel
 def _discs_are_clear(way: Record, car: Record, x: float, y: float, cos: float, sin: float, nearest: int) -> bool:
-    """Say the same of a car by the cosine and sine of its heading."""
+    """Return the same as `is_clear`, by the cosine and the sine of the heading."""
     back, front = 0.5 * car.width - car.rear_overhang, car.length - car.rear_overhang - 0.5 * car.width
     for k in range(3):
         place = back + 0.5 * k * (front - back)
@@ -295,7 +295,7 @@ def _touches(
     sin: float,
     margin: float,
 ) -> bool:
-    """Say the same as `touches`, by the ends of those squares only in which the car's outline lies."""
+    """Return the same as `touches`; only the ends in the squares under the car's outline are compared."""
     ends, first, left, low = sorted_ends
     tail, nose, half = -car.rear_overhang - margin, car.length - car.rear_overhang + margin, 0.5 * car.width + margin
     middle, reach = 0.5 * (tail + nose), 0.5 * (nose - tail)
@@ -314,7 +314,7 @@ def _touches(
 
 @kernel
 def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, sin: float) -> bool:
-    """Return whether the ground under a car's tail was seen: nothing else shows what is behind the car."""
+    """Return whether the ground under the car's tail was seen; the LiDAR does not look backwards."""
     i = math.floor((x - car.rear_overhang * cos) * PER_METRE)
     j = math.floor((y - car.rear_overhang * sin) * PER_METRE)
     return bool(in_window(world, i, j) and world.cells[i & RING, j & RING] == FREE)
@@ -332,7 +332,7 @@ def _arc(
     sin: float,
     after: NDArray[np.float64],
 ) -> tuple[float, float]:
-    """Write where a part of an arc leads: x, y, heading and curvature; return the cosine and sine of the heading there.
+    """Write the end of a part of an arc: x, y, heading, curvature; return the cosine and the sine of its heading.
 
     Args:
       arcs: (parts, 5) the arcs of the last node with this share, which most others have, too; written to.
@@ -367,7 +367,7 @@ def _key(place: NDArray[np.float64], fine: int, direction: int) -> int:
 
 @kernel
 def _slot(table: NDArray[np.int32], key: int) -> int:
-    """Return the place of a key in a table of keys, which is 0 where it is empty: where it is or belongs."""
+    """Return the place at which a table of keys has a key, or at which it is to be put; 0 marks an empty place."""
     slot = (key * 2654435761) & (len(table) - 1)
     while table[slot] != 0 and table[slot] != key:
         slot = (slot + 1) & (len(table) - 1)
@@ -408,7 +408,7 @@ def _write(
     state: NDArray[np.float64],
     direction: NDArray[np.int8],
 ) -> None:
-    """Write the motion that leads to a node: its first points, if it has too many."""
+    """Write the motion that leads to a node, cut off if it has too many points."""
     count, walk = 0, node
     while walk > 0:
         count, walk = count + 1, parent[walk]

@@ -79,7 +79,7 @@ PREDICTIONS = np.dtype(
 def foresee(
     scan: Record, seen: FloatArray, clear: FloatArray, odometry: Record, driver: Record, memory: Record
 ) -> bool:
-    """Do as `predict` and `separate` do, and return whether something moves; else neither scan is written to."""
+    """Predict and separate the targets; return whether one moves. Without one neither scan is written to."""
     moves = predict(scan, seen, odometry, driver, memory)
     if moves:
         separate(scan, seen, clear, odometry.speed, memory)
@@ -114,7 +114,7 @@ def track(scan: Record, ranges: FloatArray, odometry: Record, driver: Record, me
 
 @kernel
 def _keep_odometry(memory: Record, odometry: Record, late: int) -> None:
-    """Write the odometry of the time of the scan, which is `late` ticks ago: by a newer one what stands would move."""
+    """Write the odometry of `late` ticks ago, when the scan was measured: by a newer one standing things move."""
     place = memory.tick % MOST_LATE
     memory.speeds[place], memory.yaw_rates[place] = odometry.speed, odometry.angular_velocity[2]
     then = max(memory.tick - late, 0) % MOST_LATE
@@ -174,7 +174,7 @@ def separate(scan: Record, seen: FloatArray, clear: FloatArray, speed: float, me
 
 @kernel
 def hide_targets(targets: Record, ranges: FloatArray) -> None:
-    """Lengthen the beams (n,) [m] that end on moving targets to what is next to them."""
+    """Take moving targets out of a scan (n,) [m]: their beams get the nearer of the ranges beside them."""
     for target in targets.targets:
         if target.age == 0 or not target.moves or target.unseen > 0.0:
             continue
@@ -192,7 +192,7 @@ def hide_targets(targets: Record, ranges: FloatArray) -> None:
 
 @kernel
 def interval(row: FloatArray, time: float) -> tuple[float, float]:
-    """Return between which places on its line a target may be at a time [s]: ways from where it is [m]."""
+    """Return the interval of its line in which a target may be at a time [s]: ways from where it is now [m]."""
     speed, braking = row[SPEED], max(row[BRAKING], 1e-6)
     far = (speed + row[SPREAD]) * time
     stops = min(time, speed / braking)
@@ -252,7 +252,7 @@ def turned(memory: Record, angle: float) -> FloatArray:
 
 @kernel
 def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray) -> float:
-    """Return how far a target can go along its line before its rim reaches what stands [m]; inf: not found."""
+    """Return how far a target can go along its line before its rim touches a standing thing [m]; inf: there is none."""
     for step in range(int(_FARTHEST_WALL / _ALONG) + 1):
         way = row[RADIUS] - _MARGIN + step * _ALONG
         ahead, left = row[X] + way * row[COS], row[Y] + way * row[SIN]
@@ -266,7 +266,7 @@ def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray) -> float:
 
 @kernel
 def _draw(scan: Record, ranges: FloatArray, row: FloatArray, speed: float) -> None:
-    """Shorten the beams (n,) [m] that end on a target where it may be when a car of this speed [m/s] could be there."""
+    """Draw a target into a scan (n,) [m] at all places where a car of this speed [m/s] could meet it."""
     radius = row[RADIUS]
     for step in range(_STEPS + 1):
         time = step * _HORIZON / _STEPS
@@ -284,7 +284,7 @@ def _draw(scan: Record, ranges: FloatArray, row: FloatArray, speed: float) -> No
 
 @kernel
 def draw_disc(scan: Record, ranges: FloatArray, ahead: float, left: float, radius: float) -> None:
-    """Shorten the beams (n,) [m] that meet a disc [m] at a place ahead and to the left of the LiDAR [m]."""
+    """Draw a disc into a scan (n,) [m], by its radius and its place ahead and to the left of the LiDAR [m]."""
     far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
     half = math.asin(min(radius / max(far, 1.0001 * radius), 1.0))
     first = math.ceil((bearing - half - scan.angle_min) / scan.angle_increment)

@@ -391,14 +391,14 @@ def speed_at_contact(
 
 @kernel
 def _reading_towards(ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
-    """Return the one of `ranges` (n,) [m] that is nearest to the bearing of a point [m] in the frame of the LiDAR."""
+    """Return the reading of `ranges` (n,) [m] in the direction of a point [m] in the frame of the LiDAR."""
     place = nearest_place(angle_min, angle_increment, ahead, left)
     return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])
 
 
 @kernel
 def reading(ranges: FloatArray, angle_min: float, angle_increment: float, bearing: float) -> float:
-    """Return the one of `ranges` (n,) [m] that is nearest to a bearing [rad]."""
+    """Return the reading of `ranges` (n,) [m] at a bearing [rad]."""
     place = np.rint((bearing - angle_min) / angle_increment)
     return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])
 
