@@ -1,4 +1,7 @@
-"""The record of a crash: into what, where, when and at what speed. It is read off the tick in which the race ended."""
+"""The records of a crash and of a rollover: where, when and at what speed, and what was hit.
+
+They are read off the last tick of a car's race, and this module is imported where one ended so.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,7 @@ from ..vehicle.tire_slip import slides_above
 from ..vehicle.tires import tires_of
 
 _SLIDE, _TIME = TELEMETRY.index(f"slide_{WHEELS[0]}_m_s"), TELEMETRY.index("time_s")
+_LAP, _X, _VX = (TELEMETRY.index(name) for name in ("lap", "x_m", "vx_m_s"))
 _TOLD = math.radians(10.0)  # of sideslip, from which the text has it
 _TOGETHER = {
     WHEELS: "all tires", WHEELS[:2]: "the front tires", WHEELS[2:]: "the rear tires", WHEELS[::2]: "the left tires",
@@ -174,3 +178,37 @@ def _described(geom: str, world: World, point: tuple[float, float], normal: Floa
         if abs(normal @ (math.cos(heading), math.sin(heading))) > _ACROSS:
             return "wall across the course"
     return "left wall" if offset[0] > 0.0 else "right wall"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rollover:
+    """The last tick of a car that has rolled over: at its end the car lies on its side or its roof.
+
+    The text is for people: "at (3.10, -0.02) m, in lap 1, t = 2.60 s, 4.1 m/s".
+    """
+
+    time_s: float
+    x_m: float  # of the rear axle
+    y_m: float
+    speed_m_s: float  # of the rear axle over the ground; NaN in telemetry without it
+    lap: int  # from 1
+
+    @classmethod
+    def of(cls, end_reason: object, telemetry: FloatArray) -> Rollover | None:
+        """Return the rollover in which a race ended; None: it ended otherwise, or before its first tick.
+
+        Args:
+          end_reason: of END_REASONS.
+          telemetry: (ticks, len(TELEMETRY)).
+        """
+        if end_reason != "rolled_over" or len(telemetry) == 0:
+            return None
+        row = telemetry[-1]
+        return cls(
+            time_s=float(row[_TIME]), x_m=float(row[_X]), y_m=float(row[_X + 1]), lap=int(row[_LAP]),
+            speed_m_s=math.hypot(row[_VX], row[_VX + 1]),
+        )  # fmt: skip
+
+    def __str__(self) -> str:
+        place = f"at ({self.x_m:.2f}, {self.y_m:.2f}) m, in lap {self.lap}"
+        return f"{place}, t = {self.time_s:.2f} s, {self.speed_m_s:.1f} m/s"

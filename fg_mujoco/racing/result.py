@@ -27,10 +27,9 @@ if TYPE_CHECKING:
     from ..simulation.engine import Engine
     from ..simulation.settings import Start
     from ..simulation.world import World
-    from .crash import Crash
+    from .crash import Crash, Rollover
     from .entries import Entry
     from .race_control import Contact, Overtake, Restart, Warned
-    from .rollover import Rollover
     from .setup import Setup
 
 
@@ -135,7 +134,7 @@ class CarResult(Suggesting):
         """Where the car rolled over; None: its race did not end so."""
         if self.end_reason != "rolled_over":
             return None
-        from .rollover import Rollover
+        from .crash import Rollover
 
         return Rollover.of(self.end_reason, self.telemetry[self.column("time_s") < self.end_time_s])
 

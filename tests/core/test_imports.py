@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -113,3 +115,19 @@ def test_each_exception_is_needed():
     texts = {name: path.read_text("utf-8") for name, path in MODULES.items()}
     needed = {name for name, text in texts.items() if any(target is None for _, target in arrows(name, text))}
     assert needed == set(NAMED_AT_RUN_TIME)
+
+
+LOADS_NOTHING_OF = (
+    "course.maps", "course.scenes", "course.generator", "course.tight", "course.random_moving", "racing.race_control",
+    "racing.fault", "racing.crash", "racing.run_folder", "lidar.scan_pipeline", "lidar.measured_errors",
+    "vehicle.sensors", "vehicle.floors", "vehicle.contract", "cli", "lab", "pictures", "rollouts",
+)  # fmt: skip
+"""Rooms and modules of which a race of one car has nothing to do, see below."""
+
+
+def test_a_race_of_one_car_loads_what_it_has_and_no_more():
+    code = "import sys, fg_mujoco as fg; fg.race('oval', time_limit=0.05); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "fg_mujoco.racing.race" in loaded
+    found = [name for name in loaded for room in LOADS_NOTHING_OF if f"{name}.".startswith(f"fg_mujoco.{room}.")]
+    assert found == []

@@ -9,8 +9,7 @@ import numpy as np
 
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.pages.bokeh_plots import ALERT, OBSTACLE, WALL, new_plot, put_legend_above, speed_palette
-from fg_mujoco.racing.crash import Crash
-from fg_mujoco.racing.rollover import Rollover
+from fg_mujoco.racing.crash import Crash, Rollover
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.termination import WrongWay
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED

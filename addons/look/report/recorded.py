@@ -13,11 +13,10 @@ import numpy as np
 
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import CarParameters, FloatArray
-from fg_mujoco.racing.crash import Crash
+from fg_mujoco.racing.crash import Crash, Rollover
 from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.result import RaceResult, tires_model
-from fg_mujoco.racing.rollover import Rollover
 from fg_mujoco.racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.telemetry import TELEMETRY
