@@ -199,11 +199,6 @@ class Vehicle:
         return _as_it_was, (self.name, self.file, self.text, self.lidar, self.look, self.tires)
 
 
-def car_spec(mu: float | None = None, vehicle: str | Path | Vehicle = DEFAULT_VEHICLE) -> mujoco.MjSpec:
-    """Return a vehicle's MJCF as a new MjSpec; arguments and errors as in `Vehicle.load` and `Vehicle.spec`."""
-    return Vehicle.load(vehicle).spec(mu)
-
-
 def _as_it_was(name: str, file: str, text: str, lidar: LidarModel, look: str | None, tires: Tires) -> Vehicle:
     return Vehicle(name=name, file=file, text=text, lidar=lidar, look=look, tires=tires)
 

@@ -10,8 +10,7 @@ import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.scenes.catalogue import SCENES, load_scene
-from fg_mujoco.vehicle.car import car_parameters
-from fg_mujoco.vehicle.vehicle import car_spec
+from fg_mujoco.vehicle.vehicle import Vehicle
 
 MODULE = '''
     import numpy as np
@@ -73,7 +72,7 @@ def test_a_registered_scene_is_listed_with_its_distribution(register, capsys):
 
 def test_it_is_made_for_the_car_and_from_the_seed(register):
     register("doorway = yard_scenes:doorway")
-    car = car_parameters(car_spec().compile())
+    car = Vehicle.load().parameters
     same, again, other = (course_sha256(load_scene(f"scene:doorway:{seed}", car)) for seed in (1, 1, 2))
     assert same == again != other
     low, high = fg.load_track("scene:doorway").obstacles
@@ -113,7 +112,7 @@ def test_the_name_of_a_bundled_scene_is_refused_and_the_bundled_one_stays(regist
 def test_bundled_scenes_have_room_for_cars_up_to_a_width():
     from dataclasses import replace
 
-    car = car_parameters(car_spec().compile())
+    car = Vehicle.load().parameters
     for name in SCENES:
         for seed in range(5):
             load_scene(f"scene:{name}:{seed}", replace(car, width=0.6, length=1.1))
