@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.racing.crash import Rollover
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
