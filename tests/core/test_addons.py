@@ -1,0 +1,58 @@
+"""The core drives without add-ons, and one that cannot be imported names itself and leaves the core working."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fg_mujoco.addons
+from fg_mujoco.registry import ADDONS, added
+
+TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCHEMES", "PARTS")
+
+
+def run(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+def test_the_core_races_and_shows_its_help_without_add_ons():
+    said = run(
+        "import sys\nsys.modules['fg_mujoco.addons'] = None\n"
+        "import fg_mujoco as fg\nfrom fg_mujoco.cli.main import main\n"
+        "print(fg.race('oval', laps=1, time_limit=0.5).car.end_reason)\n"
+        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    print(end.code)"
+    )
+    assert "time_limit" in said and "rollout" in said and "overtake" not in said
+
+
+def test_an_add_on_that_cannot_be_imported_names_itself():
+    said = run(
+        "import sys\nsys.modules['fg_mujoco.addons.arena'] = None\n"
+        "from fg_mujoco.cli.main import main\nprint(main(['compare']), main(['vehicles', 'f1tenth']))"
+    )
+    assert "2 0" in said
+    assert "'compare' is of the add-on arena, which cannot be imported: ModuleNotFoundError" in said
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_what_the_table_names_is_there(table):
+    for name, place in added(table).items():
+        module, _, attribute = place.removeprefix(f"{ADDONS}.").partition(":")
+        base = Path(fg_mujoco.addons.__file__).parent.joinpath(*module.split("."))
+        path = base.with_suffix(".py") if base.with_suffix(".py").exists() else base / "__init__.py"
+        defined = {
+            each
+            for node in ast.parse(path.read_text("utf-8")).body
+            for each in (
+                [alias.asname or alias.name for alias in node.names]
+                if isinstance(node, ast.ImportFrom)
+                else [target.id for target in node.targets if isinstance(target, ast.Name)]
+                if isinstance(node, ast.Assign)
+                else [getattr(node, "name", None) or getattr(getattr(node, "target", None), "id", None)]
+            )
+        }
+        assert attribute in defined, (name, place)
