@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons import gym2d
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 from fg_mujoco.envs.actions import ActionBounds
 from fg_mujoco.envs.observation_description import DEFAULT_OBSERVATION
@@ -262,7 +263,7 @@ FACES = {  # how it is made, what a reset and a step return
         lambda env: env.reset().observation, lambda env, action: env.step(action).observation,
     ),
     "f110": (
-        lambda: fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20),
+        lambda: gym2d.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20),
         lambda env: env.reset(np.zeros((1, 3)))[0], lambda env, action: env.step(action[np.newaxis])[0],
     ),
 }  # fmt: skip
