@@ -9,10 +9,9 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
-from fg_mujoco.addons.learn.policy_planner import find_policy
+from fg_mujoco.addons.learn.policy_planner import PolicyPlanner, find_policy
 from fg_mujoco.addons.learn.self_play import SelfPlay, Snapshots
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
-from fg_mujoco.envs import environment_opponents
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import FgMujocoError
@@ -103,7 +102,7 @@ def test_snapshots_asked_together_drive_as_planners_do(other, tmp_path, monkeypa
     pool = SelfPlay(share=0.8).pool(files)
     together = drive(settings, pool)
     assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
-    monkeypatch.setattr(environment_opponents, "batch_key", lambda planner: None)
+    monkeypatch.setattr(PolicyPlanner, "batch_key", None)
     assert drive(settings, pool) == together
 
 
