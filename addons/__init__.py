@@ -80,6 +80,7 @@ PARTS = {
     "pose settings": "drivers.localisation.localiser:PoseSettings",
     "raceline": "drivers.line_optimizer:raceline",
     "report": "look.commands:report_race",
+    "tight circuits": "arena.tight_courses.tight:generate_tight_track",
     "residual": "learn.residual:Residual",
     "room on map": "drivers.line_optimizer:room_on_map",
     "run page": "look.report.report_page:write_report",

@@ -5,7 +5,6 @@
     scene        an open course, from a start to a goal; scenes/: those that have a name
     maps/        courses from ROS maps, and tracks exported as maps and meshes
     formats      a course from its name; centreline_csv, generator: circuits from files and seeds
-    tight        tight circuits from a seed; lanes, chicanes: how they are drawn; drivable: that a car can drive a lap
     obstacles    solids that stand, moving_obstacles those that move, random_obstacles those at random places
     documents    TOML and JSON that others may have written; files, writing: bounded reading, and writing in one step
     definitions  the numbers that make a course what it is, and their hash

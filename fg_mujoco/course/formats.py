@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import CarParameters
-from ..registry import Registry
+from ..registry import PARTS, Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
@@ -107,15 +108,15 @@ def _random(name: str) -> Course:
     if colon and kind != TIGHT:
         close = f"; did you mean 'random:{seed}:{TIGHT}'?" if nearest(kind, [TIGHT]) else ""
         raise TrackError(f"{name!r} asks for a random circuit of kind {kind!r}; accepted: {forms}{close}")
-    return _drawn(int(seed), tight=bool(colon))
+    course: Course = _drawn(int(seed), tight=bool(colon))
+    return course
 
 
 @lru_cache(maxsize=32)
-def _drawn(seed: int, *, tight: bool) -> Course:
+def _drawn(seed: int, *, tight: bool) -> Any:
     from .generator import generate_track
-    from .tight import generate_tight_track
 
-    return generate_tight_track(seed) if tight else generate_track(seed)
+    return PARTS.find("tight circuits")(seed) if tight else generate_track(seed)
 
 
 def _scene(name: str, car: CarParameters) -> Course:

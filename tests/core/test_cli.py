@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.tight_courses.tight import generate_tight_track
 from fg_mujoco.cli.command import OUTPUT
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.options import GROUPS
-from fg_mujoco.course.tight import generate_tight_track
 from fg_mujoco.errors import SettingsError, install_command
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
 from refusals import contents, refused

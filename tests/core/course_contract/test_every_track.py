@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
 
+from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
 from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline
-from fg_mujoco.course.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import self_crossings
 from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms

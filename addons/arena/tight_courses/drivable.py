@@ -19,11 +19,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..compiled.kernels import kernel
-from ..errors import SettingsError
-from ..messages import CarParameters, FloatArray, require
-from .course import outline
-from .track import Track, follow
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.course.course import outline
+from fg_mujoco.course.track import Track, follow
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import CarParameters, FloatArray, require
 
 MARGIN = 0.05  # [m] all round the footprint
 STEP = 0.1  # [m] that the rear axle drives between two poses

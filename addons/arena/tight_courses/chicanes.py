@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..messages import FloatArray
+from fg_mujoco.course.polyline import cross
+from fg_mujoco.messages import FloatArray
+
 from .lanes import SPACING, Lane
-from .polyline import cross
 
 _RAMP = 1.4  # [m] at most, in which the line turns from the middle of the lane to what a box leaves
 _EDGE = 0.01  # [m] from the place at a corner of a box to the points of the line before and behind it

@@ -17,15 +17,16 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..arguments import explain_class
-from ..errors import SettingsError, TrackError
-from ..messages import FloatArray, require
+from fg_mujoco.arguments import explain_class
+from fg_mujoco.course.generator import SIDES, Cell, can_join, require_order
+from fg_mujoco.course.polyline import step_lengths, turns
+from fg_mujoco.course.track import Track
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.messages import FloatArray, require
+
 from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
-from .generator import SIDES, Cell, can_join, require_order
 from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline
-from .polyline import step_lengths, turns
-from .track import Track
 
 _ATTEMPTS = 300  # draws before giving up; with the default settings the first few keep them
 _MAX_RADIUS = 1.6  # [m] of the centreline in a corner that has room for more

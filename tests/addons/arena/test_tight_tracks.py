@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.course.chicanes import Block, with_boxes
+from fg_mujoco.addons.arena.tight_courses.chicanes import Block, with_boxes
+from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, drivable_lap
+from fg_mujoco.addons.arena.tight_courses.lanes import corner_radii, lane, patch
+from fg_mujoco.addons.arena.tight_courses.lanes import outline as outline_of
+from fg_mujoco.addons.arena.tight_courses.tight import TightSettings, generate_tight_track
 from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline
-from fg_mujoco.course.drivable import MARGIN, STEP, drivable_lap
-from fg_mujoco.course.lanes import corner_radii, lane, patch
-from fg_mujoco.course.lanes import outline as outline_of
 from fg_mujoco.course.polyline import self_crossings
-from fg_mujoco.course.tight import TightSettings, generate_tight_track
 from fg_mujoco.simulation.course_loading import default_car
 from scene_search import Clearances, car_gets_through
 
