@@ -38,10 +38,10 @@ from ..lidar.links import LINK, place_links
 from ..lidar.scanline import scan
 from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..messages import ODOMETRY, FloatArray
-from ..vehicle import stages
+from ..vehicle import mujoco_stages as stages
 from ..vehicle.motion import CAR, read_odometry
 from ..vehicle.motion import drive as drive_car
-from ..vehicle.stages import Fields
+from ..vehicle.mujoco_stages import Fields
 from ..vehicle.tire_forces import step_on_contacts, step_on_tires
 from ..vehicle.tire_rows import GEAR, TIRE, USERDATA
 from ..vehicle.tire_slip import measure_slip

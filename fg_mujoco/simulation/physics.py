@@ -21,7 +21,7 @@ from ..arguments import Uncopied
 from ..compiled.kernels import kernel, library_function
 from ..errors import EngineError, ModelError
 from ..messages import FloatArray
-from ..vehicle.stages import library_path
+from ..vehicle.mujoco_stages import library_path
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """The parts of a state: all that the next step depends on."""

@@ -29,7 +29,7 @@ from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
 from ..vehicle.motion import CAR, read_motions
-from ..vehicle.stages import fields
+from ..vehicle.mujoco_stages import fields
 from ..vehicle.tire_rows import USERDATA, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
 from ..vehicle.tire_solve import SCRATCH, Inertia

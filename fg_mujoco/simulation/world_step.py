@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from ..compiled.kernels import kernel
 from ..course.moving_obstacles import obstacle_position
 from ..messages import FloatArray
-from ..vehicle import stages
+from ..vehicle import mujoco_stages as stages
 from ..vehicle.friction_patches import look_at_floor
 from ..vehicle.motion import planar_pose
-from ..vehicle.stages import Fields
+from ..vehicle.mujoco_stages import Fields
 
 Rows = NDArray[np.void]
 Places = NDArray[np.int64]

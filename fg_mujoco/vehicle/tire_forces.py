@@ -24,9 +24,9 @@ import numpy as np
 from ..arguments import Suggesting
 from ..compiled.kernels import kernel
 from ..messages import FloatArray
-from . import stages
+from . import mujoco_stages as stages
 from .car import WHEELS
-from .stages import Fields, fields
+from .mujoco_stages import Fields, fields
 from .tire_rows import (
     ACROSS,
     ALONG,

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from ..compiled.kernels import kernel, numbas
 from ..messages import FloatArray
-from . import stages
-from .stages import Fields
+from . import mujoco_stages as stages
+from .mujoco_stages import Fields
 from .tire_patch import bend, damping_of, deflect, grip_of, rolled, unlikely
 from .tire_rows import (
     ACROSS,

@@ -15,7 +15,7 @@ from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.simulation.settings import Start
-from fg_mujoco.vehicle import stages
+from fg_mujoco.vehicle import mujoco_stages as stages
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.tire_forces import TireForces, begin_step, end_step
 from fg_mujoco.vehicle.tire_patch import deflect, grip_of
