@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.safety.braking_trajectories import BrakingSettings, BrakingTrajectories
+from fg_mujoco.controllers.safety.braking_trajectories import TRAJECTORIES, BrakingSettings, BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from scan_worlds import CAR, INCREMENT, MU, corridor, room, scan_of
 
@@ -53,6 +53,13 @@ def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, s
     by_table = safe_speed(scan, 3.0, steering_angle, BrakingTrajectories(CAR, more, TOP_SPEED))
     scaled = faster * safe_speed(scan, 3.0 / faster, steering_angle, BrakingTrajectories(CAR, less, TOP_SPEED))
     assert scaled == pytest.approx(by_table, abs=1.05 * SPEED_STEP)
+
+
+@pytest.mark.parametrize("top", [8.0, 12.0, 20.0, 50.0])
+def test_speeds_are_looked_at_as_finely_up_to_any_limit(top):
+    speeds = BrakingTrajectories(CAR, LIMITER, top).speeds
+    assert speeds[-1] == min(top, CAR.max_speed)
+    assert np.diff(speeds).max() < 0.1601
 
 
 @pytest.mark.parametrize("distance", [0.0, 0.2, 0.4])
@@ -156,6 +163,10 @@ def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
     ):
         assert not np.shares_memory(other.record, STOPPING.record)
         assert not np.array_equal(other.record["distances"], STOPPING.record["distances"])
+
+
+def test_a_table_takes_a_megabyte_and_a_half():
+    assert TRAJECTORIES.itemsize < 1_400_000
 
 
 # -- what holds for any scan

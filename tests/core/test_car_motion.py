@@ -14,6 +14,8 @@ from fg_mujoco.vehicle import motion as car_motion
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.vehicle import Vehicle
 
+rate = st.floats(-30, 30)
+
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
 
 
@@ -118,3 +120,15 @@ def test_each_of_two_cars_reads_its_own_state_and_drives_its_own_wheels():
         assert sign * odometry.yaw_rate > 0.1 and sign * odometry.linear_acceleration[1] > 0.1
         assert car.ground_speed(data) == pytest.approx(speed, rel=0.03)
     assert first.pose(data)[1] > 0.1 and second.pose(data)[1] < 4.9
+
+
+@given(steering=rate, speed=rate)
+def test_drive_holds_a_command_within_the_limits(steering, speed):
+    """Oracle: numpy's clip."""
+    model, data, car = WORLDS["car/"]
+    limits = car.parameters
+    mujoco.mj_resetData(model, data)
+    data.ctrl[:] = 7.0
+    car_motion.drive(steering, speed, car.constants, data.ctrl)
+    assert data.actuator("car/steering").ctrl[0] == np.clip(steering, -0.4189, 0.4189)
+    assert data.actuator("car/speed").ctrl[0] == np.clip(speed, limits.min_speed, limits.max_speed)

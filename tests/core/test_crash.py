@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.racing.crash import crash_of
+from fg_mujoco.racing.crash import Crash, crash_of
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import END_REASONS
@@ -104,6 +104,22 @@ def test_a_car_that_slides_into_the_wall_is_told_at_its_speed_over_the_ground_an
     assert crash.slid_front_left_s > 0.2
     degrees = math.degrees(abs(crash.sideslip_rad))
     assert f", {crash.speed_m_s:.1f} m/s, {degrees:.0f} degrees of sideslip; had slid: " in str(crash)
+
+
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ((0.0, 0.0, 0.0, 0.0), ""),
+        ((0.4, 0.4, 0.4, 0.4), "; had slid: all tires for 0.40 s"),
+        ((0.1, 0.0, 10.5, 10.5), "; had slid: the rear tires for 10.50 s, front left for 0.10 s"),
+        ((0.2, 0.0, 0.0, 0.2), "; had slid: front left and rear right for 0.20 s"),
+    ],
+)
+def test_the_tires_that_had_slid_are_told_the_longest_first(times, said):
+    slid = {f"slid_{wheel}_s": time for wheel, time in zip(WHEELS, times, strict=True)}
+    crash = Crash(into="left wall", geom="wall_0", time_s=1.0, x_m=0.0, y_m=0.0, speed_m_s=2.0, sideslip_rad=0.0,
+                  lap=1, s_m=3.0, **slid)  # fmt: skip
+    assert str(crash).endswith(f", 2.0 m/s{said}")
 
 
 def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():

@@ -291,6 +291,16 @@ def test_a_copied_environment_is_a_new_one_that_drives_apart(face, how):
     assert not np.array_equal(all_numbers(own), all_numbers(moved))
 
 
+def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last():
+    env = F1TenthEnv(beam_step=60, randomize={"mu": (0.9, 1.0)})
+    env.set_randomization({"mu": (0.4, 0.41)})
+    copied = copy.deepcopy(env)
+    assert copied.reset(seed=1)[1]["drawn_mu"] == env.reset(seed=1)[1]["drawn_mu"] < 0.42
+    gym = fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
+    gym.update_map("hairpins")
+    assert copy.deepcopy(gym).world.track.name == "hairpins"
+
+
 @pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_what_holds_addresses_is_not_copied(how):
     world = fg.World("oval")

@@ -14,6 +14,10 @@ from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
 from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
 from fg_mujoco.vehicle.car import WHEELS
 
+
+def said_of(angles):
+    return clamped_hint(telemetry(angles, [2.0] * len(angles)), CAR)
+
 CAR = fg.Vehicle.load("f1tenth").parameters
 PERIOD = 0.025
 
@@ -81,6 +85,14 @@ def test_degrees_are_told_and_radians_are_not():
 def test_most_commands_beyond_the_limits_are_told_and_fewer_are_not(angles, speeds, said):
     hint = clamped_hint(telemetry(angles, speeds), CAR)
     assert said in hint and bool(hint) == bool(said) and "\n" not in hint
+
+
+@pytest.mark.parametrize("cut", [0.4189, 0.34])
+def test_degrees_that_are_cut_off_are_told_and_radians_and_one_side_are_not(cut):
+    radians = 0.1 * np.sin(0.2 * np.arange(200))
+    degrees = np.clip(np.degrees(radians), -cut, cut)
+    assert "if these are degrees that were cut off there, try math.radians(angle)" in said_of(degrees)
+    assert [said_of(angles) for angles in (radians, np.abs(degrees), 0.01 * degrees)] == ["", "", ""]
 
 
 @pytest.mark.parametrize(("moves", "said"), [(0.0, "all "), (1.0, "the last "), (99.0, "")])

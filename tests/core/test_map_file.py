@@ -114,6 +114,11 @@ def test_a_number_is_one_in_every_spelling_of_yaml_1_2(text):
     assert plain_yaml(f"x: {text}") == {"x": float(text)}
 
 
+@pytest.mark.parametrize("text", ["e5", "1e", "1.2.3", "v1e5", "1e5m", ".", "'1e5'"])
+def test_text_that_looks_like_a_number_stays_text(text):
+    assert plain_yaml(f"x: {text}") == {"x": text.strip("'")}
+
+
 @pytest.mark.parametrize(
     ("settings", "start", "heading"),
     [

@@ -1,5 +1,6 @@
 """A planner of one's own on the base classes: settings, memory and scans reach its kernel, alone and in a batch."""
 
+import copy
 import math
 from dataclasses import dataclass, replace
 
@@ -85,6 +86,15 @@ def test_a_planner_that_assumes_no_friction_limit_gets_its_reference():
     settings = PatientSettings(patience=0, pace=7.0, speed_law="friction")
     command = Patient(CAR, np.inf, settings=settings)(corridor(1.0, 1.0, ahead=0.5), odometry_of(0.0))
     assert (command.steering_angle, command.speed) == (0.1, 7.0)
+
+
+def test_a_copied_planner_is_a_new_one():
+    planner = Patient(CAR, MU, settings=PatientSettings(patience=2))
+    assert max(speeds(planner, 2)) == 0.0
+    copied, before = copy.deepcopy(planner), planner._commands.copy()
+    assert speeds(copied, 3)[:2] == [0.0, 0.0]
+    assert np.array_equal(planner._commands, before)
+    assert speeds(planner, 1)[0] > 0.0
 
 
 def test_each_world_of_a_batch_has_a_memory_of_its_own():

@@ -324,6 +324,16 @@ def test_a_race_of_python_is_proved_but_for_a_limit_that_nobody_wrote_down(short
     assert set(fg.replay(named).proved["summary.json"]) == set(TELLTALE)
 
 
+def test_a_race_that_was_interrupted_before_its_first_tick_is_proved(tmp_path):
+    def interrupt(scan, odometry):
+        signal.raise_signal(signal.SIGINT)
+
+    result = fg.race("oval", interrupt)
+    assert result.car.end_reason == "interrupted" and not len(result.ctrl)
+    report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
+    assert report.holds, report.lines
+
+
 @pytest.mark.parametrize("ended", ["History.append", "judge", "tick"])
 def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, monkeypatch):
     """As a second Ctrl-C can, which ends a race at any place."""

@@ -127,6 +127,11 @@ def test_a_header_that_names_its_columns_is_obeyed(read, text):
     np.testing.assert_allclose(track.width_left, 1.2)
 
 
+def test_one_width_that_is_named_is_that_from_wall_to_wall(read):
+    track = read(named("x,y,track_width=left"))
+    np.testing.assert_array_equal((track.width_right, track.width_left), 0.6)
+
+
 ANGLE = [2.0 * math.pi * k / len(ROWS) for k in range(len(ROWS))]
 YAW = [math.atan2(11.0 * math.cos(a), -20.0 * math.sin(a)) % (2.0 * math.pi) + 0.01 for a in ANGLE]
 QUATERNION = [
@@ -170,6 +175,15 @@ def test_a_track_is_turned_round_on_request(tmp_path, direction):
     is_same = direction == "counterclockwise"
     np.testing.assert_array_equal(turned.width_right, 1.0 if is_same else 1.2)
     np.testing.assert_array_equal(turned.width_left, 1.2 if is_same else 1.0)
+
+
+@pytest.mark.parametrize("width", ["0", "-1", "nan", "inf", "220"])
+def test_a_width_that_no_course_has_is_refused(tmp_path, width):
+    path = tmp_path / "some.csv"
+    path.write_text(text_of([row[:2] for row in ROWS]))
+    said = "220 m wide: centimetres" if width == "220" else "width is .*; accepted: a positive number of metres"
+    with pytest.raises(TrackError, match=said):
+        load_track(f"{path}[width={width}]")
 
 
 @pytest.mark.parametrize("spacing", [0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0])

@@ -150,3 +150,13 @@ def test_worlds_that_differ_in_anything_are_not_taken_for_each_other():
     ]  # fmt: skip
     worlds.append(fg.World(dataclasses.replace(fg.load_track("oval"), name="another")))
     assert len({world.xml for world in worlds}) == len(worlds)
+
+
+def test_a_warning_of_mujoco_leaves_no_log_where_somebody_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    body = "<body><freejoint/><geom size='1'/></body>"
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    data.qpos[0] = np.nan
+    mujoco.mj_step(model, data)
+    assert data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number == 1 and not list(tmp_path.iterdir())

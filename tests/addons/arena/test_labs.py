@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.addons.arena.labs import recorded_commands
-from fg_mujoco.addons.arena.labs.checks import nearest_distances
+from fg_mujoco.addons.arena.labs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.labs.grading import grade
 from fg_mujoco.addons.arena.labs.lab_file import read_lab
 from fg_mujoco.cli.main import main
@@ -227,6 +227,13 @@ def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
     (here / "lab.toml").write_text(ONE)
     found = grade("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
     assert [each.points for each in found] == [0] * len(RECORDS) and all(each.reason for each in found)
+
+
+def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
+    monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
+    (here / "lab.toml").write_text(LAB)
+    (found,) = grade("lab.toml", "good.py", out="out", workers=1).cells
+    assert found.points == 2 and found.reason == "the drive cannot be judged: KeyError: 'steering'"
 
 
 def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):

@@ -9,10 +9,13 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
+from fg_mujoco.addons.drivers.racelines import raceline
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.racelines import read_line
+from fg_mujoco.course.clearance import clearances, outline
+from fg_mujoco.errors import TrackError
 from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.setup import Setup
@@ -120,3 +123,22 @@ def test_command_writes_line_and_picture(tmp_path, capsys):
 def test_pure_pursuit_makes_its_own_line_and_is_faster_on_it():
     centreline, own = (fg.race("oval", f"pure_pursuit[line={line}]", laps=1).car for line in ("centreline", "raceline"))
     assert own.finished and own.max_slide_m_s < 0.01 and own.lap_times_s[0] < centreline.lap_times_s[0]
+
+
+def test_the_clearance_of_a_line_is_that_to_everything_that_stands():
+    course = fg.load_track("hairpins")
+    poses = np.column_stack((course.centreline, course.headings))
+    poses[:, :2] += np.random.default_rng(0).normal(0.0, 0.1, (len(poses), 2))
+    standing = np.concatenate([outline(each) for each in course.edges])
+    every = clearances(poses, standing, CAR)
+    reach = CAR.length + float((course.corridor_left + course.corridor_right).max())
+    np.testing.assert_array_equal(raceline._clearances(poses, standing, CAR, reach), every)
+
+
+def test_a_circuit_whose_line_would_take_minutes_is_refused_at_once():
+    count = 4500
+    turns = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
+    line = 1400.0 * np.column_stack((np.cos(turns), np.sin(turns)))
+    long = fg.Track(name="long", centreline=line, width_right=np.full(count, 1.5), width_left=np.full(count, 1.5))
+    with pytest.raises(TrackError, match=r"'long' is 8796 m long; accepted: up to 8000 m"):
+        make_raceline(Setup(track=long))

@@ -9,10 +9,12 @@ import gymnasium
 import numpy as np
 import pytest
 
+import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
+from fg_mujoco.addons.gym2d.gym_world import LapCount
 from fg_mujoco.addons.gym2d.params import F1FIFTH, F1TENTH, own_params
-from fg_mujoco.errors import TrackError
+from fg_mujoco.errors import SettingsError, TrackError
 from map_oracles import draw_map, ring
 
 POSE = np.array([[7.5, 2.25, 0.0]])
@@ -202,6 +204,55 @@ def test_configuration_objects_are_the_settings(drawn):
     moved = gym_config.LiDARConfig(base_link_to_lidar_tf=(0.1, 0.0, 0.0))
     assert f110.make("f1tenth-v0", config=settings.with_updates(lidar=moved)).sim.lidar_dist == 0.1
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
+
+
+@pytest.mark.parametrize(
+    ("kind", "named", "said"),
+    [
+        ("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
+        ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
+        ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
+        ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
+        ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
+        ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
+        ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
+    ],
+)
+def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
+    from fg_mujoco.addons.gym2d import gym_config
+
+    with pytest.raises(SettingsError, match=said):
+        getattr(gym_config, kind)(**named)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
+    """Driven by hand: a lap in 10 s, then one in 5 s."""
+    from fg_mujoco.addons.gym2d import gym_config
+
+    env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
+    _, info = env.reset()
+    assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
+    course = env.world.track
+    x, y, heading = course.start_pose(0.0)
+    laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
+    found = {}
+    for tick in range(1, 1650):
+        time = 0.01 * tick
+        lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
+        laps.count(time, *course.start_pose(way * course.length * lap)[:2])
+        found.setdefault(laps.completed, laps.last)
+    assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
+
+
+def test_a_course_of_ours_is_scaled_with_its_lines_and_one_without_laps_is_refused():
+    env = new_env("oval", scale=1.5)
+    oval = fg.load_track("oval")
+    assert env.world.track.length == pytest.approx(1.5 * oval.length)
+    line = np.column_stack((env.track.centerline.xs, env.track.centerline.ys))
+    assert np.ptp(line, axis=0) == pytest.approx(1.5 * np.ptp(oval.centreline, axis=0), rel=1e-3)
+    with pytest.raises(SettingsError, match=r"scale is 1.5 of .*accepted: 1"):
+        new_env("scene:dead_end:1", scale=1.5)
 
 
 # Functions

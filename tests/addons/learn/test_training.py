@@ -186,6 +186,12 @@ def test_policies_are_compared_with_planners_for_each_friction(tmp_path, capsys)
     assert "mu is []" in refused_by(lambda: evaluate("gap_finder", mu=[], out=tmp_path / "other"))
 
 
+def test_the_planner_that_others_are_compared_with_can_be_evaluated_alone(tmp_path, capsys):
+    given = ["--controller", "gap_finder", "--mu", "1", "--time-limit", "0.2", "--workers", "1"]
+    assert main(["evaluate", *given, "--out", str(tmp_path / "table")]) == 0
+    assert "| gap_finder | 1 " in capsys.readouterr().out
+
+
 def refused_by(call):
     with pytest.raises(fg.SettingsError) as error:
         call()

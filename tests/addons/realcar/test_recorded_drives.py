@@ -123,6 +123,17 @@ def test_a_drive_is_cut_at_a_pause_which_is_said(tmp_path, pause, carried):
         assert part.parts() == [part] and part.part_of == drive.name
 
 
+def test_a_long_drive_is_taken_in_parts_that_are_evenly_spread(tmp_path):
+    made = motion()
+    whole = {name: np.tile(made[name], 25) for name in ("time", "speed", "yaw_rate", "steering", "x", "y", "yaw")}
+    whole["time"] = np.arange(len(whole["time"])) * 0.02
+    with pytest.warns(UserWarning, match="lasts 975 s, of which 10 parts of up to 30 s are taken"):
+        parts = read_drive(spoilt(tmp_path, **whole)).parts()
+    begins = [part.start for part in parts]
+    assert sum(part.end - part.start for part in parts) == pytest.approx(300.0, abs=10.0)
+    assert begins[0] == 0.0 and parts[-1].end == pytest.approx(974.98) and np.ptp(np.diff(begins)) < 31.0
+
+
 @pytest.mark.parametrize(
     ("first", "by", "said"),
     [
@@ -136,6 +147,53 @@ def test_a_clock_that_jumps_is_refused_with_its_row(tmp_path, first, by, said):
     time[first:] += by
     with pytest.raises(fg.SettingsError, match=said):
         read_drive(spoilt(tmp_path, time=time))
+
+
+def test_comments_above_the_header_and_between_rows_are_left_out(tmp_path):
+    path = spoilt(tmp_path)
+    header, *rows = path.read_text().splitlines()
+    plain = read_drive(path)
+    for number, names in enumerate((header, f"# {header}", f'"{header.replace(",", chr(34) + "," + chr(34))}"')):
+        made = tmp_path / "folder" / f"{number}.csv"
+        made.parent.mkdir(exist_ok=True)
+        above = ["# by hand, 20 \u00b0C", '# start :,"[0, 0, 0]", 25 Hz', "", names]
+        lines = [*above, *rows[:50], "", "  # a lap", *rows[50:]]
+        made.write_text("\n".join(lines), encoding="latin-1" if number else "utf-8")
+        assert np.array_equal(read_drive(made).speed.values, plain.speed.values)
+    spoilt_row = tmp_path / "row.csv"
+    spoilt_row.write_bytes(made.read_bytes().replace(rows[100].encode(), b"1," + rows[100].encode()))
+    assert "line 107: 9 cells" in said_of(spoilt_row)
+    assert len(read_drives(tmp_path / "folder")) == 3
+    made.write_bytes(path.read_bytes().replace(b",", b",\0"))
+    assert "is not a text file" in said_of(made)
+
+
+@pytest.mark.parametrize("value", ["-1e308", "9" * 400, "inf", "1e30", "-2e8"])
+@pytest.mark.parametrize("name", HEADER.split(","))
+def test_a_number_that_is_no_measurement_is_refused_with_its_line(tmp_path, capsys, monkeypatch, name, value):
+    monkeypatch.chdir(tmp_path)
+    header, *rows = write(tmp_path / "drive.csv", motion(4.0)).read_text().splitlines()
+    cells = rows[50].split(",")
+    cells[header.split(",").index(name)] = value
+    Path("drive.csv").write_text("\n".join([header, *rows[:50], ",".join(cells), *rows[51:]]))
+    line = refused(tmp_path, capsys, "bag", "drive.csv")
+    assert f"drive.csv, line {53 if 'backwards' in line and value[0] != '-' else 52}: {name}" in line
+
+
+@pytest.mark.parametrize("value", ["9" * 400, "-" + "9" * 400, "inf", "nan", "[1.0]", "{a = 1}", "true", "1e300"])
+def test_a_value_of_a_mapping_that_is_no_number_or_absurd_is_refused(tmp_path, value):
+    columns = tmp_path / "columns.toml"
+    others = 'speed = "speed_m_s"\nyaw_rate = "yaw_rate_rad_s"\nsteering = "steering_rad"\n'
+    lines = ["time = VALUE"]
+    lines += [f'time = {{column = "time_s", {key} = VALUE}}' for key in ("scale", "offset", "delay", "unit")]
+    lines += [f'time = "time_s"\n{key} = VALUE' for key in ("pose_ahead", "steering_is")]
+    beams = ("count", "count = 9, field_of_view")
+    lines += [f'time = "time_s"\nbeams = {{columns = "b{{}}", {key} = VALUE}}' for key in beams]
+    for line in lines:
+        columns.write_text(f"{others}{line.replace('VALUE', value)}\n")
+        with pytest.raises(fg.SettingsError, match=r"columns.toml, line [45]: .*; accepted: ") as refusal:
+            DriveColumns.of(columns)
+        assert len(str(refusal.value)) < 500
 
 
 def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path):

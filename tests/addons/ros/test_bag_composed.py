@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from bag_worlds import SECOND, header, make, robot_scan, rotation, vector, write_bag
+from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
 from fg_mujoco.addons.realcar.bag_drive import read_drives
-from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, type_store
+from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, USUAL, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
+from fg_mujoco.addons.ros.node_host.sensing import TOPICS
+from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 CAR = Vehicle.load().parameters
@@ -110,6 +112,42 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
     asked = [(each.message.drive.steering_angle, each.message.drive.speed) for each in heard]
     assert asked == [pytest.approx((-STEERING, 0.5 * THROTTLE)), pytest.approx((0.5 * STEERING, -THROTTLE))]
     assert [each.time for each in heard] == [EPOCH + 1, EPOCH + 4]
+
+
+@pytest.mark.parametrize(("driver", "bits", "storage"), [("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")])
+def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys, driver, bits, storage):
+    bag = write_bag(tmp_path / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
+    (drive,) = read_drives(bag)
+    angles = 0.001 * np.arange(120)
+    assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
+    assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
+    assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
+    with ScanBag(bag, CAR) as scans:
+        assert scans.topics[DRIVE] == f"{driver}/commands"
+        last = list(scans)[-1].odometry
+    assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
+    assert main(["bag", str(bag)]) == 0
+    assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_what_an_ackermann_topic_commands_goes_before_the_vescs(tmp_path):
+    drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=0.3, steering_angle_velocity=0.0, speed=1.0,
+                 acceleration=0.0, jerk=0.0)  # fmt: skip
+    times = [EPOCH + i * STEP for i in range(120)]
+    own = [("/mine", time, make(DRIVE, header=header(time, ""), drive=drive)) for time in times]
+    bag = write_bag(tmp_path / "bag", sorted([*vesc_entries(""), *own], key=lambda entry: entry[1]))
+    assert np.allclose(read_drives(bag)[0].steering.values, 0.3)
+    assert np.allclose(read_drives(bag, drive_topic="/commands")[0].steering.values[:, 0], 0.001 * np.arange(120))
+
+
+def test_of_several_topics_those_are_read_that_nodes_get(tmp_path):
+    assert {name for kind in USUAL for name in USUAL[kind]} >= {
+        name for name, (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name
+    }
+    names = ("/pf/pose/odom", "/vesc/odom")
+    entries = [(name, EPOCH + i, robot_odometry(EPOCH + i)) for i in range(9) for name in names]
+    with Recording(write_bag(tmp_path / "bag", entries)) as bag, pytest.warns(UserWarning, match="/vesc/odom is read"):
+        assert bag.choose((ODOMETRY,), option="--odom-topic") == (ODOMETRY, "/vesc/odom")
 
 
 def vesc_entries(driver, number="std_msgs/msg/Float64", count=120):

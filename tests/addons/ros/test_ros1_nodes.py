@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
@@ -82,6 +84,23 @@ def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(t
     write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
     write(tmp_path / "lib", "from car import run\n", "car_again.py")
     assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
+
+
+def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
+    loop = "while not rospy.core.is_shutdown_requested():\n    rospy.client.wait_for_message('scan', LaserScan)\n"
+    assert commands(write(tmp_path, HEAD + loop + "    drive(1.0)\n"))[-1][0] == 1.0
+
+
+@pytest.mark.parametrize("value", ["'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"])
+def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path, value):
+    old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
+    source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
+    if old:
+        assert commands(source)[-1][1] == 1.0
+        return
+    said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
+    with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
+        commands(source, 202)
 
 
 def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path):

@@ -223,6 +223,24 @@ def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(wor
         assert speeds(source, 4)[0] == 1.0
 
 
+def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
+    source = workspace("return LaunchDescription([drive(), Node(package='my_car', executable='board')])")
+    car = Path(source.removeprefix("ros:")).parents[1]
+    (car / "scripts").mkdir()
+    (car / "scripts" / "board").write_text("#!/usr/bin/env python3\nimport rclpy\nrclpy.init()\nopen('/dev/none')\n")
+    node = car / "my_car" / "drive_node.py"
+    text = node.read_text()
+    node.write_text(text.replace("out = Ack", "out = 1 / 0 and Ack"))
+    with (
+        pytest.warns(UserWarning, match="drive on"),
+        pytest.raises(Exception, match=r"division by zero \(.*drive_node"),
+    ):
+        speeds(source)
+    node.write_text(text.replace("def __init__(self):", "def __init__(self):\n        1 / 0"))
+    with pytest.warns(UserWarning, match="drive on"), pytest.raises(ControllerError, match="FileNotFoundError"):
+        speeds(source)
+
+
 @pytest.mark.parametrize(
     ("body", "said"),
     [
@@ -259,6 +277,48 @@ def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(work
     assert not mark.exists()
     assert speeds(source)[0] == 1.0
     assert mark.exists()
+
+
+def test_a_launch_file_is_a_program_with_classes_loops_and_modules_of_its_own(workspace):
+    body = """
+from my_car.launch_tools import Speed, one
+import launch.substitutions, launch_ros
+while one() < 1:
+    pass
+try:
+    nodes = [xacro.node(), IncludeLaunchDescription(os.path.join(get_package_share_directory("gone"), "a.py"))]
+except KeyError:
+    nodes = []
+file = os.path.join(get_package_share_directory("gone"), "config", "car.yaml")  # is found here
+speed = yaml.safe_load(open(file))["driver"]["ros__parameters"]["speed"]
+nodes.append(launch_ros.actions.Node(package="my_car", executable="drive", remappings=[("out", "/drive")],
+    parameters=[{"speed": Speed(speed).value + int(launch.substitutions.TextSubstitution(text="1").perform(None))}]))
+return LaunchDescription(nodes)
+"""
+    source = workspace(body.strip())
+    (Path(source.removeprefix("ros:")).parents[1] / "my_car" / "launch_tools.py").write_text(
+        "def one():\n    return 1\nclass Speed:\n    def __init__(self, value):\n        self.value = value\n"
+    )
+    with pytest.warns(UserWarning) as caught:
+        assert speeds(source)[0] == 2.5
+    said = " ".join(str(each.message) for each in caught)
+    assert (
+        "car.yaml is taken" in said and "No module named 'xacro'" in said and "package 'gone' is not here/a.py" in said
+    )
+
+
+def test_a_launch_argument_starts_a_node_of_another_package(workspace):
+    source = workspace(
+        "package = LaunchConfiguration('package')\n"
+        "return LaunchDescription([DeclareLaunchArgument('package', default_value='my_car'),\n"
+        "    drive(package=package, executable='drive')])  # or my_lib"
+    )
+    lib = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib"
+    (lib / "scripts").mkdir()
+    text = "#!/usr/bin/env python3\n" + DRIVE.replace("speed = min", "speed = 2 * min") + "start()\n"
+    (lib / "scripts" / "drive").write_text(text)
+    assert [speeds(source, **{"launch.package": name})[0] for name in ("my_car", "my_lib")] == [1.0, 2.0]
+    assert b"speed = 2 * min" in read_program(source).text
 
 
 def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):

@@ -306,6 +306,17 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
     assert speeds(make(node(body)), 1) == [3.5]
 
 
+@pytest.mark.parametrize("above", ["libs/deep", "../other/libs/deep"])
+def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch, above):
+    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
+    package = tmp_path / above / "race_msgs"
+    (package / "msg").mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
+    (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
+    (package / "msg" / "Goal.msg").write_text("float64 gain\n")
+    assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
+
+
 @pytest.mark.parametrize("module", ["car.py", "car/__init__.py"])
 def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(node, tmp_path, module):
     for path, text in {
@@ -317,6 +328,22 @@ def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(n
     body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
     body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
     assert speeds(make(node(body)), 1) == [2.0]
+
+
+def test_modules_are_imported_by_their_names(node, tmp_path):
+    (tmp_path / "beside.py").write_text("from sensor_msgs.msg import LaserScan\nspeed = 1.5\n")
+    body = """
+import importlib, importlib.util as util, math
+from rosidl_runtime_py.utilities import get_message
+assert importlib.import_module("sensor_msgs.msg").LaserScan is LaserScan is get_message("sensor_msgs/msg/LaserScan")
+assert importlib.import_module("math") is math and util.find_spec("rclpy") and not util.find_spec("no_such_module")
+spec = util.spec_from_file_location("other", __file__.replace("mine", "beside"))
+other = util.module_from_spec(spec)
+spec.loader.exec_module(other)
+assert importlib.import_module("beside").speed == other.speed
+self.drive(other.speed)
+"""
+    assert speeds(make(node(body)), 1) == [1.5]
 
 
 def test_two_nodes_of_a_launch_file_talk_and_drive(tmp_path):
@@ -448,6 +475,30 @@ def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
     for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
         thread.join(10.0)
         assert not thread.is_alive()
+
+
+def test_the_limit_of_wall_time_does_not_count_imports_of_other_libraries(node, tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "slow_library.py").write_text("import time\ntime.sleep(0.8)\nspeed = 1.5\n")
+    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
+    source = node("from slow_library import speed\nself.drive(speed)")
+    assert speeds(make(source, **{"host.wall_limit": 0.4}), 1) == [1.5]
+    planner = make(node("import slow_library\nwhile True: pass"), **{"host.wall_limit": 0.4})
+    with pytest.raises(Exception, match=r"has not come back within 0.4 s .*\[host.wall_limit=SECONDS\]"):
+        ticks(planner, 1)
+
+
+@pytest.mark.slow
+def test_topics_that_nobody_publishes_on_are_told_in_one_line_below_the_results(
+    node, tmp_path, capsys, without_pictures
+):
+    head = HEAD.replace('"/scan"', '"/my_scan"') + PUBLISHER
+    head += "".join(f"        self.create_subscription(Bool, '{each}', print, 1)\n" for each in ("/odom", "/none"))
+    source = node("self.drive(1)", head="from std_msgs.msg import Bool" + head)
+    assert main(["race", "--controller", source, "--time-limit", "0.1", "--out", str(tmp_path / "run")]) == 1
+    first, last = capsys.readouterr().err.splitlines()
+    assert "/my_scan has no publisher here, and is taken for /scan" in first
+    assert re.search(r"/odom is nav_msgs.* here; .*line 14\); /none has no publisher here; node 'mine' listens", last)
 
 
 def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):

@@ -25,6 +25,16 @@ from fg_mujoco.messages import LaserScan, Odometry
 pytest.importorskip("PIL")
 from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera
 
+
+def classic(number, packet):
+    """Drive as steer_by_sides, from a packet as AutoDRIVE's own DevKits read it."""
+    ticks, angles = ([float(each) for each in packet[f"V1 Encoder {name}"].split()] for name in ("Ticks", "Angles"))
+    assert np.array(ticks) == pytest.approx(np.array(angles) / math.tau * 1920, abs=1.0)
+    ranges = packet["V1 LIDAR Range Array"].split()
+    assert len(ranges) == len(packet["V1 LIDAR Intensity Array"].split()) == 1080
+    text = base64.b64encode(gzip.compress("\n".join(ranges).encode())).decode()
+    return steer_by_sides(number, {"V1 LIDAR Range Array": text})
+
 QUARTER = math.radians(0.25)
 _NESTED = json.loads("[" * 900 + "]" * 900)
 _LAPS = LapTimes(count=2, time=3.25, last=14.1, best=13.9)
@@ -174,6 +184,27 @@ def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays
         result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
     commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
     assert commanded.tolist() == list(range(20))
+
+
+def test_answers_that_come_at_any_time_are_refused_in_lockstep():
+    with (
+        devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
+        DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed"),
+    ):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
+    assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
+
+
+def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
+    hashes = []
+    for drive in (steer_by_sides, classic):
+        with (
+            devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
+            contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic"),
+        ):  # fmt: skip
+            result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
+        hashes.append(result.trajectory_sha256)
+    assert hashes[0] == hashes[1]
 
 
 @pytest.mark.usefixtures("without_pictures")

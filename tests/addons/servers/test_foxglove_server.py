@@ -17,6 +17,7 @@ from fg_mujoco.messages import DriveCommand
 
 pytest.importorskip("foxglove")
 pytest.importorskip("rosbags")
+from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
@@ -216,6 +217,21 @@ def test_a_message_that_cannot_be_used_is_said_and_the_race_goes_on(shared_serve
     client.send(op="unadvertise", channelIds=[1])
     assert not session.held_from_outside
     server.tick()
+
+
+@pytest.mark.parametrize("protocols", [["foxglove.websocket.v1"], ["else"], None])
+def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_versions_connect(protocols):
+    lines = []
+    with FoxgloveServer(LiveSession(fg.Setup.of("oval")), port=0, log=lines.append) as server:
+        with pytest.raises(InvalidStatus):
+            connect(server.url, subprotocols=protocols, proxy=None)
+        until = time.monotonic() + _PATIENCE
+        while not lines:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        Client(server.url)
+    (line,) = lines
+    assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
 
 
 @pytest.fixture(scope="module")

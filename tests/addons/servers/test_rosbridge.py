@@ -19,7 +19,7 @@ pytest.importorskip("rosbags")
 from websockets.sync.client import connect
 
 from fg_mujoco.addons.ros.bag_messages import drive_message, scan_message
-from fg_mujoco.addons.servers.rosbridge.client import Subscription
+from fg_mujoco.addons.servers.rosbridge.client import Outbox, Subscription
 from fg_mujoco.addons.servers.rosbridge.json_messages import from_json, to_json
 from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
 
@@ -287,6 +287,16 @@ def test_topics_subscriptions_services_and_calls_of_a_client_have_a_greatest_num
             for what in ("subscriptions to /scan", "topics", "services")
         ]
         assert "1000 calls are not answered yet" in peer.receive("service_response")["values"]
+
+
+def test_texts_that_wait_for_a_client_have_a_greatest_length():
+    outbox, large = Outbox(lambda: None), "x" * (1 << 24)
+    assert [outbox.put("/a", large, 1000) for _ in range(7)] == [0, 0, 0, 0, 1, 1, 1]
+    assert outbox.put("/b", large, 1) == 1 and outbox.put("/b", "newest", 1) == 1
+    found = [outbox.take() for _ in range(4)]
+    assert found == [large, large, large, "newest"] and outbox.take() is None and not outbox._waiting
+    held = Subscription("/scan", throttles={None: 1.0}, depths={None: 1000}, sent=0.0)
+    assert [held.due("x" * (1 << 20), 0.1) for _ in range(7)] == [None] * 7 and len(held.waiting) == 4
 
 
 def test_a_message_is_as_rosbridge_has_it():
