@@ -71,6 +71,14 @@ def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
         assert row[name] == told[name], name
 
 
+@pytest.mark.parametrize("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
+def test_the_others_and_the_order_make_no_difference(together, order):
+    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
+    for place, i in enumerate(order):
+        assert same_bits(again.states[place], together.states[i])
+        assert again.rows[place].tobytes() == together.rows[i].tobytes()
+
+
 def test_threads_make_no_difference(together):
     found = {}
 

@@ -16,6 +16,16 @@ from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
 gymnasium = pytest.importorskip("gymnasium")
 
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
+from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
+
+
+def _bytes_of(values, count):
+    """The bits of the first worlds, all the way down."""
+    if isinstance(values, dict):
+        return {name: _bytes_of(value, count) for name, value in values.items()}
+    if isinstance(values, tuple):
+        return [_bytes_of(value, count) for value in values]
+    return np.asarray(values)[:count].tobytes()
 
 WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
@@ -293,6 +303,23 @@ def test_all_doors_tell_the_same(told):
             name: np.ascontiguousarray(other_seen[name]).tobytes() for name in seen
         }
     assert info["end_reason"] == "far" and info["return_mine_at_all_doors"] != 0.0 != info["return_other"]
+
+
+def test_worlds_and_threads_make_no_difference():
+    def told(count, threads):
+        envs = F1TenthVectorEnv(count, threads=threads, beam_step=60, autoreset_mode="SameStep", **ALL)
+        rng = np.random.default_rng(1)
+        rows, ends = [envs.reset(seed=4)], 0
+        for _ in range(60):
+            drawn = rng.uniform((-0.4, 1.0), (0.4, 6.0), (24, 2))
+            rows.append(envs.step(drawn[:count]))
+            ends += int(rows[-1][2][:3].sum())
+        envs.close()
+        assert ends  # and some of them began anew
+        parts = [(*row[:-1], {name: row[-1][name] for name in row[-1] if "return_" in name}) for row in rows]
+        return [_bytes_of(part, 3) for part in parts]
+
+    assert told(3, 1) == told(24, 1) == told(24, 3)
 
 
 def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_before():

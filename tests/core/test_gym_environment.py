@@ -134,6 +134,18 @@ def test_observation_is_the_scan_and_odometry_of_the_simulation(env):
         scan, odometry = simulation.step(fg.DriveCommand(steering_angle=0.1, speed=2.0))
 
 
+def test_same_seed_same_bits_and_another_seed_another_start():
+    def told(seed):
+        env = F1TenthEnv(beam_step=60, effects={"range_noise_std": 0.01})
+        scans = [env.reset(seed=seed)[0]["scan"]]
+        scans += [env.step(np.array([0.05, 2.0]))[0]["scan"] for _ in range(5)]
+        return np.array([*scans, env.reset()[0]["scan"]])
+
+    assert told(1).tobytes() == told(1).tobytes()
+    assert told(1)[0].tobytes() != told(2)[0].tobytes()
+    assert told(1)[0].tobytes() != told(1)[-1].tobytes()  # another episode, another start
+
+
 def observer(step):
     """The observer of the default observation, with every so many-th beam."""
     bounds = ActionBounds(CAR)

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.course.scenes.parts import corridor, walls_round
+from fg_mujoco.rollouts.drive_worlds import drive_worlds
+from fg_mujoco.simulation.settings import Scenario
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)
@@ -130,3 +132,16 @@ def test_a_replay_is_bit_identical(name, tmp_path):
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     (tmp_path / "run" / "summary.json").write_text(json.dumps(summary | {"files": {}}))  # as of an older version
     assert not fg.replay(tmp_path / "run").identical
+
+
+@pytest.mark.slow
+def test_a_batch_is_the_race_to_the_last_bit():
+    name = "scene:crossing_box:0"
+    scenarios = [Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
+    scenarios.append(Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
+    results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
+    for i, scenario in enumerate(scenarios):
+        alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)
+        assert results.rows["end_reason"][i] == alone.car.end_reason
+        np.testing.assert_array_equal(results.states[i], alone.states)
+        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)

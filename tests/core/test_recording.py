@@ -123,6 +123,19 @@ def test_replay_of_a_lap_with_the_rangefinders_is_bit_identical(tmp_path):
     assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
 
 
+def test_replay_of_a_crash_is_bit_identical(tmp_path):
+    class FlatOut:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            return fg.DriveCommand(steering_angle=0.3, speed=6.0)
+
+    result = fg.race("oval", FlatOut(), laps=1)
+    assert result.car.end_reason == "crash"
+    assert fg.replay(fg.write_run(result, tmp_path / "run", picture=False)).identical
+
+
 @pytest.mark.parametrize("tick", [0, 7, 39])
 def test_replay_finds_the_tick_of_a_changed_command(folder, tick):
     def change(arrays):

@@ -1,6 +1,7 @@
 """Rollouts and comparisons with opponents: each world is its own, and is its race; what is told, and refused."""
 
 
+import numpy as np
 import pytest
 
 import fg_mujoco as fg
@@ -64,6 +65,23 @@ def here(tmp_path, monkeypatch):
 def test_chunks_and_workers_change_nothing(some, options):
     result, opponents = some
     assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
+
+
+@pytest.mark.slow
+def test_worlds_in_another_order_are_the_same(some):
+    result, opponents = some
+    own = np.flatnonzero(result["track"] == 0)[::-1]
+    again = fg.rollout(TRACKS[:1], seeds=result["seed"][own], opponents=opponents, **SHORT)
+    for place, world in enumerate(own.tolist()):
+        assert same(again.states(place), result.states(world))
+        for name in set(result.names) - {"world", "track"}:
+            assert same(again[name][place], result[name][world]), name
+
+
+@pytest.mark.slow
+def test_processes_drive_the_same_worlds():
+    threads = fg.rollout("oval", n=2, opponents=MIXED, **SHORT)
+    assert_same(fg.rollout("oval", n=2, opponents=MIXED, executor="processes", workers=1, **SHORT), threads)
 
 
 @pytest.mark.slow

@@ -241,6 +241,26 @@ def test_wall_across_the_blind_sector_is_seen_on_both_sides_of_it() -> None:
     np.testing.assert_allclose(lidar.ranges(data), np.where(exact < 30.0, exact, np.inf), rtol=0, atol=1e-9)
 
 
+def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
+    rng = np.random.default_rng(4)
+    plain = random_spec(np.random.default_rng(4)).compile()
+    shuffled = random_spec(np.random.default_rng(4), order=rng.permutation(21)).compile()
+    lidars = [RaycastLidar(model, PREFIX) for model in (plain, shuffled)]
+    all_data = [mujoco.MjData(model) for model in (plain, shuffled)]
+    free = {f"free_{index}": (*rng.uniform(-8, 8, 2), 0.3, *rng.normal(size=4)) for index in range(8, 12)}
+    returns = 0
+    for position, rotation in zip(*random_poses(rng, 50), strict=True):
+        scans = []
+        for model, data, lidar in zip((plain, shuffled), all_data, lidars, strict=True):
+            for name, pose in free.items():
+                data.joint(name).qpos[:] = pose
+            put(model, data, position, rotation)
+            scans.append(lidar.ranges(data))
+        assert np.array_equal(*scans)
+        returns += np.isfinite(scans[0]).sum()
+    assert returns > 10000
+
+
 # --- the same bits ---
 
 

@@ -440,6 +440,20 @@ def test_worlds_of_cars_on_different_tires_have_the_bits_of_steps_by_hand():
     assert loads == pytest.approx([MIXED.parameters.mass * 9.81] * 3, rel=0.02)
 
 
+@pytest.mark.parametrize("threads", [2, 3])
+def test_a_world_has_its_bits_in_any_batch_order_and_number_of_threads(threads):
+    alone = []
+    for i in range(5):
+        engine = Engine(MIXED)
+        engine.place([Start(s=2.0 * car + 0.5 * i) for car in range(3)])
+        alone.append(drive_mixed(engine, 8)[0].tobytes())
+    together = drive_mixed(placed(Engine(MIXED, 5, threads=threads)), 8)
+    assert [state.tobytes() for state in together] == alone
+    backwards = Engine(MIXED, 5, threads=threads)
+    backwards.place([Start(s=2.0 * car + 0.5 * i) for i in reversed(range(5)) for car in range(3)])
+    assert [state.tobytes() for state in reversed(drive_mixed(backwards, 8))] == alone
+
+
 @pytest.mark.parametrize("stop", [1, 3, 4, 7])
 def test_a_state_holds_all_that_the_next_step_depends_on(stop):
     """Stopped in the middle of a slide, at any physics step, and gone on with in another engine: the same bits."""

@@ -203,6 +203,20 @@ def test_a_car_that_was_carried_away_is_found_again():
 
 
 @pytest.mark.parametrize("pose", METHODS)
+def test_the_same_seed_gives_the_same_bits(pose):
+    ends = []
+    one = localiser(pose=pose, pose_start="unknown", seed=7)
+    for found in (one, one, localiser(pose=pose, pose_start="unknown", seed=7)):
+        found.reset()
+        circling(found, seconds=1.2)
+        ends.append(found.pose.tobytes())
+    assert ends[0] == ends[1] == ends[2]
+    other = localiser(pose="particle_filter", seed=8)
+    circling(other, seconds=1.2)
+    assert other.pose.tobytes() != ends[0]
+
+
+@pytest.mark.parametrize("pose", METHODS)
 def test_pure_pursuit_laps_on_the_pose_that_is_found(pose):
     effects = fg.LidarEffects(range_noise_std=0.02, latency=0.025)
     settings = {"laps": 1, "effects": effects, "odometry_drift": 0.05}

@@ -129,6 +129,34 @@ def test_policies_asked_together_learn_the_friction_between_their_steps_as_plann
     assert cars[0].odometry["speed"][0] > 3.0
 
 
+def test_world_i_draws_and_races_as_the_single_environment_of_seed_plus_i(tmp_path):
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
+
+    files = [snapshot(tmp_path / f"{i}.json", FLAT, i) for i in range(2)]
+    pool = SelfPlay(share=0.8).pool(files)
+    settings = {**FLAT, "track": "oval", "grid_order": "random", "opponents": ["gap_finder"],
+                "randomize": {"opponent": pool}}  # fmt: skip
+    action = np.float32([0.1, 0.5])
+    envs = F1TenthVectorEnv(COUNT, threads=2, **settings)
+    seen, info = envs.reset(seed=7)
+    told = [[seen]], [list(info["drawn_opponent"])]
+    for _ in range(TICKS):
+        told[0].append([envs.step(np.tile(action, (COUNT, 1)))[0]])
+    envs.close()
+    for i in range(COUNT):
+        env = gym_environment.F1TenthEnv(**settings)
+        seen, info = env.reset(seed=7 + i)
+        assert info["drawn_opponent"] == told[1][0][i]
+        for tick in range(TICKS + 1):
+            assert seen.tobytes() == told[0][tick][0][i].tobytes(), tick
+            seen, _, terminated, *_ = env.step(action)
+            if terminated:
+                break
+        assert tick > 5
+        env.close()
+
+
 SMALL = {
     "environment": {
         "observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 0.5,

@@ -68,6 +68,13 @@ def test_less_friction_than_the_car_had_is_seen(circle, own):
     assert there.rms > 3.0 * here.rms
 
 
+def test_threads_change_no_bit(circle, own):
+    again = validate([circle], mu=0.7, threads=2)
+    assert again.agreements == own.agreements and again.steady == own.steady
+    for key, (_, simulated) in own.driven.items():
+        assert np.array_equal(simulated, again.driven[key][1], equal_nan=True)
+
+
 def test_windows_follow_each_other_where_the_car_moves(circle):
     motion = motion_of(circle, CAR.parameters, "f1tenth")
     for length in (1.0, 2.0):

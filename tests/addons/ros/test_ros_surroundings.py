@@ -145,6 +145,19 @@ def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_o
     np.testing.assert_allclose(seen[40:, 5], own[40:, 5], atol=0.05)  # over ground; of the wheels
 
 
+@pytest.mark.slow
+def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
+    source = written(
+        'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
+        "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)",
+    )
+    alone = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6)
+    other = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6, executor="processes", workers=1)
+    assert (alone["max_speed_m_s"] > 0.5).all()
+    for name in ("distance_m", "max_speed_m_s"):
+        assert alone[name].tolist() == other[name].tolist()
+
+
 AUTODRIVE = """
 import rclpy
 from rclpy.node import Node
