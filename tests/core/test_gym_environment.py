@@ -308,7 +308,7 @@ def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last()
     env.set_randomization({"mu": (0.4, 0.41)})
     copied = copy.deepcopy(env)
     assert copied.reset(seed=1)[1]["drawn_mu"] == env.reset(seed=1)[1]["drawn_mu"] < 0.42
-    gym = fg.f110.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
+    gym = gym2d.make("f110_gym:f110-v0", map="oval", num_agents=1, num_beams=20)
     gym.update_map("hairpins")
     assert copy.deepcopy(gym).world.track.name == "hairpins"
 

@@ -14,7 +14,8 @@ from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.racelines import read_line
-from fg_mujoco.course.clearance import clearances, outline
+from fg_mujoco.course.clearance import clearances
+from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError
 from fg_mujoco.lab.lap_time_bound import HoldingCar, PointMass, fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.entries import Entry

@@ -255,44 +255,6 @@ def test_a_render_callback_that_fails_is_told_once_and_the_run_goes_on(folder):
     assert error.count("the render callback 'draw' fails at script.py:5: IndexError") == 2
 
 
-def test_wrappers_of_gym_that_are_listed_are_there_and_do_what_they_say(folder):
-    text = """
-        import gym
-        import numpy as np
-        from gym.wrappers.record_episode_statistics import RecordEpisodeStatistics
-        new = lambda: gym.make("f1tenth_gym:f1tenth-v0", config={"map": "drawn", "num_agents": 1, "num_beams": 20})
-        old = gym.make("f110_gym:f110-v0", map="drawn", num_agents=1)
-        given = {"TimeLimit": (3,), "RescaleAction": (-1.0, 1.0), "TransformObservation": (lambda seen: seen["scans"],),
-                 "TransformReward": (lambda reward: 100.0 * reward,)}
-        for name in gym.wrappers.__all__:
-            wrapper = getattr(gym.wrappers, name)
-            if not isinstance(wrapper, type):
-                continue
-            env = RecordEpisodeStatistics(gym.wrappers.TimeLimit(wrapper(new(), *given.get(name, ())), 2))
-            seen, _ = env.reset()
-            for _ in range(2):
-                found = env.step(np.full((1, 2), 50.0))
-            print(name, getattr(seen, "shape", None), found[1], found[-1]["episode"]["r"], found[-1]["episode"]["l"])
-        unbounded = "gym.wrappers.RescaleAction(old, -1.0, 1.0)"
-        for code in (unbounded, "import gym.wrappers.Monitor", "import gym.spaces.box_"):
-            try:
-                exec(code)
-            except (ValueError, ImportError) as error:
-                print(error)
-    """
-    out, error, status = run(folder, text, hidden=ALL)
-    lines = out.splitlines()
-    assert status == 0 and len(lines) == 14, error
-    told = {name: rest for name, _, rest in (line.partition(" ") for line in lines[:11])}
-    assert told.pop("FlattenObservation") == "(30,) 0.01 0.02 2"
-    assert told.pop("TransformObservation") == "(1, 20) 0.01 0.02 2"
-    assert told.pop("TransformReward") == "None 1.0 2.0 2"
-    assert set(told.values()) == {"None 0.01 0.02 2"}
-    assert "RescaleAction of an environment whose action_space is None" in lines[11]
-    assert "gym.wrappers.Monitor is no module; accepted: from gym.wrappers import Monitor" in lines[12]
-    assert "gym.spaces has no 'box_' here; accepted: Space, " in lines[13]
-
-
 def test_wrappers_of_gym_take_environments_of_four_values_and_of_five(folder):
     text = """
         import gym
