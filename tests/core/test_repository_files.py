@@ -38,14 +38,11 @@ def test_the_citation_has_the_version_and_licence_of_the_package():
     assert all(citation[name] for name in ("message", "title", "authors"))
 
 
-def test_the_hooks_are_the_tools_of_this_checkout_and_name_no_other_repository():
+def test_the_hook_is_the_lint_of_this_checkout_and_names_no_other_repository():
     (repository,) = read(".pre-commit-config.yaml")["repos"]
-    assert repository["repo"] == "local"
-    tools = {Path(hook["entry"].split()[0]) for hook in repository["hooks"]}
-    assert {tool.parent.as_posix() for tool in tools} == {".venv/bin"}
-    installed = {re.match(r"[\w-]+", each)[0] for each in PROJECT["optional-dependencies"]["dev"]}
-    assert {tool.name for tool in tools} == {"ruff", "mypy"} <= installed
-    assert all(hook["language"] == "system" for hook in repository["hooks"])
+    (hook,) = repository["hooks"]
+    assert (repository["repo"], hook["entry"], hook["language"]) == ("local", "make lint", "system")
+    assert re.search("^lint:", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
 
 
 def test_the_workflow_runs_the_whole_check_on_every_python_that_is_accepted():
