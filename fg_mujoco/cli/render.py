@@ -6,8 +6,7 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
-from importlib import import_module
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,21 +54,28 @@ def film_race(result: RaceResult, path: Path) -> None:
         _write(film, path, fps=30.0, quality="good", start=None, end=None)
 
 
-def _names(module: str, table: str) -> Callable[[], Iterable[str]]:
-    """Return what returns the names of a table of the renderer, which takes a while to import."""
-    return lambda: list(getattr(import_module(f"fg_mujoco.pictures.rendering.{module}"), table))
+def _cameras() -> Iterable[str]:
+    from ..pictures.rendering.cameras import CAMERAS  # takes a while to import
+
+    return CAMERAS
+
+
+def _qualities() -> Iterable[str]:
+    from ..pictures.rendering.presets import QUALITIES  # takes a while to import
+
+    return QUALITIES
 
 
 @command(
     option("folder", "written by race --out", "DIR"),
     option(
-        "--camera", f"{_CAMERA_NAMES}; default: chase", "NAME", default="chase", names=_names("cameras", "CAMERAS")
+        "--camera", f"{_CAMERA_NAMES}; default: chase", "NAME", default="chase", names=_cameras
     ),
     option("--car", "that the camera follows, of several; default: 0", "N", whole, 0),
     option("--size", "pixels; default: 1280x720", "WxH", size_of, _USUAL_SIZE),
     option("--fps", "frames a second of the video; default: 30", "N", number, 30.0),
     option(
-        "--quality", "draft, good, best; default: good", "NAME", default="good", names=_names("presets", "QUALITIES")
+        "--quality", "draft, good, best; default: good", "NAME", default="good", names=_qualities
     ),
     option("--from", "begin there; default: the best lap, else 0", "S", number, dest="start"),
     option("--to", "end there; default: that of the best lap, else of the run", "S", number, dest="end"),

@@ -1,6 +1,7 @@
 """The local map: where the car is, by dead reckoning, which cells are free or walls, and the path with its room."""
 
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -166,7 +167,9 @@ def test_after_a_jump_nothing_is_known_but_what_is_seen_then(distance):
 @pytest.mark.slow
 def test_a_speed_that_no_integer_holds_does_not_hang():
     command = "from test_local_map import PERIOD, move, new; move(new(), 1e22, 0.0, PERIOD)"
-    subprocess.run([sys.executable, "-c", command], cwd=Path(__file__).parent, check=True, timeout=240)
+    here = Path(__file__).parent
+    environment = {**os.environ, "PYTHONPATH": str(here.with_name("worlds"))}
+    subprocess.run([sys.executable, "-c", command], cwd=here, env=environment, check=True, timeout=240)
 
 
 @pytest.mark.parametrize(("right", "left"), [(0.8, 1.3), (1.3, 0.8), (0.4, 2.0), (9.0, 0.5)])

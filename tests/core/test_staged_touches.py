@@ -10,6 +10,7 @@ import pytest
 import fg_mujoco as fg
 from fault_cases import CASES, MIDDLE, Case, Drive, staged
 from fg_mujoco.racing import fault
+from fg_mujoco.racing.entries import NO_FAULT
 from fg_mujoco.racing.race_control import RULES, RaceControl
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
@@ -86,7 +87,7 @@ def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that() -> None:
     drive(engine, list(drives), [control], ticks=40)
     found = {contact.cars: (contact.at_fault, contact.reason) for contact in control.contacts}
     assert found["between", "last"] == ("last", fault.RAN_INTO_STANDING)
-    assert found["first", "between"] == (fault.NO_FAULT, fault.PUSHED)
+    assert found["first", "between"] == (NO_FAULT, fault.PUSHED)
 
 
 def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_passed() -> None:
