@@ -38,7 +38,7 @@ test: $(READY)
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
-## make quick   the tests that are not slow, in a minute and a half
+## make quick   the tests that are not slow, in four minutes
 quick: $(READY)
 	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile $(ARGS)
 
