@@ -181,7 +181,7 @@ FAULTS = {
         tests="test_sensors.py",
     ),
     "drift of the odometry without the yaw rate": Fault(
-        file="fg_mujoco/vehicle/sensors/sensor.py",
+        file="fg_mujoco/vehicle/motion.py",
         old="""    rows["angular_velocity"][:, 2] *= factors""",
         new="""    rows["angular_velocity"][:, 1] *= factors""",
         tests="test_odometry_drift.py test_sensors.py",
@@ -257,8 +257,8 @@ FAULTS = {
     ),
     "load moved to the wrong axle where friction is learned": Fault(
         file="addons/drivers/friction_learning.py",
-        old="(-along if wheel < 2 else along)",
-        new="(along if wheel < 2 else -along)",
+        old="moved[wheel] = -along if wheel < 2 else along",
+        new="moved[wheel] = along if wheel < 2 else -along",
         tests="test_friction_learning.py",
     ),
     "a learned friction above its bound": Fault(
@@ -427,7 +427,7 @@ FAULTS = {
     ),
     # studies
     "Wilson's interval of too small a sample": Fault(
-        file="fg_mujoco/rollouts/intervals.py",
+        file="fg_mujoco/rollouts/rollout_result.py",
         old="middle = (share + 0.5 * square / count) / (1.0 + square / count)",
         new="middle = (share + square / count) / (1.0 + square / count)",
         tests="test_intervals.py",
@@ -445,13 +445,13 @@ FAULTS = {
         tests="test_randomization.py test_rollouts.py",
     ),
     "an interval of the median a value too narrow": Fault(
-        file="fg_mujoco/rollouts/intervals.py",
+        file="addons/arena/intervals.py",
         old="return (order[place - 1], order[count - place]) if place else None",
         new="return (order[place], order[count - place - 1]) if place else None",
         tests="test_intervals.py",
     ),
     "the reference's successes and the controller's mixed up": Fault(
-        file="fg_mujoco/rollouts/intervals.py",
+        file="addons/arena/intervals.py",
         old="pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),",
         new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
         tests="test_comparison.py",
@@ -513,8 +513,8 @@ FAULTS = {
     ),
     "a history with the newest step first": Fault(
         file="fg_mujoco/envs/observer.py",
-        old="steps[i, place, k] = value if fresh[i] else steps[i, place + 1, k]",
-        new="steps[i, place + 1, k] = value if fresh[i] else steps[i, place, k]",
+        old="place = (last[i] + 1 + step * every) % places",
+        new="place = (last[i] - step * every) % places",
         tests="test_policy_interface.py",
     ),
     "actions that are not held within their bounds": Fault(
@@ -594,14 +594,14 @@ FAULTS = {
     # cli
     "friction that is off is none at all": Fault(
         file="fg_mujoco/cli/options.py",
-        old='    if text == "off":\n        return math.inf',
-        new='    if text == "off":\n        return 0.0',
+        old='return math.inf if text == "off" else number(text)',
+        new='return 0.0 if text == "off" else number(text)',
         tests="test_cli.py test_told_friction.py test_doors.py",
     ),
     "opponents with the same seed": Fault(
         file="fg_mujoco/cli/options.py",
-        old="seed=first.seed + index)",
-        new="seed=first.seed)",
+        old="seed=(first.seed + index) % 2**63",
+        new="seed=first.seed",
         tests="test_race_control.py test_cli.py",
     ),
     "a run that replaces a run without being told to": Fault(
