@@ -189,3 +189,9 @@ def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
     env.reset(seed=0)
     with pytest.raises(MessageError, match=message):
         env.step(PARKED)
+
+
+def test_an_opponent_has_the_speed_of_the_first_car_unless_it_is_given_its_own():
+    first = Entry(max_speed=6.0, planner_mu=0.4, seed=3)
+    assert [first.like("wall_follow", max_speed=speed).max_speed for speed in (None, 3.0)] == [6.0, 3.0]
+    assert (first.like("wall_follow").controller, first.like("wall_follow").planner_mu) == ("wall_follow", 0.4)
