@@ -4,7 +4,7 @@
     servers   Foxglove, rosbridge and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
-    arena     compare, overtake, scenarios, league, grade, evaluate
+    arena     compare, overtake, scenarios, league, grade, evaluate; tight circuits
     realcar   drives and bags of real cars: identify, validate, map, bags
     look      the report of a run, its debug page, the live view
     drivers   planners that remember, learn, localise themselves, follow lines or overtake; racelines
@@ -36,8 +36,8 @@ COMMANDS = {
 """Commands of `fg-mujoco` that add-ons have, in the order of the help."""
 
 NAMES = {
-    "Dataset": "learn.dataset:Dataset",
     "Comparison": "arena.comparison.comparison:Comparison",
+    "Dataset": "learn.dataset:Dataset",
     "compare": "arena.comparison.comparison:compare",
     "debug": "look.debug:debug",
     "identify": "realcar.bag_drive:identify",
@@ -69,9 +69,9 @@ SCHEMES = {
 """What stands before a colon in the text of a planner -> what loads such planners."""
 
 PARTS = {
-    "dataset": "learn.dataset:Dataset",
     "bag drive": "realcar.bag_drive:read_bag_drive",
     "comparison report": "arena.comparison.pages:write_comparison_report",
+    "dataset": "learn.dataset:Dataset",
     "is comparison": "arena.comparison.pages:is_comparison",
     "learned friction": "drivers.learned_friction:LearnedFriction",
     "localised": "drivers.localisation.localised:localised",
@@ -80,9 +80,9 @@ PARTS = {
     "pose settings": "drivers.localisation.localiser:PoseSettings",
     "raceline": "drivers.line_optimizer:raceline",
     "report": "look.commands:report_race",
-    "tight circuits": "arena.tight_courses.tight:generate_tight_track",
     "residual": "learn.residual:Residual",
     "room on map": "drivers.line_optimizer:room_on_map",
     "run page": "look.report.report_page:write_report",
+    "tight circuits": "arena.tight_courses.tight:generate_tight_track",
 }
 """Parts that the core uses where somebody asks for them."""

@@ -4,7 +4,7 @@
         [--data ../shared/data] [--json FILE]
 
 Five laps at 8 m/s. The laps from the third on are compared with those of gap_finder, in the mean, and with two bounds
-of friction_lab.lap_time_bound by the grip of the car with two tracks: that of the planner's own line, and that of the
+of lab.lap_time_bound by the grip of the car with two tracks: that of the planner's own line, and that of the
 raceline of least time on the true map (0.1 m to the walls). The share of the own line's bound in the other's says what
 the line costs; what is left is speed and steering. `six` are the bundled circuits, and `maps` those of race_maps/.
 """

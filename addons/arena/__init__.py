@@ -1,14 +1,13 @@
-"""Studies: many races at once, and what they say together.
+"""The arena: planners that are compared, by many races that are judged together.
 
-    rollout/         thousands of worlds that differ in parameters drawn from seeds
-    comparison/      every planner on every course with every seed
-    drives/          drives that a car recorded, from CSV files, bags and run folders
-    friction_lab/    experiments on the tires and the speed laws, against closed forms
-    identification/  the tires and the steering of a car, from a drive that it recorded
-    overtaking/      every planner behind slower opponents
-    racelines/       the fastest line of a circuit, with its speeds
-    validation/      how well a car agrees with recorded drives
+    comparison/     every planner on every course with every seed
+    overtaking/     every planner behind slower opponents, and scenarios among other cars
+    league/         every planner against every other, in heats
+    labs/           planners of students, graded by the checks of a lab
+    tight_courses/  tight circuits from a seed
 
-`grid_study` drives a grid of runs and writes their tables, and says how to add such a study. `store` keeps the finished
-parts of a study in its folder. `workers` works on its parts. `intervals` says how sure the figures of a study are.
+`grid_study` drives a grid of runs and writes their tables, and says how to add such a study. `intervals` says how sure
+the figures of a study are. `evaluation` compares planners over friction coefficients, and `turn` tells whose
+planner ended a worker process. `commands` has the commands. Worker processes and stores of results are those of
+`fg_mujoco.rollouts`.
 """

@@ -1,13 +1,13 @@
 """The interfaces of f1tenth_gym round this simulator, so that scripts written for the 2D gym run in 3D.
 
-    from fg_mujoco import f110 as gym
+    from fg_mujoco.addons import gym2d as gym
 
     env = gym.make("f110_gym:f110-v0", map="maps/aut", map_ext=".png", num_agents=1)
     obs, reward, done, info = env.reset(np.array([[0.0, 0.0, 0.0]]))
     while not done:
         obs, reward, done, info = env.step(np.array([[steering_angle, speed]]))
 
-A script that nobody edits runs by `python -m fg_mujoco.addons.gym2d script.py`, or after `f110.install()`.
+A script that nobody edits runs by `python -m fg_mujoco.addons.gym2d script.py`, or after `gym2d.install()`.
 
 What is as there: names, shapes, units and order of actions, observations and results; 1080 beams over 4.7 rad, with
 noise of 10 mm; a step of 10 ms, after each of which there is a scan; `done` on a collision or after two laps,

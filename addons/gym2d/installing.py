@@ -1,7 +1,7 @@
 """Resolves the import statements of scripts for f1tenth_gym: `install` provides the modules.
 
-    from fg_mujoco import f110
-    f110.install(maps="f1tenth_racetracks")
+    from fg_mujoco.addons import gym2d
+    gym2d.install(maps="f1tenth_racetracks")
     import gym, f110_gym, pyglet                  # in the script, unedited
 
 `f110_gym`, `f1tenth_gym` and `pyglet` are always those of here. `gym` stays itself where it is installed; else it is

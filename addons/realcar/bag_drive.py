@@ -84,7 +84,7 @@ def identify(
       linear: find of each axle the stiffness alone, which a gentle drive determines.
       front_drive: share of the drive at the front axle, 0 to 1.
       single_track: leave out the load on the outer tires, what driving takes of the grip, and the relaxation length.
-      columns: of CSV files: as `read_drive` of studies.drives takes them.
+      columns: of CSV files: as `read_drive` of realcar.drives takes them.
       pose_topic: of the poses in a bag; None: the only one there is, or that of the odometry.
       drive_topic: of the commands in a bag; None: /drive, or the only one there is.
       imu_topic: None: /imu, or the only one there is.
@@ -155,7 +155,7 @@ def read_bag_drive(
     imu_topic: str | None = None,
     odometry_topic: str | None = None,
 ) -> RecordedDrive:
-    """Return the drive of a bag; arguments and errors as of `studies.drives.reading.read_drive`, which calls this."""
+    """Return the drive of a bag; arguments and errors as of `drives.reading.read_drive`, which calls this."""
     wanted = {DRIVE: drive_topic, IMU: imu_topic, ODOMETRY: odometry_topic}
     car = Vehicle.load(vehicle or DEFAULT_VEHICLE).parameters
     with Recording(path) as bag, bag.blame():

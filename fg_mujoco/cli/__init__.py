@@ -1,6 +1,8 @@
-"""The command line `fg-mujoco`: one module for each command or small group of commands.
+"""The command line `fg-mujoco`: the nine commands of the core, and the parser for those of add-ons, too.
 
-`main` builds the parser and has `race`, `replay` and `controllers`. `track`, `rollout`, `compare`, `render`, `report`,
-`view` and `friction` have the commands of those names, and `bags` has `export` and `replay-scans`. `options` turns
-texts into values, and `config` reads the settings of a race from a file.
+`main` builds the parser and knows the commands. `command` makes a command of a function and its options, and `options`
+reads the options of a Setup from its fields. `race` has `race` and `replay`, `lists` has `controllers` and `vehicles`;
+`drive`, `friction`, `render`, `rollout` and `track` have the commands of those names. `config` reads `--config`, `out`
+chooses the folder of `--out`, `progress` shows how far something is, `completion` answers the shell, and `words` knows
+what newcomers type.
 """

@@ -1,4 +1,4 @@
-"""A course from above as SVG, for notebooks and `show()`: it needs no extra. PNG pictures are made by `viz.plots`."""
+"""A course from above as SVG, for notebooks and `show()`: it needs no extra. `pictures.plots` makes PNG pictures."""
 
 from __future__ import annotations
 

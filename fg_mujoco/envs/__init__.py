@@ -1,6 +1,6 @@
-"""Learning environments: the same episodes for dm_env, Gymnasium, Gymnasium's vector interface and PettingZoo.
+"""Learning environments: the same episodes for dm_env, Gymnasium and Gymnasium's vector interface.
 
-`dm_environment`, `gym_environment`, `gym_vector` and `pettingzoo_environment` are the interfaces. They share
+`dm_environment`, `gym_environment` and `gym_vector` are the interfaces; the add-on learn has PettingZoo's. They share
 `episodes`: actions in; observations, rewards and ends out. Episodes drive the cars of `worlds`. `actions`,
 `observations`, `rewards` and `end_conditions` describe the policy's side. Their own terms are functions of
 `tick_state`. `starts` places the cars, and `environment_settings` has all settings. `reward_kernels` has the

@@ -14,10 +14,6 @@ from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
 from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
 from fg_mujoco.vehicle.car import WHEELS
 
-
-def said_of(angles):
-    return clamped_hint(telemetry(angles, [2.0] * len(angles)), CAR)
-
 CAR = fg.Vehicle.load("f1tenth").parameters
 PERIOD = 0.025
 
@@ -85,6 +81,10 @@ def test_degrees_are_told_and_radians_are_not():
 def test_most_commands_beyond_the_limits_are_told_and_fewer_are_not(angles, speeds, said):
     hint = clamped_hint(telemetry(angles, speeds), CAR)
     assert said in hint and bool(hint) == bool(said) and "\n" not in hint
+
+
+def said_of(angles):
+    return clamped_hint(telemetry(angles, [2.0] * len(angles)), CAR)
 
 
 @pytest.mark.parametrize("cut", [0.4189, 0.34])

@@ -8,7 +8,7 @@ Each call writes all of them again, with the runs that it asked for:
     table.md          both, as Markdown; of the differences those from the first controller, over all courses
     table.png         the table, as a picture; traces/COURSE.png: the driven lines (pictures)
 
-Lap times are of the successful runs alone, and it is said of how many. Intervals are those of `studies.intervals`.
+Lap times are of the successful runs alone, and it is said of how many. Intervals are those of `arena.intervals`.
 """
 
 from __future__ import annotations

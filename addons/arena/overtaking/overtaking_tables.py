@@ -6,7 +6,7 @@
     differences.csv   a row for each two planners on each track, over the duels that both drove
     table.png         the share of overtakes by the ratio of the speeds, for each opponent, with its interval
 
-Intervals are those of `studies.intervals`, at 95 %. Times lost are of the overtakes alone: their median, its quartiles,
+Intervals are those of `arena.intervals`, at 95 %. Times lost are of the overtakes alone: their median, its quartiles,
 and how many they are.
 """
 

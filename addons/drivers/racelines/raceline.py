@@ -6,7 +6,7 @@
 
 Walls are those of the circuit, with its islands, and the obstacles that the setup puts there. Each obstacle is passed
 on the side that has more room. The speeds are the fastest quasi-steady ones by the grip of the car with two tracks, and
-the lap time is their bound, and not a prediction (`friction_lab.lap_time_bound`).
+the lap time is their bound, and not a prediction (`lab.lap_time_bound`).
 
 The file has the columns of TUM's optimiser, `s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2`, as `pure_pursuit`
 and the community's planners read it. The line is that of the rear axle, and its last row repeats the first place.
@@ -52,7 +52,7 @@ _TOUCHES = 0.01  # [m] of the least clearance
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GripLimits:
-    """A grip as `friction_lab.lap_time_bound` takes it."""
+    """A grip as `lab.lap_time_bound` takes it."""
 
     grip: Grip
 
