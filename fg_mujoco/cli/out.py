@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..course.files import is_file, is_folder, read_text
-from ..errors import RunFolderError, SettingsError
+from ..errors import FgMujocoError, RunFolderError, SettingsError
 from ..racing.run_folder import SUMMARY, read_summary
 from ..registry import PARTS
 from .command import OUTPUT, Part, option
@@ -53,9 +53,15 @@ def out_options(kind: str, text: str, *, required: bool = False) -> Part:
 
 
 def write_page(folder: str | Path) -> None:
-    """Write the page of a run into its folder, where the add-on is there that makes one."""
-    if "report" in PARTS:
-        PARTS.find("report")(folder)
+    """Write the page of a run into its folder, where there is an add-on for it; say so if it cannot be imported."""
+    if "report" not in PARTS:
+        return
+    try:
+        write = PARTS.find("report")
+    except FgMujocoError as error:
+        print(f"fg-mujoco: {PAGE} is left out; {error}", file=sys.stderr)
+        return
+    write(folder)
 
 
 @contextmanager

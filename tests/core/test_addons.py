@@ -38,6 +38,17 @@ def test_an_add_on_that_cannot_be_imported_names_itself():
     assert "'compare' is of the add-on arena, which cannot be imported: ModuleNotFoundError" in said
 
 
+def test_a_race_is_told_and_written_where_the_page_cannot_be_made(tmp_path):
+    said = run(
+        "import sys\nsys.modules['fg_mujoco.addons.look'] = None\n"
+        "from fg_mujoco.cli.main import main\n"
+        f"print(main(['race', '--laps', '1', '--time-limit', '0.5', '--out', {str(tmp_path / 'run')!r}]))"
+    )
+    assert "time limit" in said and "'report' is of the add-on look, which cannot be imported" in said
+    assert "\n1\n" in said  # it was not driven to its end, and nothing worse
+    assert (tmp_path / "run" / "summary.json").exists()
+
+
 @pytest.mark.parametrize("table", TABLES)
 def test_what_the_table_names_is_there(table):
     for name, place in added(table).items():
