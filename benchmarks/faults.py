@@ -26,8 +26,8 @@ from fg_mujoco.compiled.kernels import cache_folder
 ROOT = Path(__file__).parent.parent
 INSIDE = ("addons", "controllers", "models", "tracks")
 """Folders of the repository that are installed inside fg_mujoco."""
-LINKED = ("benchmarks", "docs", "examples", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile", "mkdocs.yml",
-          "pyproject.toml", "constraints.txt")  # fmt: skip
+LINKED = ("benchmarks", "docs", "examples", "tools", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "Makefile",
+          "mkdocs.yml", "pyproject.toml", "constraints.txt")  # fmt: skip
 """What tests read besides the package."""
 
 
@@ -42,9 +42,9 @@ class Fault:
 
     @property
     def room(self) -> str:
-        """The folder in the package, or in the repository."""
+        """The folder in the package, the add-on, or the folder in the repository."""
         parts = Path(self.file).parts
-        return parts[1] if parts[0] == "fg_mujoco" and len(parts) > 2 else parts[0]
+        return parts[1] if parts[0] in ("fg_mujoco", "addons") and len(parts) > 2 else parts[0]
 
 
 FAULTS = {
