@@ -78,11 +78,13 @@ PARTS = {
     "localiser": "drivers.localisation.localiser:Localiser",
     "policy batch": "learn.policy_batch:PolicyBatch",
     "pose settings": "drivers.localisation.localiser:PoseSettings",
+    "race control": "arena.race_control.race_control:RaceControl",
     "raceline": "drivers.line_optimizer:raceline",
     "report": "look.commands:report_race",
     "residual": "learn.residual:Residual",
     "room on map": "drivers.line_optimizer:room_on_map",
     "run page": "look.report.report_page:write_report",
+    "standings": "arena.race_control.standings:standings",
     "tight circuits": "arena.tight_courses.tight:generate_tight_track",
 }
 """Parts that the core uses where somebody asks for them."""

@@ -23,11 +23,12 @@ from common import parser, report, table
 
 from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, alike_cars, pace
 from fg_mujoco.addons.arena.overtaking.slower_opponents import Blocking, make_opponent
+from fg_mujoco.addons.arena.race_control.race_control import RaceControl
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.entries import grid_starts
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.race_control import RULES, Contact, RaceControl
+from fg_mujoco.racing.rules import RULES, Contact
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import PlannersOfEach, adapt

@@ -17,8 +17,9 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.race_control.race_control import RaceControl
 from fg_mujoco.racing.entries import Entry, entry_planner, grid_starts
-from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.racing.rules import RULES
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt

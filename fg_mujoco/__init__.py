@@ -62,10 +62,10 @@ if TYPE_CHECKING:
     from .racing.entries import Entry
     from .racing.planners import controller_names, make_controller
     from .racing.race import race
-    from .racing.race_control import Contact, Overtake
     from .racing.replay import replay
     from .racing.resimulation import scan_at
     from .racing.result import CarResult, RaceResult
+    from .racing.rules import Contact, Overtake
     from .racing.run_folder import Run, read_run
     from .racing.setup import Setup
     from .rollouts.rollout_result import RolloutResult, read_rollout
@@ -189,7 +189,7 @@ _PLACES = {
     "lab.handling": "handling",
     "racing.planners": "controller_names make_controller",
     "racing.race": "race",
-    "racing.race_control": "Contact Overtake",
+    "racing.rules": "Contact Overtake",
     "racing.replay": "replay",
     "racing.resimulation": "scan_at",
     "racing.result": "CarResult RaceResult",

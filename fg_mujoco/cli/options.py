@@ -22,7 +22,7 @@ from ..lidar.lidar import LIDAR_BACKENDS
 from ..lidar.measured_errors import effect_names
 from ..racing.entries import GRIDS, Entry
 from ..racing.planners import controller_names
-from ..racing.race_control import RULES
+from ..racing.rules import RULES
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges

@@ -17,9 +17,9 @@ from ..racing.entries import NO_FAULT
 from ..racing.hints import race_hints
 from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
-from ..racing.race_control import find_rules
 from ..racing.replay import decisions_again, replay
 from ..racing.result import RaceResult
+from ..racing.rules import find_rules
 from ..racing.run_folder import check_run_folder, summary_json
 from ..simulation.settings import friction_text
 from ..vehicle.tire_slip import sliding_rule

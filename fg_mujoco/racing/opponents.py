@@ -20,7 +20,7 @@ from ..errors import ControllerError, SettingsError
 from ..simulation.settings import DriveSettings, Start
 from .entries import Entry, check_starts, entry_planner, grid_starts
 from .planners import ControllerChoice, split_controller
-from .race_control import Contact, Overtake
+from .rules import Contact, Overtake
 from .setup import Setup
 from .trust import Files, by_name, planner_files
 

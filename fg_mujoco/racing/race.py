@@ -37,16 +37,14 @@ from .figures import course_figures, driven_figures, track_figures, world_figure
 from .planners import split_controller
 from .resolved import Resolved
 from .result import CarResult, History, RaceResult
+from .rules import RaceRecord, race_control
 from .setup import Setup, SetupKeywords
 from .trust import Files, origin, planner_files, source_code
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from .race_control import Contact, Overtake, RaceControl, Restart, Warned
-
-
-_LATE, _FINISHED = END_REASONS.index("decision_limit"), END_REASONS.index("finished")
+_LATE = END_REASONS.index("decision_limit")
 
 
 @explain_class
@@ -145,7 +143,7 @@ def race_setup(
     if alone and engine.crashed[0]:
         raced.check_starts()  # says what is in the way
         raise SettingsError(f"the car touches something at {raced.starts[0]}; accepted: a start where it does not")
-    history, control = History(engine), _control(engine, names, setup.rules)
+    history, control = History(engine), race_control(engine, names=names, rules=setup.rules)
 
     started = time.perf_counter()
     ended = _drive(engine, history, control, clock, watch)
@@ -189,7 +187,7 @@ def race_setup(
 def _drive(
     engine: Engine,
     history: History,
-    control: RaceControl | _Uncontrolled,
+    control: RaceRecord,
     clock: DecisionClock,
     watch: Callable[[RaceProgress], None] | None,
 ) -> NDArray[np.int64]:
@@ -228,44 +226,6 @@ def _drive(
         engine.monitor.end(running.copy(), "decision_limit")
     ended[ended < 0] = history.ticks
     return ended
-
-
-def _control(engine: Engine, names: Sequence[str], rules: str) -> RaceControl | _Uncontrolled:
-    """Return the race control of some cars; of one car without rules, whom nobody can touch, one that does nothing."""
-    if len(names) == 1 and rules == "none":
-        return _Uncontrolled(engine, names[0])
-    from .race_control import RaceControl, find_rules
-
-    return RaceControl(engine, names=names, rules=find_rules(rules))
-
-
-class _Uncontrolled:
-    """The results of a race of one car without rules, as RaceControl has them."""
-
-    puts_back_at_walls = False
-
-    def __init__(self, engine: Engine, name: str) -> None:
-        self._engine, self._name = engine, name
-        self.contacts: list[Contact] = []
-        self.overtakes: list[Overtake] = []
-        self.warnings: list[Warned] = []
-        self.restarts: list[Restart] = []
-        self.wall_contacts = [0]
-
-    def after_tick(self) -> None:
-        """Do nothing."""
-
-    def finish(self) -> None:
-        """Do nothing."""
-
-    def order(self) -> list[int]:
-        """Return the only car."""
-        return [0]
-
-    @property
-    def winner(self) -> str | None:
-        """Name of the car, if it has finished."""
-        return self._name if self._engine.monitor.reasons[0] == _FINISHED else None
 
 
 class _Timed:

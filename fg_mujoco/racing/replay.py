@@ -37,9 +37,9 @@ from ..simulation.world import World, shows
 from ..vehicle.motion import drive
 from ..vehicle.vehicle import Vehicle
 from .figures import CourseFigures, TrackFigures, course_figures, driven_figures, track_figures, world_figures
-from .race_control import RaceControl, find_rules
 from .resimulation import Recording, load_world, recorded_planner, resimulate
 from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
+from .rules import RaceRecord, race_control
 from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
@@ -228,7 +228,10 @@ class _Again:
         history = History(engine)
         self.ends = [len(run.ctrl)] * engine.cars_per_world  # the tick in which the race of each car was over
         self.rows = run.summary.get("cars") or [{}]
-        self.control: RaceControl | None = None
+        names = [str(row.get("name", "car_0")) for row in self.rows]
+        self.control = RaceRecord(engine, names=names)
+        if world.track is not None:
+            self.control = race_control(engine, names=names, rules=run.summary.get("rules") or "none")
         self.over: tuple[int, str] | None = None if engine.running.any() else (0, self._reason)
         self._drive_again(run, history)
         self.trajectory: Trajectory = history.arrays()
@@ -237,10 +240,6 @@ class _Again:
     def _drive_again(self, run: Run, history: History) -> None:
         """Drive the cars as they were; what ended a race from outside ends it when it did."""
         engine, rows, summary = self.engine, self.rows, run.summary
-        if engine.world.track is not None:
-            names = [str(row.get("name", "car_0")) for row in rows]
-            rules = summary.get("rules") or "none"
-            self.control = RaceControl(engine, names=names, rules=find_rules(rules))
         ended = [float(row.get("end_time_s", run.time[-1])) for row in rows]  # older runs of one car lack it
         ends = np.searchsorted(run.time, np.array(ended) - 1e-9)
         columns, commanded = slice(COMMAND, COMMAND + 2), np.empty(run.ctrl.shape[1])
@@ -257,13 +256,12 @@ class _Again:
             engine.drive(controls=controls[np.newaxis])
             same = commanded.tobytes() == controls.tobytes()
             engine.telemetry[:, columns] = commands[tick] if same else controls.reshape(-1, 2)
-            alone = len(rows) == 1 and not (self.control is not None and self.control.puts_back_at_walls)
+            alone = len(rows) == 1 and not self.control.puts_back_at_walls
             if alone:  # a race of one car keeps the tick in which it finishes
                 history.append()
             engine.judge()
             self._end_from_outside(reasons, ends == tick + 1, before=False)
-            if self.control is not None:
-                self.control.after_tick()
+            self.control.after_tick()
             if not alone:
                 history.append()
             for car in map(int, np.flatnonzero(~engine.running & ~over)):
@@ -273,8 +271,7 @@ class _Again:
         self._end_from_outside(reasons, ends == len(run.ctrl), before=True)
         if not len(run.ctrl):  # it was interrupted before the first tick
             self._end_from_outside(reasons, ends == 0, before=False)
-        if self.control is not None:
-            self.control.finish()
+        self.control.finish()
 
     def _end_from_outside(self, reasons: Sequence[str], which: Any, *, before: bool) -> None:
         """End the races of some cars, (m,), whose reasons no simulation tells: of planners before a tick is driven."""
@@ -291,10 +288,9 @@ class _Again:
         """Return the figures of the summary that follow from the trajectory, and from the course where it is there."""
         rows = []
         for car, recorded in enumerate(self.rows):
-            put_back = 0 if self.control is None else self.control.wall_contacts[car]
+            put_back = self.control.wall_contacts[car]
             figures: dict[str, Any] = {**driven_figures(self.engine, self.telemetries[car], car, put_back)}
             if on_course:
-                assert self.control is not None
                 figures |= course_figures(self.engine, self._to_the_end_of(car), car)
                 touched = (str(recorded.get("name")) in contact.cars for contact in self.control.contacts)
                 figures["collisions_car"] = sum(touched)
@@ -303,7 +299,6 @@ class _Again:
         found = {**own, "collisions": rows[0]["collisions_wall"], **world_figures(self.trajectory)}
         if not on_course:
             return found
-        assert self.control is not None
         both = zip(self.rows, rows, strict=True)
         found["cars"] = [{name: figures.get(name, value) for name, value in row.items()} for row, figures in both]
         return found | track_figures(self.engine) | {name: getattr(self.control, name) for name in EVENTS}

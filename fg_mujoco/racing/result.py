@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from ..simulation.world import World
     from .crash import Crash, Rollover
     from .entries import Entry
-    from .race_control import Contact, Overtake, Restart, Warned
+    from .rules import Contact, Overtake, Restart, Warned
     from .setup import Setup
 
 

@@ -24,7 +24,7 @@ from ..simulation.termination import WrongWay
 from .crash import Crash
 from .decision_times import DecisionTimes
 from .entries import GRIDS
-from .race_control import RULES, Contact, Overtake, Restart, Warned
+from .rules import RULES, Contact, Overtake, Restart, Warned
 
 GREATEST = 1e9
 """Of the numbers in a summary."""

@@ -43,6 +43,7 @@ from ..simulation.settings import (
 from ..vehicle.changes import CarChanges
 from ..vehicle.friction_patches import Patch
 from .entries import Entry, require_entries, require_grid
+from .rules import find_rules
 
 PARTS = {
     "lidar_noise": ("effects", "range_noise_std"), "lidar_dropout": ("effects", "dropout_probability"),
@@ -147,11 +148,7 @@ class Setup:
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
-        of_several = [("grid", "staggered")]
-        if not isinstance(self.rules, str) or self.rules != "none":
-            from .race_control import find_rules
-
-            of_several += [] if find_rules(self.rules).checkpoints else [("rules", "none")]
+        of_several = [("grid", "staggered"), *([] if find_rules(self.rules).checkpoints else [("rules", "none")])]
         for name, usual in of_several:
             if len(named) == 1 and getattr(self, name) != usual:
                 raise SettingsError(

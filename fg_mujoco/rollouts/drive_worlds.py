@@ -33,7 +33,7 @@ from ..racing.decision_times import DecisionClock
 from ..racing.entries import entry_planner
 from ..racing.opponents import AMONG_CARS, AmongCars, Opponents, entry_of
 from ..racing.planners import build_controller, find_controller, split_controller
-from ..racing.race_control import RULES, RaceControl
+from ..racing.rules import RaceRecord, race_control
 from ..simulation.cars import WorldCar
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import Decide, Planners, PlannersOfEach, adapt, start
@@ -159,7 +159,7 @@ def drive_worlds(
             timed=None if clock is None else clock.time, opponents=opponents,
         )  # fmt: skip
         controls = [
-            RaceControl(engine, names=opponents.names, rules=RULES["none"], world=place)
+            race_control(engine, names=opponents.names, rules="none", world=place)
             for place in range(len(members) if opponents.entries else 0)
         ]
         results.begin(members, engine)
@@ -370,7 +370,7 @@ class _Results:
         members: Sequence[int],
         engine: Engine,
         scenarios: Sequence[Scenario],
-        controls: Sequence[RaceControl],
+        controls: Sequence[RaceRecord],
     ) -> None:
         """Take how it went for car 0 of each world; `controls` watched the worlds with opponents."""
         if self._recorder is not None:

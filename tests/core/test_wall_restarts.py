@@ -7,7 +7,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
-from fg_mujoco.racing.race_control import RULES
+from fg_mujoco.racing.rules import RULES
 
 _RULES = RULES["autodrive_2026"]
 

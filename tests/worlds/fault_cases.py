@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import fg_mujoco as fg
-from fg_mujoco.racing import fault
-from fg_mujoco.racing.fault import Approach, Incident
-from fg_mujoco.racing.recent_motion import contact_normal
+from fg_mujoco.addons.arena.race_control import fault
+from fg_mujoco.addons.arena.race_control.fault import Approach, Incident
+from fg_mujoco.addons.arena.race_control.recent_motion import contact_normal
 from fg_mujoco.simulation.cars import footprint
 
 CAR = fg.World("oval").parameters

@@ -28,8 +28,8 @@ from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
 from fg_mujoco.racing.planners import ControllerChoice
-from fg_mujoco.racing.race_control import find_rules
 from fg_mujoco.racing.resolved import ground_of
+from fg_mujoco.racing.rules import find_rules
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
 from fg_mujoco.racing.trust import check_planner, files_sha256
 from fg_mujoco.rollouts.store import digest

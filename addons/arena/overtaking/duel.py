@@ -4,7 +4,7 @@ Both stand on the centreline at a place that the seed draws, the opponent ahead 
 it draws, too. An overtake counts when the planner's car has been half a length ahead along the centreline for 1 s. The
 first touch of the cars ends a duel, and so does whatever ends the race of the planner's car.
 
-Who is to blame for a touch is decided by race control, see racing.fault.
+Who is to blame for a touch is decided by race control, see arena.race_control.fault.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from fg_mujoco.errors import ControllerError, PlannerError, SettingsError, Track
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.messages import CarParameters, PlannerContext
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.race_control import RULES, RaceControl
 from fg_mujoco.racing.resolved import Resolved
+from fg_mujoco.racing.rules import RULES
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.engine import Engine
@@ -36,6 +36,7 @@ from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.simulation.world import World
 
 from ..grid_study import GridKey, GridRow, figures_of, why_failed
+from ..race_control.race_control import RaceControl
 from .slower_opponents import Blocking, Pace, make_opponent
 
 AHEAD_FOR = 1.0  # [s]

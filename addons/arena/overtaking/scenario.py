@@ -22,13 +22,14 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry
 from fg_mujoco.racing.entries import check_starts
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.racing.rules import RULES
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import PlannersOfEach, adapt
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.termination import END_REASONS
 
 from ..grid_study import GridKey, GridRow, figures_of, why_failed
+from ..race_control.race_control import RaceControl
 from .duel import DuelSettings, alike_cars, build_planner, closed_track, place_cars
 from .slower_opponents import least_curvature, write_line
 

@@ -18,7 +18,7 @@ from fg_mujoco.pictures.pages.page import data_url, note, scroll
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import Run
-from fg_mujoco.racing.standings import Standings, standings
+from fg_mujoco.registry import PARTS
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
@@ -42,7 +42,7 @@ class Field:
 
     rows: list[dict[str, Any]]  # as in `cars` of the summary
     lines: list[FloatArray]  # where each drove until its race was over (k, 2) [m]
-    standings: Standings
+    standings: Any  # see addons.arena.race_control.standings
     contacts: list[dict[str, Any]]
     overtakes: list[dict[str, Any]]
 
@@ -52,7 +52,7 @@ class Field:
         if not run.others:
             return None
         telemetries, rows = (run.telemetry, *run.others), run.summary["cars"]
-        found = standings(telemetries, rows)
+        found = PARTS.find("standings")(telemetries, rows)
         ends = [int(np.searchsorted(found.time, float(row["end_time_s"]) - 1e-9)) for row in rows]
         x, y = (TELEMETRY.index(name) for name in ("x_m", "y_m"))
         lines = [telemetry[: max(end, 1)][:, [x, y]] for telemetry, end in zip(telemetries, ends, strict=True)]

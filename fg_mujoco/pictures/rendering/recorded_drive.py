@@ -21,7 +21,7 @@ from ...messages import FloatArray
 from ...racing.resimulation import load_world
 from ...racing.result import RaceResult
 from ...racing.run_folder import Run, read_run
-from ...racing.standings import Standings, standings
+from ...registry import PARTS
 from ...simulation.cars import require_car
 from ...simulation.physics import STATE
 from ...simulation.telemetry import TELEMETRY
@@ -85,9 +85,9 @@ class Drive:
         return greatest
 
     @cached_property
-    def standings(self) -> Standings | None:
+    def standings(self) -> Any:
         """Who led whom; None where the car was alone."""
-        return standings(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
+        return PARTS.find("standings")(self.telemetries, self.summary["cars"]) if len(self.telemetries) > 1 else None
 
     def tick_at(self, time: float) -> int:
         """Return the tick that a time [s] is in.

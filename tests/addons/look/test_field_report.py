@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.race_control.standings import standings
 from fg_mujoco.addons.look.report.clip import clip_of_several
 from fg_mujoco.addons.look.report.field import PICTURE_SIZE, Field
 from fg_mujoco.addons.look.report.recorded import read_recorded
 from fg_mujoco.pictures.rendering import Film, Overlays
-from fg_mujoco.racing.standings import standings
 from fg_mujoco.simulation.cars import car_colour, car_colour_hex
 from field_races import shunt, three_cars
 from rendered import needs_gl

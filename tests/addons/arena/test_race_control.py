@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fg_mujoco import Entry, RaceResult, Setup, Start, race, read_run, replay, write_run
+from fg_mujoco.addons.arena.race_control.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.options import with_opponents
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
-from fg_mujoco.racing.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.racing.run_folder import SUMMARY
 
 

@@ -20,15 +20,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import explain_class
-from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray, shown
-from ..simulation.cars import TOUCH_READINGS, touch_places
-from ..simulation.engine import Engine
-from ..simulation.settings import Start
-from ..simulation.telemetry import TELEMETRY
-from ..simulation.termination import END_REASONS
-from .entries import BOTH, NO_FAULT
+from fg_mujoco.messages import FloatArray
+from fg_mujoco.racing.entries import BOTH, NO_FAULT
+from fg_mujoco.racing.rules import Contact, Overtake, RaceRecord, Restart, Rules, Warned
+from fg_mujoco.simulation.cars import TOUCH_READINGS, touch_places
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.settings import Start
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.simulation.termination import END_REASONS
+
 from .fault import judge
 from .recent_motion import RecentMotion
 
@@ -52,80 +52,6 @@ PUSHED_ON = 0.5
 
 _PROGRESS, _COMMANDED = (TELEMETRY.index(name) for name in ("progress_m", "command_speed_m_s"))
 _FINISHED, _CRASH, _DISQUALIFIED = END_REASONS.index("finished"), END_REASONS.index("crash"), "disqualified"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rules:
-    """The interventions of race control, which otherwise only keeps a record. Lengths in metres."""
-
-    name: str
-    free_displacement: float = math.inf  # a touch that displaces a car by less is free; inf: all are, long pushes, too
-    restart_behind: float = 2.0  # the car at fault starts again so far behind the other
-    restart_behind_driving: float = 3.0  # and so far where the other drove on by itself
-    most_warnings: int = 3  # the last of them disqualifies
-    checkpoints: int = 0  # of a lap: a car that touches a wall starts again at the last one; 0: the wall ends its race
-    wall_penalty: float = 0.0  # [s] for each such touch, added to the time of the race
-    most_wall_contacts: int = 0  # one more disqualifies
-
-
-RULES = {
-    "none": Rules(name="none"),
-    "roboracer_2026": Rules(name="roboracer_2026", free_displacement=0.05),
-    "autodrive_2026": Rules(name="autodrive_2026", checkpoints=10, wall_penalty=10.0, most_wall_contacts=10),
-}
-"""By name. Sources of the numbers: RoboRacer rules, version 3.2026-draft; rules of 2026 of the RoboRacer Sim Racing
-League, in AutoDRIVE's simulator, which do not say how many checkpoints a lap has: ten are assumed."""
-
-
-@explain_class
-@dataclass(frozen=True, kw_only=True)
-class Contact:
-    """Two cars that touched, from their first touch until they were apart. Fields are as in the JSON."""
-
-    time_s: float  # of the first touch, at the start of its tick
-    cars: tuple[str, str]
-    impulse_Ns: float  # noqa: N815  # of the one on the other, summed over all touches
-    closing_speed_m_s: float  # before it, where they first touched, along the contact's normal
-    displacement_m: float  # how far the force would have pushed the more easily pushed of them, standing, tires sliding
-    at_fault: str  # name of the car, "both" or "no fault", see racing.fault
-    x_m: float  # where they first touched
-    y_m: float
-    reason: str = ""  # why it is at fault, of fault.REASONS; empty in older runs
-
-    def blames(self, name: str) -> bool:
-        """Return whether a car is at fault, alone or with the other."""
-        return self.at_fault == name or (self.at_fault == BOTH and name in self.cars)
-
-
-@explain_class
-@dataclass(frozen=True, kw_only=True)
-class Overtake:
-    """A car passed another. Fields are as in the JSON."""
-
-    time_s: float  # when it first led by half its length
-    by: str
-    of: str
-    s_m: float  # progress of the passing car then
-
-
-@dataclass(frozen=True, kw_only=True)
-class Warned:
-    """A warning of race control. Fields are as in the JSON."""
-
-    time_s: float
-    car: str
-    reason: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class Restart:
-    """A car that was put back. Fields are as in the JSON; a replay puts it back, too."""
-
-    time_s: float
-    tick: int  # at the end of which, from 1
-    car: int
-    s_m: float  # of its new start, as in Start
-    offset_m: float
 
 
 @dataclass(kw_only=True)
@@ -153,7 +79,7 @@ class _Order:
     at: float = 0.0  # [m] progress of the new leader then
 
 
-class RaceControl:
+class RaceControl(RaceRecord):
     """Watches the cars of a world of an engine.
 
     Args:
@@ -161,19 +87,11 @@ class RaceControl:
       names: of the cars.
       rules: what is done about contacts.
       world: its number in the engine.
-
-    Attributes:
-      contacts, overtakes, warnings, restarts: so far.
-      wall_contacts: after which each car was put back, (m,).
     """
 
     def __init__(self, engine: Engine, *, names: Sequence[str], rules: Rules, world: int = 0) -> None:
-        self.contacts: list[Contact] = []
-        self.overtakes: list[Overtake] = []
-        self.warnings: list[Warned] = []
-        self.restarts: list[Restart] = []
-        self.wall_contacts = [0] * len(names)
-        self._engine, self._names, self._rules = engine, tuple(names), rules
+        super().__init__(engine, names=names)
+        self._rules = rules
         self._world, self._built = world, engine.world_of(world)
         count, built = len(names), self._built
         self._rows = slice(world * count, (world + 1) * count)  # of its cars among the engine's
@@ -217,7 +135,7 @@ class RaceControl:
 
     @property
     def winner(self) -> str | None:
-        """Name of the car that finished first; None: none has."""
+        """See RaceRecord."""
         first = self.order()[0]
         return self._names[first] if self._engine.monitor.reasons[self._rows][first] == _FINISHED else None
 
@@ -229,7 +147,7 @@ class RaceControl:
 
     @property
     def puts_back_at_walls(self) -> bool:
-        """Whether a car that touches a wall starts again, and goes on."""
+        """See RaceRecord."""
         return self._rules.checkpoints > 0
 
     def _look_for_wall_contacts(self, time: float) -> None:
@@ -419,17 +337,6 @@ class RaceControl:
                         Overtake(time_s=order.since, by=self._names[by], of=self._names[of], s_m=order.at)
                     )
                 order.leads, order.new = leads, 0
-
-
-def find_rules(name: str) -> Rules:
-    """Return the rules of a name.
-
-    Raises:
-      SettingsError: there are none.
-    """
-    if not isinstance(name, str) or name not in RULES:
-        raise SettingsError(f"rules is {shown(name)}; {accepted_names(name, RULES)}")
-    return RULES[name]
 
 
 def _is_long_push(contact: _Touching) -> bool:

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from fault_cases import CAR, CASES, GRIP, Case, Drive, incident, staged
 from fg_mujoco import SettingsError
-from fg_mujoco.racing import fault
-from fg_mujoco.racing.fault import Approach, Incident, judge
-from fg_mujoco.racing.recent_motion import contact_normal
+from fg_mujoco.addons.arena.race_control import fault
+from fg_mujoco.addons.arena.race_control.fault import Approach, Incident, judge
+from fg_mujoco.addons.arena.race_control.recent_motion import contact_normal
 from fg_mujoco.simulation.cars import footprint
 
 

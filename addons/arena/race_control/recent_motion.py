@@ -17,11 +17,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ..messages import CarParameters, FloatArray
-from ..simulation.cars import footprint
-from ..simulation.engine import Engine
-from ..simulation.telemetry import TELEMETRY
-from ..simulation.world import OBSTACLE_PREFIX
+from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.simulation.cars import footprint
+from fg_mujoco.simulation.engine import Engine
+from fg_mujoco.simulation.telemetry import TELEMETRY
+from fg_mujoco.simulation.world import OBSTACLE_PREFIX
+
 from .fault import BRAKED_BY, BRAKING, LOOK_BACK, Approach, Incident
 
 _COLUMNS = tuple(TELEMETRY.index(name) for name in ("x_m", "y_m", "heading_rad", "vx_m_s", "vy_m_s", "yaw_rate_rad_s"))

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..messages import FloatArray
-from ..simulation.telemetry import TELEMETRY
+from fg_mujoco.messages import FloatArray
+from fg_mujoco.simulation.telemetry import TELEMETRY
 
 _TIME, _PROGRESS = TELEMETRY.index("time_s"), TELEMETRY.index("progress_m")
 _AHEAD_OF_ALL = 1e9  # [m] beyond any progress: a car that has finished is ahead of those that have not

@@ -9,9 +9,10 @@ import pytest
 
 import fg_mujoco as fg
 from fault_cases import CASES, MIDDLE, Case, Drive, staged
-from fg_mujoco.racing import fault
+from fg_mujoco.addons.arena.race_control import fault
+from fg_mujoco.addons.arena.race_control.race_control import RaceControl
 from fg_mujoco.racing.entries import NO_FAULT
-from fg_mujoco.racing.race_control import RULES, RaceControl
+from fg_mujoco.racing.rules import RULES
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 

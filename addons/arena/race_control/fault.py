@@ -24,8 +24,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import SettingsError
-from ..messages import FloatArray, read_only
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import FloatArray, read_only
 
 LOOK_BACK = 1.0
 """[s] before a touch that are judged."""
