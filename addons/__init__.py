@@ -48,6 +48,7 @@ NAMES = {
 
 PLANNERS = {
     "overtaker": "drivers.overtaker:Overtaker",
+    "pure_pursuit": "drivers.pure_pursuit:PurePursuit",
     "scout": "drivers.scout:Scout",
 }
 """Planners by name."""

@@ -16,7 +16,6 @@ CONTROLLERS = {
     "disparity_selection": "disparity_selection:DisparitySelection",
     "follow_the_gap": "follow_the_gap:FollowTheGap",
     "gap_finder": "gap_finder:GapFinder",
-    "pure_pursuit": "pure_pursuit:PurePursuit",
     "threshold_gap": "threshold_gap:ThresholdGap",
     "wall_follow": "wall_follow:WallFollow",
     "weighted_gap": "weighted_gap:WeightedGap",

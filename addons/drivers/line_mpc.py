@@ -37,7 +37,6 @@ import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, ROOM, SPEED, STEP, X, Y, next_point
 from fg_mujoco.controllers.control.slip import arc_angle, course_angle, slip_angle, steady_arc, steered, tightest_arc
 from fg_mujoco.controllers.control.speed import friction_steering, share_of_way
 from fg_mujoco.controllers.control.stages import Stage
@@ -45,6 +44,7 @@ from fg_mujoco.controllers.control.steering import late_by, saturate
 from fg_mujoco.controllers.perception.scan_geometry import period_of
 from fg_mujoco.messages import FloatArray
 
+from .line_profile import LEFT, RIGHT, ROOM, SPEED, STEP, X, Y, next_point
 from .line_trackers import OFF_LINE, curvature_at, direction_at, is_ahead, own_line
 from .ltv_program import COUPLED, FIRST, HIGH, INPUT, LAST, LOW, MOST_ITERATIONS, SOFTNESS, solve_program
 
@@ -91,7 +91,7 @@ def plan_steering(
     grip from the cornering of a car that is far too fast. Without a plan the speed is 0.
 
     Args:
-      line: as of racelines.line_table.
+      line: as of line_profile.line_table.
       nearest: its point that is nearest to the rear axle.
       odometry: of type ODOMETRY.
       driver: of type driving.DRIVER.

@@ -33,12 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.racelines import ROOM, Y
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine
 
 from .band_program import least_on_ring
+from .line_profile import ROOM, Y
 
 Objective = Literal["time", "curvature"]
 
@@ -522,7 +522,7 @@ def room_on_map(table: FloatArray, map_line: MapLine, car: CarParameters, margin
     """Return the room beside a planner's line to the right (negative) and to the left, (n, 2) [m].
 
     Args:
-      table: of the line, as of racelines.line_table.
+      table: of the line, as of line_profile.line_table.
       map_line: the line through the course, with its walls.
       car: parameters of the car.
       margin: of the planner's settings [m], of which a part is left.

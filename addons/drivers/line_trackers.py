@@ -29,12 +29,13 @@ import math
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.racelines import X, Y, moved_along
 from fg_mujoco.controllers.control.slip import course_angle, steady_arc
 from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.control.tracking import LAG
 from fg_mujoco.messages import FloatArray
+
+from .line_profile import X, Y, moved_along
 
 _SPAN = 0.2  # [m] to either side of a point, for the direction of the line
 _BEND_SPAN = 0.4  # [m] the same for its curvature
@@ -94,7 +95,7 @@ def lqr_steering(
     """Return the steering angle [rad] of the regulator, with the line's curvature ahead.
 
     Args:
-      line: as of racelines.line_table.
+      line: as of line_profile.line_table.
       nearest: its point that is nearest to the rear axle.
       x: of the rear axle [m].
       y: of the rear axle [m].
@@ -116,7 +117,7 @@ def map_steering(
     """Return the steering angle [rad] of the model- and acceleration-based pursuit of a goal, see above.
 
     Args:
-      line: as of racelines.line_table.
+      line: as of line_profile.line_table.
       nearest: its point that is nearest to the rear axle.
       bearing: of the goal from the rear axle [rad].
       distance: of the goal [m].

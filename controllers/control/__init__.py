@@ -3,6 +3,5 @@
 A planner finds a goal or a reference (planner). All planners of a batch then decide by the same stages (planner_batch,
 decision): steering by pure pursuit (steering), speed by the laws of the scan and of friction (speed), then what is in
 `safety`, and at last the friction limiter and the motor (holding). Optional stages are registered in `stages`. The
-settings of a planner say what they accept and how they depend on the car (planner_settings). Lines through a map, and
-the speeds at which they can be driven, are in racelines.
+settings of a planner say what they accept and how they depend on the car (planner_settings).
 """

@@ -11,10 +11,10 @@ from test_pure_pursuit import CAR, OPEN, at, pursuer
 
 from fg_mujoco.addons.drivers import line_mpc, ltv_program
 from fg_mujoco.addons.drivers.line_mpc import DT, STEPS
+from fg_mujoco.addons.drivers.line_profile import LEFT, RIGHT, X
 from fg_mujoco.addons.drivers.ltv_program import HIGH, INPUT, LAST, LOW, SOFTNESS
-from fg_mujoco.controllers.control.racelines import LEFT, RIGHT, X
+from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.controllers.control.slip import steered
-from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.messages import ODOMETRY, MapLine
 
 STRAIGHT = MapLine(points=np.array([[0.0, 0.0], [60.0, 0.0]]), closed=False)

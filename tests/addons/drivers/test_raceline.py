@@ -9,11 +9,11 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
+from fg_mujoco.addons.drivers.line_profile import read_line
 from fg_mujoco.addons.drivers.racelines import raceline
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.cli.main import main
-from fg_mujoco.controllers.control.racelines import read_line
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import outline
 from fg_mujoco.errors import TrackError

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.controllers.control.racelines import SPACING, SPEED, STEP, curvature, line_table, read_line
+from fg_mujoco.addons.drivers.line_profile import SPACING, SPEED, STEP, curvature, line_table, read_line
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
 from scan_worlds import CAR, MU

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.pure_pursuit import PurePursuit, PurePursuitSettings
+from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import MapLine
 from scan_worlds import CAR, MU, corridor, odometry_of, rows_of

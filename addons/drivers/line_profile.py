@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.planner_settings import Record
+from fg_mujoco.controllers.control.slip import fastest_on
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.course.line_csv import read_line_csv
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import FloatArray
-
-from ..safety.friction_limiter import FrictionLimiter, longitudinal_share
-from .planner_settings import Record
-from .slip import fastest_on
 
 SPACING = 0.1  # [m] of the points of a table, about
 X, Y, SPEED, STEP, RIGHT, LEFT = range(6)

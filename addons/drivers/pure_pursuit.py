@@ -9,11 +9,11 @@
 3. The arc through the goal, tangent to the car at its rear axle, has curvature 2 y / L^2 (steering.pursue). That to a
    goal behind the car leads away from it at first: there the car turns as sharply as it can. With `tracker` the car
    steers by another law where it is near the line (line_trackers, line_mpc).
-4. The speed is that of a profile computed once (racelines.limit_speeds): cornering, braking and accelerating
+4. The speed is that of a profile computed once (line_profile.limit_speeds): cornering, braking and accelerating
    within what the planner assumes the tires hold, and no faster than the line's own speeds. It is read where the car is
    and where it will be after `reaction`, the slower of the two. At the end of an open line the car stops.
 
-The line is the centreline, that of a CSV file (racelines.read_line), driven in the order of its points, or the one of
+The line is the centreline, that of a CSV file (line_profile.read_line), driven in the order of its points, or that of
 least lap time between the map's walls (line_optimizer). It is closed if the map's own line is, and then it has to go
 round in the same direction.
 
@@ -34,15 +34,27 @@ from typing import Any, Literal
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.driving import DrivingSettings, SpeedLaw, refer
+from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.controllers.control.planner_settings import (
+    FROM_ZERO,
+    POSITIVE,
+    SHARE,
+    Record,
+    for_car,
+    setting,
+    setting_of_car,
+)
+from fg_mujoco.controllers.control.slip import late_on_path
+from fg_mujoco.controllers.control.steering import late_by, pursue
+from fg_mujoco.controllers.perception.scan_geometry import sees
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.course.line_csv import require_closed
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 from fg_mujoco.registry import PARTS
 
-from .control.driving import DrivingSettings, SpeedLaw, refer
-from .control.planner import Planner
-from .control.planner_settings import FROM_ZERO, POSITIVE, SHARE, Record, for_car, setting, setting_of_car
-from .control.racelines import (
+from .line_profile import (
     LEFT,
     RIGHT,
     SPEED,
@@ -55,10 +67,6 @@ from .control.racelines import (
     next_point,
     read_line,
 )
-from .control.slip import late_on_path
-from .control.steering import late_by, pursue
-from .perception.scan_geometry import sees
-from .safety.friction_limiter import FrictionLimiter
 
 _PURE_PURSUIT, _MAP = 1, 4  # places of words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
