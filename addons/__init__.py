@@ -55,13 +55,9 @@ PLANNERS = {
 
 STAGES = {
     "learn": "drivers.friction_learning:LEARN",
-    "lqr": "drivers.line_trackers:LQR",
-    "map": "drivers.line_trackers:MAP",
-    "mpc": "drivers.line_mpc:TRACK",
     "remember": "drivers.known_line:REMEMBER",
-    "stanley": "drivers.line_trackers:STANLEY",
 }
-"""Optional stages of driving, by the settings of planners that name them."""
+"""Stages of driving by the names that `assist` joins."""
 
 SCHEMES = {
     "policy": "learn.policy_planner:POLICIES",

@@ -19,7 +19,7 @@ import numpy as np
 from race_maps import SETTINGS
 
 import fg_mujoco as fg
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.gap_finder import GapFinder
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 BUNDLED = ("oval", "l_corridor", "hairpins", "chicanes", "fast", "tight", "random:0", "random:1")
@@ -53,7 +53,7 @@ def compare(tracks: list[str], tires: str, mus: list[float], laps: int, keywords
         for mu in mus:
             told, learning = (
                 fg.race(track, name, laps=laps, mu=mu, tires=tires, **keywords).car
-                for name in ("gap_finder", "gap_finder[learn=true]")
+                for name in ("gap_finder", "gap_finder[assist=full+learn]")
             )
             both = min(len(told.lap_times_s), len(learning.lap_times_s))
             over = np.array(learning.lap_times_s[:both]) / np.array(told.lap_times_s[:both])
@@ -86,7 +86,7 @@ def _stepped(track: str, tires: str, mu: float, learns: bool, time: float) -> st
     patch = fg.Patch(x=0.0, y=0.0, length=1e4, width=1e4, mu=mu)
     world = fg.World(fg.load_track(track), mu=mu, tires=fg.Tires.load(tires), patches=(patch,))
     car = world.car
-    planner = GapFinder(car.parameters, mu, 8.0, GapFinderSettings(learn=learns))
+    planner = GapFinder(car.parameters, mu, 8.0, assist="full+learn" if learns else "full")
     simulation = fg.Simulation(world)
     scan, odometry = simulation.reset()
     floor = simulation.engine._batches[0].floor

@@ -155,7 +155,7 @@ def passed(seeds: range) -> list[tuple[Any, ...]]:
                 sum(
                     fg.race(passing_scene(kind, seed), planner, max_speed=speed).car.finished for seed in seeds
                 )
-                for planner in ("gap_finder[prediction=false]", "gap_finder")
+                for planner in ("gap_finder[assist=full-prediction]", "gap_finder")
             ),
             len(seeds),
         )

@@ -10,7 +10,7 @@ The nine components, in the order of that text:
 6. mean filter             scan_filters.rolling_mean, over the width of a bubble
 7. centre priority         scan_filters.prioritise_centre, 0.999 to 1.000
 8. greatest range          the goal
-9. speed                   speed.range_ratio_speed by the mean range in front; speed.friction_speed by the steering
+9. speed                   speed.mean_range_speed by the mean range in front; speed.friction_speed by the steering
 
 Differences from the known implementation of the text: the friction limit is the last word on speed, and no gain
 follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no filter changes its input; the car

@@ -18,9 +18,9 @@ Source: the F1TENTH course, lecture and lab on wall following. There the derivat
 an integral term. The speed is that of the planner's speed law, in the direction in which the car steers.
 
 Limits, which are where the slides on reactive methods begin: two beams of a side. The planner does not steer round an
-obstacle ahead: it stops before it, by its speed law, unless `safety_filter=true` leads it past. A box at the wall is a
-wall that is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and the car
-turns in on the corner; the default is the middle, where the outer wall outweighs that.
+obstacle ahead: it stops before it, by its speed law, unless `assist=full+safety_filter` leads it past. A box at the
+wall is a wall that is near, then far. At a square corner of the inner wall the beam ahead is lost round the corner, and
+the car turns in on the corner; the default is the middle, where the outer wall outweighs that.
 """
 
 from __future__ import annotations
@@ -46,9 +46,6 @@ _LEFT, _RIGHT, _BOTH = 0, 1, 2  # places of the words of `side`
 class WallFollowSettings(DrivingSettings):
     """Parameters of the law."""
 
-    safety_filter: bool = setting(
-        False, text="off: the planner steers by the walls alone, and the filter leads off them"
-    )
     side: Literal["left", "right", "both"] = setting("both", text="wall that is followed")
     desired_distance: float = setting(0.9, "m", "from the LiDAR to the wall", FROM_ZERO)
     beam_angle: float = setting(
@@ -100,6 +97,11 @@ class WallFollow(Planner):
     """The baseline of the course. Where there is nothing to see it brakes and keeps its steering angle."""
 
     Settings = WallFollowSettings
+    source_laws = ("distance_ahead",)
+    assists = {  # noqa: RUF012 - it steers by the walls alone, and the filter would lead it off them
+        "safe": ("mean_range", "distance_ahead", "sight", "limiter"),
+        "full": ("mean_range", "distance_ahead", "sight", "limiter", "guidance"),
+    }
 
     @staticmethod
     @kernel

@@ -567,6 +567,8 @@ def _first(planner: Planner) -> NDArray[np.void]:
 
 
 LEARN = Stage(
-    before_guidance=_learn, after_driving=_correct, own=_LEARNS, first=_first, frictions=tuple(levels().tolist())
-)
+    text="the planner is not told the friction: it starts at 0.4 and learns it", needs=("limiter",),
+    needs_friction=True, before_guidance=_learn, after_driving=_correct, own=_LEARNS, first=_first,
+    frictions=tuple(levels().tolist()),
+)  # fmt: skip
 """The stage `learn`: the planner is not told the friction."""

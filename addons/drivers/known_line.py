@@ -582,7 +582,10 @@ def _is_on_line(
     return place == ON
 
 
-REMEMBER = Stage(after_guidance=_remember, own=REMEMBERED)
+REMEMBER = Stage(
+    text="from the second lap on the car follows a line through the ground of the first", needs=("guidance",),
+    needs_friction=True, after_guidance=_remember, own=REMEMBERED,
+)  # fmt: skip
 """The stage `remember`: from the second lap on the car follows a line through the ground of the first."""
 
 

@@ -1,6 +1,6 @@
 """What cars have learned of the friction of their floor, as a part of an observation.
 
-It is what `gap_finder[learn=true]` learns from the speeds of its wheels, by the same code; see
+It is what `gap_finder[assist=full+learn]` learns from the speeds of its wheels, by the same code; see
 addons/drivers/friction_learning.py for the method and its limits. So a policy is not told the friction, and still
 has an estimate of it, which grows better while it drives.
 """

@@ -198,8 +198,8 @@ def _look_ahead(
     cos, sin = math.cos(along), math.sin(along)
     aside = cos * (y - line[nearest, Y]) - sin * (x - line[nearest, X])
     beyond = cos * (x - line[nearest, X]) + sin * (y - line[nearest, Y])
-    braking = driver.limiter.braking if driver.friction else car.max_acceleration
-    accelerating = driver.limiter.accelerating if driver.friction else car.max_acceleration
+    braking = driver.limiter.braking if driver.held else car.max_acceleration
+    accelerating = driver.limiter.accelerating if driver.held else car.max_acceleration
     point, speed = nearest, max(now, _SLOWEST)
     last, turned = along, 0.0
     for k in range(STEPS + 1):
@@ -341,7 +341,7 @@ def _bound(
         fastest, lock = car.max_steering_rate, car.max_steering_angle
         most = 2.0 * fastest
         least = -most
-        if driver.friction:
+        if driver.held:
             settings = limiter.settings
             response = settings.steering_response * per_angle
             fastest *= min(response, 1.0)

@@ -242,7 +242,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         points[k, 1] = row[Y] + off * math.cos(row[HEADING])
     limiter = driver.limiter
     sharpest = math.tan(car.max_steering_angle) / car.wheelbase
-    if driver.friction:
+    if driver.held:
         sharpest = min(sharpest, _GRIP * limiter.lateral / max(own_speed * own_speed, 0.01))
     sight = max(_LEAST_SIGHT, _SIGHT * own_speed)
     x, y, heading, first, count, square = 0.0, 0.0, 0.0, 0, 0, math.inf
@@ -262,7 +262,7 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
         x += _STEP * math.cos(heading + 0.5 * curvature * _STEP)
         y += _STEP * math.sin(heading + 0.5 * curvature * _STEP)
         heading += curvature * _STEP
-        if driver.friction and wanted != 0.0:
+        if driver.held and wanted != 0.0:
             before = 2.0 * _SLOWING * limiter.braking * count * _STEP
             square = min(square, _GRIP * limiter.lateral / abs(wanted) + before)
         row = reference.lane[count]

@@ -34,7 +34,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.driving import DrivingSettings, SpeedLaw, refer
+from fg_mujoco.controllers.control.driving import DrivingSettings, refer
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.controllers.control.planner_settings import (
     FROM_ZERO,
@@ -46,6 +46,7 @@ from fg_mujoco.controllers.control.planner_settings import (
     setting_of_car,
 )
 from fg_mujoco.controllers.control.slip import late_on_path
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
@@ -77,8 +78,6 @@ _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 class PurePursuitSettings(DrivingSettings):
     """The line, the lookahead and the speed."""
 
-    speed_law: SpeedLaw = setting("friction", text="which speed laws apply")  # noqa: RUF009
-    guidance: bool = setting(False, text="the planner has a map")
     line: str = setting("centreline", text="or raceline, of least lap time, or the path of a CSV file")
     tracker: Literal["auto", "pure_pursuit", "stanley", "lqr", "map", "mpc"] = setting(
         "auto", text="how it steers along the line; auto: lqr on a raceline, else pure_pursuit"
@@ -219,6 +218,7 @@ class PurePursuit(Planner):
     """
 
     Settings = PurePursuitSettings
+    assists = {"full": ("limiter",)}  # noqa: RUF012 - it has a map
     memory_type = np.dtype([("point", np.int64), ("on_line", np.bool_)])
 
     def __init__(
@@ -231,6 +231,7 @@ class PurePursuit(Planner):
         map_line: MapLine,
         latency: float = 0.0,
         period: float = 0.025,
+        assist: str = "full",
     ) -> None:
         settings = PurePursuitSettings() if settings is None else settings
         if type(settings) is not PurePursuitSettings:  # which is refused
@@ -283,10 +284,18 @@ class PurePursuit(Planner):
                     )
                 refer(scan[0], valid[world], driver, steering_angle, speed, bearing, distance, reference)
 
-    def stage_names(self) -> tuple[str, ...]:
-        """Return the names of its optional stages, in STAGES: its tracker is one."""
+    def own_stages(self) -> dict[str, Stage]:
+        """Return its tracker, which is a stage."""
         tracker = self.settings.tracker
-        return (*super().stage_names(), *(() if tracker == "pure_pursuit" else (tracker,)))
+        if tracker == "pure_pursuit":
+            return {}
+        if tracker == "mpc":
+            from .line_mpc import TRACK
+
+            return {tracker: TRACK}
+        from .line_trackers import LQR, MAP, STANLEY
+
+        return {tracker: {"lqr": LQR, "map": MAP, "stanley": STANLEY}[tracker]}
 
     def speed_profile(self) -> FloatArray:
         """Return the line and its profile: x [m], y [m] and speed [m/s] of each point. Shape (n, 3)."""

@@ -9,8 +9,8 @@
 4. Something new on the line is seen in the scan: the car brakes, and the gap finder passes it. Where the car is lost,
    the gap finder drives, and a new lap is recorded. `reasons` of a decision has "known line" while the line counts.
 
-With `learn=true` it is not told the friction either. It is the gap finder with the setting `remember`, which every
-planner with guidance has.
+With the assist `full+learn` it is not told the friction either. It is the gap finder whose assist `full` has the stage
+`remember`, which every planner with guidance can have.
 
 Limits: those of the gap finder in the first lap, and in most of the second. Its line keeps .16 m from walls. What is
 new behind a corner is seen late, as known ground counts as free before it is in sight.
@@ -18,22 +18,11 @@ new behind a corner is seen late, as known ground counts as free before it is in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from fg_mujoco.controllers.control.planner_settings import setting
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScoutSettings(GapFinderSettings):
-    """Parameters of the gap finder, which remembers its first lap."""
-
-    remember: bool = setting(
-        True, text="with guidance: from the second lap on the car follows a line through the ground of the first"
-    )
+from fg_mujoco.controllers.control.assist import ASSISTS
+from fg_mujoco.controllers.gap_finder import GapFinder
 
 
 class Scout(GapFinder):
     """The planner that finds its map and its line by itself."""
 
-    Settings = ScoutSettings
+    assists = {"full": (*ASSISTS["full"], "remember")}  # noqa: RUF012

@@ -1,29 +1,26 @@
-"""From a reference command to a safe one: guidance, speed laws, safety filter, recovery, friction limiter.
+"""From a reference command to a safe one: speed laws, guidance, sight, safety filter, recovery, friction limiter.
 
 A planner gives a reference: a steering angle, a greatest speed, and the bearing it looks towards. What happens then is
-the same for all planners:
+the same for all planners, as far as they have the stages (assist), each of which is named here:
 
-1. The law of the mean range towards the goal lowers the speed (speed).
-2. Guidance replaces a reference that leads into a pocket, or back, by one that leads on (guidance). While it turns the
-   car in several moves, only 6 applies.
-3. The speed is lowered by the distance straight ahead (speed), and to one from which the car stops within what it sees
-   (braking_trajectories), unless a motion through the local map says how fast the car may go.
-4. The safety filter replaces a reference after which the car could not stop by one after which it can (safety_filter).
-5. A car that stands without a frontier reverses along its path (recovery).
-6. The friction limiter turns the result into a command that the tires can follow (friction_limiter).
+1. `mean_range`: the law of the mean range towards the goal lowers the speed (speed).
+2. `prediction`: what moves is tracked, and the safety filter keeps out of where it may be (predictions).
+3. `guidance`: a reference that leads into a pocket, or back, is replaced by one that leads on. While guidance turns the
+   car in several moves, only 8 applies.
+4. `distance_ahead`, `friction_law`: the speed is lowered by the distance straight ahead, and to v = sqrt(g mu b /
+   tan|d|) of the reference's steering angle (speed).
+5. `sight`: the speed is lowered to one from which the car stops within what it sees (braking_trajectories), unless a
+   motion through the local map says how fast the car may go.
+6. `safety_filter`: a reference after which the car could not stop is replaced by one after which it can.
+7. `recovery`: a car that stands without a frontier reverses along its path.
+8. `limiter`: the friction limiter turns the result into a command that the tires can follow (friction_limiter).
 
-Optional stages (stages) may change the reference before 2, or decide in place of 3 to 6.
-
-The settings `speed_law`, `guidance`, `safety_filter` and `recovery` choose which of these apply. A planner that assumes
-no friction limit, mu = inf, has only the laws of the mean range and of the distance straight ahead.
+A planner that assumes no friction limit, mu = inf, has only the laws of the mean range and of the distance ahead.
 """
 
 from __future__ import annotations
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
@@ -41,6 +38,7 @@ from .reasons import (
     AFTER_RECOVERY,
     AHEAD,
     LAST_PLAN,
+    LAW,
     LOCK,
     MAXIMUM,
     MEAN_RANGE,
@@ -56,7 +54,8 @@ from .reasons import (
 )
 from .reasons import GUIDANCE as GUIDED
 from .slip import held_arc, see_from_course
-from .speed import forward_distance_speed
+from .speed import distance_ahead_speed, friction_speed
+from .stages import Stage
 from .steering import saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
@@ -72,10 +71,10 @@ def predict(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def guide_reference(  # type: ignore[no-untyped-def]
+def begin(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
-    """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
+    """Begin a decision: its reasons, the car as seen from its course, and its speedometer; arguments as in stages."""
     driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
     reasons, slip, course, scan = memory.reasons, driver.limiter.slip, memory.course, driven.scan
     forget_reasons(reasons)
@@ -87,22 +86,28 @@ def guide_reference(  # type: ignore[no-untyped-def]
     note(reasons, PLANNER, reference.steering_angle, reference.own_speed)
     if reference.plan > 0:
         note(reasons, LAST_PLAN if reference.plan == 1 else NO_PLAN, reference.steering_angle, reference.own_speed)
-    if driver.range_ratio:
+    if driver.mean_range:
         note(reasons, MEAN_RANGE, reference.steering_angle, reference.speed)
-    if driver.friction:
+    if driver.held:
         read_speedometer(memory.speedometer, odometry.speed, driver.car, period_of(scan))
-    if not driver.guidance:
-        return
-    turning = memory.guidance.turning
+
+
+@kernel
+def guide_reference(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
+    """Replace a reference that does not lead on, and decide while the car turns in moves; arguments as in stages."""
+    driver, reference, memory, odometry = driven.driver, driven.reference, driven.memory, driven.odometry
+    scan, turning = driven.scan, memory.guidance.turning
     if memory.predictions.count > 0:
         turning.slow = 0  # what is in the way moves on
     own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
     guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
     if reference.places > 0:
         reference.steering_angle, reference.speed, reference.bearing, reference.distance = own_reference
-    note(reasons, GUIDED, reference.steering_angle, reference.speed)
+    note(memory.reasons, GUIDED, reference.steering_angle, reference.speed)
     if turning.active and reference.places == 0:
-        note(reasons, MOVES, turning.steering_angle, turning.speed)
+        note(memory.reasons, MOVES, turning.steering_angle, turning.speed)
         extend_path(scan, odometry, driver, memory)
         least = driver.limiter.settings.least_lateral_use
         command[0], command[1] = hold(scan, odometry, driver, memory, turning.steering_angle, turning.speed, least)
@@ -113,57 +118,123 @@ def guide_reference(  # type: ignore[no-untyped-def]
 def drive(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
-    """Write the command for a reference, unless another stage has; arguments as in stages.
-
-    Without a reference, and without odometry, the car brakes.
-    """
-    if not driven.decided:
-        command[0], command[1] = _drive(driven.scan, valid, clear, driven.odometry, driven, trajectories)
+    """Write the reference as the command, as far as the wheels can be turned; arguments as in stages."""
+    if driven.decided:
+        return
+    reference, driver = driven.reference, driven.driver
+    if _sees_no_way(reference, driven.odometry):
+        note(driven.memory.reasons, NO_REFERENCE, 0.0, 0.0)
+        command[0] = command[1] = 0.0
+        return
+    speed = _by_laws(driven.scan, valid, driven)
+    command[0], command[1] = saturate(reference.steering_angle, driver.car.max_steering_angle), speed
+    note(driven.memory.reasons, LOCK, command[0], speed)
 
 
 @kernel
-def _drive(
-    scan: Record,
-    valid: FloatArray,
-    clear: FloatArray,
-    odometry: Record,
-    driven: Record,
-    trajectories: NDArray[np.void],
-) -> tuple[float, float]:
-    """Return the command for a reference: steering angle [rad] and speed [m/s]; arguments as in stages."""
-    driver, reference, memory = driven.driver, driven.reference, driven.memory
-    reasons, slip, course = memory.reasons, driver.limiter.slip, memory.course
-    if math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle):
-        return _brake(scan, odometry, driver, memory)
-    speed = min(reference.speed, reference.limit)
-    if driver.forward_distance:
+def drive_held(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
+    """Write the command nearest to the reference that the friction limiter allows; arguments as in stages."""
+    if driven.decided:
+        return
+    scan, odometry, reference, driver, memory = (
+        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
+    )  # fmt: skip
+    if _sees_no_way(reference, odometry):
+        command[0], command[1] = _brake(scan, odometry, driver, memory)
+        return
+    speed, least = _by_laws(scan, valid, driven), driver.limiter.settings.least_lateral_use
+    command[0], command[1] = hold(scan, odometry, driver, memory, reference.steering_angle, speed, least)
+
+
+@kernel
+def drive_in_sight(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
+    """Write the command of a car that can stop within what it sees; arguments as in stages."""
+    if driven.decided:
+        return
+    scan, odometry, reference, driver, memory = (
+        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
+    )  # fmt: skip
+    if _sees_no_way(reference, odometry):
+        if driver.held:
+            command[0], command[1] = _brake(scan, odometry, driver, memory)
+        else:
+            note(memory.reasons, NO_REFERENCE, 0.0, 0.0)
+            command[0] = command[1] = 0.0
+        return
+    table = trajectories[driver.trajectories + driver.stops]
+    widened = widen_all(valid, scan.angle_increment, table.radius)
+    speed = min(_by_laws(scan, valid, driven), _in_sight(scan, widened, odometry, driver, table))
+    note(memory.reasons, SIGHT, reference.steering_angle, speed)
+    if driver.held:
+        least = driver.limiter.settings.least_lateral_use
+        command[0], command[1] = hold(scan, odometry, driver, memory, reference.steering_angle, speed, least)
+    else:
+        command[0], command[1] = saturate(reference.steering_angle, driver.car.max_steering_angle), speed
+        note(memory.reasons, LOCK, command[0], speed)
+
+
+@kernel
+def drive_filtered(  # type: ignore[no-untyped-def]
+    scan, valid, guiding, clear, driven, lines, trajectories, own, command
+):
+    """Write the command for a reference that passes the safety filter, or for one that does; arguments as in stages."""
+    if driven.decided:
+        return
+    scan, odometry, reference, driver, memory = (
+        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
+    )  # fmt: skip
+    if _sees_no_way(reference, odometry):
+        command[0], command[1] = _brake(scan, odometry, driver, memory)
+        return
+    speed = _by_laws(scan, valid, driven)
+    table = trajectories[driver.trajectories + driver.stops]
+    predictions = turned(memory.predictions, memory.course.angle if driver.limiter.slip.soft else 0.0)
+    surroundings = clear if len(predictions) > 0 else valid
+    widened = widen_all(surroundings, scan.angle_increment, table.radius)
+    extend_path(scan, odometry, driver, memory)
+    command[0], command[1] = _drive_filtered(
+        scan, widened, odometry, driver, memory, reference.steering_angle, speed,
+        _in_sight(scan, widened, odometry, driver, table), predictions, table.radius,
+        reference.lane[: reference.places],
+    )  # fmt: skip
+
+
+@kernel
+def _sees_no_way(reference: Record, odometry: Record) -> bool:
+    """Return whether there is no reference, or no odometry: the car brakes."""
+    return math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle)
+
+
+@kernel
+def _in_sight(scan: Record, widened: FloatArray, odometry: Record, driver: Record, table: Record) -> float:
+    """Return the speed [m/s] from which the car stops within what it sees."""
+    # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less from
+    # a slower speed, and so the stops are those of as much friction or more.
+    faster = math.sqrt(driver.limiter.lateral / table.lateral)
+    speed: float = safe_speed(
+        table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
+    )
+    return faster * speed
+
+
+@kernel
+def _by_laws(scan: Record, valid: FloatArray, driven: Record) -> float:
+    """Return the reference's speed [m/s] by the laws of the distance ahead and of friction, as far as they apply."""
+    driver, reference, reasons = driven.driver, driven.reference, driven.memory.reasons
+    speed: float = min(reference.speed, reference.limit)
+    if driver.distance_ahead:
         speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
-    if driver.stopping:
-        table = trajectories[driver.trajectories + driver.stops]
-        predictions = turned(memory.predictions, course.angle if slip.soft else 0.0)
-        surroundings = clear if len(predictions) > 0 else valid
-        widened = widen_all(surroundings, scan.angle_increment, table.radius)
-        extend_path(scan, odometry, driver, memory)
-        # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less
-        # from a slower speed, and so the stops are those of as much friction or more.
-        faster = math.sqrt(driver.limiter.lateral / table.lateral)
-        in_sight = faster * safe_speed(
-            table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
-        )
-        if driver.safety_filter:
-            return _drive_filtered(
-                scan, widened, odometry, driver, memory, reference.steering_angle, speed, in_sight, predictions,
-                table.radius, reference.lane[: reference.places],
-            )  # fmt: skip
-        speed = min(speed, in_sight)
-        note(reasons, SIGHT, reference.steering_angle, speed)
-    if not driver.friction:
-        within = saturate(reference.steering_angle, driver.car.max_steering_angle)
-        note(reasons, LOCK, within, speed)
-        return within, speed
-    least_use = driver.limiter.settings.least_lateral_use
-    return hold(scan, odometry, driver, memory, reference.steering_angle, speed, least_use)
+    if driver.friction_law:
+        car = driver.car
+        steering = saturate(reference.steering_angle, car.max_steering_angle)
+        speed = min(speed, friction_speed(steering, driver.limiter.mu, car.wheelbase, car.gravity))
+        note(reasons, LAW, steering, speed)
+    return speed
 
 
 @kernel
@@ -174,7 +245,7 @@ def _speed_by_what_is_ahead(scan: Record, valid: FloatArray, driver: Record) -> 
     for beam in range(first, end):
         ahead = min(ahead, valid[beam])
     settings = driver.settings
-    return forward_distance_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
+    return distance_ahead_speed(ahead, settings.safe_distance, settings.full_speed_distance, driver.max_speed)
 
 
 @kernel
@@ -275,14 +346,9 @@ def _drive_filtered(
 
 @kernel
 def _brake(scan: Record, odometry: Record, driver: Record, memory: Record) -> tuple[float, float]:
-    """Return the command of the hardest stop that the tires hold on the present path; arguments as in `_drive`.
-
-    Without the friction law, and without odometry, that is 0 and 0.
-    """
+    """Return the command of the hardest stop that the tires hold on the present path; without odometry 0 and 0."""
     extend_path(scan, odometry, driver, memory)
-    note(memory.reasons, NO_REFERENCE, odometry.steering_angle if driver.friction else 0.0, 0.0)
-    if not driver.friction:
-        return 0.0, 0.0
+    note(memory.reasons, NO_REFERENCE, odometry.steering_angle, 0.0)
     least, slip = driver.limiter.settings.least_lateral_use, driver.limiter.slip
     held = held_arc(slip, driver.car, odometry.steering_angle, memory.limiter.curvature)
     return hold(scan, odometry, driver, memory, held, 0.0, least)
@@ -294,3 +360,31 @@ def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) 
     if driver.recovery:
         yaw_rate = odometry.angular_velocity[2]
         extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))
+
+
+MEAN_RANGE_LAW = Stage(text="speed law: slower where the mean range towards the goal is short")
+DISTANCE_AHEAD_LAW = Stage(text="speed law: slower where the distance straight ahead is short")
+FRICTION_LAW_STAGE = Stage(
+    text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides", needs_friction=True
+)
+PREDICTION_STAGE = Stage(
+    text="tracks what moves, and keeps out of where it may be", needs=("safety_filter",), needs_friction=True,
+    before_reference=predict,
+)  # fmt: skip
+GUIDANCE_STAGE = Stage(
+    text="closes the way back, and leads the car round where the planner turns back", needs=("limiter",),
+    needs_friction=True, guide=guide_reference,
+)  # fmt: skip
+SIGHT_STAGE = Stage(
+    text="the car stops within what the scan shows", needs_friction=True, drive=drive_in_sight,
+)  # fmt: skip
+SAFETY_FILTER_STAGE = Stage(
+    text="replaces a reference after which the car could not stop", needs=("sight", "limiter"), needs_friction=True,
+    drive=drive_filtered,
+)  # fmt: skip
+RECOVERY_STAGE = Stage(
+    text="a car that stands without a frontier reverses and tries again", needs=("safety_filter",), needs_friction=True
+)
+LIMITER_STAGE = Stage(
+    text="the command is one that the tires can follow without sliding", needs_friction=True, drive=drive_held
+)

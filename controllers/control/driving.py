@@ -6,8 +6,8 @@ A planner writes a REFERENCE, by `refer` or `refer_to_goal`. How it becomes a co
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import astuple, dataclass, fields
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ..safety.guidance import GUIDANCE, GuidanceSettings
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import PATH_HISTORY, RecoverySettings
 from ..safety.safety_filter import SafetyFilterSettings
+from .assist import names_in
 from .holding import SPEEDOMETER
 from .planner_settings import (
     CAR,
@@ -38,10 +39,8 @@ from .planner_settings import (
 )
 from .reasons import REASONS
 from .slip import COURSE
-from .speed import range_ratio_speed
+from .speed import mean_range_speed
 from .steering import pursue
-
-SpeedLaw = Literal["minimum", "forward_distance", "range_ratio", "friction", "stopping"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,39 +48,21 @@ class DrivingSettings(Settings):
     """Parameters of driving, which all planners have; a planner may have other defaults.
 
     Raises:
-      SettingsError: an unknown law; a length or gain that is not a positive number; an angle or distance below 0; a
-        full-speed distance that is not above the safe one.
+      SettingsError: an assist that is not known; a length or gain that is not a positive number; an angle or distance
+        below 0; a full-speed distance that is not above the safe one.
     """
 
-
-    speed_law: SpeedLaw = setting("minimum", text="which speed laws apply")  # noqa: RUF009
-    safety_filter: bool = setting(
-        True, text="with speed_law minimum: a reference after which the car could not stop is replaced"
-    )
-    recovery: bool = setting(
-        True, text="with safety_filter: a car that stands without a frontier reverses and tries again"
-    )
-    guidance: bool = setting(
-        True,
-        text="with speed_law minimum: the way back is closed, and the car is led round where the planner turns back",
-    )
-    prediction: bool = setting(
-        True, text="with safety_filter: what moves is tracked, and the car keeps out of where it may be"
-    )
-    remember: bool = setting(
-        False, text="with guidance: from the second lap on the car follows a line through the ground of the first"
-    )
-    learn: bool = setting(False, text="the planner is not told the friction: it starts at 0.4 and learns it")
+    assist: str = setting("", text="its stages, in place of those of the race, such as none or full+learn")
     safe_distance: float = setting_of_car(
-        0.2, "m", "forward_distance: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
+        0.2, "m", "distance_ahead: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )
     full_speed_distance: float = setting(
-        1.5, "m", "forward_distance: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
+        1.5, "m", "distance_ahead: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
     )
-    lookahead: float = setting(10.0, "m", "range_ratio: what lies beyond counts as no farther", POSITIVE)
-    range_ratio_gain: float = setting(3.0, "", "range_ratio: full speed at a mean range of lookahead / gain", POSITIVE)
+    lookahead: float = setting(10.0, "m", "mean_range: what lies beyond counts as no farther", POSITIVE)
+    mean_range_gain: float = setting(3.0, "", "mean_range: full speed at a mean range of lookahead / gain", POSITIVE)
     front_width: float = setting(
-        math.radians(20.0), "rad", "range_ratio: around the goal, for the mean range", FROM_ZERO
+        math.radians(20.0), "rad", "mean_range: around the goal, for the mean range", FROM_ZERO
     )
     pursuit_distance: float = setting_of_car(
         1.0, "m", "the arc leads through the point this far along the goal's direction", POSITIVE
@@ -90,23 +71,21 @@ class DrivingSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.assist != "":
+            names_in(self.assist, f"{type(self).__name__}.assist")
         safe = 0.0 if self.safe_distance is None else self.safe_distance
         longer = Accepted(f"a number above safe_distance, {safe}", lambda value: safe < value < math.inf)
         require(self, longer.holds, longer.text, ("full_speed_distance",), SettingsError)
 
 
+FLAGS = ("mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "held")
+"""Stages that kernels ask for; `held` is the friction limiter."""
+
 DRIVER = np.dtype(
     [
         ("car", CAR),
         ("max_speed", np.float64),  # [m/s]
-        ("forward_distance", np.bool_),  # which of the speed laws apply
-        ("range_ratio", np.bool_),
-        ("friction", np.bool_),
-        ("stopping", np.bool_),
-        ("safety_filter", np.bool_),
-        ("recovery", np.bool_),
-        ("guidance", np.bool_),
-        ("prediction", np.bool_),
+        *((stage, np.bool_) for stage in FLAGS),  # whether the planner has these stages
         ("late", np.int64),  # ticks by which scans are older than the odometry
         ("settings", record_type(DrivingSettings)),
         ("limiter", LIMITER),
@@ -157,7 +136,12 @@ REFERENCE = np.dtype(
 
 
 def driver_record(
-    car: CarParameters, max_speed: float, limiter: FrictionLimiter | None, settings: DrivingSettings, late: int = 0
+    car: CarParameters,
+    max_speed: float,
+    limiter: FrictionLimiter | None,
+    settings: DrivingSettings,
+    stages: Collection[str],
+    late: int = 0,
 ) -> NDArray[np.void]:
     """Return a row of type DRIVER, shape (1,).
 
@@ -166,9 +150,9 @@ def driver_record(
       max_speed: fastest that it may command [m/s].
       limiter: None: of a planner that assumes no friction limit.
       settings: of the planner.
+      stages: names of its stages.
       late: ticks by which scans are older than the odometry; too many, and nothing is predicted.
     """
-    law = settings.speed_law
     row = np.zeros(1, DRIVER)
     row["filter_settings"] = record_values(for_car(SafetyFilterSettings(), car))
     row["guidance_settings"] = record_values(for_car(GuidanceSettings(), car))
@@ -176,14 +160,11 @@ def driver_record(
     driving = {field.name: getattr(settings, field.name) for field in fields(DrivingSettings)}
     row["settings"] = record_values(for_car(DrivingSettings(**driving), car))
     row["car"], row["max_speed"], row["late"] = astuple(car), max_speed, late
-    for name in ("forward_distance", "range_ratio"):
-        row[name] = law in (name, "minimum")
+    for flag in FLAGS:
+        row[flag] = flag in stages
+    row["held"] = "limiter" in stages
+    row["prediction"] &= late < MOST_LATE
     if limiter is not None:
-        row["friction"], row["stopping"] = law in ("friction", "minimum"), law in ("stopping", "minimum")
-        row["safety_filter"] = settings.safety_filter and law == "minimum"
-        row["recovery"] = settings.recovery and row["safety_filter"]
-        row["guidance"] = settings.guidance and law == "minimum"
-        row["prediction"] = settings.prediction and row["safety_filter"] and late < MOST_LATE
         row["limiter"] = limiter.record
     return row
 
@@ -245,10 +226,10 @@ def refer(
     reference.limit, reference.places, reference.plan = math.inf, 0, 0
     if math.isnan(bearing):
         reference.steering_angle = math.nan
-    elif driver.range_ratio:
+    elif driver.mean_range:
         settings = driver.settings
         goal = round((bearing - scan.angle_min) / scan.angle_increment)
         half = round(0.5 * settings.front_width / scan.angle_increment)
         front = filtered[max(goal - half, 0) : max(goal + half + 1, 0)]
-        by_mean = range_ratio_speed(front, settings.lookahead, settings.range_ratio_gain, driver.max_speed)
+        by_mean = mean_range_speed(front, settings.lookahead, settings.mean_range_gain, driver.max_speed)
         reference.speed = min(reference.speed, by_mean)

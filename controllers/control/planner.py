@@ -27,7 +27,7 @@ import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -52,11 +52,12 @@ from ..safety.braking_trajectories import trajectories_of
 from ..safety.friction_limiter import FrictionLimiter, evasive
 from ..safety.guidance import motion_ahead
 from ..safety.safety_filter import EVASIVE
+from .assist import STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
 from .planner_settings import for_car, record_type, record_values
 from .reasons import Reason, reasons_in
-from .stages import NO_MEMORY, STAGES
+from .stages import NO_MEMORY, Stage
 
 _motion_of = attrgetter(*ODOMETRY.names or ())
 
@@ -87,18 +88,23 @@ class Planner(Remade):
       latency: from measuring a scan to its command reaching the servos [s].
       period: from one scan to the next [s].
       line: through the map, one row a point, (points, columns); None: it has no map.
+      assist: its stages, see control.assist, unless its settings name others.
 
     Attributes:
       settings: those of the planner; what they leave to the car is that of `car`.
       driver: what the shared kernels read of the planner, shape (1,), of type DRIVER.
       settings_row: what its own kernel reads of its settings, shape (1,).
-      stages: its optional stages by name, each with what it keeps at the beginning, shape (1,).
+      stages: its stages by name, in the order of their calls, each with what it keeps at the beginning, shape (1,).
+      driven_by: name of the stage that writes its command; empty: its reference is its command.
 
     Raises:
-      SettingsError: a value that is not a positive number, or settings of another planner.
+      SettingsError: a value that is not a positive number, settings of another planner, or an assist that it cannot
+        have.
     """
 
     Settings: ClassVar[type[DrivingSettings]]
+    source_laws: ClassVar[tuple[str, ...]] = ()  # names of the speed laws that its source has
+    assists: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # those of assist.ASSISTS that mean other stages for it
     memory_type: ClassVar[np.dtype[np.void]] = NO_MEMORY
     refer_worlds: ClassVar[Callable[..., None]]  # from scans to references; made from the planner's kernel
     hides_cars: ClassVar[bool] = False  # of two scans that `refer_worlds` writes, guidance has the one without cars
@@ -113,6 +119,7 @@ class Planner(Remade):
         latency: float = 0.0,
         period: float = 0.025,
         line: FloatArray | None = None,
+        assist: str = "full",
     ) -> None:
         self.mu = mu
         self.max_speed = max_speed
@@ -123,17 +130,19 @@ class Planner(Remade):
             accepted = self.Settings.__name__
             raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
         self.settings: Any = for_car(given, car)
-        stages = {name: STAGES.find(name) for name in self.stage_names()}
+        self.assist = self.settings.assist or assist
+        stages = self._find_stages()
         frictions = next((stage.frictions for stage in stages.values() if stage.frictions), (mu,))
-        evades = self.settings.speed_law == "minimum" and math.isfinite(mu)
+        evades = "sight" in stages and math.isfinite(mu)
         shares = tuple(evasive(EVASIVE, car, each) if evades else None for each in frictions)
         limiter = FrictionLimiter(car, frictions[0], shares[0]) if math.isfinite(mu) else None
         late = round(max(latency - car.command_delay, 0.0) / period)
         self.car, self.line = car, line
-        self.driver = driver_record(car, max_speed, limiter, self.settings, late)
+        self.driver = driver_record(car, max_speed, limiter, self.settings, stages, late)
         self.settings_row = np.array([record_values(self.settings)], record_type(self.Settings))
-        self.trajectories = trajectories_of(car, frictions, shares, max_speed) if self.driver["stopping"][0] else None
+        self.trajectories = trajectories_of(car, frictions, shares, max_speed) if "sight" in stages else None
         self.stages = {name: (stage, stage.begin(self)) for name, stage in stages.items()}
+        self.driven_by = next((name for name in reversed(stages) if stages[name].drive is not None), "")
         self._alone = PlannerBatch(type(self), [self])
         self._ranges, self._odometry = np.empty((1, 0)), np.zeros(1, ODOMETRY)
         self._running = np.ones(1, np.bool_)
@@ -150,12 +159,34 @@ class Planner(Remade):
         """Return planners of this class, one for each world, as new: they are decided together."""
         return PlannerBatch(cls, planners)
 
-    def stage_names(self) -> tuple[str, ...]:
-        """Return the names of its optional stages, in STAGES."""
-        settings = self.settings
-        guides = settings.guidance and settings.speed_law == "minimum"
-        wanted = {"learn": settings.learn, "remember": settings.remember and guides}
-        return tuple(name for name, is_wanted in wanted.items() if is_wanted and math.isfinite(self.mu))
+    def own_stages(self) -> dict[str, Stage]:
+        """Return stages that the planner has whatever its assist is, by name."""
+        return {}
+
+    def _find_stages(self) -> dict[str, Stage]:
+        """Return its stages by name, in the order of their calls.
+
+        Raises:
+          SettingsError: one that is not known, that lacks another, or that needs a friction limit and has none.
+        """
+        said = f"{type(self).__name__}: assist {self.assist!r}"
+        try:
+            names = stages_of(self.assist, self.source_laws, self.assists)
+        except SettingsError as error:
+            raise SettingsError(f"{type(self).__name__}: {error}") from error
+        found: dict[str, Stage] = {name: cast(Stage, STAGES.find(name)) for name in names}
+        if not math.isfinite(self.mu):
+            chosen = [name for _, name in names_in(self.assist) if name in found and found[name].needs_friction]
+            if chosen:
+                accepted = "accepted: a friction that the planner assumes, or an assist without it"
+                raise SettingsError(f"{said} has {chosen[0]}, which needs a friction limit, and mu is inf; {accepted}")
+            found = {name: stage for name, stage in found.items() if not stage.needs_friction}
+        for name, stage in found.items():
+            lacking = [need for need in stage.needs if need not in found]
+            if lacking:
+                accepted = f"accepted: {self.assist}+{'+'.join(lacking)}"
+                raise SettingsError(f"{said} has {name}, which needs {' and '.join(lacking)}; {accepted}")
+        return self.own_stages() | found
 
     @staticmethod
     def read(memory: Any, readings: Mapping[str, Reading]) -> None:
@@ -203,7 +234,7 @@ class Planner(Remade):
         return motion_ahead(self._alone.memory[0]["guidance"])
 
     def kept(self, stage: str) -> Any:
-        """Return what an optional stage keeps, by the stage's name.
+        """Return what a stage keeps, by the stage's name.
 
         Raises:
           KeyError: the planner does not have this stage.
@@ -225,6 +256,8 @@ class GoalPlanner(Planner):
 
     Arguments and errors are those of Planner.
     """
+
+    source_laws = ("mean_range", "distance_ahead")
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -1,13 +1,14 @@
 """Planners of many worlds that decide together: a tick of all worlds is a few compiled calls.
 
 1. see: readings without NaN, and odometry;
-2. predict: what moves, see safety.predictions;
+2. predict: what moves (safety.predictions);
 3. refer: the planner's own kernel, from the scan to a reference;
-4. guide: a reference that does not lead on is replaced (driving);
-5. drive: from the reference to a command (driving).
+4. begin: a new decision (decision);
+5. guide: a reference that does not lead on is replaced;
+6. drive: from the reference to a command.
 
-Optional stages are called after 3, 4 and 5. A call that no planner of the batch needs is neither made nor compiled. An
-engine makes all of them from within its own compiled call (ControllerBatch).
+2, 5 and 6 are stages, and further stages are called between these (stages). A call that no planner of the batch needs
+is neither made nor compiled. An engine makes all of them from within its own compiled call (ControllerBatch).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from fg_mujoco.messages import ODOMETRY, FloatArray, LaserScan, Reading, ScanGeo
 from ..perception.intermediate_scans import IntermediateScans
 from ..perception.scan_geometry import SCAN, scan_values
 from ..safety.braking_trajectories import TRAJECTORIES
-from .decision import drive, guide_reference, predict
+from .decision import begin, drive
 from .driving import DRIVEN, DRIVING_MEMORY
 from .planner_settings import record_type
 from .stages import ARRAYS, NO_MEMORY, STAGE_ARRAYS, Step, call_all, refer_at, see_at, stage_at
@@ -47,7 +48,7 @@ class PlannerBatch:
     Attributes:
       references: of the last tick, (n,) of type REFERENCE.
       memory: what driving keeps from tick to tick, (n,) of type DRIVING_MEMORY.
-      kept: what each optional stage keeps from tick to tick, by its name, (n,) of its type.
+      kept: what each stage keeps from tick to tick, by its name, (n,) of its type.
       shown: intermediate scans of the last world that was decided, (4, beams) [m], in the order of IntermediateScans.
 
     Raises:
@@ -98,27 +99,31 @@ class PlannerBatch:
         self._first = {name: kept.copy() for name, kept in self.kept.items()}
         self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = []
         self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
-        nothing, predicts = np.zeros(count, NO_MEMORY), self._driven["driver"]["prediction"].copy()
+        nothing, all_worlds = np.zeros(count, NO_MEMORY), np.ones(count, np.bool_)
 
         def add(step: Step | None, active: NDArray[np.bool_], own: NDArray[np.void]) -> None:
             if step is not None and active.any():
                 self._steps.append((stage_at(step, own.dtype), {"active": active, "own": own}))
 
-        def add_optional(place: str) -> None:
+        def add_stages(place: str) -> None:
             for name, stage in stages.items():
                 add(getattr(stage, place), has[name], self.kept[name])
 
         self._steps.append((see_at, {}))
         if not planner_class.hides_cars:
-            add(predict, predicts, nothing)
+            add_stages("before_reference")
         self._steps.append((refer_at(planner_class.refer_worlds, self._own.dtype), {}))
         self._until_reference = len(self._steps)
-        add_optional("after_reference")
-        add_optional("before_guidance")
-        add(guide_reference, np.ones(count, np.bool_), nothing)
-        add_optional("after_guidance")
-        add(drive, np.ones(count, np.bool_), nothing)
-        add_optional("after_driving")
+        for place in ("after_reference", "before_guidance"):
+            add_stages(place)
+        add(begin, all_worlds, nothing)
+        for place in ("guide", "after_guidance"):
+            add_stages(place)
+        last = [planner.driven_by for planner in planners]
+        for name in dict.fromkeys(last):
+            drives = np.array([name == each for each in last])
+            add(stages[name].drive if name else drive, drives, self.kept[name] if name else nothing)
+        add_stages("after_driving")
 
     def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
         """Forget everything seen so far, in all worlds or in those `which` (n,)."""

@@ -18,21 +18,22 @@ from fg_mujoco.compiled.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
 MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD = range(10)
-AFTER_RECOVERY, SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 18)
+LAW, AFTER_RECOVERY, SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 19)
 
 _STEPS = (
     ("maximum speed", "the fastest that the planner may command"),
     ("planner", "the planner's own reference"),
     ("last plan", "tracker mpc: its program did not converge, and the car steers by the last plan"),
     ("no plan", "tracker mpc: the last plan is over, too; the car brakes, and keeps its last angle"),
-    ("mean range", "speed law range_ratio: slower where the mean range towards the goal is short"),
+    ("mean range", "slower where the mean range towards the goal is short"),
     ("guidance", "leads the car along a motion, or slows it, where the planner's goal does not lead on"),
     ("turning in moves", "guidance turns the car in several moves, forward and in reverse"),
     ("known line", "follows a line through the ground of the first lap"),
     ("no reference", "there is no goal, or no odometry: the car brakes and keeps its steering angle"),
-    ("distance ahead", "speed law forward_distance: slower where the distance straight ahead is short"),
+    ("distance ahead", "slower where the distance straight ahead is short"),
+    ("friction law", "v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides"),
     ("after recovery", "slow, after the car has reversed"),
-    ("sight", "speed law stopping: the car can stop within what it sees"),
+    ("sight", "the car can stop within what it sees"),
     ("safety filter", "the simulated stop after the reference has to be free; else another direction, or brakes"),
     ("recovery", "the car stands without a frontier, and reverses along its path"),
     ("steering lock", "the car's greatest steering angle"),

@@ -1,14 +1,13 @@
 """Speed laws: how fast the car may go, by what the scan shows and by what the tires hold.
 
-Each has a name, by which any planner's setting `speed_law` chooses it:
+They are stages (assist):
 
-forward_distance   by the distance straight ahead: stop, full speed, and in between in proportion
-range_ratio        by the mean range towards the goal over the lookahead
-friction           v = sqrt(g mu b / tan|d|), held in transients by friction_limiter
-stopping           the car stops within what the scan shows: braking_trajectories
-minimum            the slowest of them all, the default
+mean_range       by the mean range towards the goal over the lookahead
+distance_ahead   by the distance straight ahead: stop, full speed, and in between in proportion
+friction_law     v = sqrt(g mu b / tan|d|); in transients the tires slide, unless friction_limiter holds them
+sight            the car stops within what the scan shows: braking_trajectories
 
-Kernels: to be called from Python and from other kernels alike. `driving` puts them together.
+Kernels: to be called from Python and from other kernels alike. `decision` puts them together.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ def share_of_way(period: float, time_constant: float) -> float:
 
 
 @kernel
-def forward_distance_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
+def distance_ahead_speed(distance: float, safe: float, full_speed: float, top_speed: float) -> float:
     """Return a speed [m/s] by the distance straight ahead [m]: 0 below `safe`, `top_speed` beyond `full_speed`.
 
     In between it grows in proportion. Source: the F1TENTH course slides on reactive methods.
@@ -55,7 +54,7 @@ def forward_distance_speed(distance: float, safe: float, full_speed: float, top_
 
 
 @kernel
-def range_ratio_speed(ranges: FloatArray, lookahead: float, gain: float, top_speed: float) -> float:
+def mean_range_speed(ranges: FloatArray, lookahead: float, gain: float, top_speed: float) -> float:
     """Return a speed [m/s] by the mean of `ranges` (n,), none longer than the lookahead: slow where it is tight.
 
     It is `gain` times the mean's share of the lookahead, of the top speed. Source: the notes of the field's

@@ -1,15 +1,16 @@
-"""Stages of a tick: compiled calls that follow each other, which all have the same arguments.
+"""Stages: what stands between a planner's reference and the car's command, as compiled calls.
 
     @kernel
     def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command):
         command[1] = min(command[1], 1.0)
 
-    CREEP = Stage(after_driving=creep)
-    STAGES["creep"] = "my_package.my_module:CREEP"
+    CREEP = Stage(text="at most 1 m/s", after_driving=creep)
+    STAGES["creep"] = "my_package.my_module:CREEP"  # of control.assist
+    fg.race("oval", "gap_finder", assist="full+creep")
 
-Every planner sees, predicts, refers, guides and drives (planner_batch). Between these calls a planner has the optional
-stages that its settings name. They are found by their text: of an optional stage nothing is imported or compiled for a
-planner without it.
+`assist` chooses the stages of a planner. Of a stage that no planner has, nothing is imported or compiled. They are
+called in the order of the kernels of `Stage`; in between every planner sees, refers and begins its decision
+(planner_batch).
 
 The arguments are those of one world:
 
@@ -36,9 +37,7 @@ from numpy.typing import NDArray
 
 from fg_mujoco.compiled.array_table import flags, matrix, read_only, rows, table_at, whole_matrix
 from fg_mujoco.compiled.kernels import call_at, kernel
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import ODOMETRY
-from fg_mujoco.registry import Registry, added
 
 from ..perception.intermediate_scans import keep
 from ..perception.scan_filters import valid_ranges
@@ -55,12 +54,18 @@ Step = Callable[..., None]
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """An optional stage of driving.
+    """A stage of driving.
 
     Attributes:
-      after_reference: kernel that is called once the planner has referred; None: none is called then.
+      text: what it does, in one line.
+      needs: names of the stages without which it can do nothing.
+      needs_friction: whether it has no meaning for a planner that assumes no friction limit, mu = inf.
+      before_reference: kernel that is called before the planner refers; None: none is called then.
+      after_reference: the same once the planner has referred.
       before_guidance: the same after all of those.
+      guide: the same once the decision has begun.
       after_guidance: the same; if it decides, it sets `driven.decided`.
+      drive: writes the command, unless there is one. Of a planner's stages only the last one that has it is called.
       after_driving: the same once there is a command.
       own: type of what the stage keeps of a world.
       first: returns the record, shape (1,), with which a Planner begins; None: all zero.
@@ -68,9 +73,15 @@ class Stage:
         its friction limiter is that of the first.
     """
 
+    text: str = ""
+    needs: tuple[str, ...] = ()
+    needs_friction: bool = False
+    before_reference: Step | None = None
     after_reference: Step | None = None
     before_guidance: Step | None = None
+    guide: Step | None = None
     after_guidance: Step | None = None
+    drive: Step | None = None
     after_driving: Step | None = None
     own: np.dtype[np.void] = NO_MEMORY
     first: Callable[[Any], NDArray[np.void]] | None = None
@@ -80,11 +91,6 @@ class Stage:
         """Return the record with which a planner begins. Shape (1,)."""
         return np.zeros(1, self.own) if self.first is None else self.first(planner)
 
-
-STAGES: Registry[Stage] = Registry(
-    "stage of driving", SettingsError, "fg_mujoco.stages", added("STAGES"), instance_of=Stage
-)
-"""Optional stages by the names that planners have for them, see Planner.stage_names."""
 
 ARRAYS = (
     "scan", "ranges", "odometry", "running", "own", "driven", "lines", "trajectories", "valid", "guiding", "shown",

@@ -147,6 +147,7 @@ def race_table(result: RaceResult, out: str | None) -> str:
         ("sliding sideways", f"{car.max_lateral_slide_m_s:.4f} m/s at most"),
         ("time sliding", f"{100.0 * car.slide_time_fraction:.2f} %"),
         ("friction", friction_text(car.mu, car.planner_mu, car.floor)),
+        ("assist", car.assist),
         ("top speed", f"{car.max_speed_m_s:.2f} m/s"),
         ("mean speed", f"{car.mean_speed_m_s:.2f} m/s"),
         ("clamped commands", f"{car.clamped_commands} of {len(car.telemetry)}"),

@@ -436,11 +436,16 @@ def build_controller(
         del offered["map_line"]
         if "map_line" in required:
             raise ControllerError(f"{origin} drives by a map; accepted: where there is one, as in a race")
+    if "assist" not in wanted and context.assist not in ("full", "none"):
+        said = f"{origin} decides by itself, and assist is {context.assist!r}"
+        raise ControllerError(f"{said}; accepted: none, or a class of Planner, whose stages can be chosen")
     unknown = [name for name in required if name not in offered]
     if unknown:
         raise ControllerError(f"{origin} wants {', '.join(unknown)}; a constructor may name {', '.join(offered)}")
     try:
         controller = factory(**{name: value for name, value in offered.items() if name in wanted})
+    except SettingsError as error:
+        raise ControllerError(f"{origin}: {error}") from error
     except BaseException as error:
         if not is_of_planner(error):
             raise

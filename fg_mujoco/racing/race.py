@@ -81,7 +81,7 @@ def race(
       keywords: of a Setup, which has their types. Those of a car are car 0's; of several cars they stand in each Entry.
 
         What is driven: laps [5]; obstacles, how many boxes or a list, and obstacle_seed; moving, as "pedestrian:2";
-        max_speed [m/s]; start_s [m], start_offset [m], start_heading [rad], start_speed [m/s], or start; seed;
+        assist; max_speed [m/s]; start_s [m], start_offset [m], start_heading [rad], start_speed [m/s], or start; seed;
         time_limit [s] simulated, decision_limit [s] of wall time; planner_settings, by name; name.
         Car: vehicle; tires; changes, or mass [kg], cog_height [m], command_delay [s], steering_gain and speed_gain as
         factors.
@@ -290,6 +290,7 @@ def _car_result(
         controller_source=source_code(type(planner)),
         planner_failure=failure, collisions_car=touched,
         decision_times=DecisionTimes.of(seconds, engine.beams.period), planner_settings=settings,
+        assist=getattr(planner, "assist", "none"),
         end_time_s=float(own["states"][-1, 0]), telemetry=arrays["telemetry"],
         **driven_figures(engine, arrays["telemetry"], row, put_back), **course_figures(engine, own, row),
     )  # fmt: skip

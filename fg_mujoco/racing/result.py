@@ -50,6 +50,7 @@ class CarResult(Suggesting):
     controller: str  # without settings in brackets; of an object its class
     controller_origin: dict[str, Any]  # as of trust.origin, and `files` that it reads; or `commands` without a planner
     planner_settings: dict[str, Any]  # those that differ from its own
+    assist: str  # stages between the planner and the command; none: also of one that decides by itself
     laps_completed: int
     lap_times_s: tuple[float, ...]  # the first from a standing start
     finished: bool
@@ -189,8 +190,9 @@ class CarResult(Suggesting):
 
 _OF_A_CAR = (
     "name", "position", "vehicle", "vehicle_sha256", "tires", "tires_model", "tires_sha256", "controller",
-    "controller_origin", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s", "wrong_way", "crash",
-    "planner_failure", "collisions_wall", "collisions_car", "max_slide_m_s", "max_lateral_slide_m_s",
+    "controller_origin", "assist", "laps_completed", "lap_times_s", "finished", "end_reason", "end_time_s",
+    "wrong_way", "crash", "planner_failure", "collisions_wall", "collisions_car", "max_slide_m_s",
+    "max_lateral_slide_m_s",
     "slide_time_fraction", "mean_speed_m_s", "max_speed_m_s", "decision_times", "clamped_commands", "seed", "mu",
     "floor", "planner_mu", "speed_limit_m_s", "lidar_effects", "odometry_drift", "planner_settings", "start",
 )  # fmt: skip
@@ -285,6 +287,7 @@ class RaceResult(Shown):
         car = self.car
         rows = [
             ("planner, track, car", f"{car.controller}, {self.track}, {car.vehicle}"),
+            ("assist", car.assist),
             ("end", f"{car.end_reason.replace('_', ' ')}: {car.end}"),
             *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
             ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),

@@ -164,7 +164,7 @@ def _is_origin(value: Any) -> bool:
 _BY_NAME: tuple[str, Accepts] = ("values by name", lambda value: isinstance(value, dict))
 _SUMMARY: dict[str, tuple[str, Accepts]] = {
     "track": _TEXT, "vehicle": _TEXT, "vehicle_sha256": _TEXT, "tires": _TEXT, "tires_model": _TEXT,
-    "controller": _TEXT, "end_reason": _TEXT, "trajectory_sha256": _TEXT,
+    "controller": _TEXT, "assist": _TEXT, "end_reason": _TEXT, "trajectory_sha256": _TEXT,
     "fg_mujoco_version": _TEXT, "mujoco_version": _TEXT,
     "platform": _TEXT, "finished": _TRUTH, "laps_completed": _COUNT, "collisions": _COUNT, "obstacles": _COUNT,
     "clamped_commands": _COUNT, "seed": _SEED, "obstacle_seed": _SEED, "lap_times_s": _NUMBERS,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, cast
 import mujoco
 
 from ..arguments import explain_class, setting
+from ..controllers.control.assist import names_in
 from ..course.course import Course
 from ..course.obstacles import Obstacle
 from ..display import brief, changed
@@ -182,6 +183,10 @@ class CarSettings:
         "", "opponents: the planner is told the odometry of the other cars; default: nothing", "TEXT", "sensors",
         told=True,
     )  # fmt: skip
+    assist: str = setting(
+        "full", "stages between the planner and its car: none, grip, safe, full, or names of stages joined by commas; "
+        "default: full", "NAMES", "what is driven", told=True,
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vehicle", Vehicle.load(self.vehicle))
@@ -194,6 +199,8 @@ class CarSettings:
         if not isinstance(self.knows, str) or self.knows not in KNOWN:
             accepted = " or ".join(map(repr, KNOWN))
             raise SettingsError(f"{type(self).__name__}.knows is {shown(self.knows)}; accepted: {accepted}")
+        if self.assist != "full":
+            names_in(self.assist, f"{type(self).__name__}.assist")
         if self.tires is not None:
             object.__setattr__(self, "tires", Tires.load(self.tires))
         if self.mu is not None:
@@ -338,6 +345,7 @@ class CarKeywords(TypedDict, total=False):
     odometry_drift: float
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
     knows: str
+    assist: str
     lidar_effects: MeasuredErrors | Mapping[str, Any] | str | Path | None
     lidar_noise: float
     lidar_dropout: float
@@ -423,7 +431,7 @@ class DriveSettings(CarSettings):
         return PlannerContext(
             car=car, mu=self.assumed_mu, max_speed=float(self.max_speed), period=period,
             latency=self.effects.sweeps_late(period) * period + delay, seed=self.seed, map_line=map_line,
-            sensors=tuple(sensor.name for sensor in self.sensed), lidar=beams.geometry,
+            sensors=tuple(sensor.name for sensor in self.sensed), lidar=beams.geometry, assist=self.assist,
         )  # fmt: skip
 
     @property

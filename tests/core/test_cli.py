@@ -528,7 +528,7 @@ def test_a_controllers_settings_follow_its_name(capsys):
     """`NAME[SETTING=VALUE]` is driven with that setting, and the summary says so."""
     plain, slow = (
         ["race", "--laps", "1", "--time-limit", "1", "--json"],
-        "gap_finder[lookahead=2,speed_law=range_ratio]",
+        "gap_finder[lookahead=2,assist=mean_range]",
     )
     summaries = []
     for controller in ("gap_finder", slow):
@@ -536,10 +536,10 @@ def test_a_controllers_settings_follow_its_name(capsys):
         summaries.append(json.loads(capsys.readouterr().out))
     first, second = summaries
     assert first["planner_settings"] == {}
-    assert second["planner_settings"] == {"lookahead": 2.0, "speed_law": "range_ratio"}
+    assert second["planner_settings"] == {"lookahead": 2.0, "assist": "mean_range"}
     assert second["trajectory_sha256"] != first["trajectory_sha256"]
     assert main([*plain, "--controller", "gap_finder[lookahed=2]"]) == 2
-    assert "has no setting 'lookahed'; accepted: speed_law, " in capsys.readouterr().err
+    assert "has no setting 'lookahed'; accepted: assist, " in capsys.readouterr().err
     assert main([*plain, "--controller", "gap_finder[lookahead"]) == 2
     assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err
 

@@ -16,7 +16,7 @@ from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 TOP = 8.0
-LAWS = ("minimum", "forward_distance", "range_ratio", "friction", "stopping")
+ASSISTS = ("full", "distance_ahead", "mean_range", "limiter", "sight")
 PERIOD = 0.025
 
 
@@ -27,7 +27,7 @@ def made(mu, settings):
 
 def command(scan, law, speed=0.0, angle=0.0, mu=MU, **settings):
     """What a planner commands that has just been made."""
-    planner = made(mu, (("speed_law", law), *settings.items()))
+    planner = made(mu, (("assist", law), *settings.items()))
     planner.reset()
     return planner(scan, odometry_of(speed, angle))
 
@@ -36,39 +36,46 @@ def command(scan, law, speed=0.0, angle=0.0, mu=MU, **settings):
 def test_forward_distance_looks_straight_ahead_only(ahead, speed):
     scan = corridor(1.0, 1.0, ahead=ahead)
     distances = {"safe_distance": 0.5, "full_speed_distance": 4.5}
-    assert command(scan, "forward_distance", **distances).speed == pytest.approx(speed, abs=1e-6)
-    assert command(scan, "forward_distance", speed=7.9, angle=0.4, **distances).speed == pytest.approx(speed, abs=1e-6)
+    assert command(scan, "distance_ahead", **distances).speed == pytest.approx(speed, abs=1e-6)
+    assert command(scan, "distance_ahead", speed=7.9, angle=0.4, **distances).speed == pytest.approx(speed, abs=1e-6)
 
 
 def test_a_single_post_ahead_is_seen_and_one_beside_is_not():
     for beam, seen in ((540, True), (540 + 8, True), (540 - 8, True), (540 + 9, False), (540 - 9, False)):
         ranges = np.full(1081, 9.0)
         ranges[beam] = 0.4
-        speed = command(scan_of(ranges), "forward_distance", safe_distance=0.5, full_speed_distance=4.5).speed
+        speed = command(scan_of(ranges), "distance_ahead", safe_distance=0.5, full_speed_distance=4.5).speed
         assert speed == (0.0 if seen else TOP)
 
 
 @pytest.mark.parametrize("reach", [1.0, 2.0, 3.0])
 def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
     scan = scan_of(np.full(1081, reach))
-    asked = command(scan, "range_ratio", nearest_bubble=1e-6).speed
+    asked = command(scan, "mean_range", nearest_bubble=1e-6).speed
     assert asked == pytest.approx(min(TOP, TOP * 3.0 * reach / 10.0), rel=1e-6)
 
 
 def test_friction_is_the_limiter_and_nothing_else():
     near = corridor(1.0, 1.0, ahead=0.6)  # any law that looks at ranges would stop here
-    asked = command(near, "friction", speed=2.0)
+    asked = command(near, "limiter", speed=2.0)
     limiter = FrictionLimiter(CAR, MU)
     expected = limiter(asked.steering_angle, TOP, odometry_of(2.0), PERIOD)
     assert asked == expected
     assert asked.speed > 2.0
-    assert command(near, "minimum", speed=2.0).speed < 2.0
+    assert command(near, "full", speed=2.0).speed < 2.0
 
 
-def test_stopping_is_the_speed_from_which_the_car_stops_within_what_it_sees():
+def test_the_friction_law_alone_is_that_of_the_steering_angle_and_holds_nothing():
+    scan = corridor(8.0, 0.8, ahead=2.5)
+    asked = command(scan, "friction_law", speed=7.0)
+    law = math.sqrt(CAR.gravity * MU * CAR.wheelbase / math.tan(abs(asked.steering_angle)))
+    assert (abs(asked.steering_angle), asked.speed) == (CAR.max_steering_angle, pytest.approx(law, rel=1e-12))
+
+
+def test_sight_is_the_speed_from_which_the_car_stops_within_what_it_sees():
     scan = corridor(1.0, 1.0, ahead=3.0)
     paths = BrakingTrajectories(CAR, FrictionLimiter(CAR, MU), TOP)
-    asked = command(scan, "stopping", speed=7.0)
+    asked = command(scan, "sight", speed=7.0)
     widened = widen_all(valid_ranges(scan.ranges, scan.range_max), scan.angle_increment, paths.radius)
     assert asked.speed == paths.safe_speed(widened, scan.angle_min, scan.angle_increment, 7.0, 0.0)
     assert asked.speed < 5.0
@@ -76,21 +83,19 @@ def test_stopping_is_the_speed_from_which_the_car_stops_within_what_it_sees():
 
 def test_without_the_friction_law_the_wheels_turn_as_sharply_as_possible():
     scan = corridor(8.0, 0.8, ahead=2.5)
-    angles = {law: command(scan, law, speed=7.0).steering_angle for law in LAWS}
-    assert angles["forward_distance"] == angles["range_ratio"] == angles["stopping"] == CAR.max_steering_angle
-    assert 0.0 < angles["friction"] < 0.1 and abs(angles["minimum"]) < 0.1
-    assert 0.0 < command(scan, "minimum", speed=7.0, safety_filter=False, guidance=False).steering_angle < 0.1
+    angles = {law: command(scan, law, speed=7.0).steering_angle for law in ASSISTS}
+    assert angles["distance_ahead"] == angles["mean_range"] == angles["sight"] == CAR.max_steering_angle
+    assert 0.0 < angles["limiter"] < 0.1 and abs(angles["full"]) < 0.1
+    assert 0.0 < command(scan, "mean_range,distance_ahead,sight,limiter", speed=7.0).steering_angle < 0.1
 
 
 def test_the_minimum_is_never_faster_than_any_law_but_to_crawl():
     for ahead in (0.5, 0.9, 1.4, 2.5, 6.0):
         scan = corridor(1.2, 0.9, ahead=ahead)
-        speeds = {law: command(scan, law, mu=math.inf).speed for law in LAWS}
-        assert speeds["minimum"] == min(speeds["forward_distance"], speeds["range_ratio"])
-        limited = {law: command(scan, law).speed for law in LAWS}
-        assert (
-            limited["minimum"] <= max(min(limited.values()), for_car(SafetyFilterSettings(), CAR).crawl_speed) + 1e-12
-        )
+        speeds = {law: command(scan, law, mu=math.inf).speed for law in ("full", "distance_ahead", "mean_range")}
+        assert speeds["full"] == min(speeds["distance_ahead"], speeds["mean_range"])
+        limited = {law: command(scan, law).speed for law in ASSISTS}
+        assert limited["full"] <= max(min(limited.values()), for_car(SafetyFilterSettings(), CAR).crawl_speed) + 1e-12
 
 
 def test_the_beams_between_two_bearings_are_those_within():

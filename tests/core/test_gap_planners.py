@@ -38,7 +38,7 @@ def planner(request):
 def test_a_mirrored_scan_gets_the_mirrored_command(choice):
     """Without guidance: the cells of its map have an orientation of their own."""
     made, settings = choice
-    planner = made(CAR, MU, 8.0, made.Settings(**settings, guidance=False))
+    planner = made(CAR, MU, 8.0, made.Settings(**settings), assist="safe")
     motions = ((0.0, 0.0), (3.0, 0.1), (6.0, -0.05))
     for scan in map(rough_scan, range(20)):
         planner.reset()

@@ -15,8 +15,6 @@ from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
-OFF = {"guidance": False}
-
 
 def finder():
     return make_controller("gap_finder", car=CAR, mu=MU, max_speed=8.0)
@@ -28,7 +26,7 @@ def finder():
     [("spiral", "no_progress"), ("maze", "no_progress"), ("boxes", "no_progress"), ("random:1:tight", "no_progress")],
 )
 def test_a_lap_that_the_planner_does_not_finish_on_its_own_is_finished(circuit, without):
-    guided, alone = (fg.race(circuit, "gap_finder", laps=1, max_speed=4.0, planner_settings=s) for s in ({}, OFF))
+    guided, alone = (fg.race(circuit, "gap_finder", laps=1, max_speed=4.0, assist=each) for each in ("full", "safe"))
     assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= SLIDING_SPEED
     assert alone.car.end_reason == without
 
@@ -36,7 +34,7 @@ def test_a_lap_that_the_planner_does_not_finish_on_its_own_is_finished(circuit, 
 @pytest.mark.parametrize("seed", range(4))
 def test_out_of_the_trap_it_goes_on_and_without_guidance_back(seed):
     guided, alone = (
-        fg.race(f"scene:u_turn_trap:{seed}", "gap_finder", max_speed=8.0, planner_settings=s) for s in ({}, OFF)
+        fg.race(f"scene:u_turn_trap:{seed}", "gap_finder", max_speed=8.0, assist=assist) for assist in ("full", "safe")
     )
     assert guided.car.finished and guided.car.collisions_wall == 0 and guided.car.max_slide_m_s <= SLIDING_SPEED
     assert alone.car.end_reason == "wrong_way"

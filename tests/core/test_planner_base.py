@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.assist import SAFE, STAGES
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
 from fg_mujoco.controllers.control.planner_batch import PlannerBatch
@@ -18,9 +19,10 @@ from fg_mujoco.controllers.control.planner_settings import (
     relative_size,
     setting_of_car,
 )
-from fg_mujoco.controllers.control.stages import STAGES, Stage
+from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
+from fg_mujoco.controllers.wall_follow import WallFollow
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, scan_of
@@ -83,7 +85,7 @@ def test_settings_and_memory_reach_the_kernel():
 
 
 def test_a_planner_that_assumes_no_friction_limit_gets_its_reference():
-    settings = PatientSettings(patience=0, pace=7.0, speed_law="friction")
+    settings = PatientSettings(patience=0, pace=7.0, assist="grip")
     command = Patient(CAR, np.inf, settings=settings)(corridor(1.0, 1.0, ahead=0.5), odometry_of(0.0))
     assert (command.steering_angle, command.speed) == (0.1, 7.0)
 
@@ -119,7 +121,7 @@ def test_a_goal_and_the_scans_on_the_way_to_it_are_those_of_the_kernel():
 
 
 def test_the_mean_range_of_the_speed_law_is_that_of_the_filtered_scan():
-    settings = DrivingSettings(speed_law="range_ratio", lookahead=10.0, range_ratio_gain=2.0)
+    settings = DrivingSettings(assist="mean_range", lookahead=10.0, mean_range_gain=2.0)
     command = Leftmost(CAR, np.inf, 8.0, settings)(scan_of(np.full(101, 5.0)), odometry_of(0.0))
     assert command.speed == pytest.approx(8.0 * 2.0 * 1.0 / 10.0)
 
@@ -174,17 +176,10 @@ def creep(scan, valid, guiding, clear, driven, lines, trajectories, own, command
     command[1] = min(command[1], 0.5)
 
 
-class Creeping(GapFinder):
-    """The gap finder with a stage that is registered here."""
-
-    def stage_names(self):
-        return (*super().stage_names(), "creep")
-
-
 def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_reset(monkeypatch):
     stage = Stage(after_driving=creep, own=np.dtype([("ticks", np.int64)]))
     monkeypatch.setitem(STAGES._own, "creep", stage)
-    planner = Creeping(CAR, MU)
+    planner = GapFinder(CAR, MU, assist="full+creep")
     for ticks in (1, 2):
         assert planner(corridor(2.0, 2.0), odometry_of(3.0)).speed == 0.5
         assert planner.kept("creep")["ticks"] == ticks
@@ -193,20 +188,48 @@ def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_res
     assert GapFinder(CAR, MU)(corridor(2.0, 2.0), odometry_of(3.0)).speed > 2.5
 
 
-def test_planners_have_the_stages_that_their_settings_name_and_no_others():
-    plain, remembers = (GapFinder(CAR, MU, 8.0, GapFinderSettings(remember=each)) for each in (False, True))
-    unguided = GapFinder(CAR, MU, 8.0, GapFinderSettings(remember=True, guidance=False))
-    assert (set(plain.stages), set(remembers.stages), set(unguided.stages)) == (set(), {"remember"}, set())
-    assert PlannerBatch(GapFinder, [plain]).kept == {}
+@pytest.mark.parametrize(
+    ("planner", "assist", "stages"),
+    [
+        (GapFinder, "full", {*SAFE, "guidance"}),
+        (GapFinder, "safe", {*SAFE}),
+        (GapFinder, "grip", {*GapFinder.source_laws, "limiter"}),
+        (GapFinder, "none", {*GapFinder.source_laws}),
+        (GapFinder, "sight , limiter", {"sight", "limiter"}),
+        (GapFinder, "full+learn-prediction", {*SAFE, "guidance", "learn"} - {"prediction"}),
+        (WallFollow, "full", {*SAFE, "guidance"} - {"safety_filter", "prediction", "recovery"}),
+    ],
+)
+def test_an_assist_names_the_stages_of_a_planner(planner, assist, stages):
+    assert set(planner(CAR, MU, assist=assist).stages) == stages
+    assert set(planner(CAR, MU, 8.0, planner.Settings(assist=assist), assist="none").stages) == stages
+
+
+def test_without_a_friction_limit_the_laws_of_the_scan_are_left_and_nothing_else_may_be_named():
+    assert set(GapFinder(CAR, math.inf).stages) == {"mean_range", "distance_ahead"}
+    with pytest.raises(SettingsError, match="sight, which needs a friction limit, and mu is inf"):
+        GapFinder(CAR, math.inf, assist="none,sight")
+
+
+def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
+    plain, remembers = GapFinder(CAR, MU), GapFinder(CAR, MU, assist="full+remember")
     assert len(PlannerBatch(GapFinder, [remembers, plain]).kept["remember"]) == 2
     with pytest.raises(KeyError):
         plain.kept("remember")
 
 
-def test_a_stage_that_nobody_registers_is_refused():
-    class Lacking(GapFinder):
-        def stage_names(self):
-            return ("creeep",)
-
-    with pytest.raises(SettingsError, match="'creeep' is not known"):
-        Lacking(CAR, MU)
+@pytest.mark.parametrize(
+    ("assist", "message"),
+    [
+        ("fulll", "is 'fulll'; accepted: none, grip, .*did you mean 'full'"),
+        ("full,creeep", "there is no stage 'creeep'; accepted: none, grip"),
+        ("full,", "there is no stage ''"),
+        ("sight+sight", "has sight twice"),
+        ("prediction", "has prediction, which needs safety_filter; accepted: prediction.safety_filter"),
+        ("full-limiter", "has guidance, which needs limiter"),
+        (3, "is 3; accepted: none"),
+    ],
+)
+def test_an_assist_that_cannot_be_is_refused_with_what_can(assist, message):
+    with pytest.raises(SettingsError, match=message):
+        GapFinder(CAR, MU, assist=assist)

@@ -108,8 +108,8 @@ def test_the_filter_lets_a_reference_pass_that_a_target_leaves_and_not_one_into_
 
 def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():
     counts = []
-    for on in (True, False):
-        planner = make_controller("gap_finder", car=CAR, mu=MU, max_speed=8.0, settings={"prediction": on})
+    for assist in ("full", "full-prediction"):
+        planner = make_controller("gap_finder", car=CAR, mu=MU, max_speed=8.0, settings={"assist": assist})
         for k in range(24):
             planner(scan_of(ranges_of(WALLS + box(5.0, -0.6 + 0.025 * k), x=CAR.lidar_offset)), odometry_of(0.0))
         counts.append(int(planner._alone.memory[0]["predictions"]["count"]))
@@ -132,6 +132,6 @@ def test_a_box_that_crosses_is_passed(planner, speed):
 def test_where_nothing_moves_predictions_change_no_bit(track, settings):
     """Nor where scans are late, as the planner is told by how much."""
     with_, without = (
-        fg.race(track, "gap_finder", laps=1, planner_settings={"prediction": on}, **settings) for on in (True, False)
+        fg.race(track, "gap_finder", laps=1, assist=each, **settings) for each in ("full", "full-prediction")
     )
     assert with_.car.finished and with_.trajectory_sha256 == without.trajectory_sha256

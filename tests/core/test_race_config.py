@@ -36,6 +36,7 @@ seed = 6
 opponents = ["wall_follow"]
 sensors = ["imu"]
 knows = "opponents"
+assist = "safe"
 patches = [{x = 1, y = 2, length = 3, width = 1, mu = 0.4}]
 start-s = 2.5
 start-offset = 0.1
@@ -101,9 +102,9 @@ def test_every_option_can_be_in_a_file():
 
 
 def test_opponents_are_a_list_with_commas_or_given_again():
-    given = "wall_follow,gap_finder[lookahead=6,learn=true]", "pure_pursuit"
+    given = "wall_follow,gap_finder[lookahead=6,assist=full+learn]", "pure_pursuit"
     entries = setup_of(options("--opponents", given[0], "--opponents", given[1])).entries
-    names = ["gap_finder", "wall_follow", "gap_finder[lookahead=6,learn=true]", "pure_pursuit"]
+    names = ["gap_finder", "wall_follow", "gap_finder[lookahead=6,assist=full+learn]", "pure_pursuit"]
     assert [entry.controller for entry in entries] == names
 
 

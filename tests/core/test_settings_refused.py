@@ -74,7 +74,6 @@ def test_a_value_that_no_field_can_have_is_refused_by_name(made):
         (GapFinderSettings, {"lookahead": math.inf}, "lookahead is inf; accepted: "),
         (GuidanceSettings, {"every": 0.0}, "every is 0.0; accepted: "),
         (RecoverySettings, {"distance": 0.0}, "distance is 0.0; accepted: a positive number"),
-        (DrivingSettings, {"speed_law": "fast"}, "accepted: minimum, forward_distance, range_ratio, "),
         (DrivingSettings, {"safe_distance": 1.0, "full_speed_distance": 0.5}, "accepted: a number above safe_"),
         (fg.Box, {"width": 0.0}, "Box.width is 0.0; accepted: a positive length in metres"),
         (fg.Cylinder, {"x": 2e6}, "Cylinder.x is 2000000.0; accepted: a finite number up to 1e+06"),

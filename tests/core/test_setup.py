@@ -219,13 +219,13 @@ OTHER = {
     "patches": [{"x": 1.0, "y": 0.0, "length": 1.0, "width": 1.0, "mu": 0.5}], "lidar": "rangefinder",
     "decision_limit": 5.0, "vehicle": "ipz", "tires": "ipz", "mu": 0.7, "floor": "ipz8", "changes": {"mass": 4.0},
     "controller": "wall_follow", "planner_settings": {"lookahead": 3.0}, "planner_mu": 0.4, "max_speed": 3.0,
-    "knows": "opponents", "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1, "seed": 4,
-    "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
+    "knows": "opponents", "assist": "safe", "sensors": ["imu"], "effects": {"latency": 0.02}, "odometry_drift": 0.1,
+    "seed": 4, "start": fg.Start(s=1.0), "name": "mine", "grid": "behind", "rules": "roboracer_2026",
 }  # fmt: skip
 CAR = {"vehicle", "tires", "mu", "floor", "changes"}
-DUEL = CAR | {"planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
+DUEL = CAR | {"planner_mu", "max_speed", "knows", "assist", "sensors", "effects", "odometry_drift"}
 COURSE = {"track", "obstacles", "obstacle_seed", "moving", "patches"}
-DRIVER = {"controller", "planner_mu", "max_speed", "knows", "sensors", "effects", "odometry_drift"}
+DRIVER = {"controller", "planner_mu", "max_speed", "knows", "assist", "sensors", "effects", "odometry_drift"}
 PLACE = {"planner_settings", "start", "seed", "grid"}
 STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
 STUDY |= {"lidar", "decision_limit"}
@@ -236,7 +236,7 @@ USED = {
     "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
     "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
     "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
-    "an environment": CAR | COURSE | {"sensors", "knows", "effects", "start", "laps", "time_limit", "grid"},
+    "an environment": CAR | COURSE | {"sensors", "knows", "assist", "effects", "start", "laps", "time_limit", "grid"},
     "an environment of f1tenth_gym": {"vehicle", "tires"},
 }  # fmt: skip
 

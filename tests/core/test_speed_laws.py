@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fg_mujoco.controllers.control.speed import (
-    forward_distance_speed,
+    distance_ahead_speed,
     friction_speed,
     friction_steering,
-    range_ratio_speed,
+    mean_range_speed,
 )
 from fg_mujoco.controllers.control.steering import pursue, saturate
 from scan_worlds import MU
@@ -58,7 +58,7 @@ def test_at_a_standstill_any_steering_angle_holds():
 
 def test_speed_is_in_proportion_to_the_mean_range_up_to_the_top_speed():
     def speed(*ranges, gain=1.0):
-        return range_ratio_speed(np.array(ranges), lookahead=10.0, gain=gain, top_speed=8.0)
+        return mean_range_speed(np.array(ranges), lookahead=10.0, gain=gain, top_speed=8.0)
 
     assert speed(1.0, 3.0) == pytest.approx(1.6)
     assert speed(1.0, 3.0, gain=3.0) == pytest.approx(4.8)
@@ -69,7 +69,7 @@ def test_speed_is_in_proportion_to_the_mean_range_up_to_the_top_speed():
 
 def test_speed_by_the_distance_ahead_is_linear_between_stop_and_full_speed():
     def speed(distance):
-        return forward_distance_speed(distance, safe=1.0, full_speed=5.0, top_speed=8.0)
+        return distance_ahead_speed(distance, safe=1.0, full_speed=5.0, top_speed=8.0)
 
     assert [speed(distance) for distance in (0.0, 0.5, 1.0)] == [0.0] * 3
     assert [speed(distance) for distance in (1.5, 2.0, 3.0, 4.5)] == pytest.approx([1.0, 2.0, 4.0, 7.0])

@@ -22,9 +22,9 @@ from .mutations import mutated, one_of
 from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
 
 PLANNERS = (
-    "gap_finder[lookahead=6]", "follow_the_gap[point=deepest,speed_law=friction]", "pure_pursuit[line=ring.csv]",
+    "gap_finder[lookahead=6]", "follow_the_gap[point=deepest,assist=limiter]", "pure_pursuit[line=ring.csv]",
     "wall_follow",
-    "disparity_extender[guidance=false]", "weighted_gap", "threshold_gap", "planner.py:Planner",
+    "disparity_extender[assist=safe]", "weighted_gap", "threshold_gap", "planner.py:Planner",
     "planner.py:Planner[gain=.5]",
 )  # fmt: skip
 

@@ -59,6 +59,8 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
     if planned and "planner_mu" in summary:
         assumed = summary["planner_mu"]  # None: infinity, which JSON has not
         figures.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))
+    if planned and "assist" in summary:
+        figures.append((summary["assist"], "assist"))
     if planned and decisions is not None and decisions["decisions"]:
         times = [decisions[name] for name in ("median_s", "percentile_99_s", "worst_s", "period_s")]
         median, most, worst, period = (math.nan if time is None else 1e3 * time for time in times)

@@ -16,7 +16,7 @@ from fg_mujoco.addons.drivers.friction_learning import (
     true_steering,
 )
 from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW
-from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
+from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR, MU, corridor, odometry_of
 
@@ -135,7 +135,7 @@ def test_gain_and_offset_of_the_steering_are_found_and_taken_back(gain, offset):
 def test_the_planner_starts_slippery_whatever_it_is_told():
     """Its limiter, at the first scan, is that of mu .4; without `learn` it is that of what it is told."""
     for learns, expected in ((True, 0.4), (False, MU)):
-        planner = GapFinder(CAR, MU, 8.0, GapFinderSettings(learn=learns))
+        planner = GapFinder(CAR, MU, 8.0, assist="full+learn" if learns else "full")
         planner(corridor(1.0, 1.0), odometry_of(3.0))
         found = planner._alone._driven["driver"][0]["limiter"]
         assert found["mu"] == pytest.approx(expected)
@@ -145,7 +145,7 @@ def test_the_planner_starts_slippery_whatever_it_is_told():
 @pytest.mark.parametrize(("tires", "mu"), [("coulomb", 0.6), ("coulomb", 1.1), ("forzaeth_nuc6", 0.9)])
 def test_a_race_that_is_not_told_the_friction_has_no_slide_and_is_near_the_told_one(tires, mu):
     """Two laps of a track with tight bends: lap 2 within 8 %, and no tire past its peak."""
-    names = ("gap_finder", "gap_finder[learn=true]")
+    names = ("gap_finder", "gap_finder[assist=full+learn]")
     told, learns = (fg.race("tight", name, laps=2, mu=mu, tires=tires).car for name in names)
     assert learns.end_reason == "finished"
     assert learns.max_slide_m_s < 0.01

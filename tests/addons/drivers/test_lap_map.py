@@ -176,7 +176,7 @@ def test_something_new_on_the_line_is_seen(away):
 
 def test_laps_after_the_first_are_faster_and_no_tire_slides():
     """Without `remember` laps 2 and 3 take 21.1 s."""
-    car = fg.race("tight", "gap_finder[remember=true]", laps=3, mu=0.66).car
+    car = fg.race("tight", "gap_finder[assist=full+remember]", laps=3, mu=0.66).car
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01

@@ -30,7 +30,7 @@ def duel(track, opponent, seed, ratio=0.5, laps=1):
     ],
 )
 def test_alone_it_is_the_gap_finder_that_predicts_nothing_to_the_last_bit(track, settings):
-    names = ("overtaker", "gap_finder", "gap_finder[prediction=false]")
+    names = ("overtaker", "gap_finder", "gap_finder[assist=full-prediction]")
     results = [fg.race(track, name, **{"laps": 1, "seed": 2} | settings) for name in names]
     assert results[0].car.finished and results[0].car.collisions_wall == 0
     assert len({result.trajectory_sha256 for result in results}) == 1

@@ -106,7 +106,7 @@ def test_it_does_not_see_obstacles_unless_its_law_does():
     """The limit of a map: what is not on it is not there."""
     blocked, here = corridor(5.0, 5.0, ahead=1.0), at(5.0, 0.0, 0.0, 2.0)
     assert pursuer()(blocked, here) == pursuer()(OPEN, here)
-    assert pursuer(speed_law="minimum")(blocked, here).speed < 2.0 < pursuer()(blocked, here).speed
+    assert pursuer(assist="safe")(blocked, here).speed < 2.0 < pursuer()(blocked, here).speed
 
 
 def test_a_raceline_is_followed_in_place_of_the_centreline(tmp_path):

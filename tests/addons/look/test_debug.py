@@ -26,7 +26,7 @@ from fg_mujoco.vehicle.car import WHEELS
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
-LAW = {"speed_law": "minimum", "guidance": False}
+LAW = {"assist": "safe"}
 
 
 def decision(scan, speed=0.0, angle=0.0, mu=MU, top=8.0, **settings):
@@ -52,7 +52,7 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
 def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
     ranges = np.full(1081, 2.5)
     ranges[720:880] = 9.0  # the opening is to the left
-    seen = decision(scan_of(ranges), speed=0.5, mu=mu, speed_law="friction")
+    seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter")
     steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
     bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
     assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
@@ -66,7 +66,7 @@ def test_the_safety_filter_brakes_where_no_stop_is_free_and_is_told():
     scan = corridor(1.0, 1.0, ahead=1.2)
     seen = decision(scan, speed=7.0, **LAW)
     assert (seen.speed_step.name, seen.speed_step.speed) == ("safety filter", 0.0)
-    without = decision(scan, speed=7.0, safety_filter=False, **LAW)
+    without = decision(scan, speed=7.0, assist="mean_range,distance_ahead,sight,limiter")
     assert without.speed_step.name == "sight"
     assert "safety filter" not in {step.name for step in without.steps}
 
@@ -98,8 +98,8 @@ def test_a_command_beyond_the_car_s_limits_is_held_by_the_car():
     ("course", "planner", "seconds"),
     [
         ("scene:u_turn_trap:3", "gap_finder", 8.0), ("spiral", "follow_the_gap", 6.0),
-        ("serpentine", "follow_the_gap[guidance=false]", 9.0), ("hairpins", "pure_pursuit", 4.0),
-        ("oval", "wall_follow[speed_law=stopping]", 3.0),
+        ("serpentine", "follow_the_gap[assist=safe]", 9.0), ("hairpins", "pure_pursuit", 4.0),
+        ("oval", "wall_follow[assist=sight]", 3.0),
     ],
 )  # fmt: skip
 def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, seconds):

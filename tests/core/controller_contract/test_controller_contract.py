@@ -127,8 +127,8 @@ def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
 
     Guidance is off: it turns on ground that it has seen, and the pocket here does not move with the car.
     """
-    if planner.settings.guidance:
-        planner = type(planner)(CAR, MU, TOP_SPEED, dataclasses.replace(planner.settings, guidance=False))
+    if "guidance" in planner.stages:
+        planner = type(planner)(CAR, MU, TOP_SPEED, planner.settings, assist="safe")
     planner.reset()
     for _ in range(round(came / (2.0 * 0.025))):
         planner(corridor(1.0, 1.0, 20.0), odometry_of(2.0, 0.0))
