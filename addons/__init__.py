@@ -4,10 +4,10 @@
     servers   Foxglove, rosbridge and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
-    arena     compare, overtake, scenarios, league, grade, evaluate; tight circuits
+    arena     compare, overtake, scenarios, league, grade, evaluate; race control; scenes, tight circuits
     realcar   drives and bags of real cars: identify, validate, map, bags
     look      the report of a run, its debug page, the live view
-    drivers   planners that remember, learn, localise themselves, follow lines or overtake; racelines
+    drivers   planners that follow a line of a map, remember, learn, localise themselves or overtake; racelines
 
 The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
 imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
@@ -53,6 +53,22 @@ PLANNERS = {
 }
 """Planners by name."""
 
+SCENES = {
+    "corridor_sparse": "arena.scenes.corridors:corridor_sparse",
+    "corridor_dense": "arena.scenes.corridors:corridor_dense",
+    "cylinder_field": "arena.scenes.gap_widths:cylinder_field",
+    "narrow_gap_120": "arena.scenes.gap_widths:narrow_gap_120",
+    "narrow_gap_150": "arena.scenes.gap_widths:narrow_gap_150",
+    "narrow_gap_200": "arena.scenes.gap_widths:narrow_gap_200",
+    "square_corner": "arena.scenes.corners:square_corner",
+    "dead_end": "arena.scenes.corners:dead_end",
+    "u_turn_trap": "arena.scenes.corners:u_turn_trap",
+    "wrong_side_chicane": "arena.scenes.gap_widths:wrong_side_chicane",
+    "crossing_box": "arena.scenes.corridors:crossing_box",
+    "slow_leader": "arena.scenes.corridors:slow_leader",
+}
+"""Scenes by name."""
+
 STAGES = {
     "learn": "drivers.friction_learning:LEARN",
     "remember": "drivers.known_line:REMEMBER",
@@ -69,6 +85,7 @@ PARTS = {
     "bag drive": "realcar.bag_drive:read_bag_drive",
     "comparison report": "arena.comparison.pages:write_comparison_report",
     "dataset": "learn.dataset:Dataset",
+    "drive on ray": "learn.ray_cluster:drive_on_ray",
     "is comparison": "arena.comparison.pages:is_comparison",
     "learned friction": "drivers.learned_friction:LearnedFriction",
     "localised": "drivers.localisation.localised:localised",
@@ -78,6 +95,7 @@ PARTS = {
     "race control": "arena.race_control.race_control:RaceControl",
     "raceline": "drivers.line_optimizer:raceline",
     "report": "look.commands:report_race",
+    "require ray": "learn.ray_cluster:require_ray",
     "residual": "learn.residual:Residual",
     "room on map": "drivers.line_optimizer:room_on_map",
     "run page": "look.report.report_page:write_report",

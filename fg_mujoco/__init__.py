@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .course.obstacles import Box, Cylinder, Prism
     from .course.open_ground import OpenGround
     from .course.scene import Scene
-    from .course.scenes.catalogue import scene_names
+    from .course.scenes import scene_names
     from .course.track import Track
     from .errors import (
         BagError,
@@ -177,7 +177,7 @@ _PLACES = {
     "course.obstacles": "Box Cylinder Prism",
     "course.open_ground": "OpenGround",
     "course.scene": "Scene",
-    "course.scenes.catalogue": "scene_names",
+    "course.scenes": "scene_names",
     "course.track": "Track",
     "errors": "BagError ControllerError EngineError FgMujocoError MissingExtraError "
     "ModelError PlannerError RunFolderError SettingsError TrackError",

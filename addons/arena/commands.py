@@ -30,7 +30,7 @@ from fg_mujoco.cli.command import (
 from fg_mujoco.cli.options import CAR, NAMES, setup_of, setup_options
 from fg_mujoco.cli.out import STUDY, out_options
 from fg_mujoco.cli.progress import study
-from fg_mujoco.course.scenes.catalogue import PREFIX, scene_names
+from fg_mujoco.course.scenes import PREFIX, scene_names
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.rollouts.store import as_json
 from fg_mujoco.simulation.settings import FASTEST, PLANNER_OPTIONS

@@ -17,12 +17,12 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
+from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.errors import FgMujocoError, SettingsError
 from fg_mujoco.messages import MOST_WHOLE, require_whole, shown
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.vehicle.car import car_parameters
 from fg_mujoco.vehicle.changes import GREATEST_MU, CarChanges
-from fg_mujoco.vehicle.fitting import fit
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from ..course.formats import track_names
 from ..course.random_moving import KINDS
-from ..course.scenes.catalogue import PREFIX, scene_names
+from ..course.scenes import PREFIX, scene_names
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..lidar.lidar import LIDAR_BACKENDS

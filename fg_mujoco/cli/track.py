@@ -12,7 +12,7 @@ from ..course.formats import TIGHT, track_names
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
 from ..course.maps.map_server import RESOLUTION, image_yaml
 from ..course.maps.map_track import is_map, map_loops
-from ..course.scenes.catalogue import describe_scene, scene_names
+from ..course.scenes import describe_scene, scene_names
 from ..course.writing import write_file
 from ..errors import SettingsError
 from ..pictures.plots import track_picture

@@ -68,7 +68,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
         return load_centreline(name)
-    from .scenes.catalogue import PREFIX, scene_names
+    from .scenes import PREFIX, scene_names
 
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest = name.partition(":")[2]
@@ -120,7 +120,7 @@ def _drawn(seed: int, *, tight: bool) -> Any:
 
 
 def _scene(name: str, car: CarParameters) -> Course:
-    from .scenes.catalogue import load_scene
+    from .scenes import load_scene
 
     return load_scene(name, car)
 

@@ -28,10 +28,10 @@ from ..racing.planners import split_controller
 from ..racing.randomization import Randomization, world_seeds
 from ..racing.resolved import ground_of
 from ..racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup, SetupKeywords
+from ..registry import PARTS
 from .chunk_store import ChunkStore, FolderStore, MemoryStore, TemporaryFolderStore
 from .job import RolloutJob, versions
 from .local import drive_in_processes, drive_in_threads
-from .ray_cluster import drive_on_ray, require_ray
 from .rollout_result import RolloutResult, gather
 from .store import claimed
 from .workers import time_left, usable_cores
@@ -167,7 +167,7 @@ def rollout_setup(
     """Drive many worlds of a setup, on several tracks in turn if they are given; else as `rollout`."""
     how = executor if isinstance(executor, Executor) else Executor(kind=executor)
     if how.kind == "ray":
-        require_ray()
+        PARTS.find("require ray")()
     require_whole("workers", workers, 1, optional=True)
     job = _job(setup, [setup.track] if tracks is None else tracks, n, seeds, randomize, record, how.chunk)
     if how.kind == "ray" and any(":" in str(entry.controller) for entry in job.opponents.entries):
@@ -242,7 +242,8 @@ def _drive(
             watch(progress)
 
     if missing:
-        drive = {"threads": drive_in_threads, "processes": drive_in_processes, "ray": drive_on_ray}[kind]
+        own = {"threads": drive_in_threads, "processes": drive_in_processes}
+        drive = own[kind] if kind in own else PARTS.find("drive on ray")
         with closing(drive(job, missing, workers=workers, pulse=pulse)) as finished:
             for number, arrays in finished:
                 store.add(number, arrays)

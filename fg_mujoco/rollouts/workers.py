@@ -5,7 +5,7 @@
 
 An item is started by a function that returns a `concurrent.futures.Future`; `completed` keeps as many under way as
 there is room for. `work_off` starts them in processes, because planners written in Python would wait for each other in
-threads; `rollout.local` in threads, and `rollout.ray_cluster` on Ray. Only the calling process writes files.
+threads; `rollout.local` in threads, and the add-on learn on Ray. Only the calling process writes files.
 """
 
 from __future__ import annotations

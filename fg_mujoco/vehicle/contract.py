@@ -23,7 +23,6 @@ from ..messages import CarParameters, FloatArray
 from .bodywork import HULL
 from .car import WHEELS, Car, car_parameters, element_id, sensor_slice
 from .command_response import command_response
-from .fitting import ackermann_angle
 from .tire_slip import TireSlipMeter
 from .vehicle_mjcf import OWN_CAR
 
@@ -324,3 +323,8 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
                 stacklevel=2,
             )
             return
+
+
+def ackermann_angle(angle: Any, wheelbase: float, track_width: float) -> Any:
+    """Return the angle [rad] of a front wheel at steering angles; `track_width` is negative for the right one."""
+    return np.arctan2(np.sin(angle), np.cos(angle) - np.sin(angle) * 0.5 * track_width / wheelbase)

@@ -10,7 +10,7 @@ import pytest
 import fg_mujoco.addons
 from fg_mujoco.registry import ADDONS, added
 
-TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCHEMES", "PARTS")
+TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "STAGES", "SCHEMES", "PARTS")
 
 
 def run(code):

@@ -13,6 +13,7 @@ import fg_mujoco as fg
 from fg_mujoco import errors
 from fg_mujoco.addons.learn.dataset import require_h5py, require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
+from fg_mujoco.addons.learn.ray_cluster import require_ray
 from fg_mujoco.addons.look.live.browser import require_viser
 from fg_mujoco.addons.realcar.identification.fit import require_scipy
 from fg_mujoco.addons.ros.bag_messages import require_ros_extra
@@ -23,7 +24,6 @@ from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 from fg_mujoco.pictures.rendering.telemetry_strip import require_pillow
 from fg_mujoco.pictures.rendering.video import require_encoder
-from fg_mujoco.rollouts.ray_cluster import require_ray
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = ROOT / "pyproject.toml"

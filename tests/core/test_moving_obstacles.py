@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.course.scenes.parts import corridor, walls_round
+from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
 

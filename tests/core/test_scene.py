@@ -7,8 +7,8 @@ import pytest
 from matplotlib.path import Path
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.course.scenes.parts import corridor, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
 from scene_search import Clearances, disc_gets_through

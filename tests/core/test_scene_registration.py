@@ -9,7 +9,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.definitions import course_sha256
-from fg_mujoco.course.scenes.catalogue import SCENES, load_scene
+from fg_mujoco.course.scenes import SCENES, load_scene
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 MODULE = '''

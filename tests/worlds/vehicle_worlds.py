@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 import fg_mujoco as fg
+from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
@@ -13,7 +14,6 @@ from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.telemetry import statistics_figures
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.fitting import fit
 
 F1TENTH = (files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
 MADE = {"wheelbase": 0.40, "width": 0.36, "mass": 5.5, "track_width": 0.286, "length": 0.65, "nominal_mu": 0.8}

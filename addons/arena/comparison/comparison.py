@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.arguments import explain_class
-from fg_mujoco.course.scenes.catalogue import PREFIX, scene_names
+from fg_mujoco.course.scenes import PREFIX, scene_names
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib

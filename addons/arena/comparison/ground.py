@@ -10,7 +10,7 @@ from typing import Any
 from fg_mujoco.course.course import Course
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.obstacles import Obstacle
-from fg_mujoco.course.scenes.catalogue import PREFIX
+from fg_mujoco.course.scenes import PREFIX
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters
 from fg_mujoco.racing.resolved import Ground

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fg_mujoco.course.files import is_file
-from fg_mujoco.course.scenes.catalogue import PREFIX
+from fg_mujoco.course.scenes import PREFIX
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.display import Html, element, escaped, html
 from fg_mujoco.errors import ControllerError, FgMujocoError, RunFolderError

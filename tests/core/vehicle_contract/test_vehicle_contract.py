@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.vehicle.bodywork import add_hull
 from fg_mujoco.vehicle.car import WHEELS, Car
-from fg_mujoco.vehicle.contract import PARTS
-from fg_mujoco.vehicle.fitting import ackermann_angle, fit
+from fg_mujoco.vehicle.contract import PARTS, ackermann_angle
 from fg_mujoco.vehicle.tire_forces import TireForces
 from fg_mujoco.vehicle.tire_slip import TireSlipMeter, slides_above
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires, tire_names

@@ -16,9 +16,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ..errors import ModelError
-from ..messages import FloatArray
-from .car import WHEELS, car_parameters
+from fg_mujoco.errors import ModelError
+from fg_mujoco.messages import FloatArray
+from fg_mujoco.vehicle.car import WHEELS, car_parameters
+from fg_mujoco.vehicle.contract import ackermann_angle
 
 _BODY_HEIGHT = 0.10  # [m] of the chassis, which its roll and pitch inertia follow from
 
@@ -97,11 +98,6 @@ def ackermann_quartic(wheelbase: float, track_width: float, limit: float) -> Flo
         weights *= error
         weights /= weights.sum()
     return best
-
-
-def ackermann_angle(angle: Any, wheelbase: float, track_width: float) -> Any:
-    """Return the angle of a front wheel at steering angles `angle` [rad]; arguments as in `ackermann_quartic`."""
-    return np.arctan2(np.sin(angle), np.cos(angle) - np.sin(angle) * 0.5 * track_width / wheelbase)
 
 
 def tire_stiffness(model: Any) -> FloatArray:

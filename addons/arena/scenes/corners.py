@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from ...messages import CarParameters
-from ..course import SLOWEST_RACE
-from ..scene import Scene
+from fg_mujoco.course.course import SLOWEST_RACE
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.messages import CarParameters
+
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH
 from .parts import corridor, mirrored, rounded_way, walls_round
 

@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...messages import FloatArray
-from ..moving_obstacles import MovingObstacle
-from ..obstacles import Box, Obstacle, Prism
-from ..polyline import step_lengths, steps, turns
-from ..scene import Scene
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.obstacles import Box, Obstacle, Prism
+from fg_mujoco.course.polyline import step_lengths, steps, turns
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.messages import FloatArray
 
 WALL = 0.1  # [m] thickness
 CORNER_RADIUS = 0.8  # [m] of a way; the default vehicle turns on 0.742 m

@@ -2,8 +2,8 @@
 
     scene = load_scene("scene:cylinder_field:3", car)
 
-The bundled scenes are in `corridors`, `gap_widths` and `corners`. A distribution adds scenes of its own by entry points
-of the group `fg_mujoco.scenes`. In its pyproject.toml:
+The bundled scenes are of the add-on arena. A distribution adds scenes of its own by entry points of the group
+`fg_mujoco.scenes`. In its pyproject.toml:
 
     [project.entry-points."fg_mujoco.scenes"]
     my_scene = "my_package.my_module:my_scene"
@@ -17,11 +17,10 @@ import re
 from collections.abc import Callable
 from importlib.metadata import EntryPoint
 
-from ...errors import TrackError, accepted_names
-from ...messages import CarParameters
-from ...registry import Registry, package_of
-from ..course import Course, require_course
-from . import corners, corridors, gap_widths
+from ..errors import TrackError, accepted_names
+from ..messages import CarParameters
+from ..registry import Registry, added, package_of
+from .course import Course, require_course
 
 PREFIX = "scene:"
 
@@ -31,25 +30,7 @@ WIDEST_CAR = 0.6
 SceneMaker = Callable[[str, int, CarParameters], Course]
 """Makes a scene of a name, `scene:NAME:SEED`, from the seed and for the car."""
 
-SCENES: Registry[SceneMaker] = Registry(
-    "scene",
-    TrackError,
-    "fg_mujoco.scenes",
-    {
-        "corridor_sparse": corridors.corridor_sparse,
-        "corridor_dense": corridors.corridor_dense,
-        "cylinder_field": gap_widths.cylinder_field,
-        "narrow_gap_120": gap_widths.narrow_gap_120,
-        "narrow_gap_150": gap_widths.narrow_gap_150,
-        "narrow_gap_200": gap_widths.narrow_gap_200,
-        "square_corner": corners.square_corner,
-        "dead_end": corners.dead_end,
-        "u_turn_trap": corners.u_turn_trap,
-        "wrong_side_chicane": gap_widths.wrong_side_chicane,
-        "crossing_box": corridors.crossing_box,
-        "slow_leader": corridors.slow_leader,
-    },
-)
+SCENES: Registry[SceneMaker] = Registry("scene", TrackError, "fg_mujoco.scenes", added("SCENES"))
 
 
 def scene_names() -> tuple[str, ...]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...messages import CarParameters
-from ..course import SLOWEST_RACE
-from ..moving_obstacles import MovingObstacle
-from ..obstacles import Box, Obstacle
-from ..scene import Scene
+from fg_mujoco.course.course import SLOWEST_RACE
+from fg_mujoco.course.moving_obstacles import MovingObstacle
+from fg_mujoco.course.obstacles import Box, Obstacle
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.messages import CarParameters
+
 from .parts import block, corridor, walls_round
 
 WIDTH = 2.2  # [m] of a corridor, as on RoboRacer tracks

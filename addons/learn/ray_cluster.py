@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ControllerError, EngineError, FgMujocoError, missing_extra
-from ..racing.planners import file_in, moved_to
-from ..racing.trust import changed_file
-from .job import Arrays, RolloutJob, versions
-from .workers import completed, usable_cores
+from fg_mujoco.errors import ControllerError, EngineError, FgMujocoError, missing_extra
+from fg_mujoco.racing.planners import file_in, moved_to
+from fg_mujoco.racing.trust import changed_file
+from fg_mujoco.rollouts.job import Arrays, RolloutJob, versions
+from fg_mujoco.rollouts.workers import completed, usable_cores
 
 RETRIES = 5
 """Number of times that a chunk is driven again after its worker was lost."""

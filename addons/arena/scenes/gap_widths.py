@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from ...errors import TrackError
-from ...messages import CarParameters, FloatArray
-from ..course import SLOWEST_RACE
-from ..obstacles import Box, Cylinder
-from ..scene import Scene
+from fg_mujoco.course.course import SLOWEST_RACE
+from fg_mujoco.course.obstacles import Box, Cylinder
+from fg_mujoco.course.scene import Scene
+from fg_mujoco.errors import TrackError
+from fg_mujoco.messages import CarParameters, FloatArray
+
 from .corridors import BEHIND, BEYOND, WAY_BEHIND, WIDTH, straight
 from .parts import block, mirrored, walls_round
 
