@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import Suggesting, explain_class
-from .display import Drawing, Shown, brief, paragraph
+from .display import Shown, brief
 from .errors import MessageError, SettingsError, accepted_names, with_unit
 
 FloatArray = NDArray[np.float64]
@@ -125,7 +125,6 @@ def require_finite(message: object, *values: object, names: tuple[str, ...]) -> 
         require(message, math.isfinite, "a finite number", names, MessageError)
 
 
-_DOT, _CAR = "#0072b2", "#d55e00"  # colours of a scan's picture
 
 
 @lru_cache(maxsize=32)
@@ -177,18 +176,6 @@ class LaserScan(Shown):
             self, f"stamp {self.stamp:.3f} s", f"{len(self.ranges)} beams from {least:.1f} to {most:.1f} deg", found,
             *([f"{others} beams without a return"] if others else []),
         )  # fmt: skip
-
-    def _repr_html_(self) -> str:
-        found = np.isfinite(self.ranges) & (self.ranges < self.range_max)
-        distances, bearings = self.ranges[found], self.bearings[found]
-        points = distances[:, np.newaxis] * np.column_stack((np.cos(bearings), np.sin(bearings)))
-        corners = np.concatenate((points, [[-1.0, -1.0], [1.0, 1.0]]))
-        drawing = Drawing(corners.min(axis=0) - 0.3, corners.max(axis=0) + 0.3)
-        drawing.points(points, _DOT)
-        drawing.arrow((0.0, 0.0), 0.0, _CAR)
-        drawing.scale()
-        said = "Each dot is where a beam ended. The arrow is at the LiDAR and points ahead."
-        return paragraph(repr(self)) + drawing.svg(said) + paragraph(said)
 
     @property
     def bearings(self) -> FloatArray:

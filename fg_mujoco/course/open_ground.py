@@ -45,11 +45,6 @@ class OpenGround(Shown):
     def __repr__(self) -> str:
         return brief(self, quoted(self.name), self.description)
 
-    def _repr_html_(self) -> str:
-        from .plan import course_html
-
-        return course_html(self)
-
     closed = False
     length = math.inf
     """Without end: no laps are counted, and the race is finished when its time is over."""

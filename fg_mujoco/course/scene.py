@@ -78,11 +78,6 @@ class Scene(Shown):
     def __repr__(self) -> str:
         return brief(self, quoted(self.name), self.description)
 
-    def _repr_html_(self) -> str:
-        from .plan import course_html
-
-        return course_html(self)
-
     @property
     def closed(self) -> bool:
         """A scene is driven once, from its start to its goal."""

@@ -84,11 +84,6 @@ class Track(Shown):
     def __repr__(self) -> str:
         return brief(self, quoted(self.name), self.description, f"{len(self.centreline)} points")
 
-    def _repr_html_(self) -> str:
-        from .plan import course_html
-
-        return course_html(self)
-
     @property
     def corridor_right(self) -> FloatArray:
         """To the right wall, less what another stretch that runs alongside takes. Shape (n,) [m], read-only."""

@@ -11,12 +11,11 @@ import numpy as np
 
 from ..arguments import Suggesting, explain_class
 from ..compiled.array_table import ArrayTable, Table
-from ..display import Shown, brief, quoted, table
+from ..display import Shown, brief, quoted
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, FloatArray, read_only
 from ..simulation.compiled_tick import KEPT
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.settings import friction_text
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.car import WHEELS
@@ -278,67 +277,6 @@ class RaceResult(Shown):
         laps += f"{self.sim_time_s:.1f} s{best} at mu {car.mu:.4g}" + (f" on floor {car.floor}" if car.floor else "")
         others = f" among {len(self.cars)} cars" if len(self.cars) > 1 else ""
         return brief(self, f"{quoted(car.controller)} on {quoted(self.track)}{others}: {laps}, {car.end}")
-
-    def _repr_html_(self) -> str:
-        if len(self.cars) > 1:
-            return self._html_of_several()
-        from .driven_line_svg import driven_line
-
-        car = self.car
-        rows = [
-            ("planner, track, car", f"{car.controller}, {self.track}, {car.vehicle}"),
-            ("assist", car.assist),
-            ("end", f"{car.end_reason.replace('_', ' ')}: {car.end}"),
-            *(self._lap_rows() if self.laps_requested else [("time", f"{self.sim_time_s:.2f} s")]),
-            ("speed", f"mean {car.mean_speed_m_s:.2f} m/s, greatest {car.max_speed_m_s:.2f} m/s"),
-            ("greatest sliding", f"{car.max_slide_m_s:.3f} m/s, {100.0 * car.slide_time_fraction:.2f} % of the time"),
-            *([("fastest sliding", car.max_slide_place)] if car.max_slide_place else []),
-            ("friction coefficient", friction_text(car.mu, car.planner_mu, car.floor)),
-        ]
-        ends = (("crashed here", car.crash), ("turned here", car.wrong_way), ("rolled over here", car.rollover))
-        marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
-        line = np.column_stack((car.column("x_m"), car.column("y_m")))
-        picture = driven_line(
-            self.world, line, car.column("speed_m_s"), time=self.sim_time_s, marks=marks, title=repr(self)
-        )
-        return table((), rows) + picture
-
-    def _html_of_several(self) -> str:
-        """Return what a notebook shows of several cars: a row for each, and the lines of all."""
-        from .driven_line_svg import driven_lines
-
-        head = [
-            ("track, laps", f"{self.track}, {self.laps_requested}"),
-            ("winner", self.winner or "nobody finished"),
-            ("overtakes, contacts", f"{len(self.overtakes)}, {len(self.contacts)}"),
-        ]
-        rows = []
-        for index in sorted(range(len(self.cars)), key=lambda index: self.cars[index].position):
-            car = self.cars[index]
-            best = f"{min(car.lap_times_s):.2f} s" if car.lap_times_s else "-"
-            end = f"{car.end_reason.replace('_', ' ')} at {car.end_time_s:.2f} s"
-            rows.append((
-                f"{car.position}.", index, car.name, f"{car.controller}, {car.vehicle}", car.laps_completed, best, end,
-                car.collisions_car, f"{car.max_slide_m_s:.3f} m/s",
-            ))  # fmt: skip
-        header = ("", "car", "name", "planner, vehicle", "laps", "best lap", "end", "contacts", "greatest sliding")
-        lines = []
-        for car in self.cars:
-            raced = car.column("time_s") < car.end_time_s - 1e-9  # one that has finished is taken off the course
-            lines.append(np.column_stack((car.column("x_m"), car.column("y_m")))[raced])
-        contacts = [(contact.x_m, contact.y_m) for contact in self.contacts]
-        picture = driven_lines(self.world, lines, time=self.sim_time_s, contacts=contacts, title=repr(self))
-        return table((), head) + table(header, rows) + picture
-
-    def _lap_rows(self) -> list[tuple[str, str]]:
-        """Return what a notebook shows of the laps."""
-        car = self.car
-        laps = ", ".join(f"{time:.2f}" for time in car.lap_times_s[:10])
-        more = f" and {len(car.lap_times_s) - 10} more" if len(car.lap_times_s) > 10 else ""
-        return [
-            ("laps", f"{car.laps_completed} of {self.laps_requested} in {self.sim_time_s:.2f} s"),
-            ("lap times", f"{laps}{more} s" if laps else "no lap completed"),
-        ]
 
     def summary(self) -> dict[str, Any]:
         """Return what the JSON summary holds: the race, each car in `cars`, and the figures of car 0 besides."""

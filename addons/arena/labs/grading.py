@@ -28,12 +28,12 @@ from fg_mujoco.arguments import explain_class
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.driven_line_svg import driven_line
 from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
+from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.store import as_json, digest, of_kind
 
 from ..grid_study import (
@@ -159,7 +159,10 @@ class GradedDrive:
             for values in (car.telemetry[:, [4, 5]], car.column("speed_m_s"))
         )
         marks = [(text, (place.x_m, place.y_m)) for text, place in ends if place is not None]
-        return driven_line(result.world, line, speed, time=result.sim_time_s, marks=marks, title=str(self))
+        picture: str = PARTS.find("driven line")(
+            result.world, line, speed, time=result.sim_time_s, marks=marks, title=str(self)
+        )
+        return picture
 
 
 def _figures(result: RaceResult | None, reason: str, message: str | None) -> DriveFigures:
