@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import MissingExtraError, SettingsError
-from ..pictures.pages.figure_kit import require_matplotlib
 from ..racing.planners import read_settings_text
 
 Part = Callable[[argparse.ArgumentParser], object]
@@ -102,8 +101,7 @@ def option(
         more |= {"action": "store_true", "default": False}
 
     def add(parser: argparse.ArgumentParser) -> None:
-        shown = text if names is None or "{names}" not in text else text.replace("{names}", ", ".join(names()))
-        action = (parser if title is None else group(parser, title)).add_argument(name, help=shown, **more)
+        action = (parser if title is None else group(parser, title)).add_argument(name, help=text, **more)
         setattr(action, "names", names)  # noqa: B010
 
     return add
@@ -200,6 +198,8 @@ def require_ending(path: Path | None, *endings: str, what: str = "a file", when:
 
 def can_draw(what: str, *, several: bool = True) -> bool:
     """Return whether there is matplotlib; if not, say on stderr that `what` is left out, and how to have it."""
+    from ..pictures.pages.figure_kit import require_matplotlib
+
     try:
         require_matplotlib()
     except MissingExtraError as error:

@@ -117,6 +117,14 @@ def _warnings_in_a_line() -> Iterator[None]:
                     say(message)
 
 
+class _Help(argparse.HelpFormatter):
+    """Writes the names that an option takes in the place of `{names}` in its help: to list them takes a while."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        text, names = action.help, getattr(action, "names", None)
+        return text if not text or names is None else text.replace("{names}", ", ".join(names()))
+
+
 class _Parser(argparse.ArgumentParser):
     """Complains in one line, and says which option or command was probably meant. A command is made where it is used.
 
@@ -125,6 +133,9 @@ class _Parser(argparse.ArgumentParser):
     """
 
     place: str | None = None
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **{"formatter_class": _Help} | named)
 
     def fill(self) -> None:
         """Add the options of a command, which takes a while to import."""
@@ -195,7 +206,7 @@ COMMANDS: Registry[Command | Commands] = Registry(
     own={
         name: f"fg_mujoco.cli.{place}"
         for name, place in {
-            "race": "race:race_command", "replay": "race:replay_command", "drive": "drive:drive_command",
+            "race": "race:race_command", "replay": "replay:replay_command", "drive": "drive:drive_command",
             "track": "track:TRACK", "controllers": "lists:controllers_command", "vehicles": "lists:vehicles_command",
             "rollout": "rollout:rollout_command", "render": "render:render_command",
             "friction": "friction:friction_command",

@@ -11,25 +11,16 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import Field, fields, replace
+from functools import partial
 from typing import Any
 
-from ..course.formats import track_names
-from ..course.random_moving import KINDS
-from ..course.scenes import PREFIX, scene_names
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
-from ..lidar.lidar import LIDAR_BACKENDS
-from ..lidar.measured_errors import effect_names
-from ..racing.entries import GRIDS, Entry
-from ..racing.planners import controller_names
-from ..racing.rules import RULES
+from ..racing.entries import Entry
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
+from ..registry import Registry
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
-from ..vehicle.floors import floor_names
-from ..vehicle.sensors import SENSORS
-from ..vehicle.tires import tire_names
-from ..vehicle.vehicle import vehicle_names
 from .command import Part, group, names_in, number, option, pairs, whole
 
 _LONGEST_WORD, _LONGEST_LINE = 400, 4000  # characters of a message
@@ -79,12 +70,26 @@ def name_or_pairs(text: str) -> str | dict[str, Any]:
 GROUPS = ("what is driven", "car", "floor", "sensors", "other cars")
 """Titles of a Setup's options in the help of a command, in their order."""
 
-NAMES: dict[str, Callable[[], Iterable[str]]] = {
-    "track": lambda: [*track_names(), *(f"{PREFIX}{name}" for name in scene_names())],
-    "controller": controller_names, "vehicle": vehicle_names, "tires": tire_names, "floor": floor_names,
-    "moving": lambda: KINDS, "lidar": lambda: LIDAR_BACKENDS, "lidar_effects": effect_names, "sensors": lambda: SENSORS,
-    "opponents": controller_names, "grid": lambda: GRIDS, "rules": lambda: RULES,
-}  # fmt: skip
+_NAMES: Registry[Any] = Registry("names", SettingsError, own={
+    name: f"fg_mujoco.{place}"
+    for name, place in {
+        "track": "course.formats:course_names", "controller": "racing.planners:controller_names",
+        "vehicle": "vehicle.vehicle:vehicle_names", "tires": "vehicle.tires:tire_names",
+        "floor": "vehicle.floors:floor_names", "moving": "course.random_moving:KINDS",
+        "lidar": "lidar.lidar:LIDAR_BACKENDS", "lidar_effects": "lidar.measured_errors:effect_names",
+        "sensors": "vehicle.sensors:SENSORS", "opponents": "racing.planners:controller_names",
+        "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",
+    }.items()
+})  # fmt: skip
+
+
+def _names_of(keyword: str) -> Iterable[str]:
+    found = _NAMES.find(keyword)
+    names: Iterable[str] = found() if callable(found) else found
+    return names
+
+
+NAMES: dict[str, Callable[[], Iterable[str]]] = {keyword: partial(_names_of, keyword) for keyword in _NAMES}
 """Keyword of a Setup -> the names that it takes, for the help and for the shell."""
 
 _KINDS: dict[str, type] = {"effects": LidarEffects, "start": Start, "changes": CarChanges}
@@ -124,7 +129,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 } | {
     "opponents": {
         "text": "cars that race against this one, by their controllers, comma between two, or again for each; vehicle "
-        "and tires are the same", "metavar": "LIST", "title": "other cars", "names": controller_names,
+        "and tires are the same", "metavar": "LIST", "title": "other cars", "names": NAMES["opponents"],
         "default": argparse.SUPPRESS, "reads": names_in, "action": "extend",
     }
 }  # fmt: skip

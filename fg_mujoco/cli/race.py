@@ -1,4 +1,4 @@
-"""The commands `fg-mujoco race` and `fg-mujoco replay`."""
+"""The command `fg-mujoco race`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,11 @@ import time
 from pathlib import Path
 
 from ..errors import FgMujocoError, RunFolderError
-from ..pictures.plots import write_run
 from ..racing.decision_times import decision_limit_text
 from ..racing.entries import NO_FAULT
 from ..racing.hints import race_hints
 from ..racing.planners import with_settings
 from ..racing.race import RaceProgress, race_setup
-from ..racing.replay import decisions_again, replay
 from ..racing.result import RaceResult
 from ..racing.rules import find_rules
 from ..racing.run_folder import check_run_folder, summary_json
@@ -27,7 +25,6 @@ from .command import CONFIG, JSON, OUTPUT, TRUST, can_draw, command, option
 from .options import in_one_line, setup_of, setup_options
 from .out import PAGE, RUN, out_options, write_page
 from .progress import ProgressLine
-from .render import check_film, film_race
 
 _DONE, _NOT_DONE = 0, 1
 
@@ -46,6 +43,8 @@ def race_command(options: argparse.Namespace) -> int:
     setup = setup_of(options)
     picture = options.out is not None and check_out(options.out)
     if options.video is not None:
+        from .render import check_film, film_race
+
         check_film(options.video)
     # what a planner prints is not our output
     with contextlib.redirect_stdout(sys.stderr), RaceWatch(show=not options.json) as watch:
@@ -55,6 +54,8 @@ def race_command(options: argparse.Namespace) -> int:
         print(failure.whole_traceback if options.traceback else failure.traceback, end="", file=sys.stderr)
     try:
         if options.out is not None:
+            from ..pictures.plots import write_run
+
             write_run(result, options.out, picture=picture, add=write_page)
     except RunFolderError:  # of a race that is driven already; `main` says why
         print(summary_json(result) if options.json else race_table(result, None))
@@ -73,15 +74,6 @@ def race_command(options: argparse.Namespace) -> int:
     for hint in race_hints(result):
         print("fg-mujoco: hint:", in_one_line(hint), file=sys.stderr)
     return code
-
-
-@command(option("folder", "written by race --out", "DIR"))
-def replay_command(options: argparse.Namespace) -> int:
-    """Simulate a run folder again and compare it bit for bit."""
-    report = replay(options.folder)
-    again = decisions_again(options.folder) if report.first_difference is None else ""
-    print(f"{options.folder}: {report}", *(f"  {line}" for line in (*report.lines, again) if line), sep="\n")
-    return _DONE if report.holds else _NOT_DONE
 
 
 def check_out(folder: str) -> bool:

@@ -46,6 +46,13 @@ def track_names() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".csv") for file in files if file.name.endswith(".csv")))
 
 
+def course_names() -> list[str]:
+    """Return the names of the bundled circuits, and of the scenes as `scene:NAME`."""
+    from .scenes import PREFIX, scene_names
+
+    return [*track_names(), *(f"{PREFIX}{name}" for name in scene_names())]
+
+
 def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     """Load a course.
 
@@ -68,11 +75,9 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
         return load_centreline(name)
-    from .scenes import PREFIX, scene_names
-
     *texts, last = (each.texts for each in _formats() if each.texts)
-    rest = name.partition(":")[2]
-    besides = [*([f"random:{rest}"] if rest else []), *(f"{PREFIX}{scene}" for scene in scene_names())]
+    rest, scenes = name.partition(":")[2], course_names()[len(track_names()) :]
+    besides = [*([f"random:{rest}"] if rest else []), *scenes]
     others = f", {', '.join(texts)} or {last}"
     raise TrackError(f"unknown track {name!r}; {accepted_names(name, track_names(), others, besides=besides)}")
 
