@@ -37,6 +37,7 @@ from numba.core.typing.templates import _OverloadFunctionTemplate
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
+from .beside import begin
 from .kernel_files import made_once, read_kept, say, write_kept
 from .kernel_keys import kernel_file
 from .machine_code import INLINED, LOADING, OPTIONS, MachineCode, kinds, machine, omitted, text_of
@@ -451,7 +452,8 @@ class _KernelCache(NullCache):  # type: ignore[misc]
                 return self.unpacked(self._numbas(kept), target)
         if _ANNOUNCED not in os.environ:  # in the first of a family of processes that compiles kernels
             os.environ[_ANNOUNCED] = "announced"
-            say("compiling kernels, once; the first race takes about a minute longer")
+            say("compiling kernels, once; the first race takes about half a minute longer")
+            begin()
         return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:

@@ -35,7 +35,7 @@ from .decision_times import DecisionClock, DecisionTimes
 from .entries import Entry
 from .figures import course_figures, driven_figures, track_figures, world_figures
 from .planners import split_controller
-from .resolved import Resolved
+from .resolved import Resolved, kernels_beside
 from .result import CarResult, History, RaceResult
 from .rules import RaceRecord, race_control
 from .setup import Setup, SetupKeywords
@@ -120,6 +120,14 @@ def race_setup(
       turn: of a race of several cars: called with the number of a car before its planner is built, and before each of
         its decisions, so that it is known whose planner ended the process.
     """
+    with kernels_beside(setup):
+        return _race(setup, watch, turn)
+
+
+def _race(
+    setup: Setup, watch: Callable[[RaceProgress], None] | None, turn: Callable[[int], None] | None
+) -> RaceResult:
+    """Race what a setup says; arguments and errors are those of `race_setup`."""
     raced = Resolved.of(setup)
     world, entries, names, alone = raced.world, raced.entries, raced.names, len(raced.entries) == 1
     if not alone:

@@ -10,18 +10,24 @@ their own on a Ground.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from ..compiled.beside import beside
 from ..course.course import Course, laps_to_drive, wall_outlines
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle
-from ..messages import CarParameters, Controller, FloatArray
+from ..messages import ODOMETRY, CarParameters, Controller, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
+from ..simulation.planner_adapter import odometry_message
 from ..simulation.settings import Start
 from ..simulation.world import World
 from .entries import Entry, check_starts, entry_planner, grid_starts
+from .planners import PLANNERS, split_controller
 from .setup import Setup
 
 
@@ -83,8 +89,6 @@ class Ground:
           poses: of the rear axle at these times, x [m], y [m], heading [rad]. Shape (n, 3).
           car: whose footprint it is.
         """
-        import numpy as np
-
         from ..course.clearance import least_clearance
         from ..course.course import outline
 
@@ -174,3 +178,20 @@ class Resolved:
             odometry_drifts=[entry.odometry_drift for entry in self.entries],
             sensors=[entry.sensed for entry in self.entries],
         )  # fmt: skip
+
+
+def kernels_beside(setup: Setup) -> AbstractContextManager[None]:
+    """Return a context in which another process compiles the planners' kernels, while this one compiles the engine's.
+
+    A user's planner is not run a second time for that.
+    """
+    sources = [split_controller(entry.controller, None)[0] for entry in setup.entries]
+    return beside(_decide_once, setup) if all(each in PLANNERS for each in sources) else nullcontext()
+
+
+def _decide_once(setup: Setup) -> None:
+    """Have the planners of a setup decide once, which compiles their kernels."""
+    raced = Resolved.of(setup)
+    for planner, entry in zip(raced.build_planners(), raced.entries, strict=True):
+        beams = entry.car.lidar.beams
+        planner(beams.to_scan(np.full(len(beams.bearings), 5.0), 0.0), odometry_message(np.zeros(1, ODOMETRY)[0]))

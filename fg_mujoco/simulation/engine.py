@@ -521,6 +521,7 @@ class Engine(Uncopied):
         if self._called is not self.planners:
             self._called, self._calls, batch = self.planners, None, self._batches[0]
             if isinstance(self.planners, BatchPlanners) and len(self._batches) == 1 and batch.ticks_at_once:
+                batch.compile_tick()  # before the planners' kernels, which another process may be compiling
                 self._calls = self.planners.compiled_calls(self)
         return self._calls
 

@@ -6,6 +6,7 @@ kind of world and one thread has one; worlds with models of their own are a batc
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -491,6 +492,10 @@ class WorldBatch:
     def tick(self, calls: Calls, limit: float, kept: Table) -> tuple[int, float]:
         """Sense, decide, drive and judge in one compiled call, see compiled_tick.tick."""
         return compiled_tick.tick(self._table.rows, calls, limit, kept)
+
+    def compile_tick(self) -> None:
+        """Compile `tick`, or load it."""
+        compiled_tick.tick.address(self._table.rows, np.empty((0, 2), np.int64), math.inf, compiled_tick.NOTHING_KEPT)  # type: ignore[attr-defined]
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""

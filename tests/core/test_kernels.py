@@ -565,3 +565,33 @@ def test_kernels_of_others_are_not_announced(tmp_path):
 
 def test_without_stderr_kernels_are_compiled_all_the_same(tmp_path):
     assert run(f"import sys; sys.stderr = None; {REASON}", XDG_CACHE_HOME=str(tmp_path)).stdout == CRASH
+
+
+BESIDE = """
+import time
+from pathlib import Path
+from fg_mujoco.compiled.beside import beside
+from fg_mujoco.compiled.kernels import cache_folder, kernel
+from fg_mujoco.controllers.control.speed import share_of_way
+
+@kernel
+def sum_of(a, b):
+    return a + b
+
+with beside(share_of_way, 0.1, 0.2):  # a kernel: the other process compiles it
+    print(any(cache_folder().glob("share_of_way-*")))
+    sum_of(1, 2)
+    end = time.monotonic() + 60.0
+    while not any(cache_folder().glob("share_of_way-*")) and time.monotonic() < end:
+        time.sleep(0.02)
+    print(any(cache_folder().glob("share_of_way-*")))
+"""
+
+
+def test_another_process_compiles_what_it_was_asked_for_once_a_kernel_is_compiled_here(tmp_path):
+    """The program is a file: the other process does not run it again."""
+    program = tmp_path / "program.py"
+    program.write_text(BESIDE)
+    done = run(f"import runpy; runpy.run_path({str(program)!r}, run_name='__main__')", XDG_CACHE_HOME=str(tmp_path))
+    assert (done.stdout, done.returncode) == ("False\nTrue\n", 0), done.stderr
+    assert done.stderr.count(ANNOUNCEMENT) == 1
