@@ -22,3 +22,10 @@ CONTROLLERS = {
     "widest_gap": "widest_gap:WidestGap",
 }
 """Name -> "module:Class" of this folder."""
+
+BASELINES = {
+    "hard_left": "baselines:HardLeft",
+    "random": "baselines:Random",
+    "straight": "baselines:Straight",
+}
+"""The same of planners that look at nothing, with which tables compare the others."""

@@ -1,18 +1,20 @@
 """The disparity extender: the furthest point that the car, as wide as it is, can reach.
 
 1. Disparities: neighbouring readings that differ by more than a threshold are the edge of something.
-2. Each edge is extended by half the car's width and a tolerance, at the nearer of its two ranges; a closer reading is
-   never overwritten with a farther one (scan_filters.extend_disparities). What is left is what a point could reach.
-3. The goal is the furthest of these readings within 90 degrees to either side; of several as far, the middle one.
+2. Each edge is extended to its farther side by half the car's width and a tolerance, at the nearer of its two ranges; a
+   closer reading is never overwritten with a farther one. What is left is what a point could reach.
+3. The goal is the furthest of these readings within 90 degrees to either side.
 4. No turning into what is at the car's side: a reading beyond 90 degrees on the side of the goal, nearer than
    `side_distance`, and the car goes straight on instead. The readings are those of the LiDAR, before any extension. A
    scan of 180 degrees or less shows nothing there, and the rule does not apply.
-5. The speed is by the distance straight ahead in the source; here it is that of the planner's speed law.
+5. The speed is by the distance straight ahead.
 
 Source: N. Otterness, The "Disparity Extender" Algorithm, and F1/Tenth, 2019; the F1TENTH course slides on reactive
-methods. Differences: an edge is extended to both of its sides, by the same length of arc, as the farther side is the
-only one with anything to shorten but for round things; the car steers along an arc towards its goal, shorter when slow,
-not in proportion to the goal's bearing.
+methods. Refined:
+
+- An edge is extended to both of its sides, by the same length of arc: its nearer side may be round.
+- Of several furthest readings it takes the middle one: the first is the right edge of an opening.
+- The car steers along an arc towards its goal, shorter when slow: by its bearing a fast car swerves from edge to edge.
 
 Limits: a goal one beam past an edge is as good as any other, so the tolerance is all the room that is left at a
 corner, and a smooth corner, which has no disparity, is not extended at all. The planner takes the longer of two ways,
@@ -27,12 +29,12 @@ from dataclasses import dataclass
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import DrivingSettings
+from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, Record, setting, setting_of_car
 from .perception.gaps import furthest_beam
 from .perception.intermediate_scans import IntermediateScans, keep
-from .perception.scan_filters import extend_disparities
+from .perception.scan_filters import bubble_beams, extend_disparities, greatest_beam
 from .perception.scan_geometry import beams_between, bearing_of
 
 _ABEAM = 0.5 * math.pi  # [rad] goals are ahead of it, and the car's side behind
@@ -52,6 +54,21 @@ class DisparityExtenderSettings(DrivingSettings):
 
 
 @kernel
+def cover_farther(ranges: FloatArray, angle_increment: float, threshold: float, radius: float) -> FloatArray:
+    """Return ranges with every edge extended by `radius` [m] to its farther side only, as the source has it."""
+    result, widths = ranges.copy(), bubble_beams(ranges, radius, angle_increment)
+    for beam in range(1, len(ranges)):
+        step = ranges[beam] - ranges[beam - 1]
+        if abs(step) > threshold:
+            near, way = (beam - 1, 1) if step > 0.0 else (beam, -1)
+            for k in range(1, widths[near] + 1):
+                if not 0 <= near + way * k < len(ranges):
+                    break
+                result[near + way * k] = min(result[near + way * k], ranges[near])
+    return result
+
+
+@kernel
 def is_too_close(scan: Record, valid: FloatArray, side: float, limit: float) -> bool:
     """Return whether a reading beyond 90 degrees on a side (positive: left) is nearer than `limit` [m]."""
     right, left = beams_between(scan, len(valid), -_ABEAM, _ABEAM)
@@ -66,6 +83,7 @@ class DisparityExtender(GoalPlanner):
     """Otterness' planner. Where there is no way, or nothing to see, it brakes and keeps its steering angle."""
 
     Settings = DisparityExtenderSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel
@@ -74,10 +92,17 @@ class DisparityExtender(GoalPlanner):
     ) -> tuple[float, float]:
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is reachable."""
         radius = 0.5 * car.width + settings.tolerance
-        reachable = extend_disparities(ranges, scan.angle_increment, settings.disparity_threshold, radius)
+        source, threshold = settings.method == SOURCE, settings.disparity_threshold
+        if source:
+            reachable = cover_farther(ranges, scan.angle_increment, threshold, radius)
+        else:
+            reachable = extend_disparities(ranges, scan.angle_increment, threshold, radius)
         keep(shown.extended, reachable)
         keep(shown.filtered, reachable)
-        goal = furthest_beam(reachable, *beams_between(scan, len(ranges), -_ABEAM, _ABEAM))
+        first, end = beams_between(scan, len(ranges), -_ABEAM, _ABEAM)
+        goal = furthest_beam(reachable, first, end)
+        if source and goal >= 0:
+            goal = first + greatest_beam(reachable[first:end])
         if goal < 0 or reachable[goal] <= 0.0:
             return math.nan, 0.0
         bearing = bearing_of(scan, goal)

@@ -1,22 +1,22 @@
 """Disparity selection: within the largest gap, halfway between the two disparities of an opening.
 
-1. Preprocess, mask the nearest obstacle and take the largest gap, as `follow_the_gap` does.
-2. In it, neighbouring readings that differ by more than a threshold are a disparity: an obstacle's edge.
-3. An opening is what lies between two disparities that follow each other, the first from near to far and the
-   second from far to near. Of several openings the widest is taken: the distance in metres between the two
-   edges that it lies between (gaps.chord); of several as wide, the rightmost.
-4. The goal is the middle of the opening; without one, the furthest reading of the gap (of several as far, as all are
-   beyond the lookahead, the middle of their longest run).
+1. Mask the nearest obstacle and take the largest gap, as `follow_the_gap` does.
+2. In it, neighbouring readings that differ by more than a threshold are a disparity: an obstacle's edge. Its index is
+   that of the reading before the jump.
+3. The goal is halfway between the first two disparities, rounded down; without two, the furthest reading of the gap.
 
-Source: the notes of the field on disparity selection. Their code takes the middle of the first two disparities,
-whatever lies between: a box before a far wall has two, and the car would aim at the box. Its index is that of the
-reading before a jump, so its middle is off to the right: of [0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5] it takes the third,
-where the middle of the free space is the fourth.
+Source: the notes of the field on disparity selection. Refined:
+
+- The two disparities are those of an opening, from near to far and back: between the first two may be a box.
+- Of several openings the widest is taken, by the metres between its edges (gaps.chord): the first may be too narrow.
+- The goal is the middle of the free readings: the source's index is off to the right. Of [0.4, 0.5, 2.5, 2.5, 2.5, 0.6,
+  0.5] it takes the third, where the middle of the free space is the fourth.
+- Bubble, lookahead, field of view, furthest point and steering are those of `follow_the_gap`, with its reasons.
 
 Limits: between walls a corner shows one disparity, its inner edge, or none, and the planner is then the naive follow
-the gap, with its limits: on the bundled circuits it drives as that does, to the bit. A gap's end is no disparity: an
-opening next to the masked obstacle is not seen as one. Noise over the threshold makes openings. The planner measures an
-opening, but does not ask whether the car fits through.
+the gap, with its limits: refined, it drives on the bundled circuits as that does, to the bit. A gap's end is no
+disparity: an opening next to the masked obstacle is not seen as one. Noise over the threshold makes openings. The
+planner measures an opening, but does not ask whether the car fits through.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from dataclasses import dataclass
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import DrivingSettings
+from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
-from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
+from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
 from .perception.intermediate_scans import IntermediateScans, keep, keep_run
-from .perception.scan_filters import clip_to_lookahead, mask_nearest
+from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
 
@@ -42,8 +42,8 @@ class DisparitySelectionSettings(DrivingSettings):
 
     disparity_threshold: float = setting(0.5, "m", "between neighbouring readings, for an edge", FROM_ZERO)
     bubble_radius: float = setting_of_car(0.4, "m", "round the nearest point", POSITIVE)
-    lookahead: float = setting(3.0, "m", "what lies beyond counts as no farther", POSITIVE)
-    field_of_view: float = setting(math.pi, "rad", "in which gaps are looked for", POSITIVE)
+    lookahead: float = setting(3.0, "m", "refined: what lies beyond counts as no farther", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
 
 
 @kernel
@@ -66,6 +66,21 @@ def widest_opening(
 
 
 @kernel
+def source_beam(ranges: FloatArray, first: int, end: int, threshold: float) -> int:
+    """Return the beam of the source's code: halfway between the first two disparities of the gap `ranges[first:end]`.
+
+    A disparity has the index of the reading before its jump. Without two the goal is the furthest reading of the gap.
+    """
+    before = -1
+    for beam in range(first, end - 1):
+        if abs(ranges[beam] - ranges[beam + 1]) > threshold:
+            if before >= 0:
+                return first + (before + beam - first) // 2
+            before = beam - first
+    return first + greatest_beam(ranges[first:end])
+
+
+@kernel
 def best_opening(free: FloatArray, angle_increment: float, threshold: float) -> tuple[int, int]:
     """Return the first beam, and the last + 1, whose middle is the goal in masked ranges (n,) [m]: 0, 0 without one."""
     first, end = longest_run(free)
@@ -77,6 +92,7 @@ class DisparitySelection(GoalPlanner):
     """The planner of the openings. Where nothing is free it brakes and keeps its steering angle."""
 
     Settings = DisparitySelectionSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel
@@ -86,8 +102,17 @@ class DisparitySelection(GoalPlanner):
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
-        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
         free = shown.bubble[first:end]
+        if settings.method == SOURCE:
+            keep(shown.bubble, ranges)
+            keep(free, mask_bubble(free, scan.angle_increment, settings.bubble_radius))
+            gap_first, gap_end = longest_run(free)
+            if gap_first == gap_end:
+                return math.nan, 0.0
+            keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
+            beam = source_beam(free, gap_first, gap_end, settings.disparity_threshold)
+            return bearing_of(scan, first + beam), free[beam]
+        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
         keep(free, mask_nearest(free, scan.angle_increment, settings.bubble_radius))
         gap_first, gap_end = best_opening(free, scan.angle_increment, settings.disparity_threshold)
         if gap_first == gap_end:

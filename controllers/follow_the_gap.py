@@ -1,23 +1,26 @@
 """Follow the gap, as the F1TENTH course teaches it: away from the nearest point, towards the furthest.
 
-0. Preprocess: only the field of view, and no reading beyond the lookahead (the course's lab: "reject high values,
-   e.g. > 3 m"). The lab's mean over a window is left out: nothing here needs it.
 1. Find the nearest point and put a safety bubble round it.
 2. Set what is inside the bubble to 0; all else is free space.
 3. The longest run of non-zeros is the gap (gaps.longest_run).
 4. Drive to the best `point` in it: the furthest, the middle of the gap, or the deepest, which is the middle of those
-   that are at most `depth_tolerance` short of the furthest. Of several as far, as all are beyond the lookahead, the
-   furthest is the middle of their longest run.
+   that are at most `depth_tolerance` short of the furthest.
 
 Sources: the F1TENTH course slides on reactive methods and the notes of the field on obstacle masking. They mean two
-things by a `bubble`: in the notes all beams that pass within its radius (scan_filters.mask_nearest, which near by is
-wider than the notes' atan(radius / distance)), in the slides all readings that end within it.
+things by a `bubble`: in the notes beams, int(atan(radius / distance) / angle_increment) to either side
+(scan_filters.mask_bubble), in the slides all readings that end within it. The slides' furthest point is the naive one;
+for a better one they ask whether to turn sharply for something 3 to 4 m away, which `weighted_gap` answers. Refined:
+
+- The bubble is as wide as its arc (scan_filters.mask_nearest): near by the arctangent leaves beams that pass within it.
+- No reading counts beyond the `lookahead`, as in the course's lab: else `furthest` aims along the inner wall.
+- Of several furthest points it is the middle of their longest run: the first would be the right edge of an opening.
+- Only the field of view counts: what is furthest behind the car would be a U-turn.
+- The car steers along an arc, as `gap_finder` does.
 
 Limits: the planner knows one obstacle, the nearest. The gap's far side, and the inner corner that the car turns round,
 get no bubble until they are nearer than all else: the lookahead and the bubble have to make up for the car's width.
-Without the first (30 m) `furthest` aims along the inner wall, and its laps are half as long again. `middle` goes where
-much is open, not where the road goes on: it is as slow, and comes to stand in `l_corridor`. The longest run may be the
-way back: a U-turn, from which guidance keeps the car. Without guidance the planner has no memory.
+`middle` goes where much is open, not where the road goes on. The longest run may be the way back: a U-turn, from which
+only guidance keeps the car.
 """
 
 from __future__ import annotations
@@ -31,15 +34,15 @@ import numpy as np
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import DrivingSettings
+from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
-from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
+from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car, setting_of_method
 from .perception.gaps import chord, deepest_run, longest_run, middle_of, range_at
 from .perception.intermediate_scans import IntermediateScans, keep, keep_run
-from .perception.scan_filters import clip_to_lookahead, mask_nearest
+from .perception.scan_filters import clip_to_lookahead, greatest_beam, mask_bubble, mask_nearest
 from .perception.scan_geometry import beams_between, bearing_of
 
-_MIDDLE, _DEEPEST = 1, 2  # places of the words of `point`
+_FURTHEST, _MIDDLE, _DEEPEST = 0, 1, 2  # places of the words of `point`
 _POINTS = 1  # and of the word of `bubble`
 
 
@@ -50,8 +53,8 @@ class FollowTheGapSettings(DrivingSettings):
     point: Literal["furthest", "middle", "deepest"] = setting("furthest", text="of the gap, that the car drives to")
     bubble: Literal["beams", "points"] = setting("beams", text="what is inside the bubble")
     bubble_radius: float = setting_of_car(0.4, "m", "the middle of the notes' 0.3 to 0.5", POSITIVE)
-    lookahead: float = setting(3.0, "m", "what lies beyond counts as no farther", POSITIVE)
-    field_of_view: float = setting(math.pi, "rad", "step 0", POSITIVE)
+    lookahead: float = setting(3.0, "m", "refined: what lies beyond counts as no farther", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
     depth_tolerance: float = setting(0.5, "m", "point=deepest, step 4", FROM_ZERO)
 
 
@@ -72,12 +75,16 @@ def free_space(ranges: FloatArray, angle_increment: float, settings: Record) -> 
     """Return ranges (n,) [m] after steps 1 and 2: 0 is what is not free."""
     if settings.bubble == _POINTS:
         return mask_points(ranges, angle_increment, settings.bubble_radius)
+    if settings.method == SOURCE:
+        return mask_bubble(ranges, angle_increment, settings.bubble_radius)
     return mask_nearest(ranges, angle_increment, settings.bubble_radius)
 
 
 @kernel
 def best_place(free: FloatArray, first: int, end: int, settings: Record) -> float:
     """Return the place of the best point, in beams, of the gap `free[first:end]` by step 4."""
+    if settings.method == SOURCE and settings.point == _FURTHEST:
+        return float(first + greatest_beam(free[first:end]))
     if settings.point != _MIDDLE:
         tolerance = settings.depth_tolerance if settings.point == _DEEPEST else 0.0
         first, end = deepest_run(free, first, end, tolerance)
@@ -88,6 +95,7 @@ class FollowTheGap(GoalPlanner):
     """The planner of the course. Where nothing is free it brakes and keeps its steering angle."""
 
     Settings = FollowTheGapSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel
@@ -97,7 +105,7 @@ class FollowTheGap(GoalPlanner):
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
-        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
+        keep(shown.bubble, ranges if settings.method == SOURCE else clip_to_lookahead(ranges, settings.lookahead))
         free = shown.bubble[first:end]
         keep(free, free_space(free, scan.angle_increment, settings))
         gap_first, gap_end = longest_run(free)

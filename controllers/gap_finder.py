@@ -6,19 +6,22 @@ The nine components, in the order of that text:
 2. safety bubble           scan_filters.safety_bubbles, as wide as the arc says
 3. lookahead               scan_filters.clip_to_lookahead
 4. field of view           scan_geometry.beams_between
-5. nearest-point bubble    scan_filters.mask_nearest
+5. nearest-point bubble    scan_filters.safety_bubbles; refined: scan_filters.mask_nearest
 6. mean filter             scan_filters.rolling_mean, over the width of a bubble
 7. centre priority         scan_filters.prioritise_centre, 0.999 to 1.000
 8. greatest range          the goal
-9. speed                   speed.mean_range_speed by the mean range in front; speed.friction_speed by the steering
+9. speed                   by the mean range over the lookahead, and by the steering angle (speed)
 
-Differences from the known implementation of the text: the friction limit is the last word on speed, and no gain
-follows it; g is the model's, not 10; bubbles reach to the ends of the scan; no filter changes its input; the car
-steers along the arc to the goal, not by the goal's bearing.
+With `method=source` all bubbles have one radius, half the car's width and `clearance`, and the speed law takes the mean
+of all readings with a gain of 1. Refined:
 
-Limits: a scan shows no more than the next corner, and the goal is the longer of two ways, wherever that leads. What was
-seen before is remembered by guidance, which leads the car on where the goal does not; with `guidance=false` the planner
-has no memory, and may turn back in a hairpin. In a dead end it stops.
+- Component 5 masks its beams, where the text sets them to the nearest range: the mean filter would lift those again.
+- The mean filter and component 5 have bubbles of their own: a mean over the car's width blurs ways that it fits in.
+- The mean range is that in front of the goal, with a gain of 3: most readings are of the walls at the car's side.
+- The car steers along an arc: by the goal's bearing a longer car turns less than it should, and a shorter one more.
+
+Limits: a scan shows no more than the next corner, and the goal is the longer of two ways, wherever that leads. The
+planner has no memory: without guidance it may turn back in a hairpin. In a dead end it stops.
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ import numpy as np
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
-from .control.driving import DrivingSettings
+from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
 from .perception.gaps import run_around
@@ -43,6 +46,7 @@ from .perception.scan_filters import (
     mask_nearest,
     prioritise_centre,
     rolling_mean,
+    safety_bubbles,
 )
 from .perception.scan_geometry import beams_between, bearing_of
 
@@ -54,8 +58,8 @@ class GapFinderSettings(DrivingSettings):
     field_of_view: float = setting(math.pi, "rad", "component 4", POSITIVE)
     disparity_threshold: float = setting(0.3, "m", "between neighbouring readings, for an edge", FROM_ZERO)
     clearance: float = setting(0.15, "m", "to the side of the car, past a disparity", FROM_ZERO)
-    nearest_bubble: float = setting(0.2, "m", "radius of component 5", POSITIVE)
-    mean_radius: float = setting(0.1, "m", "of the mean filter's bubble", POSITIVE)
+    nearest_bubble: float = setting(0.2, "m", "refined: radius of component 5", POSITIVE)
+    mean_radius: float = setting(0.1, "m", "refined: of the mean filter's bubble", POSITIVE)
     edge_weight: float = setting(
         0.999, "", "centre priority at the edges of the field of view",
         Accepted("a number from 0 to 1", lambda value: 0.0 <= value <= 1.0),
@@ -69,6 +73,7 @@ class GapFinder(GoalPlanner):
     """
 
     Settings = GapFinderSettings
+    source_laws = ("mean_range", "friction_law")
 
     @staticmethod
     @kernel
@@ -80,8 +85,13 @@ class GapFinder(GoalPlanner):
         clipped = clip_to_lookahead(ranges, settings.lookahead)
         reach = 0.5 * car.width + settings.clearance
         keep(shown.extended, extend_disparities(clipped, increment, settings.disparity_threshold, reach))
-        keep(shown.bubble, mask_nearest(shown.extended, increment, settings.nearest_bubble))
-        keep(shown.filtered, rolling_mean(shown.bubble, increment, settings.mean_radius))
+        if settings.method == SOURCE:
+            nearest = np.array([np.argmin(shown.extended)])
+            keep(shown.bubble, safety_bubbles(shown.extended, nearest, increment, reach))
+            keep(shown.filtered, rolling_mean(shown.bubble, increment, reach))
+        else:
+            keep(shown.bubble, mask_nearest(shown.extended, increment, settings.nearest_bubble))
+            keep(shown.filtered, rolling_mean(shown.bubble, increment, settings.mean_radius))
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
         bearings = np.empty(end - first)

@@ -13,13 +13,14 @@ Source: the F1TENTH course slides on reactive methods. Their array, for n = 3 an
 
 is shown with two gaps. The definition as written, "at least n consecutive hits that pass t", finds one: 5.1 to inf, the
 second reading to the fifth. The others beyond t are one and two readings; with n = 2 the latter is the second gap. The
-definition is what is taken.
+definition is what is taken. Refined:
 
-Limits: t is hard to decide. The greater it is, the later a gap shows, and the faster the lap, until none shows where
-the car has to turn in. Without guidance, of the first six circuits it drives all with 2 and 3 m; with 4 m it
-is faster in three and gets stuck in `tight`; with the course's 5 m it finishes three. The gap's width counts as an
-angle, n as readings of this LiDAR: neither knows the car's width, and only driving through the middle keeps the car off
-the gap's edges.
+- t is 2 m: with the slides' 5 m no gap shows where the car has to turn in.
+- Field of view and steering are those of `follow_the_gap`, with its reasons.
+
+Limits: t is hard to decide. The greater it is, the later a gap shows, and the faster the lap, until none shows. The
+gap's width counts as an angle, n as readings of this LiDAR: neither knows the car's width, and only driving through the
+middle keeps the car off the gap's edges.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from fg_mujoco.messages import FloatArray
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner
-from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting
+from .control.planner_settings import FROM_ZERO, POSITIVE, Accepted, Record, setting, setting_of_method
 from .perception.gaps import middle_of, range_at, runs_beyond
 from .perception.intermediate_scans import IntermediateScans, keep_run
 from .perception.scan_geometry import beams_between, bearing_of
@@ -49,11 +50,11 @@ class ThresholdGapSettings(DrivingSettings):
     """Parameters of the gaps."""
 
     gap: Literal["widest", "deepest"] = setting("widest", text="which gap is taken")
-    threshold: float = setting(2.0, "m", "t", FROM_ZERO)
+    threshold: float = setting_of_method(5.0, 2.0, "m", "t", FROM_ZERO)
     least_readings: int = setting(
         3, "", "n", Accepted("a whole number from 1 to 1e9", lambda n: 1.0 <= n <= 1e9 and n.is_integer())
     )
-    field_of_view: float = setting(math.pi, "rad", "in which gaps are looked for", POSITIVE)
+    field_of_view: float = setting_of_method(2.0 * math.pi, math.pi, "rad", "in which gaps are looked for", POSITIVE)
 
 
 @kernel
@@ -79,6 +80,7 @@ class ThresholdGap(GoalPlanner):
     """The planner of the slides' definition. Without a gap it brakes and keeps its steering angle."""
 
     Settings = ThresholdGapSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel

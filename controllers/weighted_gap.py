@@ -16,13 +16,12 @@ course slides on reactive methods.) Sezer and Gokasan's follow the gap method sa
 Source: V. Sezer and M. Gokasan, A novel obstacle avoidance algorithm: "Follow the Gap Method", Robotics and
 Autonomous Systems 60(9), 2012. Differences: their obstacles are circles, and all that are seen count; these are
 readings, with walls all round, so there is a horizon. Where the gap reaches the edge of the field of view, an
-obstacle is assumed there at the horizon. d_min is measured from the LiDAR. The car drives the arc to a point
-`pursuit_distance` along the heading.
+obstacle is assumed there at the horizon. d_min is measured from the LiDAR. Refined: the car steers along an arc to a
+point `pursuit_distance` along the heading, as `gap_finder` does.
 
 Limits: between walls d_min is hardly more than half the road's width, so the weight hardly changes, and what is left
 is a threshold gap that steers less than it should. The median leans to the farther of the two obstacles, in a corner
-to the inner edge's horizon or to the outer wall: at 2.25 m the car is lost in the square one. Without a gap the car
-brakes.
+to the inner edge's horizon or to the outer wall. Without a gap the car brakes.
 """
 
 from __future__ import annotations
@@ -78,6 +77,7 @@ class WeightedGap(GoalPlanner):
     """The follow the gap method. Without a gap it brakes and keeps its steering angle."""
 
     Settings = WeightedGapSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel

@@ -2,24 +2,23 @@
 
 1. Within 45 degrees to either side, neighbouring readings a and b that differ by more than half a metre are a gap.
 2. Its width is the distance of the two points (gaps.chord). Of several as wide, the rightmost is taken.
-3. The centre is the middle of the two points, C = (A + B) / 2.
-4. The car heads for C, turned aside so far that it passes the nearer of the two points at `passing_distance`, on the
-   side where it is open. With 0 it heads for C itself. The source does not say how to drive to C.
-5. Where no gap is seen (a smooth corridor has no jump) the car heads for the furthest reading within 45 degrees, of
-   several as far the middle one. The source does not say that either; its class answers a width of -1 there.
+3. The centre is the middle of the two points, C = (A + B) / 2, and the car heads for it.
+4. Where no gap is seen (a smooth corridor has no jump) the car heads for the furthest reading within 45 degrees, of
+   several as far the middle one. The source does not say that; its class answers a width of -1 there.
 
 On the map C is at R(heading) (C + (lidar_offset, 0)) + (x, y), with the pose of Odometry: C is seen from the LiDAR,
 in a frame that is turned with the car. The source's sum, "simply C + X_car", leaves out both.
 
-Source: the code and notes of the field's gap finder in C++. Its faults, corrected here: it compares the squared width
-of a pair with the unsquared width of the widest; the centre is that of the last pair that jumps, not of the widest;
-and it reads range[i + 1] for every i of 1080 beams, whatever the scan has. No return is a reading at range_max, not
-inf, whose jump would be wider than any other.
+Source: the code and notes of the field's gap finder in C++. Its text and formulas mean the widest pair and its centre.
+Its code does not: it compares the squared width of a pair with the unsquared width of the widest, and a, b and alpha
+are those of the last pair that jumps. `method=source` is what the text means. Neither says how to drive to C. Refined:
+
+- The car passes the nearer of the two points at `passing_distance`: C lies right behind it.
+- It steers along an arc, as `gap_finder` does.
 
 Limits: with neighbouring beams the width is hardly more than the jump of the range, so the widest gap is where most is
-hidden, not where the car fits: a post in the open is two wide gaps. The centre lies right behind the nearer point, so a
-car that drives to C itself meets the corner. The planner considers nothing else that stands along its way: with
-`safety_filter=false` it crashes in `tight`.
+hidden, not where the car fits: a post in the open is two wide gaps. The planner considers nothing else that stands
+along its way.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from dataclasses import dataclass
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray, LaserScan, Odometry
 
-from .control.driving import DrivingSettings
+from .control.driving import SOURCE, DrivingSettings
 from .control.planner import GoalPlanner
 from .control.planner_settings import FROM_ZERO, POSITIVE, Record, setting, setting_of_car
 from .perception.gaps import chord, furthest_beam
@@ -49,7 +48,7 @@ class WidestGapSettings(DrivingSettings):
         2.0, "m", "the arc leads through the point this far along the goal's direction", POSITIVE
     )
     passing_distance: float = setting_of_car(
-        0.6, "m", "from the gap's nearer point to the line on which the car passes it", FROM_ZERO
+        0.6, "m", "refined: from the gap's nearer point to the line on which the car passes it", FROM_ZERO
     )
 
 
@@ -86,6 +85,7 @@ class WidestGap(GoalPlanner):
     """The planner of the jumps. Where there is nothing to see it brakes and keeps its steering angle."""
 
     Settings = WidestGapSettings
+    source_laws = ("distance_ahead",)
 
     @staticmethod
     @kernel
@@ -100,6 +100,8 @@ class WidestGap(GoalPlanner):
                 return math.nan, 0.0
             return bearing_of(scan, furthest), ranges[furthest]
         x, y = centre_of(scan, ranges, gap)
+        if settings.method == SOURCE:
+            return math.atan2(y, x), math.hypot(x, y)
         a, b = ranges[gap], ranges[gap + 1]
         aside = math.asin(min(settings.passing_distance / max(min(a, b), 1e-9), 1.0))
         return math.atan2(y, x) + math.copysign(aside, b - a), math.hypot(x, y)

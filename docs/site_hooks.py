@@ -88,16 +88,15 @@ def parsed(name: str) -> tuple[str, ast.Module]:
 
 def settings_table(kind: type, *, but: type | None = None) -> str:
     """Return a table of the settings of a dataclass; with `but`, without those that are as in that dataclass."""
-    from fg_mujoco.cli.lists import describe_settings
+    from fg_mujoco.cli.lists import describe_settings, value_text
 
     known = [] if but is None else describe_settings(but)
     rows = ["| setting | default | what |", "| --- | --- | --- |"]
     for each in describe_settings(kind):
         if each not in known:
-            default = f"{each['default']:.4g}" if isinstance(each["default"], float) else str(each["default"])
             scaled = "; scaled to other cars" if each["scales"] else ""
             accepted = f" ({each['accepted']})" if each["accepted"] else ""
-            value = f"{default} {each['unit']}".strip()
+            value = f"{value_text(each['default'])} {each['unit']}".strip()
             rows.append(f"| `{each['name']}` | {value}{scaled} | {each['text']}{accepted} |")
     return "\n".join(rows)
 

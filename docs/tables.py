@@ -57,7 +57,7 @@ def controllers(figures: dict[str, Any]) -> str:
     rows = []
     files = [*(ROOT / "controllers").glob("*.py"), *(ROOT / "addons" / "drivers" / name for name in OF_ADDONS)]
     for path in sorted(files, key=lambda path: path.stem):
-        if path.stem != "__init__":
+        if path.stem not in ("__init__", "baselines"):
             line = (ast.get_docstring(ast.parse(path.read_text("utf-8"))) or "").partition("\n")[0]
             rows.append((f"`{path.stem}`", line))
     return _table(("name", "what it does"), rows, numbers=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import astuple, dataclass, fields
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +37,15 @@ from .planner_settings import (
     record_values,
     setting,
     setting_of_car,
+    setting_of_method,
 )
 from .reasons import REASONS
 from .slip import COURSE
 from .speed import mean_range_speed
-from .steering import pursue
+from .steering import pursue, saturate
+
+SOURCE, BY_BEARING = 1, 1
+"""Places of the words of `method` and of `steering` in the records of settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,18 +61,27 @@ class DrivingSettings(Settings):
     safe_distance: float = setting_of_car(
         0.2, "m", "distance_ahead: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )
-    full_speed_distance: float = setting(
-        1.5, "m", "distance_ahead: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
+    full_speed_distance: float = setting_of_method(
+        5.0, 1.5, "m", "distance_ahead: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
     )
     lookahead: float = setting(10.0, "m", "mean_range: what lies beyond counts as no farther", POSITIVE)
-    mean_range_gain: float = setting(3.0, "", "mean_range: full speed at a mean range of lookahead / gain", POSITIVE)
-    front_width: float = setting(
-        math.radians(20.0), "rad", "mean_range: around the goal, for the mean range", FROM_ZERO
+    mean_range_gain: float = setting_of_method(
+        1.0, 3.0, "", "mean_range: full speed at a mean range of lookahead / gain", POSITIVE
     )
+    front_width: float = setting_of_method(
+        4.0 * math.pi, math.radians(20.0), "rad",
+        "mean_range: around the goal, for the mean range; 4 pi is the whole scan", FROM_ZERO,
+    )  # fmt: skip
     pursuit_distance: float = setting_of_car(
         1.0, "m", "the arc leads through the point this far along the goal's direction", POSITIVE
     )
     pursuit_time: float = setting(0.0, "s", "the same point is at least the way of this time ahead", FROM_ZERO)
+    method: Literal["", "source", "refined"] = setting(
+        "", text="source: the planner's source to the letter, the default without sight; refined: what is better here"
+    )
+    steering: Literal["arc", "bearing"] = setting_of_method(
+        "bearing", "arc", "", "to the goal: along an arc, or by its bearing as the steering angle"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -75,7 +89,8 @@ class DrivingSettings(Settings):
             names_in(self.assist, f"{type(self).__name__}.assist")
         safe = 0.0 if self.safe_distance is None else self.safe_distance
         longer = Accepted(f"a number above safe_distance, {safe}", lambda value: safe < value < math.inf)
-        require(self, longer.holds, longer.text, ("full_speed_distance",), SettingsError)
+        if self.full_speed_distance is not None:
+            require(self, longer.holds, longer.text, ("full_speed_distance",), SettingsError)
 
 
 FLAGS = ("mean_range", "distance_ahead", "friction_law", "sight", "safety_filter", "recovery", "prediction", "held")
@@ -192,7 +207,7 @@ def refer_to_goal(
     distance: float,
     reference: Record,
 ) -> None:
-    """Write the reference that leads along an arc to a goal.
+    """Write the reference that leads to a goal, along an arc or by the goal's bearing.
 
     Args:
       scan: of type SCAN.
@@ -204,8 +219,11 @@ def refer_to_goal(
       reference: of type REFERENCE, written to.
     """
     settings, car = driver.settings, driver.car
-    reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
-    steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
+    if settings.steering == BY_BEARING:
+        steering_angle = saturate(bearing, car.max_steering_angle)
+    else:
+        reach = min(distance, max(settings.pursuit_distance, settings.pursuit_time * odometry.speed))
+        steering_angle = pursue(bearing, reach, car.lidar_offset, car.wheelbase)
     refer(scan, filtered, driver, steering_angle, driver.max_speed, bearing, distance, reference)
 
 

@@ -55,7 +55,7 @@ from ..safety.safety_filter import EVASIVE
 from .assist import STAGES, names_in, stages_of
 from .driving import DrivingSettings, driver_record, refer, refer_to_goal
 from .planner_batch import PlannerBatch
-from .planner_settings import for_car, record_type, record_values
+from .planner_settings import for_car, for_method, record_type, record_values
 from .reasons import Reason, reasons_in
 from .stages import NO_MEMORY, Stage
 
@@ -91,7 +91,7 @@ class Planner(Remade):
       assist: its stages, see control.assist, unless its settings name others.
 
     Attributes:
-      settings: those of the planner; what they leave to the car is that of `car`.
+      settings: those of the planner; what they leave to the car is that of `car`, and what to the method its.
       driver: what the shared kernels read of the planner, shape (1,), of type DRIVER.
       settings_row: what its own kernel reads of its settings, shape (1,).
       stages: its stages by name, in the order of their calls, each with what it keeps at the beginning, shape (1,).
@@ -131,7 +131,8 @@ class Planner(Remade):
             raise SettingsError(f"{type(self).__name__}.settings is {given!r}; accepted: a {accepted}")
         self.settings: Any = for_car(given, car)
         self.assist = self.settings.assist or assist
-        stages = self._find_stages()
+        stages, sees_ahead = self._find_stages()
+        self.settings = for_method(self.settings, given.method or ("refined" if sees_ahead else "source"))
         frictions = next((stage.frictions for stage in stages.values() if stage.frictions), (mu,))
         evades = "sight" in stages and math.isfinite(mu)
         shares = tuple(evasive(EVASIVE, car, each) if evades else None for each in frictions)
@@ -163,8 +164,8 @@ class Planner(Remade):
         """Return stages that the planner has whatever its assist is, by name."""
         return {}
 
-    def _find_stages(self) -> dict[str, Stage]:
-        """Return its stages by name, in the order of their calls.
+    def _find_stages(self) -> tuple[dict[str, Stage], bool]:
+        """Return its stages by name, in the order of their calls, and whether its assist has sight.
 
         Raises:
           SettingsError: one that is not known, that lacks another, or that needs a friction limit and has none.
@@ -186,7 +187,7 @@ class Planner(Remade):
             if lacking:
                 accepted = f"accepted: {self.assist}+{'+'.join(lacking)}"
                 raise SettingsError(f"{said} has {name}, which needs {' and '.join(lacking)}; {accepted}")
-        return self.own_stages() | found
+        return self.own_stages() | found, "sight" in names
 
     @staticmethod
     def read(memory: Any, readings: Mapping[str, Reading]) -> None:
@@ -257,7 +258,7 @@ class GoalPlanner(Planner):
     Arguments and errors are those of Planner.
     """
 
-    source_laws = ("mean_range", "distance_ahead")
+    source_laws: ClassVar[tuple[str, ...]] = ("mean_range", "distance_ahead")
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

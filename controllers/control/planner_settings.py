@@ -14,6 +14,9 @@ means that value scaled to the car: lengths in proportion to the wheelbase, spee
 and the delay of commands. A value that is given is taken as it is. `for_car` does the
 scaling.
 
+A setting of the method, `setting_of_method`, has two defaults: the value of the planner's source, and that of what is
+refined here. Its default is None, which means the one of the planner's `method`; `for_method` replaces it.
+
 The planners of a batch are an array of rows, one for each world. A kernel reads a field by its name,
 `p.settings.radius`. A setting that is one of some words is stored as the place of its word: 0, 1. A plain `str`, such
 as a path, is not stored.
@@ -84,6 +87,12 @@ def setting_of_car(value: float, unit: str, text: str, accepted: Accepted | None
     return field(default=None, metadata=metadata)
 
 
+def setting_of_method(source: Any, refined: Any, unit: str, text: str, accepted: Accepted | None = None) -> Any:
+    """Return a field whose default, None, is the value of the planner's method: `source` or `refined`."""
+    metadata = {"unit": unit, "text": text, "accepted": accepted, "of_method": {"source": source, "refined": refined}}
+    return field(default=None, metadata=metadata)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """Parameters, which are checked against what their fields accept.
@@ -96,11 +105,13 @@ class Settings:
         hints, words = _hints(type(self)), _words(type(self))
         for each in fields(self):
             value, accepted = getattr(self, each.name), each.metadata.get("accepted")
+            if value is None and ("of_f1tenth" in each.metadata or "of_method" in each.metadata):
+                continue
             if each.name in words and value not in words[each.name]:
                 self._refuse(each.name, accepted_names(value, words[each.name]))
             if hints[each.name] is bool and not isinstance(value, bool):
                 self._refuse(each.name, "accepted: True, False")
-            if accepted is not None and not (value is None and "of_f1tenth" in each.metadata):
+            if accepted is not None:
                 require(self, accepted.holds, accepted.text, (each.name,), SettingsError)
 
     def _refuse(self, name: str, said: str) -> None:
@@ -123,6 +134,16 @@ def for_car(settings: _S, car: CarParameters) -> _S:
         if "of_f1tenth" in each.metadata and getattr(settings, each.name) is None
     }
     return replace(settings, **scaled) if scaled else settings
+
+
+def for_method(settings: _S, method: str) -> _S:
+    """Return settings of a method, source or refined, in which each None that means "by the method" is its value."""
+    chosen: dict[str, Any] = {"method": method} | {
+        each.name: each.metadata["of_method"][method]
+        for each in fields(settings)
+        if "of_method" in each.metadata and getattr(settings, each.name) is None
+    }
+    return replace(settings, **chosen)
 
 
 @_once_for_each_class

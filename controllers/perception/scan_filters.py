@@ -7,8 +7,9 @@ All take ranges of shape (n,) [m], rightmost beam first, and answer a new array 
 its input. A range of 0 is a beam that must not be driven along. All are kernels, to be called from Python and from
 other kernels alike.
 
-Sources: the F1TENTH course slides on reactive methods (clip, bubble around the nearest point), N. Otterness' disparity
-extender (2019), and the notes of the field's gap_finder_base (bubble width by the arc, rolling mean, centre priority).
+Sources: the F1TENTH course's slides and notes on reactive methods (clip, bubble around the nearest point), N.
+Otterness' disparity extender (2019), and the notes of the field's gap_finder_base (bubble width by the arc, rolling
+mean, centre priority).
 """
 
 from __future__ import annotations
@@ -251,6 +252,24 @@ def mask_nearest(ranges: FloatArray, angle_increment: float, radius: float) -> F
                 middle += 1
         width = _bubble_width(nearest, radius, angle_increment)
         for beam in range(max(middle - width, 0), min(middle + width + 1, len(ranges))):
+            result[beam] = 0.0
+    return result
+
+
+@kernel
+def mask_bubble(ranges: FloatArray, angle_increment: float, radius: float) -> FloatArray:
+    """Return ranges with int(atan(radius / distance) / angle_increment) beams to either side of the nearest set to 0.
+
+    Of several that are as near, the rightmost; where it is at 0, nothing is masked. Source: the notes of the field on
+    obstacle masking. `mask_nearest` is wider: the arc of a bubble near by is longer than its tangent.
+    """
+    result = ranges.copy()
+    nearest = np.argmin(ranges) if len(ranges) > 0 else -1
+    if nearest >= 0 and ranges[nearest] > 0.0:
+        width = math.atan(radius / ranges[nearest]) / angle_increment if angle_increment > 0.0 else 0.0
+        width = width if width > 0.0 else 0.0  # NaN is 0
+        points = int(min(width, _MOST_BEAMS))
+        for beam in range(max(nearest - points, 0), min(nearest + points + 1, len(ranges))):
             result[beam] = 0.0
     return result
 

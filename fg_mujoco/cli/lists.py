@@ -9,6 +9,7 @@ import sys
 from dataclasses import fields, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from ..controllers import BASELINES
 from ..errors import SettingsError
 from ..racing.planners import controller_names, find_controller
 from ..racing.trust import distribution
@@ -25,8 +26,8 @@ _TEXT_COLUMN = 46
     option("--json", "print one JSON array and nothing else"),
 )
 def controllers_command(options: argparse.Namespace) -> int:
-    """List the controllers and their settings."""
-    described = [describe(name) for name in options.names or controller_names()]
+    """List the controllers and their settings, and then the baselines, which look at nothing."""
+    described = [describe(name) for name in options.names or (*controller_names(), *BASELINES)]
     if options.json:
         print(json.dumps(described, indent=2, default=str))
     else:
@@ -38,18 +39,21 @@ def describe(name: str) -> dict[str, Any]:
     """Return a controller's summary, in one line, and its settings, for tables.
 
     Returns:
-      name, summary, distribution and settings; of each setting its name, unit, default, text, and what is accepted. The
-      default of a setting of the car is that of the F1TENTH car, and `scales` says that it is scaled to other cars.
+      name, summary, baseline, distribution and settings; of each setting its name, unit, default, text, and what is
+      accepted. The default of a setting of the car is that of the F1TENTH car, and `scales` says that it is scaled to
+      other cars; that of a setting of the method is a table with both.
 
     Raises:
       ControllerError: an unknown name, or a file or class that cannot be loaded.
     """
     found = find_controller(name)
     module, kind = sys.modules.get(found.__module__), getattr(found, "Settings", None)
-    lines = (getattr(module, "__doc__", None) or found.__doc__ or "").strip().splitlines()
+    text = None if name in BASELINES else getattr(module, "__doc__", None)
+    lines = (text or found.__doc__ or "").strip().splitlines()
     return {
         "name": name,
         "summary": lines[0] if lines else "",
+        "baseline": name in BASELINES,
         "distribution": distribution(found, name),
         "settings": describe_settings(kind) if isinstance(kind, type) and is_dataclass(kind) else [],
     }
@@ -66,7 +70,8 @@ def describe_settings(kind: type) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": each.name, "unit": of_field.get("unit", ""),
-                "default": of_field.get("of_f1tenth", each.default), "text": of_field.get("text", ""),
+                "default": of_field.get("of_f1tenth", of_field.get("of_method", each.default)),
+                "text": of_field.get("text", ""),
                 "accepted": accepted, "scales": "of_f1tenth" in of_field,
             }
         )  # fmt: skip
@@ -78,7 +83,7 @@ def _table(described: dict[str, Any]) -> str:
     by = "" if package in ("fg-mujoco", None) else f" ({package})"
     lines = [f"{described['name']}{by}: {described['summary']}"]
     for each in described["settings"]:
-        value = f"  {each['name']} = {_value(each['default'])} {each['unit']}".rstrip()
+        value = f"  {each['name']} = {value_text(each['default'])} {each['unit']}".rstrip()
         notes = [each["text"], f"({each['accepted']})" if each["accepted"] else ""]
         if each["scales"]:
             notes.append("[F1TENTH car; scaled to others]")
@@ -86,9 +91,12 @@ def _table(described: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _value(value: Any) -> str:
+def value_text(value: Any) -> str:
+    """Return a default as tables show it; one of two methods as both of its values."""
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, dict):
+        return " or ".join(f"{value_text(each)} ({name})" for name, each in value.items())
     if isinstance(value, float) and math.isfinite(value):
         return f"{value:.4g}"
     return str(value)

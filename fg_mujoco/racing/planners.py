@@ -29,7 +29,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from fg_mujoco.controllers import CONTROLLERS
+from fg_mujoco.controllers import BASELINES, CONTROLLERS
 
 from ..course.files import LONGEST_NAME, file_sha256, is_file
 from ..errors import ControllerError, SettingsError, accepted_names
@@ -46,7 +46,7 @@ PLANNERS: Registry[Any] = Registry(
     "controller",
     ControllerError,
     "fg_mujoco.controllers",
-    {name: f"fg_mujoco.controllers.{place}" for name, place in CONTROLLERS.items()} | added("PLANNERS"),
+    {name: f"fg_mujoco.controllers.{place}" for name, place in (CONTROLLERS | BASELINES).items()} | added("PLANNERS"),
 )
 
 READ = "__fg_mujoco_read__"
@@ -90,7 +90,7 @@ def scheme_of(source: str) -> str:
     scheme, colon, _ = source.partition(":")
     if colon and scheme in SCHEMES and scheme != POLICY:
         return scheme
-    folder = source not in CONTROLLERS and is_file(Path(source) / POLICY_FILE)
+    folder = source not in PLANNERS and is_file(Path(source) / POLICY_FILE)
     return POLICY if folder or source.endswith(POLICY_ENDINGS) else ""
 
 
@@ -257,8 +257,8 @@ def bundled_names() -> tuple[str, ...]:
 
 
 def controller_names() -> tuple[str, ...]:
-    """Return the names of the bundled controllers and of those that installed packages register."""
-    return tuple(sorted(PLANNERS.names()))
+    """Return the names of the bundled controllers and of those that installed packages register; without baselines."""
+    return tuple(sorted(set(PLANNERS.names()) - set(BASELINES)))
 
 
 @without_exit()

@@ -15,6 +15,7 @@ from fg_mujoco.addons.arena.tight_courses.tight import generate_tight_track
 from fg_mujoco.cli.command import OUTPUT
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.options import GROUPS
+from fg_mujoco.controllers import BASELINES
 from fg_mujoco.errors import SettingsError, install_command
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
 from refusals import contents, refused
@@ -478,7 +479,7 @@ def test_lists_name_everything_there_is(capsys):
     assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(fg.track_names())
     assert main(["controllers"]) == 0
     heads = [line.split(":")[0] for line in capsys.readouterr().out.splitlines() if line and line[0] != " "]
-    assert tuple(heads) == fg.controller_names()
+    assert tuple(heads) == (*fg.controller_names(), *BASELINES)
 
 
 def test_controllers_prints_what_each_does_and_its_settings(capsys):
@@ -486,7 +487,8 @@ def test_controllers_prints_what_each_does_and_its_settings(capsys):
     head, *rows = capsys.readouterr().out.splitlines()
     assert head.startswith("follow_the_gap: Follow the gap, as the F1TENTH course teaches it")
     told = {row.split()[0]: " ".join(row.split()) for row in rows}
-    assert told["lookahead"].startswith("lookahead = 3 m what lies beyond")
+    assert told["lookahead"].startswith("lookahead = 3 m refined: what lies beyond")
+    assert told["field_of_view"].startswith("field_of_view = 6.283 (source) or 3.142 (refined) rad in which")
     assert "(furthest, middle, deepest)" in told["point"]
     assert "scaled to others" in told["bubble_radius"] and "= 0.4 m" in told["bubble_radius"]
     assert all(row.count("  ") for row in rows)
@@ -495,7 +497,7 @@ def test_controllers_prints_what_each_does_and_its_settings(capsys):
 def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
     assert main(["controllers", "--json"]) == 0
     described = json.loads(capsys.readouterr().out)
-    assert [each["name"] for each in described] == list(fg.controller_names())
+    assert [each["name"] for each in described if not each["baseline"]] == list(fg.controller_names())
     for each in described:
         assert each["summary"] and each["distribution"] == "fg-mujoco"
         rows = {row["name"]: row for row in each["settings"]}

@@ -27,7 +27,7 @@ def made(mu, settings):
 
 def command(scan, law, speed=0.0, angle=0.0, mu=MU, **settings):
     """What a planner commands that has just been made."""
-    planner = made(mu, (("assist", law), *settings.items()))
+    planner = made(mu, (("assist", law), ("method", "refined"), *settings.items()))
     planner.reset()
     return planner(scan, odometry_of(speed, angle))
 

@@ -27,7 +27,7 @@ def finder(**settings):
 
 def ratio_speed(scan, **settings):
     """The speed that it commands by the range ratio alone [m/s]."""
-    return finder(assist="mean_range", **settings)(scan, odometry_of(0.0)).speed
+    return finder(assist="mean_range", method="refined", **settings)(scan, odometry_of(0.0)).speed
 
 
 def decide_all(batch, scans, odometries):

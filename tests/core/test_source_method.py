@@ -1,0 +1,135 @@
+"""The method `source`: each planner's text to the letter, by examples that were computed by hand; and the baselines."""
+
+import math
+
+import numpy as np
+import pytest
+from test_gaps import SLIDES
+
+from fg_mujoco.controllers import BASELINES
+from fg_mujoco.controllers.control.planner_settings import for_method
+from fg_mujoco.controllers.disparity_selection import source_beam
+from fg_mujoco.controllers.follow_the_gap import FollowTheGapSettings
+from fg_mujoco.controllers.perception.scan_filters import mask_bubble, mask_nearest
+from fg_mujoco.messages import ODOMETRY
+from fg_mujoco.racing.planners import controller_names, find_controller, make_controller
+from scan_worlds import CAR, MU, corridor, odometry_of, rough_scan, scan_of
+
+
+def planner(name, mu=MU, **settings):
+    return make_controller(name, car=CAR, mu=mu, max_speed=8.0, settings={"method": "source", **settings})
+
+
+def goal(name, ranges, increment=0.1, **settings):
+    return planner(name, **settings).find_goal(scan_of(ranges, increment))
+
+
+def test_the_notes_bubble_is_the_arctangent_cut_off_to_whole_beams():
+    """atan(.4 / .6) is .588 rad: of beams .5 rad apart one to either side, of beams .6 rad apart none."""
+    ranges = np.array([2.5, 2.5, 0.6, 0.6, 2.5, 2.5])
+    assert mask_bubble(ranges, 0.5, 0.4).tolist() == [2.5, 0.0, 0.0, 0.0, 2.5, 2.5]
+    assert mask_bubble(ranges, 0.6, 0.4).tolist() == [2.5, 2.5, 0.0, 0.6, 2.5, 2.5]
+    assert mask_bubble(ranges[2:], 0.5, 0.4).tolist() == [0.0, 0.0, 2.5, 2.5]
+    assert mask_bubble(np.array([2.5, 0.0, 2.5]), 0.5, 0.4).tolist() == [2.5, 0.0, 2.5]
+    assert mask_nearest(ranges, 0.5, 0.4).tolist() == [0.0, 0.0, 0.0, 0.0, 0.0, 2.5]  # .4 / (.6 * .5), rounded up: 2
+
+
+def test_disparity_selection_takes_the_index_before_each_jump_and_the_first_two():
+    diagram = np.array([0.4, 0.5, 2.5, 2.5, 2.5, 0.6, 0.5])
+    assert source_beam(diagram, 0, 7, 0.5) == 2  # (1 + 4) // 2
+    assert source_beam(np.array([0.0, 0.0, *diagram]), 2, 9, 0.5) == 4  # in a gap that begins at its third beam
+    box = np.array([3.0, 3.0, 3.1, 1.0, 1.0, 1.0, 3.0, 3.0])
+    assert source_beam(box, 0, 8, 0.5) == 3  # (2 + 5) // 2, which is the box
+    assert source_beam(np.array([2.5, 2.5, 0.5]), 0, 3, 0.5) == 0  # one disparity: the furthest, the first of two
+    # by its kernel: .6 m is masked, atan(.4 / .6) / .3 is 1.96, one beam; of the rest the longest run is the left one
+    ranges = [2.0, 0.6, 2.0, 2.0, 2.8, 2.8, 2.8, 2.8, 2.0, 2.0]
+    assert goal("disparity_selection", ranges, 0.3) == pytest.approx((0.3 * (5 - 4.5), 2.8))
+
+
+def test_follow_the_gap_takes_the_furthest_point_however_far_and_the_first_of_several():
+    ranges = np.array([4.8, 3.1, 4.3, 4.5, 6.0, 10.1, 8.3])
+    # atan(1 / 3.1) is .312 rad: three beams to either side
+    assert goal("follow_the_gap", ranges, 0.1, bubble_radius=1.0) == pytest.approx((0.2, 10.1))
+    ranges[4:] = math.inf
+    assert goal("follow_the_gap", ranges, 0.1, bubble_radius=1.0)[0] == pytest.approx(0.2)  # not between the two
+    settings = FollowTheGapSettings()
+    assert (settings.field_of_view, for_method(settings, "source").field_of_view) == (None, 2.0 * math.pi)
+
+
+def test_the_threshold_gap_has_the_slides_n_and_t():
+    bearing, distance = planner("threshold_gap").find_goal(scan_of(SLIDES, 0.1, angle_min=-0.55))
+    assert (bearing, distance) == pytest.approx((-0.55 + 2.5 * 0.1, 6.0))  # of 5.1, 6.0, 7.0, inf
+
+
+def test_the_widest_gap_heads_for_the_middle_of_the_two_points():
+    """Readings 600 and 601 at 15 and 15.25 degrees: C = (5 cos 15 + 2 cos 15.25, 5 sin 15 + 2 sin 15.25) / 2."""
+    ranges = np.full(1081, 5.0)
+    ranges[601:] = 2.0
+    bearing, distance = planner("widest_gap").find_goal(scan_of(ranges))
+    assert bearing == pytest.approx(math.atan2(0.910087, 3.379602), abs=1e-5)
+    assert distance == pytest.approx(math.hypot(0.910087, 3.379602), abs=1e-5)
+    ranges[640:] = 1.0  # another jump, narrower, and the last: the source's loop would keep its a and b
+    assert planner("widest_gap").find_goal(scan_of(ranges))[1] == pytest.approx(distance)
+
+
+def test_the_disparity_extender_covers_the_farther_side_only():
+    """Half the width of .31 m and .15 m, over arcs of .2 m: two beams."""
+    made = planner("disparity_extender")
+    scan = scan_of([2.2, 2.0, 4.0, 4.0, 4.0, 4.0, 4.0], 0.1)
+    assert made.intermediate_scans(scan)["extended"].tolist() == [2.2, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
+    assert made.find_goal(scan) == pytest.approx((0.1, 4.0))
+    refined = planner("disparity_extender", method="refined")
+    assert refined.intermediate_scans(scan)["extended"].tolist() == [2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
+    assert refined.find_goal(scan) == pytest.approx((0.2, 4.0))
+
+
+def test_the_gap_finders_components_one_after_the_other():
+    """A bubble's radius is .305 m: two beams of .1 rad at 2 m, one at 4 m."""
+    made, scan = planner("gap_finder"), scan_of([4.0, 4.0, 4.0, 2.0, 4.0, 4.0, 40.0], 0.1)
+    scans = made.intermediate_scans(scan)
+    assert scans["extended"].tolist() == [4.0, 2.0, 2.0, 2.0, 2.0, 2.0, 4.0]
+    assert scans["bubble"].tolist() == [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 4.0]  # round the first of the nearest
+    assert scans["filtered"].tolist() == pytest.approx([2.0, 2.0, 2.0, 2.0, 12.0 / 5, 10.0 / 4, 3.0])
+    assert made.find_goal(scan) == pytest.approx((0.3, 3.0))
+    flat = scan_of(np.full(7, 3.0), 0.1)
+    assert made.find_goal(flat) == pytest.approx((0.0, 3.0))  # of equal ranges it goes straight on
+
+
+@pytest.mark.parametrize(("left", "expected"), [(0.3, 0.3), (1.0, CAR.max_steering_angle)])
+def test_the_steering_angle_is_the_goals_bearing_up_to_the_lock(left, expected):
+    bearings = 0.1 * (np.arange(27) - 13)
+    scan = scan_of(np.where(np.abs(bearings - left) < 0.01, 3.0, 2.0), 0.1)
+    for name, settings in (("follow_the_gap", {}), ("threshold_gap", {"threshold": 2.5, "least_readings": 1})):
+        free = planner(name, mu=math.inf, **settings)
+        assert free(scan, odometry_of(1.0)).steering_angle == pytest.approx(expected), name
+
+
+# -- baselines
+
+
+def test_baselines_are_found_by_name_and_not_among_the_planners():
+    assert not set(BASELINES) & set(controller_names())
+    for name in BASELINES:
+        assert find_controller(name).__doc__.startswith("Baseline: ")
+
+
+def test_straight_and_hard_left_look_at_nothing():
+    for name, bearing in (("straight", 0.0), ("hard_left", 1.0)):
+        for scan in (corridor(1.0, 1.0), rough_scan(3)):
+            assert planner(name).find_goal(scan)[0] == bearing
+
+
+def test_the_draws_are_those_of_the_seed_and_the_tick_whoever_else_draws():
+    kind, scan = find_controller("random"), corridor(1.0, 1.0)
+    drawn = {seed: kind(CAR, math.inf, seed=seed) for seed in (0, 1, 7)}
+    alone = {}
+    for seed, one in drawn.items():
+        alone[seed] = [one(scan, odometry_of(1.0)).steering_angle for _ in range(50)]
+        one.reset()
+        assert [one(scan, odometry_of(1.0)).steering_angle for _ in range(50)] == alone[seed]
+    assert len({tuple(angles) for angles in alone.values()}) == 3
+    assert abs(np.mean(alone[7])) < 0.2 and np.ptp(alone[7]) == pytest.approx(2.0 * CAR.max_steering_angle)
+    batch, commands = kind.batch([kind(CAR, math.inf, seed=seed) for seed in (7, 0, 1)]), np.zeros((3, 2))
+    for tick in range(50):
+        batch(scan, np.tile(scan.ranges, (3, 1)), np.zeros(3, ODOMETRY), np.ones(3, bool), commands)
+        assert commands[:, 0].tolist() == [alone[seed][tick] for seed in (7, 0, 1)]
