@@ -118,15 +118,16 @@ _TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))
 _STATE, _FIRST_BAD, _BEHIND_BAD = int(STATE), BAD_STATE.start, BAD_STATE.stop  # in kernels, numbers
 _FAILED_REASON = END_REASONS.index("failed")
 
-_CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_STATE, _FIRST_OF_LAYOUT = range(5)
-_FIRST, _END, _ADVANCE = range(3)
+_CARS_PER_WORLD, _BATCH, _LAPS, _FIRST_STATE, _STEP, _FIRST_OF_LAYOUT = range(6)
+_FIRST, _END, _ADVANCE, _COUNT = range(4)
 _TIMESTEP, _LENGTH, _MODULUS, _STOP_TIME, _LAST_TIME = range(5)
 
 
 def whole_places(cars_per_world: int, batch: Batch, laps: int, layout: StateLayout) -> NDArray[np.int64]:
     """Return the array `places` of a table."""
     spans = (*layout.qpos, *layout.qvel, *layout.ctrl, *layout.mocap_pos, *layout.userdata)
-    return np.array((cars_per_world, batch.address, laps, batch.first, layout.time, *spans), np.int64)
+    code = step.address(0)  # type: ignore[attr-defined]
+    return np.array((cars_per_world, batch.address, laps, batch.first, code, layout.time, *spans), np.int64)
 
 
 def course_numbers(
@@ -320,10 +321,11 @@ _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
 
 
 @kernel
-def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
-    """Do physics steps `first` up to `end` of a tick in the first `count` worlds of `ids`."""
+def step(address: int) -> None:
+    """Do the physics steps of `span` in the worlds of the table at an address; `drive` calls this by its code."""
+    table = table_at(address, _ARRAYS)
     places, span = whole_numbers(table[_PLACES]), whole_numbers(table[_SPAN])
-    span[_FIRST], span[_END], span[_ADVANCE] = first, end, advance
+    count, first, end, advance = span[_COUNT], span[_FIRST], span[_END], span[_ADVANCE] != 0
     ids, states = short_numbers(table[_IDS]), short_numbers(table[_STATE_NUMBERS])
     step_world, alone = _step_world_in_c(), advance and len(whole_numbers(table[_ALONE])) > 0
     if not alone:
@@ -335,7 +337,14 @@ def step(table: Table, count: int, first: int, end: int, advance: bool) -> None:
             span[_FIRST], states[0], together = first, ids[place] + places[_FIRST_STATE], 1
             span[_FIRST] = _step_alone(table, np.int64(ids[place]))  # type: ignore[arg-type]  # compiled for these only
         if span[_FIRST] < end:
-            apply_to_states(places[_BATCH], states, together, step_world, table.ctypes.data)
+            apply_to_states(places[_BATCH], states, together, step_world, address)
+
+
+@kernel
+def begin_steps(table: Table, count: int, first: int, end: int, advance: bool) -> None:
+    """Let `step` do steps `first` up to `end` of a tick in the first `count` worlds of `ids`."""
+    span = whole_numbers(table[_SPAN])
+    span[_FIRST], span[_END], span[_ADVANCE], span[_COUNT] = first, end, advance, count
 
 
 @kernel
@@ -467,7 +476,8 @@ def drive(table: Table) -> None:
     count = worlds_to_drive(running, whole_numbers(table[_PLACES])[_CARS_PER_WORLD], ids)
     hold(table, count)
     if count > 0:
-        step(table, count, 0, cube(table[_RECORDS]).shape[1], True)
+        begin_steps(table, count, 0, cube(table[_RECORDS]).shape[1], True)
+        call_at(whole_numbers(table[_PLACES])[_STEP], table.ctypes.data)
         book(table, count)
 
 

@@ -285,7 +285,7 @@ class WorldBatch:
             **self._physics_arrays(), "slip": self.slip, "tires": self._tire_rows, "patches": self.floor.patches,
             "wheels": self.floor.wheels, "floor_mu": self.floor.mu, "pairs": self.floor.pairs,
             "car_places": self._car_places, "touch_places": self._touch_places,
-            "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(3, np.int64), "gears": self._gears,
+            "sizes": np.array(self._sizes(), np.int64), "span": np.zeros(4, np.int64), "gears": self._gears,
             "fields": np.array(fields(), np.int64), "row_counts": inertia.row_counts, "row_starts": inertia.row_starts,
             "inertia_columns": inertia.columns, "scratch": np.zeros(SCRATCH), **self.clear._asdict(),
             "motions": self._motions, **self._engine_arrays(),
@@ -518,14 +518,18 @@ class WorldBatch:
     def step(self, ids: NDArray[np.int32], step: int) -> None:
         """Do one physics step of a tick in the worlds `ids`."""
         self._ids[: len(ids)] = ids
-        compiled_tick.step(self._table.rows, len(ids), step, step + 1, True)
+        self._do_steps(len(ids), step, advance=True)
 
     def _forward(self, ids: NDArray[np.int32]) -> None:
         """Work out everything of the worlds `ids` where they are now, sensors and tires' forces too."""
         self.physics.forward(ids)
         if self._on_own_tires:
             self._ids[: len(ids)] = ids
-            compiled_tick.step(self._table.rows, len(ids), 0, 1, False)
+            self._do_steps(len(ids), 0, advance=False)
+
+    def _do_steps(self, count: int, step: int, *, advance: bool) -> None:
+        compiled_tick.begin_steps(self._table.rows, count, step, step + 1, advance)
+        compiled_tick.step(self._table.address)
 
     def book(self, ids: NDArray[np.int32]) -> None:
         """End a tick of single steps in the worlds `ids`: write what tires and chassis did."""
