@@ -1,0 +1,342 @@
+"""Values that a planner shows are in the debug page, the live view and a bag, of a node of ROS as of any planner."""
+
+import math
+
+import numpy as np
+import pytest
+from test_ros_surroundings import DRIVES, NODE, make
+
+import fg_mujoco as fg
+from browsers import page_of  # noqa: F401 - a fixture
+from fg_mujoco.addons.look.debug.decisions import Witness
+from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.main import main
+from fg_mujoco.racing.setup import Setup
+from fg_mujoco.simulation.intermediate_values import IntermediateValues, show
+from scan_worlds import CAR, corridor, odometry_of
+from shown_values import SHOWS, file_of_shows
+
+SCAN = corridor(1.0, 1.0, 5.0)
+BEAMS = len(SCAN.ranges)
+
+
+@pytest.fixture
+def shows(tmp_path):
+    return file_of_shows(tmp_path)
+
+
+def test_debug_has_the_values_of_each_decision(shows):
+    race = fg.race("oval", shows, time_limit=0.5)
+    seen = fg.debug(race, window=0.5)
+    assert [each.answer for each in seen.decisions] == [each.command for each in seen.decisions]
+    for place, decision in enumerate(seen.decisions):
+        ahead = float(decision.scan.ranges[BEAMS // 2])
+        odd = {"odd": 1.0} if place % 2 == 0 else {}
+        nothing = decision.numbers.pop("nothing known")
+        assert math.isnan(nothing)
+        assert decision.numbers == {"ahead": ahead, "count": place + 1.0} | odd
+        np.testing.assert_array_equal(decision.scans["halved"], 0.5 * decision.scan.ranges)
+        drawn = {each.name: each.points for each in decision.drawn}
+        assert list(drawn) == ["hit", "box", "start"]
+        np.testing.assert_allclose(drawn["hit"], [[ahead + race.world.parameters.lidar_offset, 0.0]])
+        assert drawn["box"].tolist() == [[[0, 0], [1, 0]], [[1, 0], [1, 0.5]], [[1, 0.5], [0, 0]]]
+        x, y, heading = decision.pose
+        back = (-math.cos(heading) * x - math.sin(heading) * y, math.sin(heading) * x - math.cos(heading) * y)
+        np.testing.assert_allclose(drawn["start"], [back])
+    (note,) = seen.notes
+    assert note.startswith("Value '<b>bad</b>' is not shown: it is of type str; accepted: a number")
+
+
+def test_a_planner_that_fails_has_shown_what_it_had_until_then(tmp_path):
+    path = tmp_path / "fails.py"
+    path.write_text(SHOWS.replace("        return Drive", "        fg.show('last', self.count / (9 - self.count))\n"
+                                  "        return Drive"))  # fmt: skip
+    with pytest.warns(UserWarning, match="ZeroDivisionError: "):
+        result = fg.race("oval", f"{path}:Shows", time_limit=0.5)
+    seen = fg.debug(result, window=0.5)
+    assert seen.chosen.failure and seen.chosen.numbers["count"] == 9.0 and "last" not in seen.chosen.numbers
+
+
+@pytest.mark.slow
+def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows, tmp_path, page_of):  # noqa: F811
+    seen = fg.debug(fg.race("oval", shows, time_limit=1.0), window=1.0)
+    path, errors = seen.write_page(tmp_path / "debug.html"), []
+    with page_of(viewport={"width": 1280, "height": 1100}) as page:
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        rows = page.locator(".numbers tbody tr")
+        names = [row.locator("td").first.inner_text() for row in rows.all()]
+        assert names == ["ahead", "count", "odd", "nothing known"]
+
+        def values():
+            return [cell.inner_text() for cell in page.locator(".numbers td:nth-child(2)").all()]
+
+        ahead = seen.chosen.numbers["ahead"]
+        assert values() == [f"{ahead:.4g}", "40", "\N{EN DASH}", "nan"]
+        page.keyboard.press("Home")
+        assert values()[1:] == ["1", "1", "nan"]
+        plot = page.locator("canvas.over_time").nth(1)
+        plot.click(position={"x": plot.bounding_box()["width"] - 8.0, "y": 20.0})
+        assert values()[1] == "40"
+        layers = page.inner_text("#layers").split("\n")
+        assert {"raw", "halved", "hit", "box", "start"} <= {name.strip() for name in layers}
+
+        def pixels():
+            return page.evaluate("document.getElementById('top').toDataURL()")
+
+        page.click("[data-switch='zoom'][value='12']")
+        before = pixels()
+        for name in ("halved", "box", "hit"):
+            page.get_by_label(name, exact=True).uncheck()
+            assert pixels() != before, name
+            before = pixels()
+        assert page.locator("img, b >> text=bad").count() == 0
+    assert errors == []
+
+
+def test_a_page_without_values_has_no_table_of_them(tmp_path):
+    seen = fg.debug(fg.race("oval", "wall_follow", time_limit=0.1))
+    assert "Values that the planner shows" not in seen.write_page(tmp_path / "page.html").read_text()
+
+
+def test_the_picture_has_the_values_too(shows, tmp_path, monkeypatch):
+    figures = []
+    seen = fg.debug(fg.race("oval", shows, time_limit=0.2))
+    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: figures.append(figure))
+    seen.write_picture(tmp_path / "one.png")
+    above, _, said = figures[0].axes
+    assert {"halved", "hit", "box", "start"} <= {text.get_text() for text in above.get_legend().get_texts()}
+    texts = [text.get_text() for text in said.texts]
+    assert texts[texts.index("count") + 1] == f"{seen.chosen.numbers['count']:.4g}"
+
+
+def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_path):
+    other = tmp_path / "other.py"
+    other.write_text(SHOWS.replace('fg.show("', 'fg.show("other ').replace("0.2 * self.count", "0.1"))
+    opponents = (fg.Entry(controller=f"{other}:Shows", start=fg.Start(s=12.0)),)
+    session = LiveSession(Setup.of(track="oval", controller=shows, opponents=opponents))
+    for _ in range(20):
+        scan, pose = session.scan, session.simulation.pose
+        session.tick()
+    assert set(session.values.now) == {"ahead", "count", "odd", "nothing known", "halved", "hit", "box", "start"} - (
+        {"odd"} if session.values.now["count"].array % 2 == 0 else set()
+    )
+    assert session.message.startswith("value '<b>bad</b>' is not shown")
+    sketches = {sketch.name: sketch for sketch in session.drawings()}
+    assert set(sketches) == {"halved", "hit", "box", "start"}
+    x, y, heading = pose
+    reach = float(scan.ranges[BEAMS // 2]) + session.world.parameters.lidar_offset
+    np.testing.assert_allclose(
+        sketches["hit"].points[:, :2], [[x + reach * math.cos(heading), y + reach * math.sin(heading)]]
+    )
+    np.testing.assert_allclose(sketches["start"].points[:, :2], [[0.0, 0.0]])
+    assert sketches["box"].points.shape == (3, 2, 3)
+    assert sketches["halved"].points.shape[0] > 900
+    session.by_hand = True
+    session.tick()
+    assert session.drawings() == [] and session.values.now == {}
+
+
+def test_an_exported_bag_has_the_values(shows, tmp_path, capsys):
+    from rosbags.highlevel import AnyReader
+
+    folder, plain, whole = tmp_path / "run", tmp_path / "plain.mcap", tmp_path / "whole.mcap"
+    fg.write_run(fg.race("oval", shows, time_limit=0.5), folder, picture=False)
+    assert main(["export", str(folder), "--out", str(plain)]) == 0
+    assert main(["export", str(folder), "--out", str(whole), "--trust"]) == 0
+    assert "value '<b>bad</b>' is not shown" in capsys.readouterr().err
+    with AnyReader([plain]) as reader:
+        assert not any(topic.startswith("/show") for topic in reader.topics)
+        count = reader.topics["/scan"].msgcount
+    with AnyReader([whole]) as reader:
+        kinds = {topic: each.msgtype.split("/")[-1] for topic, each in reader.topics.items() if "/show" in topic}
+        found = {topic: [] for topic in ("/scan", *kinds)}
+        for connection, _, raw in reader.messages():
+            if connection.topic in found:
+                found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
+    assert kinds == {
+        "/show": "MarkerArray", "/show/ahead": "Float64", "/show/count": "Float64", "/show/odd": "Float64",
+        "/show/nothing_known": "Float64", "/show/halved": "LaserScan",
+    }  # fmt: skip
+    assert [message.data for message in found["/show/count"]] == list(range(1, count + 1))
+    assert len(found["/show/odd"]) == count / 2
+    for scan, halved, ahead, markers in zip(
+        found["/scan"], found["/show/halved"], found["/show/ahead"], found["/show"], strict=True
+    ):
+        np.testing.assert_array_equal(halved.ranges, np.float32(0.5) * scan.ranges)
+        assert (halved.header.frame_id, halved.header.stamp) == (scan.header.frame_id, scan.header.stamp)
+        hit, box, start = markers.markers
+        assert [(each.ns, each.header.frame_id) for each in (hit, box, start)] == [
+            ("hit", "laser"), ("box", "base_link"), ("start", "map"),
+        ]  # fmt: skip
+        assert [(point.x, point.y) for point in hit.points] == [(ahead.data, 0.0)]
+        assert (box.type, [(point.x, point.y) for point in box.points]) == (4, [(0, 0), (1, 0), (1, 0.5), (0, 0)])
+        assert (hit.action, hit.type, hit.color.a) == (0, 8, 1.0)
+
+
+def test_a_marker_that_is_not_shown_any_more_is_deleted(tmp_path):
+    from rosbags.highlevel import AnyReader
+
+    path, bag = tmp_path / "blinks.py", tmp_path / "blinks.mcap"
+    path.write_text(
+        SHOWS.replace('fg.show("hit", (ahead, 0.0))', 'fg.show("hit", (ahead, 0.0) if self.count < 5 else None)')
+    )
+    fg.write_run(fg.race("oval", f"{path}:Shows", time_limit=0.25), tmp_path / "run", picture=False)
+    assert main(["export", str(tmp_path / "run"), "--out", str(bag), "--trust"]) == 0
+    with AnyReader([bag]) as reader:
+        connections = [each for each in reader.connections if each.topic == "/show"]
+        messages = [reader.deserialize(raw, each.msgtype) for each, _, raw in reader.messages(connections)]
+    actions = [[marker.action for marker in message.markers if marker.ns == "hit"] for message in messages]
+    assert actions[:6] == [[0]] * 4 + [[2], []]
+
+
+def test_names_that_are_alike_for_ros_have_topics_of_their_own(tmp_path):
+    from fg_mujoco.addons.ros.bag_writer import _Shown
+
+    shown = object.__new__(_Shown)
+    shown._topics = {}
+    names = ("gap width", "gap_width", "Breite/2", "2nd", "°", "gap  width")
+    topics = [shown._topic(name) for name in names]
+    assert topics[:5] == ["/show/gap_width", "/show/gap_width_2", "/show/Breite_2", "/show/value_2nd", "/show/value"]
+    assert len(set(topics)) == len(topics)
+    assert [shown._topic(name) for name in names] == topics
+
+
+NODE_SHOWS = """
+        import fg_mujoco as fg
+        from visualization_msgs.msg import Marker
+        from nav_msgs.msg import Path
+        from geometry_msgs.msg import PoseStamped
+        self.goal = self.create_publisher(Marker, "/goal", 1)
+        self.plan = self.create_publisher(Path, "/plan", 1)
+        self.fg = fg
+"""
+NODE_CALLBACK = """
+    def callback(self, message):
+        from visualization_msgs.msg import Marker
+        from nav_msgs.msg import Path
+        from geometry_msgs.msg import PoseStamped
+        self.fg.show("ahead", message.ranges[len(message.ranges) // 2])
+        self.fg.show("halved", [0.5 * reach for reach in message.ranges])
+        self.fg.show("corner", (1.0, 2.0))
+        marker = Marker(id=1, type=Marker.SPHERE)
+        marker.header.frame_id, marker.scale.x, marker.pose.position.x = "laser", 0.2, 2.0
+        marker.color.r = marker.color.a = 1.0
+        self.goal.publish(marker)
+        path = Path()
+        path.header.frame_id = "base_link"
+        for at in range(3):
+            path.poses.append(PoseStamped())
+            path.poses[-1].pose.position.x = float(at)
+        self.plan.publish(path)
+        self.drive(1.0)
+"""
+
+
+@pytest.fixture
+def node(tmp_path):
+    """A node of ROS that shows values, and publishes a marker and a path."""
+    (tmp_path / "mine.py").write_text(f"{NODE}{NODE_SHOWS}{NODE_CALLBACK}{DRIVES}")
+    return f"ros:{tmp_path / 'mine.py'}:Mine"
+
+
+def test_a_node_on_this_simulator_shows_values_as_any_planner_does(node):
+    planner, values = make(node), IntermediateValues()
+    odometry = odometry_of(1.0)
+    planner(SCAN, odometry)  # nobody looks
+    with values.of(SCAN):
+        planner(SCAN, odometry)
+    assert {name: value.kind for name, value in values.now.items()} == {
+        "ahead": "number", "halved": "scan", "corner": "points",
+    }  # fmt: skip
+    assert float(values.now["ahead"].array) == np.float32(SCAN.ranges[BEAMS // 2])
+    before = values.now
+    planner(SCAN, odometry)
+    assert values.now is before
+
+
+def test_two_nodes_at_the_same_time_have_their_own_values(node):
+    one, two = (make(node), IntermediateValues()), (make(node), IntermediateValues())
+    near = corridor(1.0, 1.0, 3.0)
+    for planner, values in (one, two):
+        scan = SCAN if planner is one[0] else near
+        with values.of(scan):
+            planner(scan, odometry_of(1.0))
+    assert [float(values.now["ahead"].array) for _, values in (one, two)] == pytest.approx([5.0, 3.0], abs=1e-3)
+
+
+def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
+    race = fg.race("oval", node, time_limit=0.5)
+    seen = fg.debug(race, window=0.2)
+    for decision in seen.decisions:
+        drawn = {each.name: each for each in decision.drawn}
+        assert list(drawn) == ["corner", "/goal", "/plan"]
+        offset = race.world.parameters.lidar_offset
+        np.testing.assert_allclose(drawn["/goal"].points, [[offset + 2.0, 0.0]], atol=1e-6)
+        assert drawn["/goal"].colour == (255, 0, 0)
+        np.testing.assert_allclose(
+            drawn["/plan"].points, [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [2.0, 0.0]]], atol=1e-6
+        )
+        np.testing.assert_allclose(drawn["corner"].points, [[offset + 1.0, 2.0]])
+        assert decision.numbers["ahead"] == np.float32(decision.scan.ranges[BEAMS // 2])
+        assert "halved" in decision.scans
+
+
+def test_the_live_view_has_the_values_and_the_markers_of_a_node_alike(node):
+    session = LiveSession(Setup.of(track="oval", controller=node))
+    session.drawings()
+    for _ in range(3):
+        session.tick()
+    assert {sketch.name for sketch in session.drawings()} == {"halved", "corner", "/goal", "/plan"}
+    assert session.values.now["ahead"].kind == "number"
+
+
+def test_a_bag_has_the_values_of_a_node_as_markers(node, tmp_path):
+    from rosbags.highlevel import AnyReader
+
+    fg.write_run(fg.race("oval", node, time_limit=0.3), tmp_path / "run", picture=False)
+    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "bag.mcap"), "--trust"]) == 0
+    with AnyReader([tmp_path / "bag.mcap"]) as reader:
+        counts = {topic: each.msgcount for topic, each in reader.topics.items()}
+        connections = [each for each in reader.connections if each.topic == "/show"]
+        (first, *_) = [reader.deserialize(raw, each.msgtype) for each, _, raw in reader.messages(connections)]
+    assert {counts[topic] for topic in ("/show", "/show/ahead", "/show/halved", "/goal", "/plan")} == {counts["/scan"]}
+    (marker,) = first.markers
+    assert (marker.ns, marker.header.frame_id, marker.points[0].x, marker.points[0].y) == ("corner", "laser", 1.0, 2.0)
+
+
+def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
+    path = tmp_path / "follows.py"
+    path.write_text(
+        f"{NODE}"
+        '        self.create_subscription(Odometry, "/opp_racecar/odom", self.other, 1)\n'
+        "\n    def other(self, message):\n        self.got['x'] = message.pose.pose.position.x\n"
+        "\n    def callback(self, message):\n        import fg_mujoco as fg\n"
+        "        fg.show('other', self.got.get('x'))\n"
+        f"        self.drive(0.1 + 0.1 * ('x' in self.got))\n{DRIVES}"
+    )
+    entries = [fg.Entry(controller=f"ros:{path}:Mine"), fg.Entry(controller="wall_follow", start=fg.Start(s=3.0))]
+    race = fg.race("oval", entries=entries, time_limit=0.5)
+    seen = fg.debug(race, window=0.5)
+    assert seen.notes == ()
+    others = race.cars[1].column("x_m")
+    told = [decision.numbers.get("other", math.nan) for decision in seen.decisions]
+    np.testing.assert_allclose(
+        told[1:], others[: len(told) - 1], atol=0.2
+    )  # the message of that tick, or the one before
+    assert told[-1] > told[1]
+
+
+def test_a_witness_of_a_planner_of_its_own_object_has_its_values():
+    class Own:
+        def reset(self):
+            pass
+
+        def __call__(self, scan, odometry):
+            show("speed", odometry.speed)
+            return fg.STOP
+
+    witness = Witness(Own(), CAR)
+    answer = witness.decide(SCAN, odometry_of(1.5), None)
+    assert witness.look(0, SCAN, odometry_of(1.5), answer, answer).numbers == {"speed": 1.5}
