@@ -5,7 +5,8 @@
    that of the reading before the jump.
 3. The goal is halfway between the first two disparities, rounded down; without two, the furthest reading of the gap.
 
-Source: the notes of the field on disparity selection. Refined:
+Source: the notes of the field on disparity selection, which are a chapter of follow the gap: bubble and speed law are
+that one's. Refined:
 
 - The two disparities are those of an opening, from near to far and back: between the first two may be a box.
 - Of several openings the widest is taken, by the metres between its edges (gaps.chord): the first may be too narrow.

@@ -11,7 +11,8 @@ in a frame that is turned with the car. The source's sum, "simply C + X_car", le
 
 Source: the code and notes of the field's gap finder in C++. Its text and formulas mean the widest pair and its centre.
 Its code does not: it compares the squared width of a pair with the unsquared width of the widest, and a, b and alpha
-are those of the last pair that jumps. `method=source` is what the text means. Neither says how to drive to C. Refined:
+are those of the last pair that jumps. `method=source` is what the text means. Neither says how to drive to C, nor how
+fast: without stages the car drives at its greatest speed. Refined:
 
 - The car passes the nearer of the two points at `passing_distance`: C lies right behind it.
 - It steers along an arc, as `gap_finder` does.
@@ -85,7 +86,7 @@ class WidestGap(GoalPlanner):
     """The planner of the jumps. Where there is nothing to see it brakes and keeps its steering angle."""
 
     Settings = WidestGapSettings
-    source_laws = ("distance_ahead",)
+    source_laws = ()
 
     @staticmethod
     @kernel

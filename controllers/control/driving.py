@@ -62,7 +62,7 @@ class DrivingSettings(Settings):
         0.2, "m", "distance_ahead: nearer ahead of the LiDAR than this, the car stops", FROM_ZERO
     )
     full_speed_distance: float = setting_of_method(
-        5.0, 1.5, "m", "distance_ahead: full speed beyond it. Where this law is the only one, 5 m are safe at 8 m/s"
+        10.0, 1.5, "m", "distance_ahead: full speed beyond it; as the only law it has to slow the car for bends, too"
     )
     lookahead: float = setting(10.0, "m", "mean_range: what lies beyond counts as no farther", POSITIVE)
     mean_range_gain: float = setting_of_method(

@@ -104,6 +104,33 @@ def test_the_steering_angle_is_the_goals_bearing_up_to_the_lock(left, expected):
         assert free(scan, odometry_of(1.0)).steering_angle == pytest.approx(expected), name
 
 
+LAWS = {
+    "gap_finder": ("mean_range", "friction_law"),  # component 9
+    "widest_gap": (),  # the code in C++ has none
+    **dict.fromkeys(("follow_the_gap", "threshold_gap", "weighted_gap", "disparity_extender"), ("distance_ahead",)),
+    "disparity_selection": ("distance_ahead",),  # as a chapter of follow the gap
+    **dict.fromkeys(BASELINES, ()),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_without_stages_a_planner_has_the_method_and_the_speed_laws_of_its_source(name):
+    none, grip, full = (find_controller(name)(CAR, MU, assist=assist) for assist in ("none", "grip", "full"))
+    assert (set(none.stages), set(grip.stages)) == ({*LAWS[name]}, {*LAWS[name], "limiter"})
+    assert [each.settings.method for each in (none, grip, full)] == ["source", "source", "refined"]
+
+
+def test_the_speed_laws_of_the_sources_in_closed_form():
+    """The mean of 2, 2, 2, 2, 2.4, 2.5 and 3 m over 10 m, of 8 m/s; sqrt(g mu b / tan .3), of less friction."""
+    scan = scan_of([4.0, 4.0, 4.0, 2.0, 4.0, 4.0, 40.0], 0.1)
+    command = planner("gap_finder", assist="none")(scan, odometry_of(1.0))
+    assert (command.steering_angle, command.speed) == pytest.approx((0.3, 8.0 * 15.9 / 7 / 10))
+    slippery = planner("gap_finder", mu=0.2, assist="none")(scan, odometry_of(1.0)).speed
+    assert slippery == pytest.approx(math.sqrt(9.81 * 0.2 * 0.3302 / math.tan(0.3)))
+    ahead = planner("follow_the_gap", assist="none")(corridor(1.0, 1.0, ahead=5.1), odometry_of(1.0)).speed
+    assert ahead == pytest.approx(8.0 * (5.1 - 0.2) / (10.0 - 0.2))  # stops at .2 m
+
+
 # -- baselines
 
 
