@@ -113,11 +113,7 @@ class Registry(Generic[T]):
         return found
 
     def _imported(self, name: str, place: str) -> T:
-        """Return what "module:attribute" names.
-
-        Raises:
-          FgMujocoError: it is of an add-on that cannot be imported; an extra that is missing names itself.
-        """
+        """Return what "module:attribute" names."""
         module, _, attribute = place.partition(":")
         try:
             found: T = getattr(import_module(module), attribute)

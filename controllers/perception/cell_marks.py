@@ -77,11 +77,6 @@ def _mark_column(cells: NDArray[np.uint8], walls: NDArray[np.uint8], within: NDA
     """Write how near the walls of a column are to its cells.
 
     The bits: 1, a wall; 2, within a cell; 4, within two; 8, walls two cells to both sides; WITHIN_4; WITHIN_6.
-
-    Args:
-      cells: (SIZE,) of a column.
-      walls: (SIZE + 12,) room.
-      within: (SIZE,) written to; a column without a wall is left as it is.
     """
     some = np.uint8(0)
     for j in range(SIZE):

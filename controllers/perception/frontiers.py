@@ -351,16 +351,7 @@ def _choose_frontier(
     least: int,
     goal: NDArray[np.uint16],
 ) -> int:
-    """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none.
-
-    Args:
-      memory: of type FRONTIER_SEARCH, written to.
-      bits: of each cell.
-      distance: of each cell from the car [cells].
-      edge: the cells that were reached at ground that nobody has seen.
-      least: cells of a frontier.
-      goal: written to.
-    """
+    """Write the cells of the best frontier to `goal`, and where its middle is; return how many cells, 0: none."""
     world = memory.map
     label = np.zeros(SIZE * SIZE, np.uint8)  # 1: at unknown ground, 2: in a frontier that was looked at
     for cell in edge:
@@ -409,14 +400,6 @@ def _has_room_behind(
     behind: NDArray[np.uint16],
 ) -> bool:
     """Return whether a frontier may lead on: there is room behind it, or ground that the car does not reach otherwise.
-
-    Args:
-      world: of type LOCAL_MAP.
-      bits: of each cell.
-      distance: of each cell from the car [cells].
-      label: of each cell that nobody has seen, written to: 3: behind a frontier that does not lead on, 4: that does.
-      group: cells of the frontier.
-      behind: written to.
     """
     count, reached, at, leads_on = len(group), 0, 0, False
     while at < count + reached and not leads_on:

@@ -175,14 +175,6 @@ def _shorten_onwards(
 
     The nearer a reading, the wider its bubble. So one that is nearer than those before it replaces them for good; one
     that is not waits in line, nearest first, until the bubble that holds has come to its end.
-
-    Args:
-      result: (n,) [m], written to.
-      ranges: (n,) [m].
-      widths: of the bubbles, in beams to either side (n,).
-      line: (n,) room for the ranges of those that wait [m].
-      end: (n,) room for the steps at which their bubbles end.
-      to_left: from the rightmost beam to the leftmost; else the other way round.
     """
     one = np.uintp(1)  # unsigned: else numba asks of each index if it is negative
     nearest, until = math.inf, -1  # the bubble that holds: its range, and the step at which it ends

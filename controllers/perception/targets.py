@@ -219,10 +219,6 @@ def _is_cluster(
 
     The variance of an end is of the range, of where between two beams the thing ends, and of its outline: near the car
     another part of the outline is outermost in each scan.
-
-    Args:
-      edge: between neighbouring ranges [m].
-      noise: standard deviation of a range [m].
     """
     right, left = ranges[first], ranges[end - 1]
     edge = max(edge, _STEEP * abs(left - right) / (end - 1 - first))  # beams on a wall that is seen at a small angle
@@ -323,15 +319,7 @@ def _follow(
 
 @kernel
 def _change_of_speed(target: Record, dx: float, dy: float, ends: int, variance: float) -> float:
-    """Return by how much a target may have changed its velocity [m/s]; 0: its innovations do not say that it has.
-
-    Args:
-      target: of type TARGET, written to.
-      dx: innovation [m].
-      dy: the same.
-      ends: how many ends say so.
-      variance: of the innovation [m^2].
-    """
+    """Return by how much a target may have changed its velocity [m/s]; 0: its innovations do not say that it has."""
     speed = math.hypot(target.vx, target.vy)
     if speed < _LEAST_SPEED or target.age <= _LEAST_AGE:
         target.against = 0.0

@@ -99,13 +99,7 @@ def _setup_in(file: TomlFile, values: Mapping[str, Any]) -> Setup:
 
 
 def _setup_of_run(folder: Path, given: Mapping[str, Any], *, trust: bool) -> Setup:
-    """Return what a run folder says was raced.
-
-    Args:
-      folder: of the run.
-      given: settings of the command line, which win: a planner that is given there need not be trusted.
-      trust: whether planners that are not bundled may be loaded.
-    """
+    """Return what a run folder says was raced."""
     summary = read_summary(folder)
     where = f"{folder / SUMMARY}, settings"
     settings = summary.get("settings")

@@ -228,11 +228,7 @@ class _Version(argparse.Action):
 
 @cache
 def _parser(texts: bool = False) -> _Parser:
-    """Return the parser of all commands; that of each gets its options where it is used.
-
-    Args:
-      texts: whether the help is asked for, which has the sentences of the core's commands.
-    """
+    """Return the parser of all commands; that of each gets its options where it is used."""
     parser = _Parser(
         prog="fg-mujoco", description="A MuJoCo 3D testbed for F1TENTH cars.", allow_abbrev=False,
         epilog=_addons_text(), formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -267,11 +267,7 @@ KINDS: dict[str, Any] = {"box": _box, "crossing": _crossing, "pedestrian": _pede
 
 
 def _counts(text: str) -> list[tuple[str, int]]:
-    """Return kinds and their numbers of a text, each kind once.
-
-    Raises:
-      SettingsError: an unknown kind, or a number that is not accepted.
-    """
+    """Return kinds and their numbers of a text, each kind once."""
     counts: dict[str, int] = {}
     for word in text.split(",") if text.strip() else ():
         found = _WORD.fullmatch(word)

@@ -135,11 +135,7 @@ class Opponents:
             self._build(int(self.rows[0, 0]), entry)
 
     def _build(self, row: int, entry: Entry) -> None:
-        """Build the planner of a car, unless it has that of the same entry on the same course.
-
-        Raises:
-          ControllerError: it cannot be built; the message says whose it is.
-        """
+        """Build the planner of a car, unless it has that of the same entry on the same course."""
         i, car = divmod(row, self._engine.cars_per_world)
         world = self._engine.world_of(i)
         own, built = self._built_for.get(row, (None, None))

@@ -242,11 +242,7 @@ def _is_part(value: Any) -> bool:
 
 
 def _settings_of(setup: Setup) -> dict[str, Any]:
-    """Return the settings of an environment that a setup says.
-
-    Raises:
-      SettingsError: it sets what an environment cannot use.
-    """
+    """Return the settings of an environment that a setup says."""
     setup.require_usable("an environment", *_OF_FIRST, *_OF_RACE, "start")
     first, usual = setup.first, Setup()
     own = {name: getattr(first, name) for name in _OF_FIRST}

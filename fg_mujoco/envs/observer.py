@@ -489,11 +489,7 @@ def _limits(car: CarParameters | CarLimits) -> dict[str, float]:
 
 
 def _seen_beams(observation: Observation, count: int, beam_step: int) -> NDArray[np.int64]:
-    """Return which beams are seen of so many.
-
-    Raises:
-      SettingsError: more than there are, or a step that leaves the beam straight ahead alone.
-    """
+    """Return which beams are seen of so many."""
     scan = next((part for part in observation.parts if part.name == "scan"), Part.of("scan"))
     if scan.beams is not None:
         if beam_step != 1:

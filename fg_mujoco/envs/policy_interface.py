@@ -395,11 +395,7 @@ def _knows_parameters(observation: Observation, residual: Any) -> bool:
 
 
 def _read_parameters(given: Any) -> CarParameters:
-    """Return the parameters of a car, of which a file has what is not finite as text.
-
-    Raises:
-      SettingsError: they are none.
-    """
+    """Return the parameters of a car, of which a file has what is not finite as text."""
     if isinstance(given, Mapping):
         given = {name: float(v) if v in ("inf", "-inf", "nan") else v for name, v in given.items()}
     return as_part(given, CarParameters, "parameters")

@@ -308,11 +308,7 @@ def values_of(term: RewardTerm, state: TickState, driven: NDArray[np.bool_]) -> 
 
 
 def _term(name: str, value: Any) -> RewardTerm:
-    """Return the term of a weight, or of a function and its weight.
-
-    Raises:
-      SettingsError: an unknown name, no weight, or a bundled name with a function of its own.
-    """
+    """Return the term of a weight, or of a function and its weight."""
     function, weight = value if isinstance(value, (tuple, list)) and len(value) == 2 else (None, value)
     if function is None:
         function = REWARDS.find(name, f", or {{{name!r}: (function, weight)}}")

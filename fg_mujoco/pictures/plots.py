@@ -114,15 +114,6 @@ def _panels(
     """Yield the picture of a race with its map, three panels over time, and panels of tires, to be drawn on.
 
     All sizes are given, because laying out what is on a picture takes longer than drawing it.
-
-    Args:
-      result: of the race, of which the course is drawn.
-      path: of the picture.
-      title: of the map.
-      lines: that the map must have room for (n, 2) [m].
-      right: where the axes end [in].
-      tires: how many panels there are of them.
-      below: room for a legend below all of it [in].
     """
     course, titles = result.world.track, wrap(title, _LONGEST_TITLE)
     heights = [_map_height(course, *lines), *(3 * [_PANEL_HEIGHT]), *(tires * [_TIRE_HEIGHT])]

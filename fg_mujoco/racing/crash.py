@@ -159,15 +159,7 @@ def _slid(telemetry: FloatArray, time: float, above: float) -> list[float]:
 
 
 def _described(geom: str, world: World, point: tuple[float, float], normal: FloatArray, place: float) -> str:
-    """Return the description of a geom of a world, for people.
-
-    Args:
-      geom: its name.
-      world: the World.
-      point: where it was hit [m].
-      normal: x and y of the contact's.
-      place: of the car on the course's line then [m].
-    """
+    """Return the description of a geom of a world, for people."""
     for prefix, kind in ((OBSTACLE_PREFIX, "obstacle"), (MOVING_PREFIX, "moving obstacle")):
         if geom.startswith(prefix):
             return f"{kind} {geom.removeprefix(prefix)}"

@@ -319,11 +319,7 @@ def _planners_in(module: ModuleType) -> list[str]:
 
 
 def _planner_of(function: Callable[[LaserScan, Odometry], DriveCommand], said: str) -> type:
-    """Return a class of planners that answer what a function answers. It has the name and the file of the function.
-
-    Raises:
-      ControllerError: the function cannot be called with a scan and odometry.
-    """
+    """Return a class of planners that answer what a function answers. It has the name and the file of the function."""
     name, signature = function.__name__, inspect.signature(function)
     try:
         signature.bind(None, None)
@@ -459,10 +455,6 @@ def _with_pose(
     factory: Any, source: str, context: PlannerContext, settings: Mapping[str, Any]
 ) -> tuple[Any, Mapping[str, Any], PlannerContext, Any]:
     """Return the class to be built, its own settings, its context, and what finds its pose; None: it has the true one.
-
-    Raises:
-      ControllerError: settings of the pose that cannot be, or a map in which no pose can be found.
-      TrackError: a map that cannot be read.
     """
     kind = getattr(factory, "Settings", None)
     own_names = {f.name for f in fields(kind)} if isinstance(kind, type) and is_dataclass(kind) else set[str]()

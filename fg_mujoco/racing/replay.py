@@ -315,14 +315,7 @@ class _Again:
 
 
 def _compared(run: Run, again: _Again, found: list[Difference], no_course: str) -> ReplayReport:
-    """Return the figures that are proved of a run whose states are those of its replay.
-
-    Args:
-      run: what was recorded.
-      again: the replay.
-      found: what differs already.
-      no_course: why the course is not there; empty: it is.
-    """
+    """Return the figures that are proved of a run whose states are those of its replay."""
     summary = run.summary
     recorded_end = summary.get("end_reason")
     differences = [*found, *_of_the_files(run, again, no_course)]

@@ -408,11 +408,7 @@ def _read(values: Mapping[str, Any]) -> Setup:
 
 
 def _changed_entry(entry: Entry, keywords: Mapping[str, Any]) -> Entry:
-    """Return an entry with other values; None of a part of it is that part as it is without settings.
-
-    Raises:
-      SettingsError: a part, and a field of it besides.
-    """
+    """Return an entry with other values; None of a part of it is that part as it is without settings."""
     if isinstance(keywords.get("lidar_effects"), LidarEffects) and "effects" not in keywords:  # all of them
         keywords = {"effects" if name == "lidar_effects" else name: value for name, value in keywords.items()}
     own = {name: value for name, value in keywords.items() if name not in PARTS}

@@ -280,11 +280,7 @@ def _named(text: str, folder: Path, *, exact: bool) -> Iterator[str]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Return the regular files of a folder and of those in it, sorted, without what Python compiles.
-
-    Raises:
-      ControllerError: more than MOST_FILES.
-    """
+    """Return the regular files of a folder and of those in it, sorted, without what Python compiles."""
     found: list[Path] = []
     for place, folders, names in os.walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")

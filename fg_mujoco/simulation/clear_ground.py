@@ -122,14 +122,6 @@ def _outline(
     points: FloatArray,
 ) -> None:
     """Write the corners of prisms from above into `points` (k, 2) [m], each prism's counterclockwise about its middle.
-
-    Args:
-      vertices: of all meshes.
-      starts: of the meshes of the prisms among them.
-      ends: of the prisms among the points.
-      places: of the prisms (p, 3) [m].
-      turns: of the prisms, quaternions (p, 4).
-      points: written to.
     """
     first = 0
     for prism in range(len(ends)):

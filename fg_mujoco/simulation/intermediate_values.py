@@ -205,12 +205,7 @@ class IntermediateValues:
             found[read.name] = read
 
     def _read(self, beams: int, name: Any, value: Any, draw: Any, frame: Any) -> IntermediateValue | None:
-        """Return a value as it is shown; None where there is nothing to show.
-
-        Raises:
-          SettingsError: it cannot be shown.
-          Exception: whatever turning it into an array raises.
-        """
+        """Return a value as it is shown; None where there is nothing to show."""
         if not isinstance(name, str) or not 0 < len(str.__str__(name)) <= _LONGEST_NAME:
             raise SettingsError(f"its name is {shown(name)}; accepted: a text of 1 to {_LONGEST_NAME} characters")
         name = str.__str__(name).encode(errors="backslashreplace").decode()  # half a pair of UTF-16 is no text

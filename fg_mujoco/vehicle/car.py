@@ -135,11 +135,7 @@ def steering_time_constant(model: mujoco.MjModel, prefix: str = "") -> float:
 
 
 def _positive(value: Any, what: str) -> float:
-    """Return a number by which others are divided.
-
-    Raises:
-      ModelError: it is not above 0.
-    """
+    """Return a number by which others are divided."""
     if not 0.0 < value < math.inf:
         raise ModelError(f"{what} is {value:g}; accepted: a number above 0")
     return float(value)

@@ -229,9 +229,6 @@ def _wheel_rows(
 
     Written is, too, what is seen of the contact point from the wheel, without its spin (5,): its velocity now, forward,
     to the left and up, and how fast the first two change because the wheel turns.
-
-    Returns:
-      How deep the tire is in the ground [m].
     """
     body, center = tire.body, 3 * tire.root
     position = stages.vector(data, found.xpos, 3 * body + 3)

@@ -378,11 +378,7 @@ class _Leak:
 
 
 def _look(occupancy: OccupancyMap, at: FloatArray | None) -> _Tight | _Leak:
-    """Return the regions that may be the course, or how the course leaks.
-
-    Raises:
-      TrackError: so many sides of pixels that finding a line would take minutes.
-    """
+    """Return the regions that may be the course, or how the course leaks."""
     regions = _regions(occupancy, at)
     sides = sum(region.sides for region in regions if region.sides <= MOST_SIDES)  # the others are refused alone
     if sides > MOST_SIDES_IN_ALL:
@@ -422,11 +418,7 @@ def _leaking_course(regions: list[_Region]) -> _Region | None:
 
 
 def _closed_regions(occupancy: OccupancyMap, at: FloatArray | None, close: float) -> list[_Region]:
-    """Return the regions that may be the course, after holes of up to `close` [m] have been closed.
-
-    Raises:
-      TrackError: there is none; or the course has a wider hole. The message has an option with which it has none.
-    """
+    """Return the regions that may be the course, after holes of up to `close` [m] have been closed."""
     found = _close(_look(occupancy, at), at, close)
     if isinstance(found, _Leak):
         raise _refusal(occupancy, found, at)
@@ -492,15 +484,7 @@ def _rounded_up(width: float) -> str:
 
 
 def _course(find: Callable[[], _Tight | _Leak], *, room: bool = True) -> tuple[float, float]:
-    """Return the width of the holes closed for the course that is found, and the greatest width of the course [m].
-
-    Args:
-      find: finds it.
-      room: whether a course may be an open way that is less than `_CORRIDOR` times as long as it is wide.
-
-    Returns:
-      Infinity and 0 where there is no course.
-    """
+    """Return the width of the holes closed for the course that is found, and the greatest width of the course [m]."""
     from scipy.spatial import cKDTree
 
     none = math.inf, 0.0

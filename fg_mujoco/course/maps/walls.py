@@ -111,9 +111,6 @@ def _simplified(outline: FloatArray, points: FloatArray, tolerance: float) -> tu
     """Choose so many of `points`, one for each of the outline, that the outline is within `tolerance` of their line.
 
     Method: Douglas and Peucker 1973, with distances to the outline and corners from `points`.
-
-    Returns:
-      Which points, shape (m,), and the points, (m, 2).
     """
     first = int(np.argmax(np.hypot(*(points - points.mean(axis=0)).T)))
     outline, points = np.roll(outline, -first, axis=0), np.roll(points, -first, axis=0)
@@ -136,12 +133,6 @@ def _fitted(outline: FloatArray, chosen: IndexArray, wall: FloatArray, tolerance
     """Move the corners of a wall so that its sides run through the middle of the outline, in the least squares.
 
     The corners of a side from which the outline would then be further than `tolerance` go back by so many halves.
-
-    Args:
-      outline: (n, 2), from the first corner on.
-      chosen: which of its points each corner was made of, (m,), the first 0.
-      wall: (m, 2).
-      tolerance: of the distance of each point to its side.
     """
     count = len(chosen)
     if count < 3:
