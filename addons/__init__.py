@@ -40,6 +40,7 @@ NAMES = {
     "Dataset": "learn.dataset:Dataset",
     "compare": "arena.comparison.comparison:compare",
     "debug": "look.debug:debug",
+    "generate_track": "arena.random_courses.generator:generate_track",
     "identify": "realcar.bag_drive:identify",
     "parallel_env": "learn.parallel:parallel_env",
     "read_dataset": "learn.dataset:read_dataset",
@@ -96,6 +97,7 @@ PARTS = {
     "pose settings": "drivers.localisation.localiser:PoseSettings",
     "race control": "arena.race_control.race_control:RaceControl",
     "raceline": "drivers.line_optimizer:raceline",
+    "random circuits": "arena.random_courses.generator:generate_track",
     "report": "look.commands:report_race",
     "require ray": "learn.ray_cluster:require_ray",
     "residual": "learn.residual:Residual",
@@ -104,5 +106,6 @@ PARTS = {
     "show in notebook": "look.notebook:show",
     "standings": "arena.race_control.standings:standings",
     "tight circuits": "arena.tight_courses.tight:generate_tight_track",
+    "with moving": "arena.random_courses.moving:with_moving",
 }
 """Parts that the core uses where somebody asks for them."""

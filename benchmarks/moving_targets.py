@@ -20,6 +20,7 @@ import numpy as np
 from common import parser, report, stay_on_cores, table
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.random_courses.moving import pedestrian
 from fg_mujoco.addons.arena.scenes.corridors import straight
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.gap_finder import GapFinder
@@ -27,7 +28,6 @@ from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.obstacles import Box
-from fg_mujoco.course.random_moving import pedestrian
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.vehicle import Vehicle
 

@@ -23,6 +23,7 @@ from .registry import added as _added
 
 if TYPE_CHECKING:
     from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
+    from fg_mujoco.addons.arena.random_courses.generator import generate_track
     from fg_mujoco.addons.learn.dataset import Dataset, read_dataset
     from fg_mujoco.addons.learn.parallel import parallel_env
     from fg_mujoco.addons.look.debug import debug
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from .course.centreline_csv import read_centreline, write_centreline
     from .course.course import Course
     from .course.formats import track_names
-    from .course.generator import generate_track
     from .course.maps.export import export_track
     from .course.maps.map_track import MapTrack, read_map
     from .course.moving_obstacles import MovingObstacle
@@ -170,7 +170,6 @@ _PLACES = {
     "course.centreline_csv": "read_centreline write_centreline",
     "course.course": "Course",
     "course.formats": "track_names",
-    "course.generator": "generate_track",
     "course.maps.export": "export_track",
     "course.maps.map_track": "MapTrack read_map",
     "course.moving_obstacles": "MovingObstacle",

@@ -5,6 +5,9 @@
     league/         every planner against every other, in heats
     labs/           planners of students, graded by the checks of a lab
     tight_courses/  tight circuits from a seed
+    random_courses/ circuits from a seed, and things that move
+    scenes/         the bundled scenes
+    race_control/   contacts and whose fault they were, overtakes, rules
 
 `grid_study` drives a grid of runs and writes their tables, and says how to add such a study. `intervals` says how sure
 the figures of a study are. `evaluation` compares planners over friction coefficients, and `turn` tells whose

@@ -75,7 +75,7 @@ _NAMES: Registry[Any] = Registry("names", SettingsError, own={
     for name, place in {
         "track": "course.formats:course_names", "controller": "racing.planners:controller_names",
         "vehicle": "vehicle.vehicle:vehicle_names", "tires": "vehicle.tires:tire_names",
-        "floor": "vehicle.floors:floor_names", "moving": "course.random_moving:KINDS",
+        "floor": "vehicle.floors:floor_names", "moving": "course.moving_obstacles:KINDS_THAT_MOVE",
         "lidar": "lidar.lidar:LIDAR_BACKENDS", "lidar_effects": "lidar.measured_errors:effect_names",
         "sensors": "vehicle.sensors:SENSORS", "opponents": "racing.planners:controller_names",
         "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",

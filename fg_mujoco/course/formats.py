@@ -119,9 +119,7 @@ def _random(name: str) -> Course:
 
 @lru_cache(maxsize=32)
 def _drawn(seed: int, *, tight: bool) -> Any:
-    from .generator import generate_track
-
-    return PARTS.find("tight circuits")(seed) if tight else generate_track(seed)
+    return PARTS.find("tight circuits" if tight else "random circuits")(seed)
 
 
 def _scene(name: str, car: CarParameters) -> Course:

@@ -12,8 +12,9 @@ without delay. A contact takes it for standing still, as MuJoCo does with mocap 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import mujoco
@@ -22,13 +23,19 @@ import numpy as np
 from ..arguments import explain_class
 from ..compiled.kernels import kernel
 from ..display import brief
-from ..errors import SettingsError
-from ..messages import FloatArray, require
+from ..errors import ArgumentError, SettingsError, accepted_names
+from ..messages import FloatArray, require, shown
 from .obstacles import Box
 from .track_mesh import WALL_HEIGHT
 
 PREFIX = "moving_"
 """Of the names of the bodies, geoms, meshes and custom numerics of moving obstacles."""
+
+KINDS_THAT_MOVE = ("box", "crossing", "pedestrian")
+"""What can be drawn at random places of a track: the add-on arena does."""
+
+_MOST = 32  # of a course
+_WORD = re.compile(r"\s*([^:,]*?)\s*(?::\s*([^,]*?)\s*)?")
 
 
 def _is_place(value: Any) -> bool:
@@ -175,3 +182,55 @@ class Mover:
             self.write_positions(time, row)
             time += timestep  # as MuJoCo sums it up
         return found
+
+
+def moving_or_text(value: Any) -> str | tuple[MovingObstacle, ...]:
+    """Return things that move as a setting keeps them: MovingObstacles, or kinds with numbers, "pedestrian:2,box".
+
+    Raises:
+      SettingsError: an unknown kind, a number that is not whole, more than 32, or something else.
+    """
+    if value is None or isinstance(value, str):
+        counts = kinds_that_move(value or "")
+        return ",".join(kind if count == 1 else f"{kind}:{count}" for kind, count in counts)
+    kinds = f"a text of {', '.join(KINDS_THAT_MOVE)}, such as 'pedestrian:2,crossing'"
+    accepted = f"accepted: {kinds}, or a sequence of MovingObstacle"
+    if isinstance(value, Mapping) or not isinstance(value, Iterable):
+        raise SettingsError(f"moving is {shown(value)}; {accepted}")
+    found = []
+    for place, each in enumerate(value):
+        moving: Any = each
+        if isinstance(each, Mapping):
+            try:
+                points = {name: tuple(each[name]) for name in ("start", "end") if name in each}
+                moving = MovingObstacle(**{**each, **points})
+            except (ArgumentError, SettingsError, TypeError) as error:
+                raise SettingsError(f"moving[{place}]: {error}") from error
+        if not isinstance(moving, MovingObstacle):
+            raise SettingsError(f"moving[{place}] is {shown(each)}; {accepted}")
+        found.append(moving)
+    return tuple(found) or ""
+
+
+def described_moving(moving: str | Sequence[MovingObstacle]) -> Any:
+    """Return things that move as they can stand in JSON and TOML; `moving_or_text` reads them back."""
+    if isinstance(moving, str):
+        return moving
+    return [asdict(each) | {"start": list(each.start), "end": list(each.end)} for each in moving]
+
+
+def kinds_that_move(text: str) -> list[tuple[str, int]]:
+    """Return kinds and their numbers of a text, each kind once."""
+    counts: dict[str, int] = {}
+    for word in text.split(",") if text.strip() else ():
+        found = _WORD.fullmatch(word)
+        kind, number = found.groups() if found else (word.strip(), None)
+        if kind not in KINDS_THAT_MOVE:
+            raise SettingsError(f"moving is {text!r} with {kind!r}; {accepted_names(kind, KINDS_THAT_MOVE)}")
+        if number is not None and not (number.isascii() and number.isdecimal() and 0 < int(number[:9]) <= _MOST):
+            said = f"moving is {text!r} with {word.strip()!r}"
+            raise SettingsError(f"{said}; accepted: {kind}, or {kind}:N with N from 1 to {_MOST}")
+        counts[kind] = counts.get(kind, 0) + int(number or 1)
+    if sum(counts.values()) > _MOST:
+        raise SettingsError(f"moving is {text!r}, {sum(counts.values())} things; accepted: at most {_MOST}")
+    return list(counts.items())

@@ -61,7 +61,7 @@ class Track(Shown):
     centreline: FloatArray  # (n, 2) [m] closed, the first point not repeated
     width_right: FloatArray  # (n,) [m] from the centreline to the right wall
     width_left: FloatArray  # (n,) [m] to the left wall
-    moving: tuple[MovingObstacle, ...] = ()  # that move there, as `random_moving.with_moving` puts them
+    moving: tuple[MovingObstacle, ...] = ()  # that move there, as `with_moving` of the add-on arena puts them
 
     def __post_init__(self) -> None:
         line = read_only(self.centreline)

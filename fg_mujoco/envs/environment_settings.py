@@ -15,9 +15,8 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from ..course.course import Course, laps_to_drive
-from ..course.moving_obstacles import MovingObstacle
+from ..course.moving_obstacles import MovingObstacle, moving_or_text
 from ..course.obstacles import Obstacle, obstacles_or_count
-from ..course.random_moving import moving_or_text
 from ..errors import SettingsError, accepted_names
 from ..lidar.effects import LidarEffects
 from ..messages import require, require_whole

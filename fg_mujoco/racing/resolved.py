@@ -21,6 +21,7 @@ from ..course.course import Course, laps_to_drive, wall_outlines
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle
 from ..messages import ODOMETRY, CarParameters, Controller, FloatArray
+from ..registry import PARTS
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
 from ..simulation.planner_adapter import odometry_message
@@ -67,9 +68,9 @@ class Ground:
         """
         course, placed = load_track(track, car=car), () if isinstance(obstacles, int) else tuple(obstacles)
         if moving:
-            from ..course.random_moving import with_moving
-
-            course = with_moving(course, moving, obstacle_seed, car=car, start=start, cars=cars, obstacles=placed)
+            course = PARTS.find("with moving")(
+                course, moving, obstacle_seed, car=car, start=start, cars=cars, obstacles=placed
+            )
         if isinstance(obstacles, int) and obstacles != 0:
             from ..course.random_obstacles import random_boxes
 

@@ -23,7 +23,7 @@ from typing import Any
 
 from ..arguments import explain_class, setting, unknown_argument
 from ..course.course import Course, require_course
-from ..course.moving_obstacles import MovingObstacle
+from ..course.moving_obstacles import MovingObstacle, described_moving, moving_or_text
 from ..course.obstacles import Obstacle, described_obstacles, obstacles_or_count
 from ..display import brief, changed
 from ..errors import ArgumentError, SettingsError, accepted_names
@@ -141,10 +141,7 @@ class Setup:
         self._set("patches", as_parts(self.patches, Patch, "patches"))
         self._set("obstacles", obstacles_or_count(self.obstacles))
         require_whole("obstacle_seed", self.obstacle_seed, 0)
-        if not isinstance(self.moving, str) or self.moving:
-            from ..course.random_moving import moving_or_text
-
-            self._set("moving", moving_or_text(self.moving))
+        self._set("moving", moving_or_text(self.moving))
         if not isinstance(self.lidar, str) or self.lidar not in LIDAR_BACKENDS:
             raise SettingsError(f"lidar is {shown(self.lidar)}; {accepted_names(self.lidar, LIDAR_BACKENDS)}")
         require_grid(self.grid)
@@ -315,8 +312,6 @@ class Setup:
             if name == "obstacles" and not isinstance(value, int):
                 value = described_obstacles(value)
             elif name == "moving":
-                from ..course.random_moving import described_moving
-
                 value = described_moving(value)
             elif name == "patches":
                 value = [asdict(patch) for patch in value]

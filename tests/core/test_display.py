@@ -12,9 +12,9 @@ import pytest
 import fg_mujoco as fg
 from conftest import Straight
 from fg_mujoco.addons.arena.grid_study import StudyProgress
+from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
 from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
 from fg_mujoco.addons.gym2d import F110Env
-from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.display import LONGEST
 from fg_mujoco.lab.manoeuvres import find_manoeuvre

@@ -118,7 +118,7 @@ def test_each_exception_is_needed():
 
 
 LOADS_NOTHING_OF = (
-    "course.maps", "course.scenes", "course.generator", "course.random_moving", "addons.arena",
+    "course.maps", "course.scenes", "addons.arena",
     "racing.crash", "racing.run_folder", "lidar.scan_pipeline", "lidar.measured_errors",
     "vehicle.sensors", "vehicle.floors", "vehicle.contract", "cli", "lab", "pictures", "rollouts",
 )  # fmt: skip

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import fg_mujoco as fg
 from fg_mujoco.course.formats import CourseFormat
-from fg_mujoco.course.generator import generate_track
+from fg_mujoco.addons.arena.random_courses.generator import generate_track
 
 HERE = Path(__file__).parent
 CAR, RUBBER, TEXT = HERE / "lorry.xml", HERE / "rubber.toml", "lorry.xml"

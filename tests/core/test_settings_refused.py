@@ -10,6 +10,7 @@ import pytest
 import fg_mujoco as fg
 import fg_mujoco.addons.drivers
 import fg_mujoco.controllers
+from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
 from fg_mujoco.addons.arena.tight_courses.drivable import Footprint
 from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
 from fg_mujoco.controllers.control.driving import DrivingSettings
@@ -17,7 +18,6 @@ from fg_mujoco.controllers.gap_finder import GapFinderSettings
 from fg_mujoco.controllers.safety.guidance import GuidanceSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings
 from fg_mujoco.controllers.weighted_gap import WeightedGapSettings
-from fg_mujoco.course.generator import GeneratorSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lab.manoeuvres import MANOEUVRES
 from fg_mujoco.vehicle.sensors import SENSORS

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from fg_mujoco.addons.arena.random_courses.generator import generate_track
 from fg_mujoco.course.centreline_csv import DENSE, read_centreline, write_centreline
 from fg_mujoco.course.formats import track_names
-from fg_mujoco.course.generator import generate_track
 from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
 from fg_mujoco.simulation.course_loading import load_track

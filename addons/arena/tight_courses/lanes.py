@@ -18,10 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.course.generator import SIDES, Cell, place_at_origin, walk_round
 from fg_mujoco.course.polyline import step_lengths, steps, subdivide, turns
 from fg_mujoco.course.track import Track
 from fg_mujoco.messages import FloatArray
+
+from ..random_courses.generator import SIDES, Cell, place_at_origin, walk_round
 
 SPACING = 0.1  # [m] between the points of the centreline
 _DIGITS = 5  # decimals of coordinates and widths [0.01 mm]: along boxes points are 2 cm apart

@@ -18,12 +18,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from fg_mujoco.arguments import explain_class
-from fg_mujoco.course.generator import SIDES, Cell, can_join, require_order
 from fg_mujoco.course.polyline import step_lengths, turns
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import FloatArray, require
 
+from ..random_courses.generator import SIDES, Cell, can_join, require_order
 from .chicanes import Block, with_boxes
 from .drivable import drivable_lap
 from .lanes import SPACING, Lane, Outline, corner_radii, hairpins, lane, outline

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.arena.random_courses.moving import with_moving
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
-from fg_mujoco.course.random_moving import with_moving
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup

@@ -12,26 +12,24 @@ nearer than MARGIN to a wall. Where they move the track is wide enough and nearl
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from ..compiled.kernels import kernel
-from ..errors import ArgumentError, SettingsError, accepted_names
-from ..messages import CarParameters, FloatArray, shown
-from .clearance import rectangle_distance
-from .course import CLEAR_BEHIND, Course, outline, wall_outlines
-from .moving_obstacles import MovingObstacle
-from .obstacles import Obstacle
-from .random_obstacles import SPACING, ObstacleSites
-from .track import Track
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.course.clearance import rectangle_distance
+from fg_mujoco.course.course import CLEAR_BEHIND, Course, outline, wall_outlines
+from fg_mujoco.course.moving_obstacles import KINDS_THAT_MOVE, MovingObstacle, kinds_that_move
+from fg_mujoco.course.obstacles import Obstacle
+from fg_mujoco.course.random_obstacles import SPACING, ObstacleSites
+from fg_mujoco.course.track import Track
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import CarParameters, FloatArray, shown
 
 MARGIN = 0.05  # [m] least, from anything that moves to a wall
-MOST = 32  # of a course
 
 _TRIES = 500  # for each
 _BOX = (0.2, 0.5)  # [m] length and width of a box are between
@@ -43,42 +41,6 @@ _LEG, _STRIDE = 0.12, (0.12, 0.2)  # [m] side of a leg; from one to the other, a
 _WALKING = (1.0, 2.0)  # [m/s]
 _COMES = (2.0, 6.0)  # [m/s] mean speed of the car that meets a pedestrian who crosses once
 _ON_GRID = 0.8  # [m] that each further car stands behind the start
-_WORD = re.compile(r"\s*([^:,]*?)\s*(?::\s*([^,]*?)\s*)?")
-
-
-def moving_or_text(value: Any) -> str | tuple[MovingObstacle, ...]:
-    """Return things that move as a setting keeps them: MovingObstacles, or kinds with numbers, "pedestrian:2,box".
-
-    Raises:
-      SettingsError: an unknown kind, a number that is not whole, more than MOST, or something else.
-    """
-    if value is None or isinstance(value, str):
-        counts = _counts(value or "")
-        return ",".join(kind if count == 1 else f"{kind}:{count}" for kind, count in counts)
-    kinds = f"a text of {', '.join(KINDS)}, such as 'pedestrian:2,crossing'"
-    accepted = f"accepted: {kinds}, or a sequence of MovingObstacle"
-    if isinstance(value, Mapping) or not isinstance(value, Iterable):
-        raise SettingsError(f"moving is {shown(value)}; {accepted}")
-    found = []
-    for place, each in enumerate(value):
-        moving: Any = each
-        if isinstance(each, Mapping):
-            try:
-                points = {name: tuple(each[name]) for name in ("start", "end") if name in each}
-                moving = MovingObstacle(**{**each, **points})
-            except (ArgumentError, SettingsError, TypeError) as error:
-                raise SettingsError(f"moving[{place}]: {error}") from error
-        if not isinstance(moving, MovingObstacle):
-            raise SettingsError(f"moving[{place}] is {shown(each)}; {accepted}")
-        found.append(moving)
-    return tuple(found) or ""
-
-
-def described_moving(moving: str | Sequence[MovingObstacle]) -> Any:
-    """Return things that move as they can stand in JSON and TOML; `moving_or_text` reads them back."""
-    if isinstance(moving, str):
-        return moving
-    return [asdict(each) | {"start": list(each.start), "end": list(each.end)} for each in moving]
 
 
 def with_moving(
@@ -137,10 +99,10 @@ class _Places:
     def draw(self, text: str, seed: int) -> list[MovingObstacle]:
         """Return what moves, in the order of the text."""
         found: list[MovingObstacle] = []
-        for kind, count in _counts(text):
+        for kind, count in kinds_that_move(text):
             for number in range(count):
                 # each has its own stream, so that one more leaves what others are like
-                found += self._one(kind, np.random.default_rng((seed, 1, list(KINDS).index(kind), number)), text)
+                found += self._one(kind, np.random.default_rng((seed, 1, KINDS_THAT_MOVE.index(kind), number)), text)
         return found
 
     def _one(self, kind: str, rng: np.random.Generator, text: str) -> list[MovingObstacle]:
@@ -153,7 +115,7 @@ class _Places:
                 continue
             right, left = self._sites.widths(s)
             site = _Site(track, s, right - MARGIN, left - MARGIN, self._sites.gap, self._start)
-            drawn: list[MovingObstacle] = KINDS[kind](site, rng)
+            drawn: list[MovingObstacle] = _DRAWN[kind](site, rng)
             if drawn and all(self._clear(each) for each in drawn):
                 self._taken.append(s)
                 return drawn
@@ -262,25 +224,8 @@ def pedestrian(
     return legs
 
 
-KINDS: dict[str, Any] = {"box": _box, "crossing": _crossing, "pedestrian": _pedestrian}
+_DRAWN: dict[str, Any] = {"box": _box, "crossing": _crossing, "pedestrian": _pedestrian}
 """Name of a kind of thing that moves -> the function that draws one at a site, or nothing where it does not fit."""
-
-
-def _counts(text: str) -> list[tuple[str, int]]:
-    """Return kinds and their numbers of a text, each kind once."""
-    counts: dict[str, int] = {}
-    for word in text.split(",") if text.strip() else ():
-        found = _WORD.fullmatch(word)
-        kind, number = found.groups() if found else (word.strip(), None)
-        if kind not in KINDS:
-            raise SettingsError(f"moving is {text!r} with {kind!r}; {accepted_names(kind, KINDS)}")
-        if number is not None and not (number.isascii() and number.isdecimal() and 0 < int(number[:9]) <= MOST):
-            said = f"moving is {text!r} with {word.strip()!r}"
-            raise SettingsError(f"{said}; accepted: {kind}, or {kind}:N with N from 1 to {MOST}")
-        counts[kind] = counts.get(kind, 0) + int(number or 1)
-    if sum(counts.values()) > MOST:
-        raise SettingsError(f"moving is {text!r}, {sum(counts.values())} things; accepted: at most {MOST}")
-    return list(counts.items())
 
 
 @kernel

@@ -17,12 +17,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ..arguments import explain_class
-from ..errors import SettingsError, TrackError
-from ..messages import FloatArray, require
-from .polyline import resample, rounded_polygon, smooth, step_lengths, turns
-from .track import Track
-from .track_walls import shared_widths
+from fg_mujoco.arguments import explain_class
+from fg_mujoco.course.polyline import resample, rounded_polygon, smooth, step_lengths, turns
+from fg_mujoco.course.track import Track
+from fg_mujoco.course.track_walls import shared_widths
+from fg_mujoco.errors import SettingsError, TrackError
+from fg_mujoco.messages import FloatArray, require
 
 SPACING = 0.2  # [m] between the points of a generated centreline
 EASEMENT = 0.35  # [m] sigma over which curvature is evened out: a car of wheelbase 0.33 m steers into its arcs

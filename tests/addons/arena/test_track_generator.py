@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fg_mujoco.course.generator import SPACING, GeneratorSettings, generate_track
+from fg_mujoco.addons.arena.random_courses.generator import SPACING, GeneratorSettings, generate_track
 from fg_mujoco.course.polyline import self_crossings, step_lengths, turns
 from fg_mujoco.errors import SettingsError
 
