@@ -5,7 +5,7 @@
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
     arena     compare, overtake, scenarios, league, grade, evaluate; race control; scenes, tight circuits
-    realcar   drives and bags of real cars: identify, validate, map, bags
+    realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     drivers   planners that follow a line of a map, remember, learn, localise themselves or overtake; racelines
 
@@ -88,10 +88,14 @@ PARTS = {
     "dataset": "learn.dataset:Dataset",
     "drive on ray": "learn.ray_cluster:drive_on_ray",
     "driven line": "look.notebook:driven_line",
+    "floor": "realcar.floors:Floor",
+    "floor names": "realcar.floors:floor_names",
     "is comparison": "arena.comparison.pages:is_comparison",
     "learned friction": "drivers.learned_friction:LearnedFriction",
+    "lidar effects": "realcar.measured_errors:effect_names",
     "localised": "drivers.localisation.localised:localised",
     "localiser": "drivers.localisation.localiser:Localiser",
+    "measured errors": "realcar.measured_errors:MeasuredErrors",
     "notebook": "look.notebook:notebook_html",
     "policy batch": "learn.policy_batch:PolicyBatch",
     "pose settings": "drivers.localisation.localiser:PoseSettings",

@@ -94,7 +94,7 @@ FAULTS = {
     ),
     # floors, and the LiDAR of real cars
     "tires on another floor with the ratio of the floors turned over": Fault(
-        file="fg_mujoco/vehicle/floors.py",
+        file="addons/realcar/floors.py",
         old="own * self.mu / Floor.load(tires.floor).mu",
         new="own * Floor.load(tires.floor).mu / self.mu",
         tests="test_floors.py",

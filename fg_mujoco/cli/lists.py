@@ -13,7 +13,7 @@ from ..controllers import BASELINES
 from ..errors import SettingsError
 from ..racing.planners import controller_names, find_controller
 from ..racing.trust import distribution
-from ..vehicle.floors import Floor, floor_names
+from ..registry import PARTS
 from ..vehicle.tires import Tires, tire_names
 from ..vehicle.vehicle import Vehicle, vehicle_names
 from .command import command, option
@@ -128,7 +128,7 @@ def vehicles_command(options: argparse.Namespace) -> int:
 def _floors(options: argparse.Namespace) -> int:
     if options.names:
         raise SettingsError(f"floors of {options.names[0]!r}; accepted: --floors alone")
-    floors = [Floor.load(name) for name in floor_names()]
+    floors = [PARTS.find("floor").load(name) for name in PARTS.find("floor names")()]
     tires = {name: Tires.load(name).floor or "none: the vehicle's friction, or a floor's" for name in tire_names()}
     if options.json:
         print(json.dumps({"floors": [floor.described() for floor in floors], "tires": tires}, indent=2))

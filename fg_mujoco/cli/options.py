@@ -18,6 +18,7 @@ from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
+from ..registry import PARTS as ADDED
 from ..registry import Registry
 from ..simulation.settings import Start
 from ..vehicle.changes import CarChanges
@@ -75,11 +76,14 @@ _NAMES: Registry[Any] = Registry("names", SettingsError, own={
     for name, place in {
         "track": "course.formats:course_names", "controller": "racing.planners:controller_names",
         "vehicle": "vehicle.vehicle:vehicle_names", "tires": "vehicle.tires:tire_names",
-        "floor": "vehicle.floors:floor_names", "moving": "course.moving_obstacles:KINDS_THAT_MOVE",
-        "lidar": "lidar.lidar:LIDAR_BACKENDS", "lidar_effects": "lidar.measured_errors:effect_names",
+        "moving": "course.moving_obstacles:KINDS_THAT_MOVE",
+        "lidar": "lidar.lidar:LIDAR_BACKENDS",
         "sensors": "vehicle.sensors:SENSORS", "opponents": "racing.planners:controller_names",
         "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",
     }.items()
+} | {
+    "floor": lambda: ADDED.find("floor names")(),
+    "lidar_effects": lambda: ADDED.find("lidar effects")(),
 })  # fmt: skip
 
 

@@ -9,15 +9,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from ..arguments import explain_class, setting
 from ..errors import SettingsError, accepted_names
 from ..messages import require
+from ..registry import PARTS
 from .beams import NO_RETURN_READINGS
-
-if TYPE_CHECKING:
-    from .measured_errors import MeasuredErrors
 
 GREATEST_NOISE = 10.0
 """[m] Greatest standard deviation of a range that is accepted."""
@@ -44,16 +42,14 @@ class LidarEffects:
     latency: float = setting(0.0, "from measurement to delivery [s], rounded up to whole sweeps", "S", "sensors")
     motion_distortion: bool = setting(False, "each beam from the pose at its own time in the sweep", "", "sensors")
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
-    measured: MeasuredErrors | Mapping[str, Any] | str | Path | None = setting(
+    measured: Mapping[str, Any] | str | Path | None = setting(
         None, "noise, bias and dropouts by range and bearing as measured: {names}, or the file that validate --beams "
         "wrote", "NAME|FILE.toml", "sensors",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
         if self.measured is not None:
-            from .measured_errors import MeasuredErrors
-
-            object.__setattr__(self, "measured", MeasuredErrors.load(self.measured))
+            object.__setattr__(self, "measured", PARTS.find("measured errors").load(self.measured))
         noise = f"0 to {GREATEST_NOISE:g} m, which is the range that the UST-10LX is made for"
         require(self, lambda value: 0.0 <= value <= GREATEST_NOISE, noise, ("range_noise_std",), SettingsError)
         latency = f"0 to {LONGEST_LATENCY:g} s; an F1TENTH car drives 8 m in that time"
@@ -67,9 +63,9 @@ class LidarEffects:
             raise SettingsError(f"LidarEffects.no_return is {self.no_return!r}; {readings}")
 
     @property
-    def errors(self) -> MeasuredErrors | None:
-        """The measured errors, loaded."""
-        return cast("MeasuredErrors | None", self.measured)
+    def errors(self) -> Any:
+        """The MeasuredErrors of the add-on realcar, loaded; None: there are none."""
+        return self.measured
 
     def sweeps_late(self, period: float) -> int:
         """Return the number of sweeps of a period [s] by which a scan is late."""

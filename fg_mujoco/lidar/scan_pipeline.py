@@ -27,7 +27,6 @@ from .beams import Beams
 from .body_poses import rotated
 from .effects import LidarEffects
 from .lidar import Lidar, RaycastLidar
-from .measured_errors import MeasuredErrors, error_at
 from .random_numbers import draw_normals, draw_shares, generator_state, ziggurat
 
 _FASTEST = 200.0  # [m/s] that anything moves; what is elsewhere sooner was put there
@@ -114,7 +113,7 @@ class EffectsOfRows:
         self._lates, self._sweeps = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
         self._noise, self._shares = np.zeros(count), np.zeros(count)  # room for those of one row
         self._held = np.zeros((rows, 0, count))  # the last sweeps of each that is late, in a ring
-        self._measured: list[MeasuredErrors] = []  # of which the tables are
+        self._measured: list[Any] = []  # of which the tables are
         self._table_of = np.full(rows, -1)  # of each row among them; -1: it has none
         self._knots, self._values = np.zeros((0, 1)), np.zeros((0, count, 1, 3))
 
@@ -134,7 +133,7 @@ class EffectsOfRows:
             held[:, : self._held.shape[1]] = self._held
             self._held = held
 
-    def _table(self, errors: MeasuredErrors) -> int:
+    def _table(self, errors: Any) -> int:
         """Return the place of the tables of measured errors."""
         if errors not in self._measured:
             self._measured.append(errors)
@@ -159,7 +158,7 @@ class EffectsOfRows:
         )  # fmt: skip
 
 
-def _tables(errors: MeasuredErrors, beams: Beams) -> tuple[FloatArray, FloatArray]:
+def _tables(errors: Any, beams: Beams) -> tuple[FloatArray, FloatArray]:
     """Return the ranges (k,) [m] of measured errors, and noise, bias and dropout of each beam at them (n, k, 3)."""
     return np.array(errors.ranges), np.ascontiguousarray(errors.at(beams.bearings))
 
@@ -326,3 +325,22 @@ def add_noise(ranges: FloatArray, deviation: float, range_max: float, noise: Flo
     """
     for beam in range(len(noise)):
         noise[beam] = min(max(ranges[beam] + deviation * noise[beam], 0.0), range_max)
+
+
+@kernel
+def error_at(knots: FloatArray, values: FloatArray, which: int, distance: float) -> float:
+    """Return the value of one of the three tables of a beam at a distance [m].
+
+    Args:
+      knots: (k,) [m] increasing, padded with inf.
+      values: (k, 3) of this beam.
+      which: of the three: 0 noise, 1 bias, 2 dropout.
+      distance: [m]; beyond the knots the values are constant.
+    """
+    place = 0
+    while place + 1 < len(knots) and knots[place + 1] <= distance and knots[place + 1] < np.inf:
+        place += 1
+    if distance <= knots[place] or place + 1 >= len(knots) or knots[place + 1] == np.inf:
+        return float(values[place, which])
+    share = (distance - knots[place]) / (knots[place + 1] - knots[place])
+    return float(values[place, which] + share * (values[place + 1, which] - values[place, which]))

@@ -22,6 +22,7 @@ from ..errors import SettingsError, accepted_names
 from ..lidar.beams import lidar_of
 from ..lidar.effects import LidarEffects
 from ..messages import CarParameters, MapLine, PlannerContext, require, require_whole, shown
+from ..registry import PARTS
 from ..vehicle.car import command_delay
 from ..vehicle.changes import ACCEPTED_MU, GREATEST_MU, CarChanges
 from ..vehicle.friction_patches import Patch
@@ -33,8 +34,6 @@ from .world import World
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from ..lidar.measured_errors import MeasuredErrors
-    from ..vehicle.floors import Floor
     from ..vehicle.sensors import Sensor
 
 _Part = TypeVar("_Part")
@@ -175,7 +174,7 @@ class CarSettings:
         (), "a sensor besides LiDAR and odometry, {names}, or sensor=NAME,rate=100,noise_std=.1 with settings; again "
         "for each", "NAME", "sensors",
     )  # fmt: skip
-    floor: Floor | str | Path | Mapping[str, Any] | None = setting(
+    floor: Any = setting(
         None, "a floor that was measured, whose friction the tires have, in place of --mu: {names}, or the file of one",
         "NAME|FILE.toml", "floor",
     )  # fmt: skip
@@ -210,9 +209,7 @@ class CarSettings:
                 f"mu is {self.mu!r} and CarChanges.mu is {self.changes.mu!r}; accepted: one of them, or the same twice"
             )
         if self.floor is not None:
-            from ..vehicle.floors import Floor
-
-            object.__setattr__(self, "floor", Floor.load(self.floor))
+            object.__setattr__(self, "floor", PARTS.find("floor").load(self.floor))
             given = next((value for value in (self.mu, self.changes.mu) if value is not None), None)
             if given is not None:
                 said = f"floor is {self.ground_name!r} and mu {given!r}"
@@ -252,9 +249,9 @@ class CarSettings:
         return self.all_changes.mu or self.tire_set.peak or self.car.reliable_mu(self.tire_set)
 
     @property
-    def ground(self) -> Floor | None:
-        """The floor, loaded; None: the friction is of none."""
-        return cast("Floor | None", self.floor)
+    def ground(self) -> Any:
+        """The Floor of the add-on realcar, loaded; None: the friction is of none."""
+        return self.floor
 
     @property
     def ground_name(self) -> str | None:
@@ -336,7 +333,7 @@ class CarKeywords(TypedDict, total=False):
     vehicle: Vehicle | str | Path
     tires: Tires | str | Path | None
     mu: float | None
-    floor: Floor | str | Path | Mapping[str, Any] | None
+    floor: Any
     changes: CarChanges | Mapping[str, Any]
     planner_mu: float | None
     planner_settings: Mapping[str, Any]
@@ -346,7 +343,7 @@ class CarKeywords(TypedDict, total=False):
     sensors: Sequence[Sensor | str | Mapping[str, Any]]
     knows: str
     assist: str
-    lidar_effects: MeasuredErrors | Mapping[str, Any] | str | Path | None
+    lidar_effects: Any
     lidar_noise: float
     lidar_dropout: float
     lidar_latency: float

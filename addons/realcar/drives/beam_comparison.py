@@ -36,9 +36,9 @@ from numpy.typing import NDArray
 
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.lidar.measured_errors import MeasuredErrors
 from fg_mujoco.messages import FloatArray
 
+from ..measured_errors import MeasuredErrors
 from .recorded_beams import FittedPoses, LidarMount, RecordedBeams, cast_beams, fit_mount, fit_poses
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.lidar.measured_errors import MeasuredErrors, error_at
-from fg_mujoco.lidar.scan_pipeline import EffectsOfRows, ScanPipeline
+from fg_mujoco.lidar.scan_pipeline import EffectsOfRows, ScanPipeline, error_at
 
 ERRORS = MeasuredErrors(
     ranges=(1.0, 3.0), bearings=(-1.0, 1.0), noise=((0.01, 0.03), (0.02, 0.06)), bias=((0.1, 0.2), (-0.1, -0.2)),

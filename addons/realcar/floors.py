@@ -17,14 +17,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..arguments import explain_class
-from ..course.documents import read_toml_table
-from ..course.files import read_setting
-from ..display import brief, quoted
-from ..errors import SettingsError, accepted_names
-from ..messages import require
-from .changes import ACCEPTED_MU, GREATEST_MU
-from .tires import Tires
+from fg_mujoco.arguments import explain_class
+from fg_mujoco.course.documents import read_toml_table
+from fg_mujoco.course.files import read_setting
+from fg_mujoco.display import brief, quoted
+from fg_mujoco.errors import SettingsError, accepted_names
+from fg_mujoco.messages import require
+from fg_mujoco.vehicle.changes import ACCEPTED_MU, GREATEST_MU
+from fg_mujoco.vehicle.tires import Tires
 
 _MOST_BYTES = 2**16  # of a file
 _TEXTS = ("name", "ground", "where", "how", "car", "source")

@@ -8,11 +8,11 @@ import gymnasium
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.addons.realcar.floors import Floor, floor_names
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.settings import friction_text
-from fg_mujoco.vehicle.floors import Floor, floor_names
 from fg_mujoco.vehicle.tires import Tires, tire_names
 
 SHORT = {"laps": 1, "time_limit": 0.2}

@@ -20,13 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from ..arguments import explain_class
-from ..compiled.kernels import kernel
-from ..course.documents import read_toml_table
-from ..course.files import read_setting
-from ..display import brief
-from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray
+from fg_mujoco.arguments import explain_class
+from fg_mujoco.course.documents import read_toml_table
+from fg_mujoco.course.files import read_setting
+from fg_mujoco.display import brief
+from fg_mujoco.errors import SettingsError, accepted_names
+from fg_mujoco.messages import FloatArray
 
 MOST_KNOTS = 32
 """Ranges or bearings of a table at most."""
@@ -128,25 +127,6 @@ def effect_names() -> tuple[str, ...]:
     """Return the names of the bundled files."""
     folder = files("fg_mujoco.models") / "lidar_effects"
     return tuple(sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")))
-
-
-@kernel
-def error_at(knots: FloatArray, values: FloatArray, which: int, distance: float) -> float:
-    """Return the value of one of the three tables of a beam at a distance [m].
-
-    Args:
-      knots: (k,) [m] increasing, padded with inf.
-      values: (k, 3) of this beam.
-      which: of the three: 0 noise, 1 bias, 2 dropout.
-      distance: [m]; beyond the knots the values are constant.
-    """
-    place = 0
-    while place + 1 < len(knots) and knots[place + 1] <= distance and knots[place + 1] < np.inf:
-        place += 1
-    if distance <= knots[place] or place + 1 >= len(knots) or knots[place + 1] == np.inf:
-        return float(values[place, which])
-    share = (distance - knots[place]) / (knots[place + 1] - knots[place])
-    return float(values[place, which] + share * (values[place + 1, which] - values[place, which]))
 
 
 def _numbers(name: str, values: Any) -> tuple[float, ...]:
