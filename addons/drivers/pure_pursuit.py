@@ -249,7 +249,7 @@ class PurePursuit(Planner):
         shape = (points.tobytes(), speeds.tobytes(), map_line.closed)
         walled = map_line if settings.tracker == "mpc" and map_line.closed and map_line.walls else None
         table = _table(*shape, car, mu, max_speed, for_car(settings, car), walled)
-        super().__init__(car, mu, max_speed, settings, latency=latency, period=period, line=table)
+        super().__init__(car, mu, max_speed, settings, latency=latency, period=period, line=table, assist=assist)
 
     @staticmethod
     def _require_lap(points: FloatArray, map_line: MapLine, path: str) -> None:

@@ -39,14 +39,6 @@ def with_post(ranges, bearing, distance, half_width=0.1):
     return np.where(off < half_width, np.minimum(ranges, distance + 0.1 * off), ranges)
 
 
-def test_the_notes_bubble_masks_the_obstacle_and_the_beams_beside_it():
-    ranges = np.array([2.5, 2.5, 0.6, 0.6, 2.5, 2.5])
-    # of .4 m at .6 m, and with beams .7 rad apart: one to either side
-    free = free_space(ranges, 0.7, told(bubble="beams", bubble_radius=0.4))
-    assert free.tolist() == [2.5, 0.0, 0.0, 0.0, 2.5, 2.5]
-    assert ranges.tolist() == [2.5, 2.5, 0.6, 0.6, 2.5, 2.5]
-
-
 def test_the_slides_bubble_masks_the_points_within_its_radius():
     """4.8 m is next to the nearest point and free, 4.5 m is two beams away and is not: it goes by distance."""
     free = free_space(SLIDES, 0.01, told(bubble="points", bubble_radius=1.6))

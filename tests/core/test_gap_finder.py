@@ -89,9 +89,6 @@ def test_a_speed_beyond_all_reckoning_is_no_odometry():
     assert finder()(corridor(1.0, 1.0), odometry_of(1e200, 0.0)) == STOP
 
 
-# -- what it may be made with
-
-
 # -- many at once; that they decide alike is in the controller contract
 
 

@@ -28,6 +28,7 @@ def test_a_filter_that_is_given_anything_answers_something(ranges, increment, ra
         lambda: filters.extend_disparities(ranges, increment, 0.3, radius),
         lambda: filters.widen_all(ranges, increment, radius),
         lambda: filters.mask_nearest(ranges, increment, radius),
+        lambda: filters.mask_bubble(ranges, increment, radius),
         lambda: filters.rolling_mean(ranges, increment, radius),
         lambda: filters.prioritise_centre(ranges, ranges, radius),
     ):
@@ -75,13 +76,6 @@ def test_a_failed_reading_takes_the_nearer_of_its_next_valid_neighbours(ranges):
 def test_a_bubble_is_as_wide_as_its_arc_says(distance, beams):
     # .3 m over arcs of distance * .25 degrees: 68.75, 13.75 and 2.29 of them
     assert filters.bubble_beams(np.array([distance]), RADIUS, INCREMENT) == beams
-
-
-def test_the_nearest_obstacle_is_masked_as_in_the_worked_example():
-    # 001.txt: [2.5, 2.5, .6, .6, 2.5, 2.5] -> [2.5, 0, 0, 0, 2.5, 2.5], a bubble of one beam to either side
-    ranges = np.array([2.5, 2.5, 0.6, 0.6, 2.5, 2.5])
-    masked = filters.mask_nearest(ranges, angle_increment=0.5, radius=0.3)
-    np.testing.assert_array_equal(masked, [2.5, 0.0, 0.0, 0.0, 2.5, 2.5])
 
 
 @pytest.mark.parametrize("nearest", [0, 1, 1079, 1080])

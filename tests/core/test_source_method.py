@@ -63,11 +63,11 @@ def test_the_threshold_gap_has_the_slides_n_and_t():
 
 def test_the_widest_gap_heads_for_the_middle_of_the_two_points():
     """Readings 600 and 601 at 15 and 15.25 degrees: C = (5 cos 15 + 2 cos 15.25, 5 sin 15 + 2 sin 15.25) / 2."""
-    ranges = np.full(1081, 5.0)
+    ranges, x, y = np.full(1081, 5.0), 3.379602, 0.910087
     ranges[601:] = 2.0
     bearing, distance = planner("widest_gap").find_goal(scan_of(ranges))
-    assert bearing == pytest.approx(math.atan2(0.910087, 3.379602), abs=1e-5)
-    assert distance == pytest.approx(math.hypot(0.910087, 3.379602), abs=1e-5)
+    assert (bearing, distance) == pytest.approx((math.atan2(y, x), math.hypot(x, y)), abs=1e-5)
+    assert planner("widest_gap").find_centre(scan_of(ranges)) == pytest.approx((x + CAR.lidar_offset, y), abs=1e-5)
     ranges[640:] = 1.0  # another jump, narrower, and the last: the source's loop would keep its a and b
     assert planner("widest_gap").find_goal(scan_of(ranges))[1] == pytest.approx(distance)
 

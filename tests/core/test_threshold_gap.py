@@ -20,14 +20,6 @@ def planner(**settings):
     return ThresholdGap(CAR, MU, 8.0, ThresholdGapSettings(**settings))
 
 
-def test_in_the_slides_array_it_heads_for_the_middle_of_the_one_gap():
-    """5.1, 6.0, 7.0 and inf: the middle is between 6.0 and 7.0, and the nearer of them counts."""
-    finder = planner(threshold=5.0, least_readings=3)
-    bearing, distance = finder.find_goal(scan_of(SLIDES, increment=0.1, angle_min=-0.55))
-    assert bearing == pytest.approx(-0.55 + 2.5 * 0.1)
-    assert distance == 6.0
-
-
 @pytest.mark.parametrize(("gap", "middle"), [("widest", 2.5), ("deepest", 8.5)])
 def test_with_two_readings_there_are_the_slides_two_gaps_and_it_has_to_choose(gap, middle):
     """Both have a reading without return, and are as deep; here the narrower one's is a metre farther."""

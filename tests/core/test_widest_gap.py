@@ -61,15 +61,6 @@ def test_the_centre_is_the_middle_of_the_widest_jump_within_45_degrees(ranges, i
         assert any(found == pytest.approx(tuple(centre), abs=1e-9) for centre in expected)
 
 
-def test_the_formulas_of_the_source():
-    # alpha = theta (i - 540), C = (a cos alpha + b cos(alpha + theta), a sin alpha + b sin(alpha + theta)) / 2
-    theta, i, a, b = math.radians(0.25), 600, 5.0, 2.0
-    alpha = theta * (i - 540)
-    x = 0.5 * (a * math.cos(alpha) + b * math.cos(alpha + theta))
-    y = 0.5 * (a * math.sin(alpha) + b * math.sin(alpha + theta))
-    assert planner().find_centre(stepped((601, 2.0))) == pytest.approx((x + CAR.lidar_offset, y))
-
-
 def test_the_last_beam_has_no_neighbour_beyond_it():
     # the source's loop is for a scan of 1080 beams, whatever comes
     assert planner().find_centre(scan_of([1.0])) is None

@@ -27,7 +27,7 @@ from fg_mujoco.controllers import BASELINES
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.messages import STOP, DriveCommand, MapLine, ScanGeometry
+from fg_mujoco.messages import STOP, DriveCommand, MapLine, PlannerContext, ScanGeometry
 from fg_mujoco.racing.planners import ControllerChoice, controller_names, make_controller
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
 from small_policies import FLAT, network_for
@@ -259,6 +259,12 @@ def test_a_trained_policy_answers_any_scan(tmp_path):
             seed=seed, count=1081, shape=shape, size=10.0, spikes=0.5, odd=odd, increment=INCREMENT, angle_min=None,
             range_max=30.0, has_pose=True,
         )))  # fmt: skip
+
+
+def test_its_assist_is_that_of_its_context():
+    context = PlannerContext(car=CAR, mu=MU, max_speed=TOP_SPEED, map_line=OVAL, assist="grip")
+    for name in NAMES:
+        assert make_controller(ControllerChoice.of(name).source, context).assist == "grip", name
 
 
 def test_two_of_them_share_nothing():
