@@ -10,6 +10,7 @@ LAPS ?= 5
 ARGS ?=
 
 BIN := $(VENV)/bin
+RACES := $(VENV)/.races
 READY := $(VENV)/.ready
 RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 
@@ -19,16 +20,26 @@ RUN := runs/$(notdir $(basename $(TRACK)))-$(shell date +%Y%m%d-%H%M%S)
 help:
 	@sed -n '/^# make/s/^# //p; /^## /s/^## //p' Makefile
 
-$(READY): pyproject.toml constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+# What a race needs, with its report and picture; nothing is compiled before it is imported.
+$(RACES): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	    || { echo "$(PYTHON) is too old or missing; needed: Python 3.10 or newer" >&2; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
 	    || { echo "Python's venv is missing; to install it: sudo apt-get install python3-venv" >&2; exit 1; }
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@echo "installing what a race needs in $(VENV), once: about a minute"
+	@$(PYTHON) -m venv $(VENV)
+	@$(PIP) --no-compile -e '.[plot,report]' || { echo "the install did not end: the same command goes on" >&2; exit 1; }
 	@touch $@
 
-race: $(READY)
+# What developers need besides.
+$(READY): $(RACES)
+	@echo "installing what tests need in $(VENV), once: some minutes"
+	@$(PIP) -e '.[dev]' || { echo "the install did not end: the same command goes on" >&2; exit 1; }
+	@touch $@
+
+race: $(RACES)
 	$(BIN)/fg-mujoco race --track $(TRACK) --controller $(CONTROLLER) --laps $(LAPS) --out $(RUN) $(ARGS)
 	@echo "the picture: $(RUN)/trace.png"
 
