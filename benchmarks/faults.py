@@ -112,10 +112,10 @@ FAULTS = {
         tests="test_measured_errors.py",
     ),
     "the noise of pairs of scans without the root of two": Fault(
-        file="addons/realcar/drives/beam_comparison.py",
+        file="benchmarks/lidar_errors.py",
         old="np.diff(left, axis=0)[same] / math.sqrt(2.0)",
         new="np.diff(left, axis=0)[same]",
-        tests="test_beam_comparison.py",
+        tests="test_realcar_benchmarks.py",
     ),
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(

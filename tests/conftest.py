@@ -46,7 +46,7 @@ SLOWEST = (
     "test_every_track.py", "test_replay_proof.py", "test_tight_tracks.py", "test_bag_map.py", "test_f110_lap_times.py",
     "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
     "test_map_course.py", "test_lidar_tracks.py", "test_readme.py", "test_cli.py", "test_f110_interfaces.py",
-    "test_field_report.py", "test_beam_comparison.py", "test_friction_cli.py", "test_compare_cli.py",
+    "test_field_report.py", "test_realcar_benchmarks.py", "test_friction_cli.py", "test_compare_cli.py",
     "test_friction_learning.py", "test_bag_run.py", "test_two_policies_example.py",
     "test_f1tenth_gym_benchmark.py", "test_autodrive_bridge.py", "test_live_view.py", "test_debug.py",
 )  # fmt: skip

@@ -136,33 +136,16 @@ def identify_command(options: argparse.Namespace) -> int:
     option("drives", "CSV files, folders of them, bags, or run folders", "DRIVE", nargs="+"),
     setup_options("vehicle", "tires", "mu", "floor"),
     _COLUMNS,
-    option("--scoreboard", "every bundled set of tires on its car, the gym's model, ForzaETH's"),
     option("--threads", "that drive the windows, same bits for any; default: 1", "N", whole, 1),
     option("--report", "a page of overlays and residuals; default: none", "FILE.html", Path),
     option("--csv", "all figures, a row each; default: none", "FILE.csv", Path),
-    option("--beams", "compare the recorded beams of the LiDAR with those cast in --map"),
-    option("--map", "the ROS map in whose frame the poses are; with --beams", "MAP.yaml", Path),
-    option(
-        "--effects", "write noise, bias and dropouts of the LiDAR, as --lidar-effects reads them; with --beams",
-        "FILE.toml", Path,
-    ),
     FORCE,
 )  # fmt: skip
 def validate_command(options: argparse.Namespace) -> int:
     """Drive the recorded commands of a real car from its recorded states, and say how far a model is off."""
-    from .validation.scoreboard import scoreboard
     from .validation.validation import validate
     from .validation.validation_page import write_validation_page
 
-    if options.beams:
-        for name in ("scoreboard", "report", "csv"):
-            if getattr(options, name):
-                raise SettingsError(f"{name} is given with --beams; accepted: --beams with --map and --effects")
-        print(_validate_beams(options), end="")
-        return 0
-    for name in ("map", "effects"):
-        if getattr(options, name) is not None:
-            raise SettingsError(f"{name} is given without --beams; accepted: --beams --map MAP.yaml")
     require_whole("threads", options.threads, 1)
     for path, endings in ((options.report, (".html", ".htm")), (options.csv, (".csv",))):
         if path is not None:
@@ -170,62 +153,22 @@ def validate_command(options: argparse.Namespace) -> int:
             require_new(path, force=options.force)
     if options.report is not None:
         require_bokeh()
-        if options.scoreboard:
-            raise SettingsError("report with --scoreboard; accepted: the page of one vehicle on one set of tires")
     setup = setup_of(options).first
-    if options.scoreboard and setup.tires is not None:
-        raise SettingsError(f"tires is {setup.tires!r} with --scoreboard, which has every bundled set; accepted: none")
     with shown_as(str, "reading drives") as watch:
-        given: dict[str, Any] = {
-            "vehicle": setup.car, "mu": setup.set_mu, "columns": options.columns, "threads": options.threads,
-            "watch": watch,
-        }  # fmt: skip
-        if options.scoreboard:
-            board = scoreboard(options.drives, **given)
-            first, text, rows = board.validations[0], str(board), board.rows
-        else:
-            first = validate(options.drives, tires=setup.tires, **given)
-            text, rows = str(first), first.rows
-    for name, checks in {drive.part_of or drive.name: drive.checks for drive in first.drives}.items():
+        found = validate(
+            options.drives, vehicle=setup.car, tires=setup.tires, mu=setup.set_mu, columns=options.columns,
+            threads=options.threads, watch=watch,
+        )  # fmt: skip
+    for name, checks in {drive.part_of or drive.name: drive.checks for drive in found.drives}.items():
         print(f"{name}: {checks}")
-    print(f"\n{text}")
+    print(f"\n{found}")
     if options.csv is not None:
         with writing(options.csv):
-            write_file(options.csv, Table.of(rows).csv().encode())
+            write_file(options.csv, Table.of(found.rows).csv().encode())
         print(f"written to {options.csv}")
     if options.report is not None:
-        print(f"report: {write_validation_page(first, options.report)}")
+        print(f"report: {write_validation_page(found, options.report)}")
     return 0
-
-
-def _validate_beams(options: argparse.Namespace) -> str:
-    """Compare the beams of `options.drives` with the map, and return the tables as a text.
-
-    Raises:
-      SettingsError: no map, a drive without beams or poses, or one that was not driven in the map.
-      TrackError: a map that cannot be read.
-    """
-    from .drives.beam_comparison import compare_beams
-    from .drives.beam_text import comparison_text
-    from .drives.recorded_beams import RecordedBeams
-    from .drives.wall_rays import MapWalls
-
-    if options.map is None:
-        raise SettingsError("--beams without --map; accepted: the map_server YAML in whose frame the poses are")
-    if options.effects is not None:
-        require_new(options.effects, force=options.force)
-    walls = MapWalls.of(options.map)
-    with shown_as(str, "reading drives") as watch:
-        recorded: list[RecordedBeams] = []
-        for index, source in enumerate(options.drives, start=1):
-            watch(f"reading {index} of {len(options.drives)} drives")
-            recorded += map(RecordedBeams.of, read_drive(source, columns=options.columns).parts())
-        found = compare_beams(recorded, walls, map_name=options.map.stem, watch=watch)
-    text = comparison_text(found)
-    if options.effects is not None:
-        write_file(options.effects, found.errors.toml.encode())
-        text += f"\nwritten to {options.effects}, for --lidar-effects\n"
-    return text
 
 
 @command(

@@ -4,7 +4,7 @@
     errors.noise[0]                       # [m] standard deviation at bearings[0], at each of `ranges`
     errors = MeasuredErrors.load("my_lidar.toml")
 
-A file is TOML with the keys of MeasuredErrors. `fg-mujoco validate --beams` measures one. The bundled files are those
+A file is TOML with the keys of MeasuredErrors. `benchmarks/lidar_errors.py` measures one. The bundled files are those
 of models/lidar_effects/.
 """
 
@@ -153,7 +153,7 @@ def _bundled(name: str) -> MeasuredErrors:
 
 
 def _parsed(text: str, where: str) -> MeasuredErrors:
-    table = read_toml_table(text, where, "as fg-mujoco validate --beams writes it")
+    table = read_toml_table(text, where, "as benchmarks/lidar_errors.py writes it")
     return _of(table, where)
 
 

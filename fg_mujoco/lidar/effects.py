@@ -43,8 +43,8 @@ class LidarEffects:
     motion_distortion: bool = setting(False, "each beam from the pose at its own time in the sweep", "", "sensors")
     no_return: str = "inf"  # what a beam without a return reads: "inf" or "range_max"
     measured: Mapping[str, Any] | str | Path | None = setting(
-        None, "noise, bias and dropouts by range and bearing as measured: {names}, or the file that validate --beams "
-        "wrote", "NAME|FILE.toml", "sensors",
+        None, "noise, bias and dropouts by range and bearing as measured: {names}, or a TOML file of "
+        "your own", "NAME|FILE.toml", "sensors",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

@@ -7,7 +7,4 @@
 `channels` has what one sensor measured, `recorded` a drive of them. `drive_columns` says which column of a CSV file is
 what, `drive_csv` reads it, `wrong_units` recognises degrees and the like, `drive_checks` compares the sensors with each
 other, `driven_runs` makes the drive of a run folder, and `reading` reads any drive.
-
-`recorded_beams` casts the LiDAR's beams in a map and finds where the LiDAR sits, `beam_comparison` says how far
-recorded and cast beams are apart and why, and `beam_text` writes it.
 """

@@ -231,15 +231,10 @@ def read(
     return [part for drive in found for part in drive.parts()]
 
 
-def motions_of(
-    drives: Sequence[RecordedDrive], model: DriveModel, *, watch: Callable[[str], None] | None = None
+def _motions_of(
+    drives: Sequence[RecordedDrive], model: DriveModel, watch: Callable[[str], None] | None
 ) -> tuple[list[DriveMotion], list[str]]:
-    """Return the smoothed motions of drives for the car of a model, and which drives are left out and why.
-
-    Raises:
-      MissingExtraError: SciPy is not installed.
-      SettingsError: no drive, or the only one cannot be smoothed.
-    """
+    """Return the smoothed motions of drives for the car of a model, and which drives are left out and why."""
     require_scipy()
     if not drives:
         raise SettingsError("no drive; accepted: one or more")
@@ -258,21 +253,10 @@ def motions_of(
 
 
 def validate_model(
-    model: DriveModel,
-    drives: Sequence[RecordedDrive],
-    *,
-    smoothed: tuple[list[DriveMotion], list[str]] | None = None,
-    watch: Callable[[str], None] | None = None,
+    model: DriveModel, drives: Sequence[RecordedDrive], *, watch: Callable[[str], None] | None = None
 ) -> Validation:
-    """Return how well any model agrees with recorded drives; errors as of `validate`.
-
-    Args:
-      model: to be driven.
-      drives: that were recorded.
-      smoothed: of `motions_of`, where several models have one car; None: they are smoothed here.
-      watch: called with the progress in words.
-    """
-    motions, left_out = motions_of(drives, model, watch=watch) if smoothed is None else smoothed
+    """Return how well any model agrees with recorded drives; `watch` and errors as of `validate`."""
+    motions, left_out = _motions_of(drives, model, watch)
     commanded = bool(motions) and all(motion.commanded[0] != HOLD_SPEED for motion in motions)
     windows = {length: windows_of(motions, length) for length in LENGTHS}
     parts: list[tuple[tuple[str, float], list[Window]]] = [

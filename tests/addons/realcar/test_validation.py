@@ -11,17 +11,11 @@ from refusals import refused
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
-from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.drives.reading import read_drive
-from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
-from fg_mujoco.addons.realcar.validation.agreement import of_center
 from fg_mujoco.addons.realcar.validation.car_model import BEFORE, CarModel, Task
-from fg_mujoco.addons.realcar.validation.planar_models import PlanarModel
-from fg_mujoco.addons.realcar.validation.scoreboard import models_of
 from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
 from fg_mujoco.addons.realcar.validation.windows import (
     ACCELERATE,
-    COMMAND_SPEED,
     HOLD_SPEED,
     PERIOD,
     motion_of,
@@ -94,25 +88,6 @@ def task(steering, drive, start, seconds, *, kind):
     )  # fmt: skip
 
 
-def test_the_gyms_model_is_the_gyms():
-    """The same steering, from the same state, by `vehicle_dynamics_st` of our f110 code, integrated on its own."""
-    car, steering = CAR.parameters, 0.1
-    model = PlanarModel(name="gym", vehicle=CAR)
-    found = model.simulate(task(steering, 3.0, (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, steering), 1.0, kind=COMMAND_SPEED))[0]
-    numbers = (
-        1.0489, FRONT_STIFFNESS, REAR_STIFFNESS, car.front_axle_distance, car.rear_axle_distance,
-        car.center_of_gravity_height, car.mass, car.yaw_inertia, -car.max_steering_angle, car.max_steering_angle,
-        -car.max_steering_rate, car.max_steering_rate, car.power_limit_speed, car.max_acceleration, car.min_speed,
-        car.max_speed,
-    )  # fmt: skip
-    x = np.array([0.0, 0.0, steering, 3.0, 0.0, 0.0, 0.0])
-    for _ in range(10000):
-        x = x + 1e-4 * vehicle_dynamics_st(x, np.zeros(2), *numbers)
-    assert found[-1, 5] == pytest.approx(x[5], rel=0.02)
-    slip, _ = of_center(found[np.newaxis], car.rear_axle_distance)
-    assert slip[0, -1] == pytest.approx(x[6], abs=0.003)
-
-
 @pytest.mark.parametrize(("vehicle", "asked"), [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
 def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance(vehicle, asked):
     """Newton: of ipz .238 m/s^2 for each m/s and .0422 g, which also turn the wheels: 4.283 kg for 4.0 kg."""
@@ -122,8 +97,6 @@ def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_
     speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
     resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
     assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
-    planar = PlanarModel(name="gym", vehicle=CAR).simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0]
-    assert planar[-1, 3] == pytest.approx(3.0 + asked, abs=1e-6)
 
 
 def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_path):
@@ -167,14 +140,6 @@ def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, ca
         page.wait_for_selector("canvas", state="attached")
         assert page.locator("h2").count() == 5 and complaints == []
     assert "exists" in refused(tmp_path, capsys, *words, "--csv", "figures.csv")
-    assert "accepted: none" in refused(tmp_path, capsys, *words, "--scoreboard", "--tires", "coulomb")
-
-
-@pytest.mark.parametrize("vehicle", ["f1tenth", "ipz"])
-def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which(vehicle):
-    names = {model.name for model in models_of(Vehicle.load(vehicle))}
-    assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
-    assert len(names) == 9 + 1 + 5
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")

@@ -1,4 +1,8 @@
-"""The models of other simulators, driven through the same windows: f1tenth_gym's and ForzaETH's.
+"""A scoreboard of models on recorded drives: every bundled set of tires, f1tenth_gym's model, and ForzaETH's.
+
+    python benchmarks/scoreboard.py DRIVE ... [--mu 0.66] [--vehicle f1tenth] [--columns FILE.toml] [--threads N]
+
+Each set of tires is driven on the vehicle that it was measured on, as `fg-mujoco validate` drives one. Then come
 
 - `f1tenth_gym`: CommonRoad's single-track model with linear axles and load transfer, as `single_track` has it,
   with the gym's stiffnesses and friction. Speed and steering are commanded through the gym's controller: a P controller
@@ -12,24 +16,40 @@ commands that are accelerations are those of the models, without the controller 
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from common import table
 from numpy.typing import NDArray
 
+from fg_mujoco.addons.realcar.single_track import (
+    FRONT_STIFFNESS,
+    REAR_STIFFNESS,
+    axle_loads,
+    friction_used,
+    linear_rates,
+)
+from fg_mujoco.addons.realcar.validation.car_model import BEFORE, SIGNALS, CarModel, Task
+from fg_mujoco.addons.realcar.validation.validation import (
+    COMMANDS,
+    HELD,
+    STEADY,
+    DriveModel,
+    Validation,
+    read,
+    validate_model,
+)
+from fg_mujoco.addons.realcar.validation.windows import ACCELERATE, HOLD_SPEED, PERIOD
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.vehicle.command_response import CommandResponse
-from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.tires import Tires, tire_names
 from fg_mujoco.vehicle.tires.magic_formula import MagicFormula
-from fg_mujoco.vehicle.vehicle import Vehicle
-
-from ..single_track import FRONT_STIFFNESS, REAR_STIFFNESS, axle_loads, friction_used, linear_rates
-from .car_model import BEFORE, SIGNALS, Task
-from .windows import ACCELERATE, HOLD_SPEED, PERIOD
+from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 GYM_MU = 1.0489
 """[-] f1tenth_gym's friction: `mu` of its default parameters."""
@@ -37,6 +57,20 @@ GYM_MU = 1.0489
 _STEPS = 10  # of Euler's method a period: 1 ms
 _KINEMATIC = 0.5  # [m/s] f1tenth_gym
 _GAIN = 10.0  # [1/s] by which a speed is held
+
+_COLUMNS: tuple[tuple[str, str, str, float], ...] = (
+    ("yaw rate, steady [%]", "yaw rate", STEADY, 0.0),
+    ("slip angle, steady [rad]", "slip angle", STEADY, 0.0),
+    ("yaw rate, 1 s [%]", "yaw rate", HELD, 1.0),
+    ("yaw rate, 5 s [%]", "yaw rate", HELD, 5.0),
+    ("lateral acceleration, 1 s [%]", "lateral acceleration", HELD, 1.0),
+    ("position, 1 s [m]", "position", HELD, 1.0),
+    ("yaw rate, commands, 1 s [%]", "yaw rate", COMMANDS, 1.0),
+    ("speed, commands, 1 s [%]", "speed", COMMANDS, 1.0),
+)
+_FORZAETH = "nuc2"  # the vehicle whose constants are those of ForzaETH's car NUC2
+_MEASURED_ON = {"ipz": "ipz", "forzaeth": _FORZAETH, "f1tenth": "f1tenth"}
+"""First part of the name of a set of tires -> vehicle that it was measured on, or was made for."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -167,3 +201,60 @@ def _drive(
                 heading += dt * yaw_rate
                 x += dt * (along * math.cos(heading) - across * math.sin(heading))
                 y += dt * (along * math.sin(heading) + across * math.cos(heading))
+
+
+def models_of(vehicle: Vehicle, *, mu: float | None = None, threads: int = 1) -> list[DriveModel]:
+    """Return the models of a scoreboard: each bundled set of tires on its vehicle, f1tenth_gym, and ForzaETH's.
+
+    Sets that were measured on none of the bundled vehicles stand on `vehicle`, whose own set is among them.
+    """
+    sets = {name: Tires.load(name) for name in tire_names()}
+    models: list[DriveModel] = []
+    for name, tires in (sets | {vehicle.tires.name: vehicle.tires}).items():
+        if not tires.is_contact:  # whose sliding is right at ten times as many steps only
+            own = None if name == vehicle.tires.name else _MEASURED_ON.get(name.partition("_")[0])
+            car = vehicle if own is None else Vehicle.load(own)
+            models.append(CarModel(vehicle=car, tires=tires, mu=mu, threads=threads))
+    models.append(PlanarModel(name="f1tenth_gym's model", vehicle=Vehicle.load(DEFAULT_VEHICLE), mu=mu))
+    forzaeth = Vehicle.load(_FORZAETH)
+    for name in tire_names():
+        if name.startswith("forzaeth_"):
+            own = name.removeprefix("forzaeth_").upper()
+            models.append(PlanarModel(name=f"ForzaETH's model, {own}", vehicle=forzaeth, tires=Tires.load(name), mu=mu))
+    return models
+
+
+def rows_of(validations: Sequence[Validation]) -> list[list[object]]:
+    """Return a row for each model, the one with the least error of the yaw rate over steady states first."""
+    rows = []
+    for each in validations:
+        cells: list[object] = [each.model, f"{each.friction:.3f}"]
+        for name, signal, how, length in _COLUMNS:
+            found = each.agreement(signal, how, length)
+            percent = name.endswith("[%]")
+            cells.append("" if found is None else f"{100.0 * found.share:.1f}" if percent else f"{found.rms:.3f}")
+        recorded, model = each.plateau
+        cells.append(f"{100.0 * (model / recorded - 1.0):+.1f}" if recorded == recorded else "")
+        cells.append(sum(state.spun for state in each.steady))
+        rows.append(cells)
+    return sorted(rows, key=lambda row: float(str(row[2] or row[4])))
+
+
+def main() -> None:
+    """Print the scoreboard."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("drives", nargs="+", help="as `fg-mujoco validate` takes them")
+    parser.add_argument("--mu", type=float, help="friction of all models; default: each its own")
+    parser.add_argument("--vehicle", default=DEFAULT_VEHICLE, help="of sets that were measured on no bundled vehicle")
+    parser.add_argument("--columns", help="of CSV files")
+    parser.add_argument("--threads", type=int, default=1)
+    options = parser.parse_args()
+    vehicle = Vehicle.load(options.vehicle)
+    drives = read(options.drives, columns=options.columns, vehicle=vehicle)
+    models = models_of(vehicle, mu=options.mu, threads=options.threads)
+    rows = rows_of([validate_model(model, drives) for model in models])
+    print(table(("model", "friction [-]", *(name for name, *_ in _COLUMNS), "plateau [%]", "states spun"), rows))
+
+
+if __name__ == "__main__":
+    main()
