@@ -7,21 +7,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.messages import CarParameters, FloatArray
+from fg_mujoco.messages import CarParameters
 
 from .control.driving import DrivingSettings
 from .control.planner import GoalPlanner, Planner
-from .control.planner_settings import Accepted, Record, setting
+from .control.planner_settings import Accepted, setting
 from .control.steering import saturate
-from .perception.intermediate_scans import IntermediateScans
 
 _FAR = 3.0  # [m] to the goal
 _MOST = 1.0  # [rad] to either side, of what is drawn
 _MODULUS, _FACTOR, _DISCARDED = 2**31 - 1, 16807, 3  # S. Park and K. Miller, Random number generators, 1988
+
+
+def _always(bearing: float) -> Any:
+    """Return the kernel `goal` of a planner whose goal has always the same bearing [rad]."""
+
+    @kernel
+    def goal(scan, ranges, car, settings, shown):  # type: ignore[no-untyped-def]
+        return bearing, _FAR
+
+    return staticmethod(goal)
 
 
 class Straight(GoalPlanner):
@@ -29,14 +39,7 @@ class Straight(GoalPlanner):
 
     Settings = DrivingSettings
     source_laws = ()
-
-    @staticmethod
-    @kernel
-    def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
-    ) -> tuple[float, float]:
-        """Return the goal's bearing [rad] and distance [m]: always the same."""
-        return 0.0, _FAR
+    goal = _always(0.0)
 
 
 class HardLeft(GoalPlanner):
@@ -44,14 +47,7 @@ class HardLeft(GoalPlanner):
 
     Settings = DrivingSettings
     source_laws = ()
-
-    @staticmethod
-    @kernel
-    def goal(
-        scan: Record, ranges: FloatArray, car: Record, settings: Record, shown: IntermediateScans
-    ) -> tuple[float, float]:
-        """Return the goal's bearing [rad] and distance [m]: always the same."""
-        return 1.0, _FAR
+    goal = _always(1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +77,9 @@ class Random(Planner):
 
     @staticmethod
     @kernel
-    def reference(
-        scan: Record,
-        ranges: FloatArray,
-        odometry: Record,
-        car: Record,
-        settings: Record,
-        memory: Record,
-        line: FloatArray,
-    ) -> tuple[float, float, float]:
+    def reference(  # type: ignore[no-untyped-def]
+        scan, ranges, odometry, car, settings, memory, line
+    ):
         """Return the steering angle [rad] of the drawn bearing, no limit to the speed, and the bearing [rad]."""
         state, draws = memory.state, 1
         if state == 0:  # of a new drive, or of one after a reset

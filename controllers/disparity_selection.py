@@ -103,21 +103,18 @@ class DisparitySelection(GoalPlanner):
         """Return the goal's bearing [rad] and distance [m]; NaN where nothing is free."""
         half = 0.5 * settings.field_of_view
         first, end = beams_between(scan, len(ranges), -half, half)
-        free = shown.bubble[first:end]
-        if settings.method == SOURCE:
-            keep(shown.bubble, ranges)
-            keep(free, mask_bubble(free, scan.angle_increment, settings.bubble_radius))
-            gap_first, gap_end = longest_run(free)
-            if gap_first == gap_end:
-                return math.nan, 0.0
-            keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
-            beam = source_beam(free, gap_first, gap_end, settings.disparity_threshold)
-            return bearing_of(scan, first + beam), free[beam]
-        keep(shown.bubble, clip_to_lookahead(ranges, settings.lookahead))
-        keep(free, mask_nearest(free, scan.angle_increment, settings.bubble_radius))
-        gap_first, gap_end = best_opening(free, scan.angle_increment, settings.disparity_threshold)
+        free, increment, threshold = shown.bubble[first:end], scan.angle_increment, settings.disparity_threshold
+        source = settings.method == SOURCE
+        keep(shown.bubble, ranges if source else clip_to_lookahead(ranges, settings.lookahead))
+        if source:
+            keep(free, mask_bubble(free, increment, settings.bubble_radius))
+        else:
+            keep(free, mask_nearest(free, increment, settings.bubble_radius))
+        gap_first, gap_end = longest_run(free) if source else best_opening(free, increment, threshold)
         if gap_first == gap_end:
             return math.nan, 0.0
         keep_run(shown.gap, shown.bubble, first + gap_first, first + gap_end)
         place = middle_of(gap_first, gap_end)
+        if source:
+            place = float(source_beam(free, gap_first, gap_end, threshold))
         return bearing_of(scan, first + place), range_at(free, place)
