@@ -74,35 +74,23 @@ def report_command(options: argparse.Namespace) -> int:
     option("--at", "time in the run that the page opens at; default: its end, or crash", "S", number),
     option("--window", "of decisions in the page, round --at [s]; default: 3", "S", number, 3.0),
     option("--out", f"default: DIR/{DEBUG_PAGE}", "FILE.html", Path),
-    option("--picture", "draw the decision at --at; no page is written without --out", "FILE.png", Path),
     TRUST,
 )
 def debug_command(options: argparse.Namespace) -> int:
     """Write the page to step through a run's decisions: scan, what the planner made of it, command and why."""
-    from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
-
     from .debug import debug
 
-    path, picture = options.out, options.picture
-    if path is None and picture is None:
-        path = Path(options.folder) / DEBUG_PAGE
+    path = options.out or Path(options.folder) / DEBUG_PAGE
     require_ending(path, ".html", ".htm", what="a page")
-    require_ending(picture, ".png", what="a picture")
-    if picture is not None:
-        require_matplotlib()
     seen = debug(options.folder, at=options.at, window=options.window, trust=options.trust)
     for note in seen.notes:
         print(f"fg-mujoco: {note}", file=sys.stderr)
-    if path is not None:
-        seen.write_page(path)
-        first, last = seen.decisions[0], seen.decisions[-1]
-        print(
-            f"{path}: {len(seen.decisions)} decisions from {first.time:.3f} to {last.time:.3f} s, "
-            f"{path.stat().st_size / 1e6:.1f} MB"
-        )
-    if picture is not None:
-        seen.write_picture(picture)
-        print(f"{picture}: the decision at {seen.chosen.time:.3f} s")
+    seen.write_page(path)
+    first, last = seen.decisions[0], seen.decisions[-1]
+    print(
+        f"{path}: {len(seen.decisions)} decisions from {first.time:.3f} to {last.time:.3f} s, "
+        f"{path.stat().st_size / 1e6:.1f} MB"
+    )
     chosen = seen.chosen
     if chosen.failure:
         print(f"at {chosen.time:.3f} s the planner failed: {chosen.failure.splitlines()[0]}")

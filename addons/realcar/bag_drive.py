@@ -40,13 +40,14 @@ from fg_mujoco.addons.ros.composed_topics import SPEED_TO_ERPM
 from fg_mujoco.course.files import file_sha256
 from fg_mujoco.errors import BagError, SettingsError
 from fg_mujoco.messages import CarParameters
+from fg_mujoco.racing.run_folder import read_run
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle
 
 from .drives.channels import Channel
 from .drives.drive_checks import check_drive
 from .drives.drive_columns import DriveColumns
 from .drives.drive_recording import RecordedDrive
-from .drives.reading import kind_of, read_measured_run, refuse_for_kind
+from .drives.reading import kind_of, refuse_for_kind
 from .drives.reading import read_drive as recorded_drive
 from .identification.drive_log import Drive
 from .identification.fit import require_scipy
@@ -133,7 +134,7 @@ def read_drives(
     assumed = Vehicle.load(vehicle or DEFAULT_VEHICLE)
     if kind_of(path) == "run":
         refuse_for_kind(path, "run", columns, topics)
-        return [Drive.of_run(read_measured_run(path), None if vehicle is None else assumed.parameters)]
+        return [Drive.of_run(read_run(path), None if vehicle is None else assumed.parameters)]
     parts = recorded_drive(path, columns=columns, vehicle=assumed, **topics).parts()
     found, refused = [], []
     for part in parts:

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
 from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, trust, whole
 from fg_mujoco.cli.options import CAR, NAMES, in_one_line, setup_of, setup_options
-from fg_mujoco.cli.out import RUN, require_new, write_page
+from fg_mujoco.cli.out import require_new
 from fg_mujoco.cli.progress import ProgressLine, shown_as
 from fg_mujoco.cli.race import RaceWatch
 from fg_mujoco.course.course import describe_course
 from fg_mujoco.course.maps.map_server import RESOLUTION, require_maps_extra
-from fg_mujoco.course.writing import temporary_folder, write_file
+from fg_mujoco.course.writing import write_file
 from fg_mujoco.errors import PlannerError, SettingsError, TrackError, accepted_names
 from fg_mujoco.messages import require_whole
 from fg_mujoco.pictures.pages.bokeh_plots import require_bokeh
@@ -31,7 +31,6 @@ from fg_mujoco.pictures.pages.page import writing
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
 from fg_mujoco.racing.resolved import ground_of
-from fg_mujoco.racing.run_folder import check_run_folder, read_run
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -234,11 +233,6 @@ def export_command(options: argparse.Namespace) -> int:
 @command(
     _BAG,
     option("--map", "write the map of its scans, with a PNG beside it", "FILE.yaml", Path),
-    option(
-        "--out", "write the drive as a run folder, for report, debug and replay-scans; DIR/ numbers itself: DIR/001",
-        "DIR",
-    ),
-    lambda parser: parser.set_defaults(folder_kind=RUN),
     option("--resolution", f"of the map's cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
     option("--match", "correct the poses by the scans, too, where they are not said to drift"),
     _SCAN_TOPIC,
@@ -246,59 +240,41 @@ def export_command(options: argparse.Namespace) -> int:
         "--pose-topic", "of poses on the map; default: the transforms from map, or the only one with poses", "TOPIC"
     ),
     _ODOM_TOPIC,
-    _DRIVE_TOPIC,
     _COLUMNS,
     setup_options("vehicle"),
-    option("--force", "replace files that exist, and the run that DIR has"),
+    FORCE,
 )  # fmt: skip
 def bag_command(options: argparse.Namespace) -> int:
     """Say what a robot's bag holds, and make a map of it that --track takes."""
     from fg_mujoco.addons.ros.bag_recording import Recording
 
-    from .bag_mapping.mapped_run import write_recorded_run
-    from .bag_mapping.poses import read_sweeps
+    from .mapping.bag_sweeps import read_sweeps
     from .mapping.recorded_map import make_map, map_files, write_map
 
     if _is_csv(options):
-        if options.map is not None or options.out is not None:
-            what = "map" if options.map is not None else "out"
-            raise SettingsError(f"{what} is given, and {options.bag} is a CSV file; accepted: with bags")
+        if options.map is not None:
+            raise SettingsError(f"map is given, and {options.bag} is a CSV file; accepted: with bags")
         print("\n".join(read_drive(options.bag, columns=options.columns).lines))
         return 0
     require_ros_extra()
-    if options.map is not None or options.out is not None:
-        require_maps_extra()
     if options.map is not None:
+        require_maps_extra()
         for file in map_files(options.map):
             require_new(file, force=options.force)
-    if options.out is not None:
-        check_run_folder(options.out)
     vehicle = setup_of(options).first.car
-    with contextlib.ExitStack() as stack:
-        bag = stack.enter_context(Recording(options.bag))
+    with Recording(options.bag) as bag:
         print("\n".join(bag.table()))
-        if options.map is None and options.out is None:
+        if options.map is None:
             return 0
-        aside = stack.enter_context(temporary_folder("the map of the bag"))
-        path = options.map or aside / f"{bag.path.resolve().stem}.yaml"
         with bag.blame(), _progress("scan") as watch:
             sweeps = read_sweeps(
                 bag, vehicle.parameters, scan_topic=options.scan_topic, pose_topic=options.pose_topic,
                 odometry_topic=options.odom_topic,
             )  # fmt: skip
             made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
-        write_map(made, path, f"made by: fg-mujoco bag {bag.path.name}")
-        print(f"{options.map or 'map'}: {_size(made)}, of {made.text}")
-        if options.map is not None:
-            print(_course_of(options.map))
-        if options.out is not None:
-            with contextlib.redirect_stdout(sys.stderr):
-                course = load_track(str(path))
-                write_recorded_run(
-                    bag, sweeps, made, course, vehicle, options.out, drive_topic=options.drive_topic
-                )
-                write_page(options.out)
-            print(f"written to {options.out}: {read_run(options.out)!r}")
+        write_map(made, options.map, f"made by: fg-mujoco bag {bag.path.name}")
+        print(f"{options.map}: {_size(made)}, of {made.text}")
+        print(_course_of(options.map))
     return 0
 
 
@@ -323,7 +299,7 @@ def _is_csv(options: argparse.Namespace) -> bool:
     refuse_for_kind(path, kind, options.columns, {})
     if kind == "csv":
         names = ("scan_topic", "drive_topic", "odom_topic")
-        refuse_for_kind(path, kind, None, {name: getattr(options, name) for name in names})
+        refuse_for_kind(path, kind, None, {name: getattr(options, name, None) for name in names})
     return kind == "csv"
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from ..arguments import explain_class
 from ..course.course import Course
 from ..display import brief
-from ..errors import FgMujocoError, RunFolderError
+from ..errors import FgMujocoError
 from ..messages import CarParameters, FloatArray
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
@@ -40,7 +40,7 @@ from .figures import CourseFigures, TrackFigures, course_figures, driven_figures
 from .resimulation import Recording, load_world, recorded_planner, resimulate
 from .result import EVENTS, OF_CAR_0, History, Trajectory, trajectory_sha256
 from .rules import RaceRecord, race_control
-from .run_folder import NOT_SIMULATED, RECORDED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
+from .run_folder import NOT_SIMULATED, SCENE, STATES, SUMMARY, TELEMETRY_FILE, Run, as_json, of_car, read_run
 
 _FROM_OUTSIDE = ("interrupted", "failed", "planner_failed", "decision_limit")  # reasons that no simulation tells
 _OF_PLANNERS = ("planner_failed", "decision_limit")
@@ -123,8 +123,6 @@ def replay(folder: str | Path) -> ReplayReport:
       RunFolderError: the folder is not a run folder, or is damaged.
     """
     run = read_run(folder)
-    if run.summary.get("end_reason") == RECORDED:
-        raise RunFolderError(f"{folder}: was recorded by a car, and not simulated; accepted: a race, or a drive")
     world = load_world(run)
     differences, no_course = [], ""
     try:

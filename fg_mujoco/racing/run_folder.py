@@ -76,8 +76,6 @@ SCENE, STATES, TELEMETRY_FILE = _SCENE, _STATES, _TELEMETRY
 _POLICIES = tuple(f"controller{ending}" for ending in POLICY_ENDINGS)  # in the place of controller.py
 NOT_SIMULATED = (_TRACE, _CONTROLLER, *_POLICIES, FAILED_SCAN)
 """Files of which no replay says anything."""
-RECORDED = "recorded"
-"""End of a run that a car recorded, and nobody simulated: what the tires did is not known."""
 _ODOMETRY = ODOMETRY.names or ()
 _READING = tuple(f.name for f in fields(Reading))
 _READ_BACK = (_SCENE, _STATES, _TELEMETRY, _CONTROLLER, *_POLICIES, FAILED_SCAN)  # pictures and pages can be made again

@@ -4,8 +4,8 @@
     print(seen.chosen.why_speed)
     seen.write_page("debug.html")
 
-`decisions` drives the run again and asks its planner, `debug_page` writes the decisions as one HTML page to step
-through, and `picture` draws one of them.
+`decisions` drives the run again and asks its planner, and `debug_page` writes the decisions as one HTML page to step
+through.
 """
 
 from .debugged_run import DebuggedRun, debug

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from base64 import b64encode
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,22 @@ from fg_mujoco.simulation.telemetry import recorded_command
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import slides_above
 
-from .decision_colours import DRIVEN, hex_colour, law_colours, scan_colours
 from .decisions import Decision, Step
 from .window import Moving, Window
+
+# Colours read on light and on dark. Most are after Okabe and Ito.
+_SCANS = {"raw": "#59606b", "filtered": "#0a84c6", "extended": "#e07b00", "bubble": "#e0314b", "gap": "#12a066"}
+_DRIVEN = "#e07b00"
+_UNKNOWN = "#8a8f98"
+
+_LAWS = {
+    "maximum speed": "#9aa1ab", "planner": "#2f7ed8", "last plan": "#b06a00", "no plan": "#7a1f2b",
+    "mean range": "#59b4e0", "guidance": "#a04bd0",
+    "turning in moves": "#d06bd0", "no reference": "#7a1f2b", "distance ahead": "#b8a200", "after recovery": "#c98a5a",
+    "sight": "#e07b00", "safety filter": "#e0314b", "recovery": "#8a5a2b", "friction limiter": "#12a066",
+    "clamped by the car": "#3b4252", "the planner failed": "#e0314b", "not known": _UNKNOWN,
+}  # fmt: skip
+_OTHERS = ("#2f7ed8", "#e07b00", "#12a066", "#a04bd0", "#b8a200", "#59b4e0", "#c98a5a", "#d06bd0")
 
 _MISSING = 65535  # of a range that is not a number
 _MOST_MOTION = 60  # points of a motion
@@ -116,7 +130,7 @@ def _data(seen: Window) -> dict[str, Any]:
     names = list(dict.fromkeys(name for decision in seen.decisions for name in decision.scans))
     drawn = [each for decision in seen.decisions for each in decision.drawn]
     laws = list(dict.fromkeys(seen.laws))
-    colours = law_colours(laws)
+    colours = _coloured(laws, _LAWS)
     summary = seen.run.summary
     return {
         "at": seen.at,
@@ -130,13 +144,13 @@ def _data(seen: Window) -> dict[str, Any]:
         },
         "period": scan.scan_time,
         "top_speed": float(summary["speed_limit_m_s"]),
-        "scans": [[name, colour] for name, colour in scan_colours(names).items()],
-        "drawn": [[name, hex_colour(colour)] for name, colour in {each.name: each.colour for each in drawn}.items()],
+        "scans": [[name, colour] for name, colour in _coloured(names, _SCANS).items()],
+        "drawn": [[name, _hex(colour)] for name, colour in {each.name: each.colour for each in drawn}.items()],
         "numbers": list(dict.fromkeys(name for decision in seen.decisions for name in decision.numbers)),
         "laws": [[name, colours[name]] for name in laws],
         "stretches": [[first, end, laws.index(name)] for first, end, name in seen.stretches],
         "slides_above": slides_above(seen.run.tires_model),
-        "driven_colour": DRIVEN,
+        "driven_colour": _DRIVEN,
         "ahead": seen.ticks_ahead,
         "before": min(seen.decisions[0].tick, seen.ticks_ahead),  # places of `driven` before the first decision
         "driven": [[_rounded(x, 3), _rounded(y, 3)] for x, y in seen.driven(seen.decisions[0], seen.decisions[-1])],
@@ -170,7 +184,7 @@ def _decision(decision: Decision, unit: float, moving: list[FloatArray]) -> dict
         "goal": None if decision.goal is None else [_rounded(value, 3) for value in decision.goal],
         "motion": np.round(decision.motion[::skip], 3).tolist(),
         "numbers": {name: _number(value) for name, value in decision.numbers.items()},
-        "drawn": [[each.name, hex_colour(each.colour), np.round(each.points, 3).tolist()] for each in decision.drawn],
+        "drawn": [[each.name, _hex(each.colour), np.round(each.points, 3).tolist()] for each in decision.drawn],
         "moving": [np.round(outline, 3).tolist() for outline in moving],
         "failure": decision.failure,
         "scans": {name: _packed(ranges, unit) for name, ranges in decision.scans.items()},
@@ -205,3 +219,13 @@ def _number(value: float) -> float | str:
 def _rounded(value: float, digits: int) -> float | None:
     """Return a number as the page has it; None for what is none."""
     return round(float(value), digits) if math.isfinite(value) else None
+
+
+def _hex(colour: Sequence[int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _coloured(names: Sequence[str], known: dict[str, str]) -> dict[str, str]:
+    """Return a colour for each name: the known ones, and others in turn."""
+    others = [name for name in names if name not in known]
+    return {name: known.get(name) or _OTHERS[others.index(name) % len(_OTHERS)] for name in names}

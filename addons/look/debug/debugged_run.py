@@ -1,4 +1,4 @@
-"""A run whose decisions are looked at: a window of them, as objects, as a page, or as a picture."""
+"""A run whose decisions are looked at: a window of them, as objects or as a page."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from fg_mujoco.messages import Controller, FloatArray, LaserScan, Odometry
 from fg_mujoco.pictures.rendering.recorded_drive import Drive, read_drive
 from fg_mujoco.racing.resimulation import load_world, recorded_planner, resimulate
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import FAILED_SCAN, RECORDED, Run, read_failed_scan, read_run
+from fg_mujoco.racing.run_folder import FAILED_SCAN, Run, read_failed_scan, read_run
 from fg_mujoco.simulation.world import World
 
 from ..report.map_shapes import map_shapes
 from ..report.recorded import RecordedRun, read_recorded
 from .debug_page import debug_page
 from .decisions import Witness
-from .picture import debug_picture
 from .window import Window
 
 WINDOW = 3.0  # [s]
@@ -29,7 +28,7 @@ LONGEST_WINDOW = 30.0  # [s] of a page, which then has some 20 MB
 
 @explain_class
 class DebuggedRun(Window):
-    """A window of a run's decisions, which can be written as a page or drawn as a picture."""
+    """A window of a run's decisions, which can be written as a page."""
 
     def write_page(self, path: str | Path) -> Path:
         """Write the page to step through the decisions, and return its path.
@@ -38,15 +37,6 @@ class DebuggedRun(Window):
           RunFolderError: it cannot be written.
         """
         return debug_page(self, Path(path))
-
-    def write_picture(self, path: str | Path) -> Path:
-        """Draw the chosen decision, and return the path of the picture.
-
-        Raises:
-          MissingExtraError: matplotlib is not installed.
-          RunFolderError: it cannot be written.
-        """
-        return debug_picture(self, Path(path))
 
 
 def debug(
@@ -125,9 +115,6 @@ def _planner(
 ) -> Controller | None:
     """Return the planner of the run, or None and a note why there is none."""
     folder = run.folder if isinstance(run, Run) else None
-    if recorded.summary.get("end_reason") == RECORDED:
-        notes.append("A car recorded this drive. The scans are measured in the map that was made of its own.")
-        return None
     try:
         return recorded_planner(
             recorded.summary, recorded.model, trust=trust or drive.raced_here, where=recorded.source, folder=folder

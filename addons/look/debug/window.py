@@ -1,4 +1,4 @@
-"""A window of a run's decisions, as the page and the picture take it."""
+"""A window of a run's decisions, as the page takes it."""
 
 from __future__ import annotations
 

@@ -5,9 +5,6 @@ rebinding). A browser says in `Origin` whose page asks, and in `Host` by which n
 its `Host` is an address, `localhost`, this machine's name or the name that is listened on, and its `Origin`, if it has
 one, is that `Host`. A program that is no browser can write any header: it is kept out by the address that is listened
 on.
-
-The server library knows GET alone and closes other requests without a word. Here HEAD is answered as GET without the
-body, and every other method with 405.
 """
 
 from __future__ import annotations
@@ -21,9 +18,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
-
-_METHODS = ("GET", "HEAD")
-_LONGEST_METHOD = 16  # letters
 
 
 def is_own(hosts: list[str], origins: list[str], names: frozenset[str]) -> bool:
@@ -58,44 +52,16 @@ def own_pages_only(host: str) -> Iterator[list[str]]:
     names, serve = frozenset({host.lower(), socket.gethostname().lower()}), library.serve
     guarded: list[str] = []
 
-    class Connection(library.ServerConnection):
-        """One that the library reads as GET, whatever its method; `method` is what was asked for."""
-
-        method = ""
-        _begin = b""
-
-        def data_received(self, data: bytes) -> None:
-            if not self.method:
-                self._begin += data
-                word, space, rest = self._begin.partition(b" ")
-                if not space and len(self._begin) < _LONGEST_METHOD:
-                    return  # more is to come
-                known = bool(space) and word.isalpha()
-                self.method = word.decode() if known else "unknown"
-                data, self._begin = (b"GET " + rest if known else self._begin), b""
-            super().data_received(data)
-
     @functools.wraps(serve, updated=())
     def guarded_serve(*arguments: Any, process_request: Any = None, **settings: Any) -> Any:
         def check(connection: Any, request: Any) -> Any:
             headers = request.headers
             if not is_own(headers.get_all("Host"), headers.get_all("Origin"), names):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "This page may not use the live view.\n")
-            if connection.method not in _METHODS or (connection.method != "GET" and "Upgrade" in headers):
-                refused = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "Accepted: GET, HEAD.\n")
-                refused.headers["Allow"] = ", ".join(_METHODS)
-                return refused
             return None if process_request is None else process_request(connection, request)
 
-        def without_body(connection: Any, request: Any, response: Any) -> None:
-            if connection.method == "HEAD":
-                response.body = b""  # its length stays in the headers
-
         guarded.append(host)
-        return serve(
-            *arguments, process_request=check, process_response=without_body, create_connection=Connection,
-            **{"logger": _log(), **settings},
-        )  # fmt: skip
+        return serve(*arguments, process_request=check, **{"logger": _log(), **settings})
 
     library.serve = guarded_serve  # type: ignore[assignment, misc]
     try:

@@ -17,7 +17,7 @@ from fg_mujoco.racing.crash import Crash, Rollover
 from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
 from fg_mujoco.racing.result import RaceResult, tires_model
-from fg_mujoco.racing.run_folder import RECORDED, SUMMARY, Run, read_run, summary_json
+from fg_mujoco.racing.run_folder import SUMMARY, Run, read_run, summary_json
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import WrongWay
@@ -102,7 +102,6 @@ _NEEDED = (
     "trajectory_sha256",
 )  # fmt: skip
 """What a report is made of."""
-_OF_TIRES = ("max_slide_m_s", "slide_time_fraction")  # of a run that a car recorded, not known
 
 
 def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
@@ -118,8 +117,7 @@ def read_recorded(source: RaceResult | Run | str | Path) -> RecordedRun:
             others=tuple(car.telemetry for car in source.cars[1:]),
         )  # fmt: skip
     run = source if isinstance(source, Run) else read_run(source)
-    unknown = _OF_TIRES if run.summary.get("end_reason") == RECORDED else ()
-    missing = [name for name in _NEEDED if run.summary.get(name) is None and name not in unknown]
+    missing = [name for name in _NEEDED if run.summary.get(name) is None]
     if missing:
         raise RunFolderError(
             f"{run.folder / SUMMARY}: has no {', '.join(missing)}; accepted: as this version's `race --out` wrote it"

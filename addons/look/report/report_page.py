@@ -14,7 +14,7 @@ from fg_mujoco.display import Html, html
 from fg_mujoco.pictures.pages.bokeh_plots import embed, require_bokeh
 from fg_mujoco.pictures.pages.page import resource, switch, write_page
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import RECORDED, Run
+from fg_mujoco.racing.run_folder import Run
 
 from . import sections
 from .clip import clip_of_several, clip_start, make_clip
@@ -89,7 +89,6 @@ def write_report(
     unfinished = len(lap_times) < int(summary["laps_requested"])
     laps = lap_table(columns, lap_times, length, end=run.end if unfinished else None)
     events = slide_events(columns, length, model=run.tires_model)
-    recorded = summary["end_reason"] == RECORDED
     field = Field.of(run)
     film, whose = None, ""
     if clip_seconds is not None:
@@ -127,7 +126,7 @@ def write_report(
         _BODY, head=sections.head(run, told), of_several=of_several, colour=switch("colour", _COLOURS),
         map=places["map"], laps=sections.laps(laps, summary), clip=sections.clip(film, whose),
         across=switch("across", _AXES), time=places["time"], grip=f"{grip:.2f}", gg=places["gg"],
-        slides=sections.NOT_KNOWN if recorded else sections.events(events, run.tires_model),
+        slides=sections.events(events, run.tires_model),
         settings=sections.settings(run),
     )  # fmt: skip
     data = {

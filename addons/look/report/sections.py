@@ -14,7 +14,6 @@ from fg_mujoco.pictures.pages.page import boxes, names_and_values, note, result,
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.racing.decision_times import decision_limit_text
 from fg_mujoco.racing.hints import clamped_hint, late_hint
-from fg_mujoco.racing.run_folder import RECORDED
 from fg_mujoco.simulation.planner_failure import place
 from fg_mujoco.vehicle.tire_slip import slides_above, sliding_rule
 
@@ -22,8 +21,6 @@ from .clip import Clip
 from .laps_and_slides import SECTORS, Lap, SlideEvent
 from .recorded import RecordedRun
 
-NOT_KNOWN = note("Not known: a car recorded this run, and nobody measured its tires.")
-"""In the place of the list of sliding."""
 _MOST_EVENTS = 200  # rows of the list of sliding
 
 
@@ -36,26 +33,21 @@ def head(run: RecordedRun, notes: Sequence[object]) -> Html:
     """Return the title, the result line, notes and the figures."""
     summary, lap_times = run.summary, run.lap_times
     good = bool(summary["finished"]) and not summary["collisions"]
-    recorded = summary["end_reason"] == RECORDED
-    word = "finished" if good and not recorded else str(summary["end_reason"]).replace("_", " ")
+    word = "finished" if good else str(summary["end_reason"]).replace("_", " ")
     best = f", best {min(lap_times):.3f} s" if lap_times else ""
-    sliding: list[tuple[str, str]] = []
-    if recorded:
-        verdict = "recorded by a car: what its tires did, and whether it touched anything, is not known"
-    else:
-        sliding, verdict = _sliding(run)
+    sliding, verdict = _sliding(run)
     decisions, clamped = summary.get("decision_times"), summary.get("clamped_commands")
     figures = [
         *_lap_boxes(run),
-        *([] if recorded else [(f"{summary['collisions']}", "collisions")]),
+        (f"{summary['collisions']}", "collisions"),
         *sliding,
         (f"{summary['max_speed_m_s']:.2f} m/s", "top speed"),
         (f"{summary['mean_speed_m_s']:.2f} m/s", "mean speed"),
-        (f"{run.mu:g}", "μ of the tires, assumed" if recorded else f"μ of the tires{_floor(summary)}"),
+        (f"{run.mu:g}", f"μ of the tires{_floor(summary)}"),
     ]
-    if clamped is not None and not recorded:
+    if clamped is not None:
         figures.append((f"{clamped}", "commands clamped"))
-    planned = not recorded and not (summary.get("controller_origin") or {}).get("commands")
+    planned = not (summary.get("controller_origin") or {}).get("commands")
     if planned and "planner_mu" in summary:
         assumed = summary["planner_mu"]  # None: infinity, which JSON has not
         figures.append(("off" if assumed is None else f"{assumed:.4g}", "μ that the planner assumes"))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.course.files import is_folder
 from fg_mujoco.errors import SettingsError
-from fg_mujoco.racing.run_folder import RECORDED, SUMMARY, Run, read_run
+from fg_mujoco.racing.run_folder import SUMMARY, read_run
 from fg_mujoco.registry import PARTS
 
 from .drive_columns import DriveColumns, recognised
@@ -55,20 +55,7 @@ def read_drive(
         return found
     from .driven_runs import drive_of_run  # loads MuJoCo
 
-    return drive_of_run(read_measured_run(path))
-
-
-def read_measured_run(path: Path) -> Run:
-    """Return a run folder, unless it was made of a bag.
-
-    Raises:
-      RunFolderError: it cannot be read.
-      SettingsError: it was made of a bag, and so has no measurements.
-    """
-    run = read_run(path)
-    if run.summary.get("end_reason") == RECORDED:
-        raise SettingsError(f"{path}: is made of a bag's poses; accepted: the bag, which has what was measured")
-    return run
+    return drive_of_run(read_run(path))
 
 
 def refuse_for_kind(path: Path, kind: str, columns: object, topics: Mapping[str, str | None]) -> None:

@@ -52,7 +52,7 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
 def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
     ranges = np.full(1081, 2.5)
     ranges[720:880] = 9.0  # the opening is to the left
-    seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter")
+    seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter", method="refined")
     steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
     bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
     assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 import fg_mujoco as fg
 from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
-from fg_mujoco.addons.realcar.bag_mapping.poses import read_sweeps
 from fg_mujoco.addons.realcar.mapping import recorded_map
+from fg_mujoco.addons.realcar.mapping.bag_sweeps import read_sweeps
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map, write_map
 from fg_mujoco.addons.realcar.mapping.scan_matching import match_scans, step_between, stepped
 from fg_mujoco.addons.ros.bag_recording import Recording
@@ -72,7 +72,7 @@ def test_a_map_of_a_lap_has_the_walls_and_the_lap_of_the_course(lap, tmp_path, c
     x, y = made.centreline[0]
     assert math.hypot(x, y) < 0.5  # it begins where the car did
     # with the guidance, the cells' edges and the last digits of mu decide between 13.8 and 14.8 s, on any tires
-    again = fg.race(str(path), laps=1, max_speed=4.0, planner_settings={"guidance": False})
+    again = fg.race(str(path), laps=1, max_speed=4.0, planner_settings={"assist": "full-guidance"})
     assert again.car.finished
     assert again.car.lap_times_s[0] == pytest.approx(result.car.lap_times_s[0], rel=0.03)
 

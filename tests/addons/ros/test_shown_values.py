@@ -100,17 +100,6 @@ def test_a_page_without_values_has_no_table_of_them(tmp_path):
     assert "Values that the planner shows" not in seen.write_page(tmp_path / "page.html").read_text()
 
 
-def test_the_picture_has_the_values_too(shows, tmp_path, monkeypatch):
-    figures = []
-    seen = fg.debug(fg.race("oval", shows, time_limit=0.2))
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: figures.append(figure))
-    seen.write_picture(tmp_path / "one.png")
-    above, _, said = figures[0].axes
-    assert {"halved", "hit", "box", "start"} <= {text.get_text() for text in above.get_legend().get_texts()}
-    texts = [text.get_text() for text in said.texts]
-    assert texts[texts.index("count") + 1] == f"{seen.chosen.numbers['count']:.4g}"
-
-
 def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_path):
     other = tmp_path / "other.py"
     other.write_text(SHOWS.replace('fg.show("', 'fg.show("other ').replace("0.2 * self.count", "0.1"))

@@ -38,7 +38,7 @@ from fg_mujoco.addons.ros.bag_scans import to_scan
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan
 
-from ..mapping.sweeps import Sweeps, interpolated
+from .sweeps import Sweeps, interpolated
 
 _APART = 500_000_000  # [ns] between the clocks of two topics, above which the recorder's counts for both
 _LATE = 0.5  # [s] before the first pose and after the last, within which a scan counts
