@@ -13,7 +13,7 @@ The nine components, in the order of that text:
 9. speed                   by the mean range over the lookahead, and by the steering angle (speed)
 
 With `method=source` all bubbles have one radius, half the car's width and `clearance`, and the speed law takes the mean
-of all readings with a gain of 1. Refined:
+of all readings with a gain of 1. In a bubble a closer reading stays, as the slides say of disparities. Refined:
 
 - Component 5 masks its beams, where the text sets them to the nearest range: the mean filter would lift those again.
 - The mean filter and component 5 have bubbles of their own: a mean over the car's width blurs ways that it fits in.
