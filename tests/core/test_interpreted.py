@@ -16,13 +16,11 @@ circle = np.column_stack([2.0 * np.cos(angles), 2.0 * np.sin(angles), np.full((6
 np.savetxt("circle.csv", circle, delimiter=",", header="x_m, y_m, w_tr_right_m, w_tr_left_m")
 short = {"laps": 1, "time_limit": 0.05, "max_speed": 3.0}
 results = [
-    fg.race("circle.csv", "overtaker[assist=safe]", **short),
     fg.race("scene:crossing_box:0", "gap_finder", **short),
     fg.race("circle.csv", "pure_pursuit", laps=1, time_limit=0.2, mu=0.2, planner_mu=1.0),  # it slides
 ]
 ends = [each.car.telemetry[-1].tolist() for each in results]
-worlds = fg.rollout("circle.csv", "pure_pursuit", n=2, laps=1, time_limit=0.05, randomize={"mu": (0.5, 1.0)}).worlds
-print(json.dumps([ends, worlds["distance_m"].tolist()]))
+print(json.dumps(ends))
 """
 
 KERNELS = """
@@ -120,9 +118,8 @@ def run(code, tmp_path, interpreted=True):
 
 
 def test_races_end_where_compiled_ones_end(tmp_path):
-    (ends, driven), compiled = (json.loads(run(RACES, tmp_path, mode)) for mode in (True, False))
-    assert ends == [pytest.approx(each, rel=1e-6, abs=1e-6, nan_ok=True) for each in compiled[0]]
-    assert driven == pytest.approx(compiled[1], rel=1e-6)
+    ends, compiled = (json.loads(run(RACES, tmp_path, mode)) for mode in (True, False))
+    assert ends == [pytest.approx(each, rel=1e-6, abs=1e-6, nan_ok=True) for each in compiled]
 
 
 def test_divisions_narrow_numbers_and_records_are_those_of_kernels(tmp_path):
@@ -136,12 +133,3 @@ def test_kernels_keep_their_lines(tmp_path):
 
 def test_what_a_kernel_raises_that_c_calls_is_raised(tmp_path):
     assert "in a kernel that C calls" in run(RAISES_WITHIN_C, tmp_path)
-
-
-@pytest.mark.parametrize("value", ("0", ""))
-def test_other_values_leave_kernels_compiled(value):
-    code = "from fg_mujoco.compiled.array_table import numbers; print(type(numbers))"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, "NUMBA_DISABLE_JIT": value}, capture_output=True, text=True
-    )
-    assert "_Kernel" in done.stdout
