@@ -187,7 +187,8 @@ def kernels_beside(setup: Setup) -> AbstractContextManager[None]:
     A user's planner is not run a second time for that.
     """
     sources = [split_controller(entry.controller, None)[0] for entry in setup.entries]
-    return beside(_decide_once, setup) if all(each in PLANNERS for each in sources) else nullcontext()
+    bundled = all(isinstance(each, str) and each in PLANNERS for each in sources)
+    return beside(_decide_once, setup) if bundled else nullcontext()
 
 
 def _decide_once(setup: Setup) -> None:

@@ -1,5 +1,4 @@
 import json
-import math
 import os
 import pty
 import re
@@ -48,7 +47,7 @@ def here(tmp_path, monkeypatch):
 def planner(answer):
     """A controller file whose answer is an expression of scan and odometry."""
     body = f"    def reset(self): pass\n    def __call__(self, scan, odometry): return {answer}\n"
-    return "import math\nfrom fg_mujoco.messages import *\nclass P:\n" + body
+    return "from fg_mujoco.messages import *\nclass P:\n" + body
 
 
 def command(*arguments, **options):
@@ -84,17 +83,6 @@ def test_a_bad_track_file_is_refused(here, capsys, text, said):
     assert "track.csv" in line or "'track'" in line
 
 
-@pytest.mark.parametrize("arguments", [("race", "--track", "nowhere"), ("track", "show", "nowhere")])
-def test_an_unknown_track_is_refused_with_the_known_ones(here, capsys, arguments):
-    line = refused(here, capsys, *arguments)
-    assert all(name in line for name in fg.track_names())
-
-
-def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
-    line = refused(here, capsys, "race", "--controller", "nobody", "--out", "run")
-    assert all(name in line for name in fg.controller_names())
-
-
 @pytest.mark.parametrize(
     ("text", "name", "said"),
     [
@@ -110,63 +98,6 @@ def test_an_unknown_controller_is_refused_with_the_known_ones(here, capsys):
 def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     (here / "planner.py").write_text(text)
     assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("answer", "said"),
-    [
-        ("DriveCommand(steering_angle=math.nan, speed=1.0)", "nan"),
-        ("DriveCommand(steering_angle=0.0, speed=math.inf)", "inf"),
-        ("(0.0, 1.0)", "accepted: a DriveCommand"),
-        ("None", "accepted: a DriveCommand"),
-        ("scan.ranges[5000]", "IndexError"),
-    ],
-)
-def test_a_controller_that_fails_at_its_first_scan_exits_1_and_leaves_a_run_of_no_tick(
-    here, capsys, answer, said, without_pictures
-):
-    (here / "planner.py").write_text(planner(answer))
-    assert main(["race", "--controller", "planner.py:P", "--out", "run"]) == 1
-    (told,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  planner failed  ")]
-    assert said in told and "(planner.py, line 5), t = 0.000 s" in told
-    run = fg.read_run("run")
-    assert (run.summary["end_reason"], len(run.ctrl)) == ("planner_failed", 0)
-    assert main(["replay", "run"]) == 0
-
-
-def test_a_controller_file_that_is_not_there_is_refused(here, capsys):
-    assert "no file" in refused(here, capsys, "race", "--controller", "planner.py:P")
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "said"),
-    [
-        ("--mu", "-1", "mu is -1"),
-        ("--mu", "0", "mu is 0"),
-        ("--mu", "nan", "nan"),
-        ("--mu", "wet", "'wet'; accepted: a number"),
-        ("--planner-mu", "-0.5", "--planner-mu is -0.5"),
-        ("--planner-mu", "on", "'on'; accepted: a number, or off"),
-        ("--laps", "0", "laps is 0; accepted: a whole number from 1"),
-        ("--laps", "-3", "laps is -3"),
-        ("--laps", "1.5", "'1.5'; accepted: a whole number"),
-        ("--max-speed", "0", "--max-speed is 0"),
-        ("--max-speed", "inf", "--max-speed is inf"),
-        ("--time-limit", "-1", "--time-limit is -1"),
-        ("--seed", "-1", "seed is -1"),
-        ("--lidar", "camera", "accepted: raycast, rangefinder"),
-        ("--lidar-noise", "-0.1", "-0.1"),
-        ("--lidar-dropout", "2", "2.0"),
-        ("--lidar-latency", "-1", "-1"),
-        ("--odometry-drift", "-1", "more than -1 and less than 1"),
-        ("--track", "random:x", "random:SEED"),
-    ],
-)
-def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, option, value, said):
-    line = refused(here, capsys, "race", option, value, "--out", "run")
-    assert said in line
-    assert "accepted" in line
 
 
 def test_distortion_of_sensors_that_fire_at_once_is_refused(here, capsys):
@@ -227,11 +158,9 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
         ((), "race, replay, drive, track, controllers"),
         (("fly",), "race"),
         (("track",), "new, show, from-image, list"),
-        (("race", "--lap", "3"), "--lap"),
         (("replay",), "DIR"),
         (("replay", "nowhere"), "summary.json"),
         (("track", "new", "out.csv"), "--seed"),
-        (("track", "new", "--seed=-1", "out.csv"), "SEED"),
         (("track", "new", "--seed", "x", "out.csv"), "SEED"),
         (("track", "new", "--seed", "1", "nowhere/out.csv"), "cannot be written"),
         (("track", "show", "oval", "--out", "oval.csv"), ".png"),
@@ -295,14 +224,6 @@ def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(her
 def test_a_time_limit_ends_the_race_with_exit_1(capsys):
     assert main(["race", "--time-limit", "0.5", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["end_reason"] == "time_limit"
-
-
-def test_two_races_with_one_seed_are_the_same_and_with_another_are_not(capsys):
-    def sha256(*options):
-        main(["race", "--time-limit", "2", "--json", "--lidar-noise", "0.05", "--lidar-dropout", "0.01", *options])
-        return json.loads(capsys.readouterr().out)["trajectory_sha256"]
-
-    assert sha256("--seed", "3") == sha256("--seed", "3") != sha256("--seed", "4")
 
 
 def test_the_options_reach_the_race(capsys):
@@ -505,25 +426,11 @@ def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
         assert all(row["text"] for row in rows.values())
 
 
-def test_a_controller_that_is_not_known_is_not_described(here, capsys):
-    assert "did you mean 'gap_finder'?" in refused(here, capsys, "controllers", "gap_findr")
-
-
 def test_version_is_the_packages(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
     assert end.value.code == 0
     assert capsys.readouterr().out == f"fg-mujoco {fg.__version__}\n"
-
-
-def test_planner_mu_off_and_inf_are_the_same(capsys):
-    def run(value):
-        main(["race", "--time-limit", "0.5", "--planner-mu", value, "--json"])
-        return json.loads(capsys.readouterr().out)
-
-    off, infinite = run("off"), run("inf")
-    assert off["trajectory_sha256"] == infinite["trajectory_sha256"]
-    assert fg.race("oval", planner_mu=math.inf, time_limit=0.5).trajectory_sha256 == off["trajectory_sha256"]
 
 
 def test_a_controllers_settings_follow_its_name(capsys):
@@ -540,8 +447,6 @@ def test_a_controllers_settings_follow_its_name(capsys):
     assert first["planner_settings"] == {}
     assert second["planner_settings"] == {"lookahead": 2.0, "assist": "mean_range"}
     assert second["trajectory_sha256"] != first["trajectory_sha256"]
-    assert main([*plain, "--controller", "gap_finder[lookahed=2]"]) == 2
-    assert "has no setting 'lookahed'; accepted: assist, " in capsys.readouterr().err
     assert main([*plain, "--controller", "gap_finder[lookahead"]) == 2
     assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err
 

@@ -138,7 +138,6 @@ def test_what_the_file_leaves_out_has_its_default(config):
     ("text", "line", "named"),
     [
         ("laps = 1\nmax-sped = 3\n", 2, "'max-sped' is no setting; accepted: track, "),
-        ("\n\nlidar_nois = 0.1\n", 3, "did you mean 'lidar-noise'?"),
         ("config = 'other.toml'\n", 1, "'config' is no setting"),
         ("out = '''\nlapps = 1\n'''\nlapps = 1\n", 4, "did you mean 'laps'?"),
         ("# laps = x\ntrack = 'laps = 0'\n", 2, "track"),
@@ -146,26 +145,12 @@ def test_what_the_file_leaves_out_has_its_default(config):
         ("seed = 1\n[lidar]\nnoise = 0.1\n", 2, "lidar is {'noise': 0.1}; accepted: raycast, rangefinder"),
         ("lidar.noise = 0.1\n", 1, "lidar is {'noise': 0.1}; accepted: raycast, rangefinder"),
         ("max-speed = 1\nmax_speed = 2\n", 2, "'max_speed' was given before"),
-        ("seed = 1\nlaps = '5'\n", 2, "laps is '5'; accepted: a whole number"),
         ("laps = 2.0\n", 1, "accepted: a whole number"),
-        ("laps = true\n", 1, "accepted: a whole number"),
-        ("mu = '0.9'\n", 1, "mu is '0.9'; accepted: a positive number"),
         ("planner-mu = 'on'\n", 1, "planner-mu is 'on'; accepted: a positive number up to 3, "),
-        ("motion-distortion = 1\n", 1, "accepted: true or false"),
-        ("track = 7\n", 1, "the track is 7; accepted: a name such as 'oval', the path of a file"),
         # what the race itself would say, with the line
-        ("seed = 3\nlaps = 0\n", 2, "laps is 0; accepted: a whole number from 1"),
-        ("\nmu = -0.5\n", 2, "mu"),
-        ("max-speed = inf\n", 1, "a positive number"),
-        ("lidar-dropout = 1.5\n", 1, "0 to 1"),
-        ("lidar-noise = -1\n", 1, "lidar-noise is -1; accepted: 0 to 10 m"),
-        ("odometry-drift = 1\n", 1, "more than -1 and less than 1"),
-        ("lidar = 'sonar'\n", 1, "accepted: raycast, rangefinder"),
         ("laps = 1\ntrack = 'ovall'\n", 2, "unknown track 'ovall'"),
         ("controller = 'gapfinder'\n", 1, "controller 'gapfinder' is not known"),
         ("controller = 'gap_finder['\n", 1, "NAME[SETTING=VALUE"),
-        ("obstacles = -1\n", 1, "obstacles"),
-        ("obstacle-seed = -1\n", 1, "obstacle-seed"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(config, capsys, text, line, named):
@@ -194,10 +179,9 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("--track", "l_corridor", "--time-limit", 0.5, "--planner-mu", "off", "--lidar-noise", 0.02, "--seed", 3),
         ("--track", "scene:crossing_box:2", "--controller", "follow_the_gap[point=deepest]", "--time-limit", 0.5),
-        ("--odometry-drift", -0.1, "--time-limit", 0.5),
-        ("--obstacles", 2, "--obstacle-seed", 5, "--mu", 0.8, "--lidar-latency", 0.05, "--motion-distortion",
+        ("--track", "l_corridor", "--obstacles", 2, "--obstacle-seed", 5, "--mu", 0.8, "--planner-mu", "off",
+         "--lidar-latency", 0.05, "--lidar-noise", 0.02, "--seed", 3, "--odometry-drift", -0.1, "--motion-distortion",
          "--time-limit", 0.5, "--max-speed", 3),
     ],
 )  # fmt: skip

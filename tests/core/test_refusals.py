@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import _parser
+from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.lidar.effects import GREATEST_NOISE, LONGEST_LATENCY
 from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup
+from fg_mujoco.simulation.settings import GREATEST_LAPS, GREATEST_SPEED, LONGEST_RACE
+from fg_mujoco.vehicle.changes import GREATEST_MU
 from refusals import refused
 
 NUMBER = (math.nan, "many", True, [], {}, np.zeros(3))  # is none of a setting
@@ -96,6 +99,19 @@ def texts_of(command):
 
 
 DOORS = {"race": (), "rollout": ("--n", "1"), "compare": ("--out", "out"), "view": ("--web",)}
+OF_COMMANDS = {
+    ("rollout", "--n=1"): {
+        "n": ("0", "-5"), "workers": ("0",), "memory-budget": ("-1",), "chunk": ("0",), "record": ("all",),
+        "executor": ("dask",), "randomize": ("mu=0.5:50", "mu=-1:1", "lidar_noise=99", "speed=1"),
+    },
+    ("compare", "--out=out"): {"seed": ("-1", "1,-4"), "workers": ("0",)},
+    ("view", "--web"): {"port": ("0", "99999999")},
+    ("friction", "skidpad"): {"mu": ("0", "50"), "steering": ("0", "9"), "seed": ("-1",), "workers": ("0",)},
+    ("render", "run"): {"camera": ("drone",), "quality": ("ultra",), "size": ("big",)},
+    ("track", "export", "oval", "oval.yaml"): {"resolution": ("0", "-1", "1e-9")},
+    ("identify", "run", "--out", "tires.toml"): {"front-drive": ("-0.1", "1.5", "nan", "all")},
+}  # fmt: skip
+"""What commands take besides settings, with values that none takes."""
 
 
 @pytest.mark.parametrize("door", DOORS)
@@ -109,6 +125,36 @@ def test_the_command_line_refuses_it_by_its_option(door, tmp_path, monkeypatch, 
             said = refused(tmp_path, capsys, door, *DOORS[door], f"{option}={value}")
             assert name in said or option[2:] in said or NAMES.get(name, name) in said, (name, value, said)
             assert "Settings." not in said and "LidarEffects." not in said and "CarChanges." not in said
+
+
+@pytest.mark.parametrize("command", OF_COMMANDS, ids=" ".join)
+def test_a_command_refuses_it_by_its_option(command, tmp_path, monkeypatch, capsys):
+    if command[0] == "view":
+        pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    monkeypatch.chdir(tmp_path)
+    for name, values in OF_COMMANDS[command].items():
+        for value in values:
+            said = refused(tmp_path, capsys, *command, f"--{name}={value}").split(": ", 1)[1].removeprefix("argument ")
+            assert said.startswith((f"--{name} is ", f"--{name}: ", f"--{name} ")) and "accepted: " in said, value
+
+
+@pytest.mark.parametrize(
+    ("made", "greatest"),
+    [
+        (lambda value: fg.Entry(mu=value), GREATEST_MU), (lambda value: fg.Entry(planner_mu=value), GREATEST_MU),
+        (lambda value: fg.Entry(max_speed=value), GREATEST_SPEED),
+        (lambda value: fg.CarChanges(mu=value), GREATEST_MU),
+        (lambda value: fg.LidarEffects(range_noise_std=value), GREATEST_NOISE),
+        (lambda value: fg.LidarEffects(latency=value), LONGEST_LATENCY),
+        (lambda value: fg.Setup(time_limit=value), LONGEST_RACE),
+        (lambda value: fg.Setup(laps=int(value)), GREATEST_LAPS),
+    ],
+)  # fmt: skip
+def test_a_bound_itself_is_accepted_and_what_is_above_it_is_not(made, greatest):
+    made(greatest)
+    with pytest.raises(fg.SettingsError, match=rf"accepted: .*\b{greatest:g}\b"):
+        made(greatest + 1)
+    assert fg.Entry(planner_mu=math.inf).assumed_mu == math.inf  # no friction limits
 
 
 def toml_of(value):
@@ -128,3 +174,12 @@ def test_a_file_of_settings_refuses_it_with_its_line(tmp_path, monkeypatch, caps
                 said = refused(tmp_path, capsys, "race", "--config", "race.toml")
                 line = "" if isinstance(value, dict) else ", line 2"
                 assert f"race.toml{line}: " in said.replace(", line 2", line) and "accepted: " in said, (value, said)
+
+
+def test_a_message_about_something_else_keeps_its_words(tmp_path, capsys):
+    (tmp_path / "planner.py").write_text(
+        "from fg_mujoco.messages import *\nclass P:\n    def reset(self): pass\n"
+        "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=float('nan'))\n"
+    )
+    assert main(["race", "--controller", f"{tmp_path / 'planner.py'}:P"]) == 1
+    assert "DriveCommand.speed is nan" in capsys.readouterr().err

@@ -179,7 +179,6 @@ def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
 @pytest.mark.parametrize(
     ("keywords", "said"),
     [
-        ({"contoller": "gap_finder"}, "no argument 'contoller'; .* did you mean 'controller'?"),
         ({"entries": [fg.Entry()], "mu": 0.5}, "mu is 0.5 beside entries; accepted: mu of each Entry"),
         ({"entries": [fg.Entry()] * 2, "opponents": ["gap_finder"]}, "accepted: a list, and no other entries"),
         ({"lidar_noise": 0.1, "effects": fg.LidarEffects()}, "lidar_noise and effects are given"),
@@ -187,7 +186,6 @@ def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
         ({"grid": "side_by_side"}, "grid is 'side_by_side' without opponents"),
         ({"rules": "roboracer_2026"}, "rules is 'roboracer_2026' without opponents"),
         ({"obstacles": [{"kind": "cube"}]}, r"obstacles\[0\].kind is 'cube'; accepted: box, cylinder, prism"),
-        ({"laps": 0}, "laps is 0"), ({"time_limit": -1.0}, "time_limit is -1.0"), ({"seed": -1}, "seed is -1"),
     ],
 )  # fmt: skip
 def test_a_setup_that_cannot_be_is_refused(keywords, said):
@@ -198,10 +196,7 @@ def test_a_setup_that_cannot_be_is_refused(keywords, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("laps = 2\ntrakc = 'oval'\n", "line 2: 'trakc' is no setting; .* did you mean 'track'"),
-        ("laps = 2\n\nmu = -1\n", "line 3: mu is -1; accepted: a positive number"),
         ("[[entries]]\ncontroler = 'gap_finder'\n", r"entries\[0\] has no argument 'controler'; .* mean 'controller'"),
-        ("entries = 3\n", "line 1: entries is 3; accepted: a list"),
         ("laps =\n", "accepted: TOML"),
     ],
 )  # fmt: skip
