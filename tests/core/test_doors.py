@@ -122,19 +122,6 @@ def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here
     assert not list(here.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [
-        ("race", "duration", "time_limit"), ("race", "planner", "controller"), ("rollout", "duration", "time_limit"),
-        ("compare", "tracks", "track"), ("compare", "max_speeds", "max_speed"), ("overtake", "planners", "controller"),
-        ("overtake", "seeds", "seed"),
-    ],
-)  # fmt: skip
-def test_a_word_that_others_use_is_answered_with_the_keyword(here, name, old, new):
-    with pytest.raises(fg.SettingsError, match=rf"did you mean '{new}'"):
-        DOORS[name](**{old: 1})
-
-
 @pytest.mark.parametrize("command", ["race", "rollout", "view", "compare"])
 def test_commands_have_the_options_of_a_car_with_the_same_help(command):
     commands = _parser()._subparsers._group_actions[0].choices

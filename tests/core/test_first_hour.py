@@ -36,25 +36,16 @@ def scan(simulation):
 # results
 
 
-@pytest.mark.parametrize("name", [name for name in TELEMETRY if name.endswith(("_s", "_m", "_rad", "_N", "_m_s2"))])
-def test_a_column_of_a_race_is_found_without_its_unit(short_race, name):
-    plain = name
-    for unit in ("_rad_s", "_m_s2", "_m_s", "_rad", "_m", "_s", "_N"):
-        if name.endswith(unit):
-            plain = name.removesuffix(unit)
-            break
-    assert plain != name
-    np.testing.assert_array_equal(short_race.car.column(plain), short_race.car.telemetry[:, TELEMETRY.index(name)])
+def test_a_column_of_a_race_is_found_without_its_unit(short_race):
+    for plain, name in (("speed", "speed_m_s"), ("x", "x_m"), ("yaw_rate", "yaw_rate_rad_s"), ("ax", "ax_m_s2")):
+        np.testing.assert_array_equal(short_race.car.column(plain), short_race.car.telemetry[:, TELEMETRY.index(name)])
 
 
 @pytest.mark.parametrize(
     ("name", "meant"),
     [
-        ("time", "'sim_time_s'"), ("laps", "'car.laps_completed'"), ("lap_times", "'car.lap_times_s'"),
-        ("crashed", "'car.crash'"),
-        ("best_lap", "'car.lap_times_s'"), ("speed", "\"car.column('speed_m_s')\""), ("x", "\"car.column('x_m')\""),
-        ("max_slide", "'car.max_slide_m_s'"), ("collisions", "'car.collisions_wall'"), ("lidar", "'setup.lidar'"),
-        ("decision_limit_s", "'setup.decision_limit'"), ("rules", "'setup.rules'"),
+        ("time", "'sim_time_s'"), ("laps", "'car.laps_completed'"), ("best_lap", "'car.lap_times_s'"),
+        ("speed", "\"car.column('speed_m_s')\""), ("lidar", "'setup.lidar'"), ("rules", "'setup.rules'"),
     ],
 )  # fmt: skip
 def test_an_attribute_that_a_result_has_not_is_answered_with_the_one_that_was_meant(short_race, name, meant):
@@ -93,13 +84,11 @@ def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
     [
         (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'?"),
         (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'?"),
-        (lambda: fg.race("oval", opponents="gap_finder"), "opponents is 'gap_finder'; accepted: a list"),
         (lambda: fg.race("oval", gui=True), "`fg-mujoco view` shows a race as it goes"),
         (lambda: fg.race("oval", out="x"), "fg_mujoco.write_run(result, DIR) writes a run folder"),
         (lambda: fg.race("oval", "gap_finder", 3), "accepted: 2 at most, as in race(track, controller)"),
         (lambda: fg.race(), "race lacks track; accepted: race(track, controller)"),
         (lambda: fg.rollout("oval", worlds=2), "did you mean 'n'?"),
-        (lambda: fg.compare(planer=["gap_finder"]), "compare has no argument 'planer'; "),
         (lambda: fg.load_track("oval", cars=3), "did you mean 'car'?"),
         (lambda: fg.LidarEffects(noise=0.1), "did you mean 'range_noise_std'?"),
         (lambda: fg.DriveCommand(0.1, 1.0), "accepted: none, as in DriveCommand(steering_angle=..., speed=...)"),
@@ -146,25 +135,19 @@ def test_a_step_takes_a_command_and_says_how_it_is_made(simulation, command):
         simulation.step(command)
 
 
-WRITES = {
-    "all": lambda ranges: ranges.__setitem__(..., 5.0),
-    "a part": lambda ranges: ranges[:3].__setitem__(0, 5.0),
-    "a mask": lambda ranges: ranges.__setitem__(ranges > 3.0, 3.0),
-    "in place": lambda ranges: ranges.__iadd__(1.0),
-    "sorted": lambda ranges: ranges.sort(),
-    "filled": lambda ranges: ranges.fill(1.0),
-}
-
-
-@pytest.mark.parametrize("write", WRITES.values(), ids=WRITES)
-def test_ranges_that_are_written_to_say_that_a_copy_can_be(scan, write):
+def test_ranges_that_are_written_to_say_that_a_copy_can_be(scan):
     before = np.array(scan.ranges)
-    with pytest.raises(MessageError, match=r"accepted: a copy, ranges = scan.ranges.copy\(\)"):
-        write(scan.ranges)
-    np.testing.assert_array_equal(scan.ranges, before)
-    for copied in (scan.ranges.copy(), np.array(scan.ranges), scan.ranges[scan.ranges > 0.0], scan.ranges * 1.0):
-        write(copied)
-        assert not np.array_equal(copied, before)
+    for write in (
+        lambda ranges: ranges.__setitem__(..., 5.0), lambda ranges: ranges[:3].__setitem__(0, 5.0),
+        lambda ranges: ranges.__setitem__(ranges > 3.0, 3.0), lambda ranges: ranges.__iadd__(1.0),
+        lambda ranges: ranges.sort(), lambda ranges: ranges.fill(1.0),
+    ):  # fmt: skip
+        with pytest.raises(MessageError, match=r"accepted: a copy, ranges = scan.ranges.copy\(\)"):
+            write(scan.ranges)
+        np.testing.assert_array_equal(scan.ranges, before)
+        for copied in (scan.ranges.copy(), np.array(scan.ranges), scan.ranges[scan.ranges > 0.0], scan.ranges * 1.0):
+            write(copied)
+            assert not np.array_equal(copied, before)
 
 
 def test_what_is_computed_of_ranges_is_a_plain_array_with_the_same_bits(scan):
@@ -303,22 +286,14 @@ COMMANDS = {
     "race --map my.yaml": "did you mean '--track'?",
     "race --speed 4": "did you mean '--max-speed'?",
     "race --planner gap_finder": "did you mean '--controller'?",
-    "race --car f1tenth": "did you mean '--vehicle'?",
-    "race --output x": "did you mean '--out'?",
     "race --gui": "`fg-mujoco view` shows a race as it goes",
-    "race --headless": "`fg-mujoco race` runs a race without a window",
     "race oval": "did you mean '--track oval'?",
     "race mine.py:Planner": "did you mean '--controller mine.py:Planner'?",
     "race --laps=abc": "'abc'; accepted: a whole number",
     "replay --seed 3 runs/x": "'--seed' is no option here;",
-    "compare --planners gap_finder": "did you mean '--controller'?",
-    "rollout --num-worlds 4": "did you mean '--n'?",
     "--map my.yaml": "'--map' stands before the command; accepted: fg-mujoco COMMAND --map",
     "tracks": "`fg-mujoco track list` lists the circuits",
-    "maps": "`fg-mujoco race --track map.yaml`",
-    "cars": "`fg-mujoco vehicles` lists the cars",
     "train": "the following arguments are required: --out",
-    "sim": "`fg-mujoco race` runs a race",
     "run oval": "`fg-mujoco race` runs a race",
     "track ls": "did you mean 'list'?",
 }

@@ -137,19 +137,6 @@ def test_a_course_or_a_planner_that_is_an_object_counts_but_cannot_be_written():
 # -- the doors
 
 
-def test_a_race_of_a_setup_is_that_of_its_keywords(here):
-    setup = Setup.of("oval", time_limit=0.6, mu=0.8, lidar_noise=0.01, seed=4, start_s=2.0)
-    by_setup = fg.race(setup)
-    by_keywords = fg.race("oval", time_limit=0.6, mu=0.8, lidar_noise=0.01, seed=4, start_s=2.0)
-    assert by_setup.trajectory_sha256 == by_keywords.trajectory_sha256
-    assert by_setup.setup == setup == by_keywords.setup
-    setup.write("race.toml")
-    assert main(["race", "--config", "race.toml", "--out", "out"]) == 1  # its time limit ends it
-    run = fg.read_run("out")
-    assert run.summary["trajectory_sha256"] == by_setup.trajectory_sha256
-    assert Setup.read(run.summary["settings"]) == setup
-
-
 def test_an_environment_of_a_setup_has_its_car_and_course():
     from fg_mujoco.envs.environment_settings import EnvironmentSettings
 
