@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -19,7 +18,6 @@ from ..simulation.planner_failure import PlannerFailure
 from ..simulation.telemetry import COMMAND, column_index, column_meant
 from ..simulation.termination import WrongWay
 from ..vehicle.car import WHEELS
-from ..vehicle.tires import CONTACT, MagicFormula
 from .decision_times import DecisionTimes
 
 if TYPE_CHECKING:
@@ -291,17 +289,6 @@ class RaceResult(Shown):
             **{name: [asdict(part) for part in getattr(self, name)] for name in EVENTS},
             "cars": rows,
         }
-
-
-def tires_model(summary: Mapping[str, Any]) -> str:
-    """Return the model of the tires in a summary.
-
-    Older runs lack it: theirs stood on contacts, or on a curve, whatever it was called.
-    """
-    known = summary.get("tires_model")
-    if known is not None:
-        return str(known)
-    return CONTACT if summary.get("tires", CONTACT) == CONTACT else MagicFormula.model
 
 
 def clamped_commands(telemetry: FloatArray, car: CarParameters) -> int:

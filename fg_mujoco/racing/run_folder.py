@@ -8,7 +8,7 @@
     scene.xml       the MJCF text that the raced model was compiled from; MuJoCo 3.16 and newer load it
     states.npz      time (n + 1,) [s], state (n + 1, k) mjSTATE_INTEGRATION, ctrl (n, 2) [rad, m/s]: row i of ctrl is
                     held from state i to state i + 1, one tick
-    telemetry.csv   one row a tick, columns named with their units; older versions wrote fewer columns
+    telemetry.csv   one row a tick, columns named with their units
     telemetry_car_1.csv, controller_car_1.py and so on, the same of the other cars of a race of several
     controller.py   the source of a planner of your own, as it was read; its hash is in the summary; of a trained
                     policy its file: controller.json, controller.onnx or controller.zip
@@ -47,10 +47,10 @@ from ..course.files import file_sha256, is_file, read_arrays, read_bytes, read_t
 from ..course.mjcf import MOST_MJCF
 from ..course.writing import claimed_folder, require_writable, staged_folder
 from ..display import brief, quoted
-from ..errors import FgMujocoError, RunFolderError, SettingsError, accepted_names, nearest, with_unit
+from ..errors import FgMujocoError, RunFolderError, SettingsError, nearest
 from ..messages import ODOMETRY, FloatArray, LaserScan, Odometry, Reading, Readings, shown
 from ..simulation.planner_failure import PlannerFailure
-from ..simulation.telemetry import ALWAYS_NUMBERS, RECORDED_ALWAYS, TELEMETRY, column_meant
+from ..simulation.telemetry import ALWAYS_NUMBERS, TELEMETRY, column_index, column_meant
 from .planners import POLICY_ENDINGS
 from .result import RaceResult
 from .run_checks import check_summary, checked_scene
@@ -92,8 +92,7 @@ class Run(Suggesting):
     time: FloatArray = field(repr=False)  # (ticks + 1,) [s]
     states: FloatArray = field(repr=False)  # (ticks + 1, k)
     ctrl: FloatArray = field(repr=False)  # (ticks, 2 cars)
-    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY)); NaN in columns that are not in `columns`
-    columns: tuple[str, ...] = field(default=TELEMETRY, repr=False)  # of TELEMETRY, those that were recorded
+    telemetry: FloatArray = field(repr=False)  # (ticks, len(TELEMETRY))
     others: tuple[FloatArray, ...] = field(default=(), repr=False)  # telemetry of car 1, car 2 and so on
 
     def __repr__(self) -> str:
@@ -114,15 +113,9 @@ class Run(Suggesting):
         """Return one column of the telemetry by its name, with or without its unit. Shape (ticks,).
 
         Raises:
-          SettingsError: there is none of that name, or an older version wrote the run without it.
+          SettingsError: there is none of that name.
         """
-        found = with_unit(name, self.columns)
-        if found is None:
-            why = " (written by an older version)" if name in TELEMETRY else ""
-            raise SettingsError(
-                f"{self.folder / _TELEMETRY}{why} has no column {name!r}; {accepted_names(name, self.columns)}"
-            )
-        return self.telemetry[:, TELEMETRY.index(found)]
+        return self.telemetry[:, column_index(name)]
 
 
 def check_run_folder(folder: str | Path) -> None:
@@ -332,13 +325,13 @@ def read_run(folder: str | Path) -> Run:
     with _blame(folder / _SCENE):
         xml = checked_scene(read_text(folder / _SCENE, MOST_MJCF))
     with _blame(folder / _TELEMETRY):
-        telemetry, columns = _read_telemetry(folder / _TELEMETRY)
+        telemetry = _read_telemetry(folder / _TELEMETRY)
     others = []
     for path in telemetries[1:]:
         with _blame(path):
-            found, own_columns = _read_telemetry(path)
-            if len(found) != len(telemetry) or own_columns != columns:
-                raise ValueError(f"{len(found)} rows of {len(own_columns)} columns; {_TELEMETRY} has {len(telemetry)}")
+            found = _read_telemetry(path)
+            if len(found) != len(telemetry):
+                raise ValueError(f"{len(found)} rows; {_TELEMETRY} has {len(telemetry)}")
             others.append(found)
     with _blame(folder / _STATES):
         time, states, ctrl = _read_states(folder / _STATES, len(telemetry), cars)
@@ -346,7 +339,7 @@ def read_run(folder: str | Path) -> Run:
         values.flags.writeable = False
     return Run(
         folder=folder, summary=summary, xml=xml, time=time, states=states, ctrl=ctrl, telemetry=telemetry,
-        columns=columns, others=tuple(others),
+        others=tuple(others),
     )  # fmt: skip
 
 
@@ -401,34 +394,27 @@ def _write_telemetry(telemetry: FloatArray, path: Path) -> None:
         writer.writerows([repr(value).removesuffix(".0") for value in row] for row in telemetry.tolist())
 
 
-def _read_telemetry(path: Path) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the telemetry, NaN in the columns that are not there, and the columns that are.
-
-    It is read line by line: no line and no file is longer than a race writes it.
-    """
+def _read_telemetry(path: Path) -> FloatArray:
+    """Return the telemetry, read line by line: no line and no file is longer than a race writes it."""
     require_regular(path)
     if path.stat().st_size > _MOST_TELEMETRY:
         raise ValueError(f"more than {_MOST_TELEMETRY} bytes")
     values = array("d")
     with path.open("rb") as file:
         header = file.readline(_MOST_OF_A_ROW).decode("utf-8", "replace").rstrip("\r\n")
-        found = header.split(",")
-        columns = tuple(name for name in TELEMETRY if name in found)
-        if header != ",".join(columns) or not set(RECORDED_ALWAYS) <= set(columns):
+        if header != ",".join(TELEMETRY):
             raise ValueError(f"columns {header[:60]}")
         for number, line in enumerate(iter(lambda: file.readline(_MOST_OF_A_ROW), b""), start=2):
             row = line.split(b",")
-            if len(row) != len(columns) or not line.endswith(b"\n"):
-                raise ValueError(f"line {number} is torn, too long, or has not {len(columns)} columns")
+            if len(row) != len(TELEMETRY) or not line.endswith(b"\n"):
+                raise ValueError(f"line {number} is torn, too long, or has not {len(TELEMETRY)} columns")
             values.extend(map(float, row))
-    table = np.array(values, dtype=np.float64).reshape(-1, len(columns))
+    table = np.array(values, dtype=np.float64).reshape(-1, len(TELEMETRY))
     known = np.isnan(table)
-    known[:, [name in ALWAYS_NUMBERS for name in columns]] = False
+    known[:, [name in ALWAYS_NUMBERS for name in TELEMETRY]] = False
     if not ((np.abs(table) <= _GREATEST) | known).all():
         raise ValueError(f"a number that is none, or beyond {_GREATEST:.0e}")
-    telemetry = np.full((len(table), len(TELEMETRY)), np.nan)
-    telemetry[:, [TELEMETRY.index(name) for name in columns]] = table
-    return telemetry, columns
+    return table
 
 
 def _read_states(path: Path, ticks: int, cars: int) -> tuple[FloatArray, FloatArray, FloatArray]:

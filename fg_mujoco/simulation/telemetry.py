@@ -74,10 +74,9 @@ def column_meant(name: str, other: str | None) -> str | None:
     return other if found is None else f"column({found!r})"
 
 
-RECORDED_ALWAYS = TELEMETRY[: TELEMETRY.index("steps") + 1]
-"""Columns that each telemetry.csv has, whatever version wrote it."""
-
-ALWAYS_NUMBERS = tuple(name for name in RECORDED_ALWAYS if not name.startswith(("slide_", "friction_use_")))
+ALWAYS_NUMBERS = tuple(
+    name for name in TELEMETRY[: TELEMETRY.index("steps") + 1] if not name.startswith(("slide_", "friction_use_"))
+)
 """Columns that are never NaN."""
 
 

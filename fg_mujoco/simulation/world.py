@@ -271,15 +271,11 @@ def _named_solids(beams: Any) -> list[str]:
 
 def shows(xml: str, track: Course) -> bool:
     """Return whether the MJCF text of a world has the walls of a course, its obstacles and its moving obstacles."""
-    found = _shapes(xml)
-    for below in (_BELOW_GROUND, 0.0):  # up to version 0.1 solids ended at the ground
-        spec = mujoco.MjSpec()
-        _add_course(spec, track, track.obstacles, below)
-        wanted = _shapes(spec.to_xml())
-        walls = [sum(name.startswith("wall") for _, name in shapes) for shapes in (wanted, found)]
-        if walls[0] == walls[1] and all(found.get(name) == shape for name, shape in wanted.items()):
-            return True
-    return False
+    spec = mujoco.MjSpec()
+    _add_course(spec, track, track.obstacles)
+    wanted, found = _shapes(spec.to_xml()), _shapes(xml)
+    walls = [sum(name.startswith("wall") for _, name in shapes) for shapes in (wanted, found)]
+    return walls[0] == walls[1] and all(found.get(name) == shape for name, shape in wanted.items())
 
 
 def _shapes(xml: str) -> dict[tuple[str, str], str]:
@@ -291,13 +287,13 @@ def _shapes(xml: str) -> dict[tuple[str, str], str]:
     }
 
 
-def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...], below: float = _BELOW_GROUND) -> None:
-    """Add the walls of a course and what moves there, and obstacles, which reach `below` the ground [m]."""
-    _add_walls(spec, track, below)
+def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...]) -> None:
+    """Add the walls of a course, what moves there, and obstacles."""
+    _add_walls(spec, track)
     for index, moving in enumerate(track.moving):
-        _add_moving(spec, f"{MOVING_PREFIX}{index}", moving, below)
+        _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
-        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle, below), _OBSTACLE_COLOUR)
+        _add_hull(spec, f"{OBSTACLE_PREFIX}{index}", _prism(obstacle), _OBSTACLE_COLOUR)
 
 
 def _add_light(spec: Any, track: Course) -> None:
@@ -314,7 +310,7 @@ def _add_light(spec: Any, track: Course) -> None:
     )  # fmt: skip
 
 
-def _add_walls(spec: Any, track: Course, below: float) -> None:
+def _add_walls(spec: Any, track: Course) -> None:
     """Add the walls as solids that are hit; where the course has a surface of them, it is seen in their place."""
     surface = track.wall_surface()
     if surface is not None:
@@ -324,22 +320,22 @@ def _add_walls(spec: Any, track: Course, below: float) -> None:
             name="walls", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="walls", rgba=_WALL_COLOUR, contype=0, conaffinity=0
         )
     for index, wall in enumerate(track.walls):
-        _add_hull(spec, f"wall_{index}", _prism(wall, below), _WALL_COLOUR if surface is None else _INVISIBLE)
+        _add_hull(spec, f"wall_{index}", _prism(wall), _WALL_COLOUR if surface is None else _INVISIBLE)
 
 
-def _prism(solid: Obstacle, below: float) -> FloatArray:
-    """Return the corners of a solid, `below` the ground [m] and above it. Shape (n, 3) [m]."""
+def _prism(solid: Obstacle) -> FloatArray:
+    """Return the corners of a solid, _BELOW_GROUND and above it. Shape (n, 3) [m]."""
     footprint = solid.corners()
-    heights = np.repeat((-below, solid.height), len(footprint))
+    heights = np.repeat((-_BELOW_GROUND, solid.height), len(footprint))
     return np.column_stack((np.tile(footprint, (2, 1)), heights))
 
 
-def _add_moving(spec: Any, name: str, obstacle: MovingObstacle, below: float) -> None:
+def _add_moving(spec: Any, name: str, obstacle: MovingObstacle) -> None:
     """Add a moving obstacle as a mocap body, whose frame keeps the world's axes, and its motion as numbers."""
     spec.add_numeric(name=name, data=obstacle.numbers())
     body = spec.worldbody.add_body(name=name, mocap=True, pos=(*obstacle.position(0.0), 0.0))
     solid = replace(obstacle.box(0.0), x=0.0, y=0.0)
-    _add_hull(spec, name, _prism(solid, below), _OBSTACLE_COLOUR, body)
+    _add_hull(spec, name, _prism(solid), _OBSTACLE_COLOUR, body)
 
 
 def _add_hull(spec: Any, name: str, vertices: FloatArray, colour: tuple[float, ...], body: Any = None) -> None:

@@ -13,6 +13,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
+from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.rollout_result import wilson
 from refusals import refused
 from rollout_worlds import stand_in
@@ -110,8 +111,8 @@ def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
         raise EngineError("a chunk was lost\nfor good")
         yield
 
-    monkeypatch.setattr("fg_mujoco.rollouts.rollouts.require_ray", lambda: None)
-    monkeypatch.setattr("fg_mujoco.rollouts.rollouts.drive_on_ray", lost)
+    monkeypatch.setitem(PARTS._own, "require ray", lambda: None)
+    monkeypatch.setitem(PARTS._own, "drive on ray", lost)
     assert main(["rollout", "--executor", "ray"]) == 1
     assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good; nothing is kept without --out\n")
 

@@ -16,12 +16,13 @@ from fg_mujoco.messages import CarParameters, FloatArray
 from fg_mujoco.racing.crash import Crash, Rollover
 from fg_mujoco.racing.planners import with_settings
 from fg_mujoco.racing.resimulation import load_world
-from fg_mujoco.racing.result import RaceResult, tires_model
+from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.run_folder import SUMMARY, Run, read_run, summary_json
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import WrongWay
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
+from fg_mujoco.vehicle.tires import CONTACT
 
 SPEED_FAR_ABOVE = 99.0
 """[m/s] Drawn for a limit that is higher, as that of a car that does not steer."""
@@ -55,7 +56,7 @@ class RecordedRun:
     @property
     def tires_model(self) -> str:
         """Model of the tires."""
-        return tires_model(self.summary)
+        return str(self.summary.get("tires_model", CONTACT))
 
     @property
     def lap_times(self) -> tuple[float, ...]:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from ...errors import missing_extra
 from ...messages import CarParameters
-from ...racing.result import tires_model
 from ...simulation.telemetry import TELEMETRY
 from ...vehicle.car import WHEELS
 from ...vehicle.tire_slip import slides_above
+from ...vehicle.tires import CONTACT
 from .colours import STAGES, friction_colour
 from .recorded_drive import Drive
 
@@ -104,7 +104,8 @@ class _Strip:
         panels.append((2.6, lambda x, w: self._speed(x, w, row["speed_m_s"], limit, summary)))
         if width >= 420:
             panels.append((1.9, lambda x, w: self._steering(x, w, row["steering_angle_rad"], car)))
-        panels.append((2.6, lambda x, w: self._tires(x, w, row, slides_above(tires_model(summary)))))
+        slides = slides_above(str(summary.get("tires_model", CONTACT)))
+        panels.append((2.6, lambda x, w: self._tires(x, w, row, slides)))
         total = sum(share for share, _ in panels)
         room = width - pad * (len(panels) + 1)
         x = float(pad)

@@ -16,7 +16,6 @@ from fg_mujoco.addons.look.report.recorded import (
     accelerations,
     limit_speed,
 )
-from fg_mujoco.racing.result import tires_model
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
@@ -106,20 +105,6 @@ def test_a_tire_with_a_curve_slides_from_its_peak_on():
     assert slide_events(columns, None) == ()
     (event,) = slide_events(columns, None, model="magic_formula")
     assert (event.tire, event.start) == ("rear_left", pytest.approx(4 * TICK))
-
-
-@pytest.mark.parametrize(
-    ("summary", "model"),
-    [
-        ({"tires": "mine", "tires_model": "coulomb"}, "coulomb"),
-        ({}, "contact"),  # of versions before sets of tires
-        ({"tires": "contact"}, "contact"),
-        ({"tires": "coulomb"}, "magic_formula"),  # which that set was before models were written
-        ({"tires": "mine"}, "magic_formula"),
-    ],
-)
-def test_runs_are_judged_by_the_model_of_their_tires_and_older_ones_by_their_name(summary, model):
-    assert tires_model(summary) == model
 
 
 def test_place_of_an_event_is_within_its_lap():
