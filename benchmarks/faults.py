@@ -48,7 +48,7 @@ class Fault:
 
 
 FAULTS = {
-    # policies that learn the friction, and planners that teach them
+    # policies that learn the friction
     "a policy that learns nothing of the friction between its steps": Fault(
         file="fg_mujoco/envs/policy_interface.py",
         old="if self._observer.needs_every_tick:",
@@ -59,19 +59,7 @@ FAULTS = {
         file="addons/drivers/learned_friction.py",
         old="self._learned[which] = np.zeros((), LEARNED)",
         new="self._learned[which][\"use\"] = 0.0",
-        tests="test_teaching.py",
-    ),
-    "actions towards a command that are not held within a tick's reach": Fault(
-        file="fg_mujoco/envs/actions.py",
-        old="found: FloatArray = np.clip((asked - at_0) / more_at_1, least, greatest)",
-        new="found: FloatArray = np.clip(asked - at_0, least, greatest)",
-        tests="test_teaching.py",
-    ),
-    "a teacher that is not told of the commands' delay in its world": Fault(
-        file="fg_mujoco/envs/worlds.py",
-        old="[self._own_delay if delay is None else delay for delay in delays]",
-        new="[self._own_delay for _ in delays]",
-        tests="test_teaching.py",
+        tests="test_policies_that_learn.py",
     ),
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(

@@ -26,7 +26,7 @@ def _settings_of(name: str, text: str) -> Part:
 
 @command(
     option(
-        "settings", "a file with steps, worlds, seed and the tables [environment], [ppo], [teacher], [self_play]; "
+        "settings", "a file with steps, worlds, seed and the tables [environment], [ppo], [self_play]; "
         "options win", "SETTINGS.toml", nargs="?",
     ),
     option(
@@ -48,9 +48,6 @@ def _settings_of(name: str, text: str) -> Part:
         "--self-play", "race opponents drawn from earlier versions and planners: share=0.5, every=250000, kept=10, "
         "planners=[\"gap_finder\"]",
     ),
-    _settings_of(
-        "--teacher", "a planner that is told the friction teaches the policy first: planner=gap_finder, steps=2000000"
-    ),
     option("--out", "folder; the same command goes on with a training that is there", "DIR", required=True),
     JSON,
     trust("go on with, or start from, a checkpoint that you did not write here, which runs its code"),
@@ -64,9 +61,6 @@ def train_command(options: argparse.Namespace) -> int:
 
     def text(progress: TrainingProgress) -> str:
         figures = progress.figures
-        if "teacher/loss" in figures:
-            done = f"taught {progress.steps}/{progress.total} steps, {progress.rate:.0f}/s"
-            return f"{done}, loss {figures['teacher/loss']:.3f}" + to_go(progress.remaining_s)
         shown = [f"{figures[name]:.2f} {unit}" for name, unit in _SHOWN.items() if name in figures]
         done = f"{progress.steps}/{progress.total} steps, {progress.rate:.0f}/s"
         return ", ".join([done, *shown]) + to_go(progress.remaining_s)
@@ -105,8 +99,8 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
         found = _with_underscores(read_toml(options.settings).values)
     found |= {name: value for name in _OWN if (value := getattr(options, name)) is not None}
     given = {"environment": ("--env", options.env), "ppo": ("--ppo", options.ppo)}
-    optional = {"self_play": ("--self-play", options.self_play), "teacher": ("--teacher", options.teacher)}
-    given |= {name: each for name, each in optional.items() if each[1] or name in found}
+    if options.self_play or "self_play" in found:
+        given["self_play"] = ("--self-play", options.self_play)
     for table, (name, texts) in given.items():
         own = found.get(table, {})
         if not isinstance(own, dict):

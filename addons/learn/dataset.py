@@ -5,7 +5,7 @@
     dataset = read_dataset("runs/expert")
     for episode in dataset:                   # one world at a time is in memory
         print(episode.world, episode.end_reason, episode.scans.shape, episode.commands.shape)
-    dataset.to_hdf5("expert.hdf5")
+    dataset.to_minari("fg-mujoco/expert-v0")
 
 A rollout that was interrupted is a dataset of the chunks that it finished.
 """
@@ -27,13 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.arguments import Suggesting, explain_class
-from fg_mujoco.course.writing import staged_file
 from fg_mujoco.display import brief
 from fg_mujoco.errors import RunFolderError, SettingsError, accepted_names, missing_extra
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.randomization import Randomization
 from fg_mujoco.rollouts.chunk_store import ChunkStore, FolderStore
-from fg_mujoco.rollouts.recording import FAILED, NO_RETURN, TOO_CLOSE, ScanLayout
+from fg_mujoco.rollouts.recording import ScanLayout
 from fg_mujoco.rollouts.store import blame
 from fg_mujoco.simulation.settings import DriveSettings
 
@@ -163,34 +162,6 @@ class Dataset(Sequence[Episode], Suggesting):
     def _base(self) -> DriveSettings:
         return DriveSettings.of(self.settings.get("drive", {}))
 
-    def to_hdf5(self, path: str | Path) -> None:
-        """Write one HDF5 file: a group for each world, and in it a dataset for each field, world by world.
-
-        Ranges stay whole numbers of `unit`, an attribute of the file, and so are the codes among them. The attributes
-        of a group are the world's row of the table, the name of its course and `planner_mu`.
-
-        Raises:
-          MissingExtraError: h5py is not installed.
-          RunFolderError: the file cannot be written.
-        """
-        h5py = require_h5py()
-        path = Path(path)
-        with (
-            blame(path, "a file that can be written"),
-            staged_file(path) as aside,  # which holds a lock of its own
-            h5py.File(aside, "w", locking=False) as file,
-        ):
-            file.attrs.update(self.layout.described())
-            file.attrs.update(too_close=TOO_CLOSE, failed=FAILED, no_return=NO_RETURN)
-            file.attrs["settings"] = json.dumps(self.settings)
-            for episode in self:
-                group = file.create_group(f"world_{episode.world:06}")
-                told = {"track": episode.track, "planner_mu": episode.planner_mu}
-                group.attrs.update(episode.result | told)
-                for name in episode.ticks.dtype.names or ():
-                    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(episode) else {}
-                    group.create_dataset(name, data=episode[name], **packed)
-
     def to_minari(self, name: str) -> Any:
         """Write a dataset of Minari, such as "fg-mujoco/gap-finder-v0", where Minari keeps its own, and return it.
 
@@ -256,19 +227,12 @@ def read_dataset(folder: str | Path) -> Dataset:
     return Dataset.of(store, numbers, settings)
 
 
-def require_h5py() -> Any:
-    """Return h5py.
+def require_minari() -> Any:
+    """Return Minari.
 
     Raises:
       MissingExtraError: it is not installed; the message has the command that installs it.
     """
-    if importlib.util.find_spec("h5py") is None:
-        raise missing_extra("HDF5 files need h5py", "datasets")
-    return importlib.import_module("h5py")
-
-
-def require_minari() -> Any:
-    """Return Minari; errors as `require_h5py`."""
     if importlib.util.find_spec("minari") is None:
         raise missing_extra("Minari datasets need Minari", "datasets")
     return importlib.import_module("minari")

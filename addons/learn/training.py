@@ -10,9 +10,8 @@
     log/                the same for TensorBoard
     opponents/          with self-play, the earlier versions of the policy that it meets
 
-The same call goes on with the last checkpoint; `steps` may then be more. Ctrl-C writes a checkpoint and the policy. A
-training with a teacher begins with it, and does so again if it was interrupted before the first checkpoint. Training
-that went on has other bits than training without an interruption, as all episodes begin anew.
+The same call goes on with the last checkpoint; `steps` may then be more. Ctrl-C writes a checkpoint and the policy.
+Training that went on has other bits than training without an interruption, as all episodes begin anew.
 """
 
 from __future__ import annotations
@@ -121,13 +120,6 @@ def train(
             from .estimating_policy import Estimation
 
             own.append(Estimation())
-        if chosen.teacher is not None:
-            from .teaching import CriticFirst, teach
-
-            if last is None:
-                record.figures = teach(model, env, chosen.teacher, chosen.seed, watch)
-                record.save()
-            own.append(CriticFirst(chosen.teacher.critic_steps))
         if model.num_timesteps < chosen.steps:
             try:
                 model.learn(

@@ -92,35 +92,6 @@ class PPO:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Teacher:
-    """A planner that teaches the policy before PPO trains it, see `teaching`.
-
-    Raises:
-      SettingsError: a value that is not accepted.
-    """
-
-    planner: str = "gap_finder"  # told the friction of each world
-    steps: int = 2_000_000  # of all worlds together, besides those of PPO
-    policy_turn: float = 4.0  # [s] mean length of the policy's turns in the second half; shorter before
-    planner_turn: float = 1.0  # [s] of the planner's
-    lessons: int = 1_000_000  # the last steps, which the policy learns from
-    passes: float = 3.0  # how often a step is learned from, on average
-    batch: int = 512  # lessons at a time
-    learning_rate: float = 1e-3  # falls in a line to a twentieth
-    critic_steps: int = 500_000  # the first ones of PPO, in which only the critic learns
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.planner, str):
-            raise SettingsError(f"planner is {shown(self.planner)}; accepted: the name or the path of a planner")
-        require_whole("steps", self.steps, 1)
-        for name in ("lessons", "batch"):
-            require_whole(name, getattr(self, name), 1, _MOST_STEPS)
-        require_whole("critic_steps", self.critic_steps, 0)
-        positive = ("policy_turn", "planner_turn", "passes", "learning_rate")
-        require(self, lambda value: 0.0 < value < math.inf, "a positive number", positive, SettingsError)
-
-
-@dataclass(frozen=True, kw_only=True)
 class TrainingSettings:
     """What a training is.
 
@@ -135,7 +106,6 @@ class TrainingSettings:
     threads: int = 1  # that step the worlds, and that torch computes with
     checkpoints: int = 20  # how many are written, evenly
     ppo: PPO = field(default_factory=PPO)
-    teacher: Teacher | None = None  # who teaches the policy first; None: nobody
     self_play: SelfPlay | None = None  # who the opponents are; None: those of the environment
     estimate: tuple[str, ...] | None = None  # privileged terms that the actor gets estimates of; see EstimatingPolicy
     start_from: str | None = None  # folder of another training, or a policy.zip, whose weights are the first ones
@@ -143,9 +113,8 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         if not isinstance(self.environment, Mapping):
             raise SettingsError(f"environment is {shown(self.environment)}; accepted: settings by name")
-        for name, kind in (("self_play", SelfPlay), ("teacher", Teacher)):
-            if getattr(self, name) is not None:
-                object.__setattr__(self, name, as_part(getattr(self, name), kind, name))
+        if self.self_play is not None:
+            object.__setattr__(self, "self_play", as_part(self.self_play, SelfPlay, "self_play"))
         object.__setattr__(self, "ppo", as_part(self.ppo, PPO, "ppo"))
         usual = dict(USUAL_ENVIRONMENT) | ({} if self.self_play is None else dict(USUAL_RACE))
         if self.environment.get("residual") is not None:
@@ -165,8 +134,6 @@ class TrainingSettings:
             said = f"minibatches is {self.ppo.minibatches}, of {self.worlds} worlds times {self.ppo.n_steps} steps"
             raise SettingsError(f"{said}; accepted: a divisor of that")
         environment = EnvironmentSettings.of(self.drawn_environment())
-        if self.teacher is not None:
-            self._check_teacher(environment)
         if self.estimate is not None:
             self._check_estimate([term.name for term in environment.privileged])
             if not environment.observation.flat:
@@ -184,18 +151,6 @@ class TrainingSettings:
             if name not in privileged:
                 raise SettingsError(f"estimate has {shown(name)}; {accepted_names(name, privileged)}")
         object.__setattr__(self, "estimate", tuple(given))
-
-    def _check_teacher(self, environment: EnvironmentSettings) -> None:
-        """Raise SettingsError if a policy cannot be taught with these settings."""
-        if not environment.observation.flat or self.ppo.normalise_observation:
-            said = f"teacher with the observation {str(environment.observation)!r}"
-            if self.ppo.normalise_observation:
-                said = "teacher with normalise_observation"
-            raise SettingsError(f"{said}; accepted: one that is flat, and not normalised by statistics")
-        if environment.residual is not None:
-            raise SettingsError("teacher with a residual, which drives from the beginning; accepted: one of the two")
-        if self.start_from is not None:
-            raise SettingsError(f"teacher with start_from {shown(self.start_from)}; accepted: one of the two")
 
     def drawn_environment(self, snapshots: Sequence[Path] = ()) -> dict[str, Any]:
         """Return the settings of the environment, with a pool of opponents for self-play.

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.addons.ros.bag_messages import ODOMETRY, SCAN, require_ros_extra
-from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, trust, whole
+from fg_mujoco.cli.command import CONFIG, FORCE, command, number, option, require_ending, whole
 from fg_mujoco.cli.options import CAR, NAMES, in_one_line, setup_of, setup_options
 from fg_mujoco.cli.out import require_new
 from fg_mujoco.cli.progress import ProgressLine, shown_as
@@ -213,7 +213,6 @@ def map_command(options: argparse.Namespace) -> int:
     option("--format", "{names}, the default", "NAME", default="mcap", names=lambda: FORMATS),
     option("--out", "default: the folder's name, here", "FILE.mcap", Path),
     FORCE,
-    trust("run the planner once more: what it shows by fg.show, and what nodes publish, is written, too"),
 )
 def export_command(options: argparse.Namespace) -> int:
     """Write a run folder as a ROS 2 bag, for Foxglove, ros2 bag and rosbags."""
@@ -225,7 +224,7 @@ def export_command(options: argparse.Namespace) -> int:
     require_ending(path, ".mcap", what="a bag")
     require_new(path, force=options.force)
     with _progress("tick") as watch:
-        ticks = export_bag(options.folder, path, watch, trust=options.trust)
+        ticks = export_bag(options.folder, path, watch)
     print(f"{path}: {ticks} ticks, {path.stat().st_size / 1e6:.1f} MB")
     return 0
 

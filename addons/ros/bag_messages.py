@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from fg_mujoco.errors import missing_extra
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
-from fg_mujoco.simulation.intermediate_values import IntermediateValue
 from fg_mujoco.simulation.telemetry import recorded_command
 
 SCAN, ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
@@ -29,7 +28,7 @@ IMU, JOINTS = "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"
 DRIVE, TRANSFORMS = "ackermann_msgs/msg/AckermannDriveStamped", "tf2_msgs/msg/TFMessage"
 CLOCK = "rosgraph_msgs/msg/Clock"
 GRID, READING = "nav_msgs/msg/OccupancyGrid", "fg_mujoco_msgs/msg/Reading"
-NUMBER, NUMBER_32, MARKERS = "std_msgs/msg/Float64", "std_msgs/msg/Float32", "visualization_msgs/msg/MarkerArray"
+NUMBER, NUMBER_32 = "std_msgs/msg/Float64", "std_msgs/msg/Float32"
 POSE, POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped"
 MOTOR = "vesc_msgs/msg/VescStateStamped"
 DRIVE_TOPICS = (
@@ -57,9 +56,6 @@ _OTHERS = {  # our own, and those of the package ackermann_msgs, which no releas
     ),
 }
 _NANOSECONDS = 1_000_000_000
-_ADD, _DELETE = 0, 2  # visualization_msgs/Marker.action
-_LINE_STRIP, _POINTS = 4, 8  # .type
-_LINE_WIDTH, _POINT_SIZE = 0.03, 0.08  # [m] of markers
 
 
 _FAULTS = ("NONE", "OVER_VOLTAGE", "UNDER_VOLTAGE", "DRV8302", "ABS_OVER_CURRENT", "OVER_TEMP_FET", "OVER_TEMP_MOTOR")
@@ -286,46 +282,6 @@ def grid_message(time: int, cells: NDArray[np.int8], resolution: float, origin: 
 def clock_message(time: int) -> Any:
     """Return rosgraph_msgs/Clock at `time` [ns]."""
     return _make(CLOCK, clock=_time(time))
-
-
-def number_message(value: float) -> Any:
-    """Return std_msgs/Float64."""
-    return _make(NUMBER, data=float(value))
-
-
-def markers_message(time: int, values: Sequence[IntermediateValue], gone: Sequence[str] = ()) -> Any:
-    """Return visualization_msgs/MarkerArray of points and lines that a planner shows, at `time` [ns].
-
-    The namespace of a marker is the name of its value, and its frame is the value's. `gone` are names whose markers
-    are deleted.
-    """
-    markers = [_marker(time, value.name, value) for value in values]
-    return _make(MARKERS, markers=markers + [_marker(time, name, None) for name in gone])
-
-
-def _marker(time: int, name: str, value: IntermediateValue | None) -> Any:
-    """Return the marker of a value; None: one that deletes it."""
-    points = np.empty((0, 2)) if value is None else value.array
-    line = value is not None and value.draw != "points" and len(points) > 1
-    if line and value is not None and value.draw == "polygon":
-        points = np.concatenate((points, points[:1]))
-    width = _LINE_WIDTH if line else _POINT_SIZE
-    red, green, blue = (0, 0, 0) if value is None else value.colour
-    return _make(
-        "visualization_msgs/msg/Marker",
-        header=_header(time, MAP_FRAME if value is None else value.frame),
-        ns=name, id=0, type=_LINE_STRIP if line else _POINTS, action=_DELETE if value is None else _ADD,
-        pose=_pose(np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0))),
-        scale=_vector((width, width, 0.0)),
-        color=_make("std_msgs/msg/ColorRGBA", r=red / 255.0, g=green / 255.0, b=blue / 255.0, a=1.0),
-        lifetime=_make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-        frame_locked=False,
-        points=[_make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0) for x, y in points],
-        colors=[], texture_resource="", text="", mesh_resource="", mesh_use_embedded_materials=False,
-        texture=_make("sensor_msgs/msg/CompressedImage", header=_header(0, ""), format="", data=np.empty(0, np.uint8)),
-        uv_coordinates=[],
-        mesh_file=_make("visualization_msgs/msg/MeshFile", filename="", data=np.empty(0, np.uint8)),
-    )  # fmt: skip
 
 
 def heading_of(quaternion: Any) -> float:

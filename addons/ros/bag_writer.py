@@ -15,12 +15,6 @@ Of a car with `sensors`, all that each of them has delivered:
 
     /sensors/NAME  fg_mujoco_msgs/msg/Reading                 names with units, values; frame of the sensor
 
-With the planner run once more (`trust`), also what it shows by `fg_mujoco.show`:
-
-    /show          visualization_msgs/MarkerArray        points, lines and polygons, one namespace a name
-    /show/NAME     std_msgs/Float64                      a number
-    /show/NAME     sensor_msgs/LaserScan                 an array of the scan's length
-
 Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
 f1tenth_gym_ros for two cars, with frames of their own under map:
 
@@ -40,11 +34,9 @@ gym_bridge.py (names).
 from __future__ import annotations
 
 import json
-import re
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -53,18 +45,12 @@ import mujoco
 import numpy as np
 
 from fg_mujoco.course.writing import staged_file
-from fg_mujoco.errors import BagError, PlannerError, SettingsError
-from fg_mujoco.messages import DriveCommand, LaserScan
-from fg_mujoco.racing.planners import bundled_names
-from fg_mujoco.racing.resimulation import Sensed, Tick, load_world, recorded_planner, recorded_sensors, resimulate
+from fg_mujoco.errors import BagError, PlannerError
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.resimulation import Sensed, load_world, recorded_sensors, resimulate
 from fg_mujoco.racing.run_folder import Run, read_run
 from fg_mujoco.simulation.cars import car_prefix
-from fg_mujoco.simulation.intermediate_values import NUMBER as NUMBER_VALUE
-from fg_mujoco.simulation.intermediate_values import SCAN as SCAN_VALUE
-from fg_mujoco.simulation.intermediate_values import IntermediateValue, IntermediateValues
-from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.telemetry import COMMAND
-from fg_mujoco.simulation.world import World
 from fg_mujoco.vehicle.car import car_parameters, element_id
 from fg_mujoco.vehicle.sensors import Sensor
 
@@ -86,9 +72,7 @@ from .bag_messages import (
     grid_message,
     imu_message,
     joints_message,
-    markers_message,
     nanoseconds,
-    number_message,
     odometry_message,
     reading_messages,
     require_ros_extra,
@@ -102,8 +86,6 @@ TOPICS = {
     "/scan": SCAN, "/odom": ODOMETRY, "/imu": IMU, "/joint_states": JOINTS, "/drive": DRIVE, "/tf": TRANSFORMS,
     "/tf_static": TRANSFORMS, "/map": GRID,
 }  # fmt: skip
-SHOWN = "/show"
-"""Topic of the markers that a planner shows; its numbers and scans are below it."""
 LATCHED = ("/tf_static", "/map")
 """Topics whose last message late subscribers get, too: durability "transient local"."""
 
@@ -199,7 +181,7 @@ class BagWriter:
 
 
 def export_bag(
-    folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None, *, trust: bool = False
+    folder: str | Path, path: str | Path, watch: Callable[[int, int], None] | None = None
 ) -> int:
     """Write a run folder as a bag, and return how many ticks it has.
 
@@ -207,12 +189,9 @@ def export_bag(
       folder: as `race --out` wrote it.
       path: of the MCAP file; one that exists is replaced.
       watch: called once a tick with its number, from 1, and how many there are.
-      trust: run the planner of the run once more, for what it shows by `fg_mujoco.show`, and for what nodes publish:
-        markers, paths and all else. Why a value is not shown is said in a warning.
 
     Raises:
       MissingExtraError: the extra `ros` is not installed.
-      ControllerError, SettingsError: `trust`, and the planner is a bundled one, or not as it was raced.
       RunFolderError: the folder is not a run's, or is damaged.
       BagError: the file cannot be written.
     """
@@ -224,7 +203,6 @@ def export_bag(
     ticks = len(run.ctrl)
     others = [_Other(run, model, index) for index in range(1, len(world.cars))]
     ends, own_sensors = _Ends.of(run, 0), recorded_sensors(run.summary)
-    show = _Shown(run, world) if trust else None
     with BagWriter(path, {"summary": json.dumps(run.summary)}) as bag:
         for index, tick in enumerate(resimulate(run, world), start=1):
             time, sensed = nanoseconds(tick.time), tick.sensed
@@ -249,12 +227,8 @@ def export_bag(
             if index <= ends.drives:
                 bag.write("/scan", scan_message(sensed.scan), time)
                 bag.write("/drive", drive_message(tick.command, time), time)
-                for topic, message in () if show is None else show(tick):
-                    bag.write(topic, message, time)
             if watch is not None:
                 watch(index, ticks)
-    for said in () if show is None else show.remarks:
-        warnings.warn(said, stacklevel=2)
     return ticks
 
 
@@ -293,73 +267,6 @@ class _Ends:
         row = run.summary["cars"][car]
         drives = int(np.searchsorted(run.time[:-1], float(row["end_time_s"]) - 1e-9))
         return cls(drives=drives, leaves=drives if row["finished"] else ticks)
-
-
-class _Shown:
-    """The intermediate values of car 0's planner and the messages of its nodes: it runs again, as it was raced.
-
-    Raises:
-      ControllerError, SettingsError: the planner may not be loaded, cannot be built, or is a bundled one.
-    """
-
-    def __init__(self, run: Run, world: World) -> None:
-        self._world = world
-        self._planner: Any = recorded_planner(
-            run.summary, world.model, trust=True, where=str(run.folder), folder=run.folder
-        )
-        self._published: Any = getattr(self._planner, "published", None)  # of nodes
-        if str(run.summary["controller"]) in bundled_names():
-            raise SettingsError(
-                f"{run.folder}: its planner publishes no topics and shows no values; accepted with --trust: a run of "
-                "ros:..., or of a planner that calls fg_mujoco.show"
-            )
-        self._values, self._topics = IntermediateValues(), dict[str, str]()
-        self._marked: set[str] = set()  # names of the values that have a marker
-        if self._published is not None:
-            self._published()  # from here on all is kept
-
-    @property
-    def remarks(self) -> list[str]:
-        """Why values are not shown."""
-        return self._values.remarks
-
-    def __call__(self, tick: Tick) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages of a tick, without those that the bag has of its own."""
-        own = tick.sensed
-        assert own is not None
-        if hasattr(self._planner, "look_round"):
-            self._planner.look_round(tick.surroundings(self._world))
-        with self._values.of(own.scan):
-            plan(self._planner, own.scan, own.odometry)
-        for topic, message in () if self._published is None else self._published():
-            if topic not in TOPICS:
-                yield topic, message
-        yield from self._values_of(own.scan, nanoseconds(tick.time))
-
-    def _values_of(self, scan: LaserScan, time: int) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages of the values that are shown now."""
-        marked: list[IntermediateValue] = []
-        for name, value in self._values.now.items():
-            if value.kind == NUMBER_VALUE:
-                yield self._topic(name), number_message(float(value.array))
-            elif value.kind == SCAN_VALUE:
-                yield self._topic(name), scan_message(replace(scan, ranges=value.array))
-            elif len(value.array):
-                marked.append(value)
-        gone = sorted(self._marked - {value.name for value in marked})
-        self._marked = {value.name for value in marked}
-        if marked or gone:
-            yield SHOWN, markers_message(time, marked, gone)
-
-    def _topic(self, name: str) -> str:
-        """Return the topic of a value: its name as ROS accepts it, and a number where another value has that, too."""
-        if name not in self._topics:
-            plain = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "value"
-            plain = f"{SHOWN}/{plain if not plain[0].isdigit() else f'value_{plain}'}"
-            taken = set(self._topics.values())
-            others = (f"{plain}_{number}" for number in range(2, len(taken) + 3))
-            self._topics[name] = next(topic for topic in (plain, *others) if topic not in taken)
-        return self._topics[name]
 
 
 class _Other:

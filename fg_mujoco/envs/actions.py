@@ -186,14 +186,6 @@ class ActionReader:
                 "of bounds is held within them)"
             )
 
-    def towards(self, commands: FloatArray) -> FloatArray:
-        """Return the actions (n, 2) that bring the targets as near to the commands (n, 2) as a tick allows."""
-        least, greatest, at_0, more_at_1, integrated = self.bounds.limits[:5]
-        changes = (commands - self._targets[0]) / np.where(integrated > 0.0, integrated, 1.0)
-        asked = np.where(integrated > 0.0, changes, commands)
-        found: FloatArray = np.clip((asked - at_0) / more_at_1, least, greatest)
-        return found
-
     @property
     def from_minus_1_to_1(self) -> FloatArray:
         """The last actions, from -1 at the least to 1 at the greatest (n, 2)."""

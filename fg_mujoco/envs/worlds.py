@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SettingsError
-from ..lidar.effects import LidarEffects
 from ..messages import FloatArray, Reading
 from ..racing.randomization import Randomization
 from ..simulation.engine import Engine
@@ -56,8 +55,6 @@ class Worlds:
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
       tick_state: of the agents after the last tick; None: no term of the settings looks at it.
       sensed_state: the same with what their sensors read last.
-      late: by how much the scans of each world are late (n,) [s].
-      command_delays: from commands to the servos of each world's agents (n,) [s].
     """
 
     def __init__(
@@ -103,9 +100,6 @@ class Worlds:
             )  # fmt: skip
             self._opponents.check(settings.drawn_opponents)
         self.sliding = np.zeros(count * agents)
-        changed, self._own_delay = settings.all_changes.command_delay, settings.car.command_delay
-        self.late = np.full(count, self._late(settings.effects))
-        self.command_delays = np.full(count, self._own_delay if changed is None else changed)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
     @property
@@ -225,9 +219,6 @@ class Worlds:
             m, a = self.cars, self.agents
             for k, draw in enumerate(draws):
                 effects[k * m : k * m + a], drifts[k * m : k * m + a] = [draw.effects] * a, [draw.odometry_drift] * a
-            self.late[which] = [self._late(draw.effects) for draw in draws]
-            delays = [None if draw.changes is None else draw.changes.command_delay for draw in draws]
-            self.command_delays[which] = [self._own_delay if delay is None else delay for delay in delays]
         self.engine.place(
             starts, np.repeat(which, self.cars), effects=effects, seeds=seeds, odometry_drifts=drifts,
             sensors=self._sensors * worlds,
@@ -239,10 +230,6 @@ class Worlds:
         self._sensed[np.repeat(which, self.cars)] = False
         if self._states is not None:
             self._states.begin(np.repeat(which, self.cars))
-
-    def _late(self, effects: LidarEffects) -> float:
-        """Return by how much the scans of a LiDAR with effects are late [s]."""
-        return effects.sweeps_late(self.period) * self.period
 
     def _take_off(self, which: Mask, draws: Sequence[EpisodeDraw]) -> None:
         """Take the opponents off the course that take no part in the episodes that begin in the worlds `which`."""

@@ -11,7 +11,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco import errors
-from fg_mujoco.addons.learn.dataset import require_h5py, require_minari
+from fg_mujoco.addons.learn.dataset import require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
 from fg_mujoco.addons.learn.ray_cluster import require_ray
 from fg_mujoco.addons.look.live.browser import require_viser
@@ -50,7 +50,6 @@ def bare(monkeypatch):
         (require_ray, "cluster", "rollouts on a cluster need Ray"),
         (require_onnxruntime, "policies", "policies in ONNX files need onnxruntime"),
         (require_onnx, "train", "writing ONNX files needs onnx"),
-        (require_h5py, "datasets", "HDF5 files need h5py"),
         (require_minari, "datasets", "Minari datasets need Minari"),
     ],
 )

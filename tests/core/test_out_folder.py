@@ -68,7 +68,7 @@ class P:
         "race --time-limit 0.2 --out out",
         "rollout --n 2 --workers 1 --time-limit 0.2 --out out", "compare --workers 1 --time-limit 0.2 --out out",
         "grade lab.toml walks.py --workers 1 --out out", "debug runs/first --trust --out out.html",
-        "export runs/first --trust --out out.mcap", "overtake --workers 1 --out out --seed 0",
+        "export runs/first --out out.mcap", "overtake --workers 1 --out out --seed 0",
     ],
 )  # fmt: skip
 def test_a_planner_that_changes_the_folder_moves_no_file_that_is_written(command, run, without_pictures):
@@ -167,7 +167,7 @@ def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tm
         raise AssertionError
 
 
-@pytest.mark.parametrize("name", ["race", "drive", "bag", "rollout", "compare", "overtake", "friction"])
+@pytest.mark.parametrize("name", ["race", "drive", "rollout", "compare", "overtake", "friction"])
 def test_every_command_that_writes_a_folder_has_both_ways(name, capsys):
     with pytest.raises(SystemExit):
         main([name, "--help"])

@@ -55,7 +55,6 @@ _TRAINING: dict[str, Any] = {
         "randomize": {"mu": "0.5:1.1"}, "rewards": {"preset": "race"},
     },
     "ppo": {"net": [4], "n_steps": 32, "minibatches": 2, "n_epochs": 1},
-    "teacher": {"planner": "gap_finder", "steps": 100},
     "self_play": {"share": 0.5, "every": 100, "kept": 2, "planners": ["gap_finder"]},
 }  # fmt: skip
 _LAB: dict[str, Any] = {

@@ -12,10 +12,8 @@ from numpy.random import Generator
 import fg_mujoco as fg
 from fg_mujoco.addons.look.debug import debug_page
 from fg_mujoco.addons.look.debug.decisions import Witness
-from fg_mujoco.addons.ros.bag_messages import markers_message, to_cdr
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.racing.planners import bundled_names, make_controller
-from fg_mujoco.simulation.intermediate_values import POINTS
 
 from .course_targets import ring
 from .mutations import mutated, one_of
@@ -265,7 +263,6 @@ def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
         values = witness._values
         for sketch in values.sketches(scan, odometry.pose, car.lidar_offset):
             assert np.isfinite(sketch.points).all()
-        to_cdr(markers_message(0, [value for value in values.now.values() if value.kind == POINTS], ["gone"]))
         return 0
 
     return look

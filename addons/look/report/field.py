@@ -2,38 +2,28 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fg_mujoco.display import Html, element, escaped, html
-from fg_mujoco.errors import MissingExtraError
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.pictures.pages.bokeh_plots import ALERT, mark, new_panel, put_legend_above, stacked
-from fg_mujoco.pictures.pages.page import data_url, note, scroll
+from fg_mujoco.pictures.pages.page import note, scroll
 from fg_mujoco.pictures.pages.table import Table
-from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.racing.run_folder import Run
 from fg_mujoco.registry import PARTS
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.telemetry import TELEMETRY
 
-from .clip import followed
 from .recorded import RecordedRun
-from .sections import missing
 
 if TYPE_CHECKING:
     from bokeh.models import UIElement
 
-PICTURE_SIZE = (480, 270)  # [px] of a contact
-_MOST_PICTURES = 12  # of contacts: each adds some 30 kB to a page
 _MOST_ROWS = 200
 _PANEL_HEIGHT = 170  # [px]
-_QUALITY = 85  # of JPEG
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,57 +132,6 @@ def _moments(
     table = Table(header=header, rows=rows, left=left, times=[each["time_s"] for each in moments[:_MOST_ROWS]])
     more = note(f"The first {_MOST_ROWS} of {len(moments)}.") if len(moments) > _MOST_ROWS else None
     return escaped([element("h2", title), scroll(table.html()) if rows else note("None."), more])
-
-
-def contact_pictures(field: Field, source: RaceResult | Run | str | Path) -> Html:
-    """Return pictures of the contacts, from behind the car at fault, or the first of those that touched.
-
-    Where the extra `render` or OpenGL is missing, it says what installs it.
-    """
-    if not field.contacts:
-        return Html()
-    shown = field.contacts[:_MOST_PICTURES]
-    try:
-        pictures = _pictures(field, shown, source)
-    except MissingExtraError as error:
-        return missing("Pictures are not drawn here; to have them:", str(error))
-    figures = [
-        html(
-            '<figure><img src="{data}" width="{width}" height="{height}" alt="contact at {time} s">'
-            '<figcaption class="note">{time} s, from behind {car}</figcaption></figure>',
-            data=data, width=PICTURE_SIZE[0], height=PICTURE_SIZE[1], time=f"{contact['time_s']:.2f}",
-            car=_named(field, followed(contact)),
-        )
-        for contact, data in zip(shown, pictures, strict=True)
-    ]  # fmt: skip
-    more = note(f"Of the first {len(shown)}.") if len(shown) < len(field.contacts) else None
-    return escaped([element("div", figures, class_="columns pictures"), more])
-
-
-def _pictures(field: Field, contacts: Sequence[dict[str, Any]], source: RaceResult | Run | str | Path) -> list[str]:
-    """Return a picture of each contact, JPEG in the page; the cars at fault are followed one after the other."""
-    from fg_mujoco.pictures.rendering import Film, Overlays
-
-    found = [""] * len(contacts)
-    faults = [field.index(followed(contact)) for contact in contacts]
-    for car in sorted(set(faults)):
-        with Film(source, camera="chase", car=car, size=PICTURE_SIZE, overlays=Overlays()) as film:
-            for place, contact in enumerate(contacts):
-                if faults[place] == car:
-                    time = min(max(float(contact["time_s"]), 0.0), film.drive.end)
-                    found[place] = _as_jpeg(film.frame(time))
-    return found
-
-
-def _as_jpeg(picture: Any) -> str:
-    from fg_mujoco.pictures.rendering.telemetry_strip import require_pillow
-
-    require_pillow()
-    from PIL import Image
-
-    file = io.BytesIO()
-    Image.fromarray(picture).save(file, format="jpeg", quality=_QUALITY)
-    return data_url("image/jpeg", file.getvalue())
 
 
 def _named(field: Field, name: str) -> Html:

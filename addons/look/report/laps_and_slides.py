@@ -5,7 +5,6 @@ Sectors are three parts of a lap of equal length, by progress. A slide is a stre
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -74,7 +73,7 @@ def lap_table(
             continue
         sectors = _sectors(time, progress, length, number, start, finish if complete else None)
         speed = np.abs(columns["speed_m_s"][ticks])
-        steps = float(columns["steps"][ticks].sum())  # none where a car recorded the run: nothing is known of tires
+        steps = float(columns["steps"][ticks].sum())
         laps.append(
             Lap(
                 number=number,
@@ -82,8 +81,8 @@ def lap_table(
                 sectors=sectors,
                 top_speed=float(speed.max()),
                 mean_speed=float(speed.mean()),
-                friction_utilisation=float(columns["friction_use"][ticks].max()) if steps else math.nan,
-                sliding_share=float(columns["sliding_steps"][ticks].sum()) / steps if steps else math.nan,
+                friction_utilisation=float(columns["friction_use"][ticks].max()),
+                sliding_share=float(columns["sliding_steps"][ticks].sum()) / steps,
             )
         )
     return tuple(laps)

@@ -18,7 +18,7 @@ from fg_mujoco.racing.run_folder import Run
 
 from . import sections
 from .clip import clip_of_several, clip_start, make_clip
-from .field import Field, cars_table, contact_pictures, contacts_table, field_plots, overtakes_table, said
+from .field import Field, cars_table, contacts_table, field_plots, overtakes_table, said
 from .laps_and_slides import lap_length, lap_table, slide_events
 from .map_plot import colour_scales, map_plot
 from .map_shapes import map_shapes
@@ -41,7 +41,6 @@ _READOUT = (
 _OF_SEVERAL = """{cars}
 <h2>Gaps and positions</h2><div class="plots">{plots}</div>
 <div class="columns"><div>{overtakes}</div><div class="grow">{contacts}</div></div>
-{pictures}
 <h2>{name}</h2><p class="note">The rest of the page is of car 0. The map has the lines of the others, too.</p>
 """
 _BODY = """{head}
@@ -71,7 +70,7 @@ def write_report(
     Args:
       source: a run folder, a Run or a RaceResult.
       path: of the page.
-      clip_seconds: of the video in it [s]; None: there is none, and no pictures of contacts.
+      clip_seconds: of the video in it [s]; None: there is none.
       share_library: whether bokeh's JavaScript is read from a file LIBRARY beside the page, and not in the page.
       notes: lines of text (HTML) under the result.
       watch: told how many frames of the video are done, of how many, and the word "frame".
@@ -120,7 +119,6 @@ def write_report(
         of_several = html(
             _OF_SEVERAL, cars=cars_table(field), plots=places["field"], overtakes=overtakes_table(field),
             contacts=contacts_table(field), name=field.rows[0]["name"],
-            pictures=contact_pictures(field, source) if clip_seconds is not None else None,
         )  # fmt: skip
     body = html(
         _BODY, head=sections.head(run, told), of_several=of_several, colour=switch("colour", _COLOURS),

@@ -119,8 +119,8 @@ def _failure(told: dict[str, Any]) -> Html:
     return escaped([text, element("pre", told["traceback"]) if told["traceback"] else None])
 
 
-def _known(value: float, form: str, unit: str = "") -> str:
-    return "-" if math.isnan(value) else f"{value:{form}}{unit}"
+def _known(value: float, form: str) -> str:
+    return "-" if math.isnan(value) else f"{value:{form}}"
 
 
 def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> Html:
@@ -140,8 +140,8 @@ def laps(laps: Sequence[Lap], summary: dict[str, Any]) -> Html:
         (
             f"{lap.number}{'' if lap.time is not None else ending}",
             *(_time(time, least) for time, least in zip((lap.time, *lap.sectors), best, strict=True)),
-            f"{lap.top_speed:.2f}", f"{lap.mean_speed:.2f}", _known(lap.friction_utilisation, ".2f"),
-            _known(100 * lap.sliding_share, ".1f", " %"),
+            f"{lap.top_speed:.2f}", f"{lap.mean_speed:.2f}", f"{lap.friction_utilisation:.2f}",
+            f"{100 * lap.sliding_share:.1f} %",
         )
         for lap in laps
     ]  # fmt: skip

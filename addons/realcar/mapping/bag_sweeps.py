@@ -71,7 +71,7 @@ def read_sweeps(
     frames = mounting_frames(bag)
     sensor = next((plain(heard.message.header.frame_id) for heard in bag.messages({scan}, most=1)), "")
     source = _source(bag, frames, sensor, pose_topic, odometry_topic)
-    heard_scans: list[tuple[int, int, int, LaserScan]] = []  # stamp, recorder's growing time, recorder's time
+    heard_scans: list[tuple[int, int, LaserScan]] = []  # stamp, recorder's growing time
     faults, clock = ScanFaults(bag), Clock()
     left_out: dict[str, int] = {}
     for heard in bag.messages({scan}):
@@ -85,7 +85,7 @@ def read_sweeps(
             taken = to_scan(heard.message, mount, period=period)
             ends = round(abs(taken.time_increment) * (len(taken.ranges) - 1) * 1e9)
             stamp = stamp_of(heard.message) + shift + ends
-            heard_scans.append((stamp, heard.time, heard.received, taken))
+            heard_scans.append((stamp, heard.time, taken))
     faults.warn(clock)
     if not heard_scans:
         raise BagError(f"{bag.path}: none of its scans can be read; accepted: a bag with {SCAN}")
@@ -110,9 +110,8 @@ def read_sweeps(
         raise BagError(f"{bag.path}: {said}; accepted: poses at the times of scans")
     found = interpolated(track, times)
     return Sweeps(
-        scans=[row[3] for row, kept in zip(heard_scans, keep, strict=True) if kept],
+        scans=[row[2] for row, kept in zip(heard_scans, keep, strict=True) if kept],
         times=times[keep],
-        received=[row[2] for row, kept in zip(heard_scans, keep, strict=True) if kept],
         poses=found[keep],
         offset=offset,
         source=source.text,

@@ -140,7 +140,7 @@ def _sweeps(given: list[tuple[LaserScan, Odometry]], car: CarParameters) -> Swee
     scans = [scan for k, (scan, _) in enumerate(given) if k == 0 or scan.stamp > given[k - 1][0].stamp]
     times = np.array([scan.stamp for scan in scans])
     return Sweeps(
-        scans=scans, times=times, received=[round(1e9 * time) for time in times], poses=interpolated(lidar, times),
+        scans=scans, times=times, poses=interpolated(lidar, times),
         offset=(car.lidar_offset, 0.0), source="odometry", drifts=True, track=lidar,
     )  # fmt: skip
 

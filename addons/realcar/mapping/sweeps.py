@@ -18,7 +18,6 @@ class Sweeps:
     Attributes:
       scans: with bearings of the car.
       times: of the last beam of each [s], from the first scan of the bag on.
-      received: when each was recorded [ns].
       poses: of the LiDAR, turned as the car is: x [m], y [m], heading [rad]. Shape (n, 3).
       offset: of the LiDAR from base_link, to the front and to the left [m].
       source: where the poses are from, in words.
@@ -29,7 +28,6 @@ class Sweeps:
 
     scans: list[LaserScan]
     times: FloatArray
-    received: list[int]
     poses: FloatArray
     offset: tuple[float, float]
     source: str

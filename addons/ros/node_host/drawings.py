@@ -1,21 +1,18 @@
-"""Markers, paths and poses that nodes publish: as drawings for the live view, and as messages of a bag.
+"""Markers, paths and poses that nodes publish: as drawings for the live view and the debug page.
 
 Markers are kept as RViz keeps them: by topic, namespace and id, until they are deleted or their lifetime is over.
 """
 
 from __future__ import annotations
 
-import array
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from fg_mujoco.messages import FloatArray, Sketch
 
-from ..bag_messages import MAP_FRAME, type_store
+from ..bag_messages import MAP_FRAME
 from .graph import Graph
-from .message_classes import full_name
 from .rospy_times import NANOSECONDS
 from .transform_modules import TransformException, lookup, matrix
 
@@ -133,47 +130,3 @@ def _pieces(points: FloatArray) -> FloatArray:
 
 def _moved(by: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(points @ by[:3, :3].T + by[:3, 3])
-
-
-def for_bag(message: Any) -> Any:
-    """Return a published message as one of a bag of ROS 2; None where its type is none of ROS's own."""
-    kind = full_name(message._type)
-    return _converted(message, kind) if kind in type_store().types else None
-
-
-def _converted(message: Any, kind: str) -> Any:
-    store = type_store()
-    if kind == "builtin_interfaces/msg/Time" or kind == "builtin_interfaces/msg/Duration":
-        if message is None:
-            return store.types[kind](sec=0, nanosec=0)
-        seconds, rest = (message.secs, message.nsecs) if hasattr(message, "secs") else (message.sec, message.nanosec)
-        return store.types[kind](sec=seconds, nanosec=rest)
-    values = {}
-    for field, described in store.fielddefs[kind][1]:
-        has = field in getattr(message, "_makers", ())
-        values[field] = _value(getattr(message, field) if has else None, described)
-    return store.types[kind](**values)
-
-
-def _value(value: Any, described: Any) -> Any:
-    """Return a field's value as rosbags takes it; of one that the message has not, 0 or empty."""
-    from rosbags.interfaces import Nodetype
-
-    node, inside = described
-    if node == Nodetype.NAME:
-        return _converted(value, inside)
-    if node == Nodetype.BASE:
-        plain = {"string": str, "bool": bool}.get(inside[0], float if inside[0].startswith("float") else int)
-        return plain(value) if value is not None else plain()
-    (inner, element), length = inside
-    if inner == Nodetype.NAME:
-        return [_converted(each, element) for each in value or ()]
-    name = element[0]
-    if name == "string":
-        return [str(each) for each in value or ()]
-    numbers: Iterable[Any] = () if value is None else value
-    dtype = np.dtype(np.uint8 if name in ("octet", "byte", "char") else name)
-    if isinstance(numbers, (bytes, bytearray, array.array)):
-        return np.frombuffer(bytes(numbers), dtype).copy()
-    found = np.array(list(numbers), dtype)
-    return found if len(found) or node != Nodetype.ARRAY else np.zeros(length, dtype)

@@ -34,7 +34,7 @@ from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.planner_failure import one_line
 
 from ..bag_messages import nanoseconds
-from .drawings import Drawings, for_bag
+from .drawings import Drawings
 from .drive_topics import DRIVE, OPPONENT_DRIVE, Driving
 from .graph import BEGIN, Graph, NodeError, Process
 from .imports import Imports, NeedsRospy
@@ -54,7 +54,6 @@ WALL_LIMIT = 30.0
 """[s] of wall time that a node may take for what is due at one instant: numba may compile in there."""
 _OF_GYM = "1080"  # beams of f1tenth_gym_ros, which many nodes have in them
 _SEED = 0  # of random numbers that a node draws without a seed of its own
-_MOST_KEPT = 10_000  # messages, for who asks what has been published
 PATIENCE = 5.0
 """[s] simulated in which a node must have published its first command."""
 
@@ -79,7 +78,6 @@ class RosPlanner:
     _sensing: Sensing
     _driving: Driving
     _drawings: Drawings
-    _fresh: list[tuple[str, Any]]
     _ticked: bool
     _flavour: int
     _failed: list[str]  # of nodes that the others drive on without
@@ -112,15 +110,6 @@ class RosPlanner:
         """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
         self._sensing.surroundings = surroundings
 
-    def published(self) -> list[tuple[str, Any]]:
-        """Return topics and messages, as those of a bag, that the nodes have published since this was asked last.
-
-        From the first question on all is kept. Left out are messages whose type is none of ROS's own.
-        """
-        self._drawn_from()
-        found, self._fresh = self._fresh, []
-        return [(topic, made) for topic, message in found if (made := for_bag(message)) is not None]
-
     @property
     def files(self) -> list[str]:
         """The files that the nodes have read: those of data, and those of parameters that `host.params` names."""
@@ -130,16 +119,10 @@ class RosPlanner:
 
     def drawings(self) -> list[Sketch]:
         """Return the markers, paths and poses that the nodes show, those published since this was asked first."""
-        self._drawn_from()
-        return self._drawings.now()
-
-    def _drawn_from(self) -> None:
-        """Take what has been published since."""
         journal, self._graph.journal = self._graph.journal, []
         for time, topic, message in journal or ():
             self._drawings.take(topic, message, time)
-            self._fresh.append((topic, message))
-        del self._fresh[:-_MOST_KEPT]
+        return self._drawings.now()
 
     def _build(self, flavour: int = 0) -> None:
         """Start the nodes as those of a flavour; 0: the one that their files name, or that they import."""
@@ -168,7 +151,7 @@ class RosPlanner:
         self._graph = Graph(float(limit))
         self._graph.data |= read
         self._close = weakref.finalize(self, self._graph.close)
-        self._drawings, self._fresh = Drawings(self._graph), []
+        self._drawings = Drawings(self._graph)
         self._flavour = flavour or next((each.flavour for each in self._program.nodes if each.flavour), ROS2)
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car, beams)

@@ -143,20 +143,6 @@ def test_a_folder_without_scans_is_refused(tmp_path):
 # -- other formats
 
 
-def test_hdf5_has_each_field_of_each_world(folder, tmp_path):
-    h5py = pytest.importorskip("h5py", reason="the extra datasets is not installed")
-    found = fg.read_dataset(folder)
-    found.to_hdf5(tmp_path / "all.hdf5")
-    with h5py.File(tmp_path / "all.hdf5") as file:
-        assert len(file) == 5 and file.attrs["unit"] == 0.001
-        for episode in found:
-            group = file[f"world_{episode.world:06}"]
-            assert group.attrs["end_reason"] == episode.end_reason
-            assert (group.attrs["seed"], group.attrs["planner_mu"]) == (episode.seed, episode.planner_mu)
-            for name in episode.ticks.dtype.names:
-                np.testing.assert_array_equal(group[name][:], episode[name])
-
-
 def test_minari_has_the_transitions(folder, tmp_path, monkeypatch):
     pytest.importorskip("minari", reason="the extra datasets is not installed")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))

@@ -1,16 +1,14 @@
-"""Markers, paths and poses that nodes publish: drawings in the live view, messages in bags."""
+"""Markers, paths and poses that nodes publish: drawings in the live view."""
 
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
 from test_ros_surroundings import DRIVES, NODE, commands, make
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.racing.setup import Setup
 
 SHOWS = """
@@ -87,28 +85,6 @@ def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
         session.reset()
         session.tick()
         view._scene.show_drawings()
-
-
-@pytest.mark.slow
-def test_a_bag_has_what_the_nodes_of_a_run_publish_if_they_are_trusted(source, tmp_path, capsys, without_pictures):
-    folder, plain, whole = tmp_path / "run", tmp_path / "plain.mcap", tmp_path / "whole.mcap"
-    assert main(["race", "--controller", source, "--time-limit", "0.5", "--out", str(folder)]) == 1
-    assert main(["export", str(folder), "--out", str(plain)]) == 0
-    assert main(["export", str(folder), "--out", str(whole), "--trust"]) == 0
-    with AnyReader([plain]) as reader:
-        assert "/waypoints" not in reader.topics
-        count = reader.topics["/drive"].msgcount
-    with AnyReader([whole]) as reader:
-        assert reader.topics["/waypoints"].msgtype == "visualization_msgs/msg/MarkerArray"
-        assert [reader.topics[topic].msgcount for topic in ("/waypoints", "/plan", "/drive")] == [count] * 3
-        connection = next(each for each in reader.connections if each.topic == "/waypoints")
-        messages = [reader.deserialize(raw, connection.msgtype) for _, _, raw in reader.messages([connection])]
-    marker = messages[-1].markers[1]
-    assert (marker.ns, marker.type, marker.color.b, [point.x for point in marker.points]) == ("b", 4, 1.0, [0, 1, 2, 3])
-    run = tmp_path / "bundled"
-    assert main(["race", "--time-limit", "0.2", "--out", str(run)]) == 1
-    assert main(["export", str(run), "--out", str(tmp_path / "x.mcap"), "--trust"]) == 2
-    assert "its planner publishes no topics" in capsys.readouterr().err
 
 
 def test_a_race_is_the_same_whether_its_nodes_are_watched_or_not(source):

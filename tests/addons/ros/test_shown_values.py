@@ -10,7 +10,6 @@ import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.intermediate_values import IntermediateValues, show
 from scan_worlds import CAR, corridor, odometry_of
@@ -127,71 +126,6 @@ def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_pat
     assert session.drawings() == [] and session.values.now == {}
 
 
-def test_an_exported_bag_has_the_values(shows, tmp_path, capsys):
-    from rosbags.highlevel import AnyReader
-
-    folder, plain, whole = tmp_path / "run", tmp_path / "plain.mcap", tmp_path / "whole.mcap"
-    fg.write_run(fg.race("oval", shows, time_limit=0.5), folder, picture=False)
-    assert main(["export", str(folder), "--out", str(plain)]) == 0
-    assert main(["export", str(folder), "--out", str(whole), "--trust"]) == 0
-    assert "value '<b>bad</b>' is not shown" in capsys.readouterr().err
-    with AnyReader([plain]) as reader:
-        assert not any(topic.startswith("/show") for topic in reader.topics)
-        count = reader.topics["/scan"].msgcount
-    with AnyReader([whole]) as reader:
-        kinds = {topic: each.msgtype.split("/")[-1] for topic, each in reader.topics.items() if "/show" in topic}
-        found = {topic: [] for topic in ("/scan", *kinds)}
-        for connection, _, raw in reader.messages():
-            if connection.topic in found:
-                found[connection.topic].append(reader.deserialize(raw, connection.msgtype))
-    assert kinds == {
-        "/show": "MarkerArray", "/show/ahead": "Float64", "/show/count": "Float64", "/show/odd": "Float64",
-        "/show/nothing_known": "Float64", "/show/halved": "LaserScan",
-    }  # fmt: skip
-    assert [message.data for message in found["/show/count"]] == list(range(1, count + 1))
-    assert len(found["/show/odd"]) == count / 2
-    for scan, halved, ahead, markers in zip(
-        found["/scan"], found["/show/halved"], found["/show/ahead"], found["/show"], strict=True
-    ):
-        np.testing.assert_array_equal(halved.ranges, np.float32(0.5) * scan.ranges)
-        assert (halved.header.frame_id, halved.header.stamp) == (scan.header.frame_id, scan.header.stamp)
-        hit, box, start = markers.markers
-        assert [(each.ns, each.header.frame_id) for each in (hit, box, start)] == [
-            ("hit", "laser"), ("box", "base_link"), ("start", "map"),
-        ]  # fmt: skip
-        assert [(point.x, point.y) for point in hit.points] == [(ahead.data, 0.0)]
-        assert (box.type, [(point.x, point.y) for point in box.points]) == (4, [(0, 0), (1, 0), (1, 0.5), (0, 0)])
-        assert (hit.action, hit.type, hit.color.a) == (0, 8, 1.0)
-
-
-def test_a_marker_that_is_not_shown_any_more_is_deleted(tmp_path):
-    from rosbags.highlevel import AnyReader
-
-    path, bag = tmp_path / "blinks.py", tmp_path / "blinks.mcap"
-    path.write_text(
-        SHOWS.replace('fg.show("hit", (ahead, 0.0))', 'fg.show("hit", (ahead, 0.0) if self.count < 5 else None)')
-    )
-    fg.write_run(fg.race("oval", f"{path}:Shows", time_limit=0.25), tmp_path / "run", picture=False)
-    assert main(["export", str(tmp_path / "run"), "--out", str(bag), "--trust"]) == 0
-    with AnyReader([bag]) as reader:
-        connections = [each for each in reader.connections if each.topic == "/show"]
-        messages = [reader.deserialize(raw, each.msgtype) for each, _, raw in reader.messages(connections)]
-    actions = [[marker.action for marker in message.markers if marker.ns == "hit"] for message in messages]
-    assert actions[:6] == [[0]] * 4 + [[2], []]
-
-
-def test_names_that_are_alike_for_ros_have_topics_of_their_own(tmp_path):
-    from fg_mujoco.addons.ros.bag_writer import _Shown
-
-    shown = object.__new__(_Shown)
-    shown._topics = {}
-    names = ("gap width", "gap_width", "Breite/2", "2nd", "°", "gap  width")
-    topics = [shown._topic(name) for name in names]
-    assert topics[:5] == ["/show/gap_width", "/show/gap_width_2", "/show/Breite_2", "/show/value_2nd", "/show/value"]
-    assert len(set(topics)) == len(topics)
-    assert [shown._topic(name) for name in names] == topics
-
-
 NODE_SHOWS = """
         import fg_mujoco as fg
         from visualization_msgs.msg import Marker
@@ -279,20 +213,6 @@ def test_the_live_view_has_the_values_and_the_markers_of_a_node_alike(node):
         session.tick()
     assert {sketch.name for sketch in session.drawings()} == {"halved", "corner", "/goal", "/plan"}
     assert session.values.now["ahead"].kind == "number"
-
-
-def test_a_bag_has_the_values_of_a_node_as_markers(node, tmp_path):
-    from rosbags.highlevel import AnyReader
-
-    fg.write_run(fg.race("oval", node, time_limit=0.3), tmp_path / "run", picture=False)
-    assert main(["export", str(tmp_path / "run"), "--out", str(tmp_path / "bag.mcap"), "--trust"]) == 0
-    with AnyReader([tmp_path / "bag.mcap"]) as reader:
-        counts = {topic: each.msgcount for topic, each in reader.topics.items()}
-        connections = [each for each in reader.connections if each.topic == "/show"]
-        (first, *_) = [reader.deserialize(raw, each.msgtype) for each, _, raw in reader.messages(connections)]
-    assert {counts[topic] for topic in ("/show", "/show/ahead", "/show/halved", "/goal", "/plan")} == {counts["/scan"]}
-    (marker,) = first.markers
-    assert (marker.ns, marker.header.frame_id, marker.points[0].x, marker.points[0].y) == ("corner", "laser", 1.0, 2.0)
 
 
 def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
