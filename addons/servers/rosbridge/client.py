@@ -117,7 +117,6 @@ class Client:
       subscriptions: by topic.
       advertised: types of the topics that it publishes on, and whether their last message is kept for later clients.
       kept: those last messages, in JSON, by topic.
-      services: types of the services that it offers, by name.
       level: of the statuses that it is told, one of LEVELS.
       logged: when a refusal was logged last, on the wall's clock [s].
     """
@@ -129,7 +128,6 @@ class Client:
         self.subscriptions: dict[str, Subscription] = {}
         self.advertised: dict[str, tuple[str, bool]] = {}
         self.kept: dict[str, str] = {}
-        self.services: dict[str, str] = {}
         self.level, self.logged = "warning", -math.inf
 
     def send(self, **operation: Any) -> None:

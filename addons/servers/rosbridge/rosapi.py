@@ -14,6 +14,7 @@ from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import shown
 
 from .json_messages import fields_of, kind_of
+from .live_race import SERVICES
 
 RACE, BRIDGE, ROSAPI = "/fg_mujoco", "/rosbridge_websocket", "/rosapi"
 """Nodes: the race, all clients, and the one that answers here."""
@@ -29,17 +30,11 @@ class View(Protocol):
     def topic_kinds(self) -> Mapping[str, str]:
         """Return the types of all topics that somebody publishes or takes."""
 
-    def service_kinds(self) -> Mapping[str, str]:
-        """Return the types of all services but those of rosapi."""
-
     def publishers(self, topic: str) -> list[str]:
         """Return the nodes that publish on a topic."""
 
     def subscribers(self, topic: str) -> list[str]:
         """Return the nodes that take a topic."""
-
-    def servers(self, service: str) -> list[str]:
-        """Return the nodes that offer a service."""
 
     def now(self) -> int:
         """Return the time of ROS [ns]."""
@@ -104,10 +99,10 @@ class RosApi:
         return {**found, "typedefs_full_text": [_definition(kind) for kind in found["types"]]}
 
     def _services(self) -> dict[str, str]:
-        return {**self._view.service_kinds(), **self.kinds}
+        return {**SERVICES, **self.kinds}
 
     def _servers(self, service: str) -> list[str]:
-        return [ROSAPI] if service in self.kinds else self._view.servers(service)
+        return [ROSAPI] if service in self.kinds else [RACE] * (service in SERVICES)
 
     def _node_details(self, node: str) -> dict[str, Any]:
         view = self._view

@@ -4,7 +4,7 @@
     with RosbridgeServer(session, port=9090) as server:
         server.run()  # until Ctrl-C
 
-Topics and services are those of `live_race`, those of rosapi, and those that clients advertise to each other. The
+Topics and services are those of `live_race`, and those of rosapi; clients also publish to each other. The
 thread that calls `run` owns the race and all clients; a second thread reads from the network and writes to it.
 """
 
@@ -23,7 +23,7 @@ from fg_mujoco.messages import shown
 
 from .client import LEVELS, Client, Subscription
 from .json_messages import from_json, kind_of, to_json
-from .live_race import SERVICES, STANDING, TAKEN, TRIGGER, LiveRace
+from .live_race import SERVICES, STANDING, TAKEN, LiveRace
 from .network import Network, require_rosbridge
 from .rosapi import BRIDGE, RACE, RosApi
 
@@ -32,7 +32,7 @@ HOST, PORT = "127.0.0.1", 9090
 _COMPRESSIONS = ("none", "png", "cbor")
 _SLOWEST = 3_600_000  # [ms] of a throttle rate
 _LONGEST_QUEUE = 1000  # messages
-_MOST_NAMES = 1000  # topics, services and ids of a client; and calls of all that are not answered
+_MOST_NAMES = 1000  # topics and ids of a client
 _LONGEST_NAME = 255  # letters, as in ROS 2
 _MOST_KEPT = 1 << 26  # letters of the last messages of a client's topics
 _LOGGED_EVERY = 1.0  # [s] of wall time
@@ -76,11 +76,9 @@ class RosbridgeServer:
             tell=self._tell,
         )  # fmt: skip
         self._api = RosApi(self)
-        self._calls: dict[str, tuple[Client, Client, str, Any]] = {}  # who asks whom for which service, with which id
-        self._called = 0
         operations = (
             self._advertise, self._unadvertise, self._publish, self._subscribe, self._unsubscribe, self._call_service,
-            self._advertise_service, self._unadvertise_service, self._service_response, self._set_level, self._status,
+            self._set_level, self._status,
         )  # fmt: skip
         self._operations: dict[str, Callable[[Client, dict[str, Any]], None]] = {
             each.__name__[1:]: each for each in operations
@@ -129,10 +127,6 @@ class RosbridgeServer:
         advertised = {topic: kind for client in self._clients for topic, (kind, _) in client.advertised.items()}
         return {**self._race.published, **taken, **advertised}
 
-    def service_kinds(self) -> Mapping[str, str]:
-        """Return the types of all services but those of rosapi."""
-        return {**{name: kind for client in self._clients for name, kind in client.services.items()}, **SERVICES}
-
     def publishers(self, topic: str) -> list[str]:
         """Return the nodes that publish on a topic."""
         advertised = any(topic in client.advertised for client in self._clients)
@@ -142,10 +136,6 @@ class RosbridgeServer:
         """Return the nodes that take a topic."""
         subscribed = any(topic in client.subscriptions for client in self._clients)
         return [RACE] * (topic in TAKEN) + [BRIDGE] * subscribed
-
-    def servers(self, service: str) -> list[str]:
-        """Return the nodes that offer a service."""
-        return [RACE] if service in SERVICES else [BRIDGE] if service in self.service_kinds() else []
 
     def now(self) -> int:
         """Return the time of ROS [ns]."""
@@ -157,7 +147,7 @@ class RosbridgeServer:
         """Do what a client has sent; tell it what was wrong with what is refused."""
         text = client.inbox.popleft()
         if text is None:
-            self._forget(client)
+            self._clients.pop(client, None)
             return
         self._clients[client] = None
         id = None
@@ -184,15 +174,6 @@ class RosbridgeServer:
         if now - client.logged >= _LOGGED_EVERY:
             client.logged = now
             self._log(f"{client.name}: {' '.join(text.split())}")
-
-    def _forget(self, client: Client) -> None:
-        """Leave out a client that has gone; who waits for an answer of it gets none."""
-        self._clients.pop(client, None)
-        for number, (asks, asked, *_) in list(self._calls.items()):
-            if asks is client:
-                del self._calls[number]
-            elif asked is client:
-                self._answer(number, "the client that offers this service has gone", False)
 
     def _send(self, topic: str, text: str) -> None:
         """Send a message to all that have subscribed to its topic."""
@@ -283,16 +264,6 @@ class RosbridgeServer:
 
     def _call_service(self, client: Client, operation: dict[str, Any]) -> None:
         service, id, request = _name(operation, "service"), operation.get("id"), operation.get("args") or {}
-        offers = next((each for each in self._clients if service in each.services), None)
-        if offers is not None and len(self._calls) >= _MOST_NAMES:
-            client.respond(service, f"{_MOST_NAMES} calls are not answered yet; accepted: no more", False, id)
-            return
-        if offers is not None:
-            self._called += 1
-            number = f"call_service:{service}:{self._called}"
-            self._calls[number] = client, offers, service, id
-            offers.send(op="call_service", id=number, service=service, args=request)
-            return
         try:
             values: Any = self._values(service, request)
         except FgMujocoError as error:
@@ -305,35 +276,11 @@ class RosbridgeServer:
         if service in SERVICES:
             return self._race.call(service)
         if service not in self._api.kinds:
-            accepted = accepted_names(service, self.service_kinds(), ", or one of rosapi", besides=self._api.kinds)
+            accepted = accepted_names(service, SERVICES, ", or one of rosapi", besides=self._api.kinds)
             raise MessageError(f"service {service} is not known; {accepted}")
         if not isinstance(request, dict):
             raise MessageError(f"args is {shown(request)}; accepted: an object")
         return self._api.answer(service, request)
-
-    def _advertise_service(self, client: Client, operation: dict[str, Any]) -> None:
-        service, kind = _name(operation, "service"), operation.get("type")
-        if service in SERVICES or service in self._api.kinds:
-            raise MessageError(f"service {service} is offered by the race; accepted: another name")
-        if not isinstance(kind, str):
-            raise MessageError(f"type of {service} is {shown(kind)}; accepted: a name, such as {TRIGGER}")
-        client.services[service] = kind[:_LONGEST_NAME]
-        _check_count(client.services, "services")
-
-    def _unadvertise_service(self, client: Client, operation: dict[str, Any]) -> None:
-        service = _name(operation, "service")
-        if client.services.pop(service, None) is None:
-            client.status("warning", f"this client does not offer {service}", operation.get("id"))
-
-    def _service_response(self, client: Client, operation: dict[str, Any]) -> None:
-        number = operation.get("id")
-        if number not in self._calls or self._calls[number][1] is not client:
-            raise MessageError(f"id is {shown(number)}; accepted: that of a call that this client was sent")
-        self._answer(number, operation.get("values"), operation.get("result") is not False)
-
-    def _answer(self, number: str, values: Any, result: bool) -> None:
-        client, _, service, id = self._calls.pop(number)
-        client.respond(service, values, result, id)
 
     def _set_level(self, client: Client, operation: dict[str, Any]) -> None:
         level = operation.get("level")
