@@ -71,8 +71,8 @@ if TYPE_CHECKING:
     from .rollouts.rollout_result import RolloutResult, read_rollout
     from .rollouts.rollouts import Executor, rollout
     from .simulation.course_loading import load_track
-    from .simulation.intermediate_values import show
     from .simulation.settings import Start
+    from .simulation.showing import show
     from .simulation.simulation import Simulation
     from .simulation.telemetry import TELEMETRY
     from .simulation.world import World
@@ -194,7 +194,7 @@ _PLACES = {
     "racing.result": "CarResult RaceResult",
     "racing.setup": "Setup",
     "racing.run_folder": "Run read_run",
-    "simulation.intermediate_values": "show",
+    "simulation.showing": "show",
     "simulation.course_loading": "load_track",
     "simulation.settings": "Start",
     "simulation.simulation": "Simulation",

@@ -319,7 +319,7 @@ def _check_steering(model: Any, car: CarParameters, where: str) -> None:
         if not abs(angle - exact) <= _STEERING_TOLERANCE:
             warnings.warn(
                 f"{where}: {kingpin} is at {angle:.4f} rad at the steering's limit, where Ackermann's angle is "
-                f"{exact:.4f}: tires slide in turns; fg_mujoco.vehicle.fitting.fit gives the coefficients",
+                f"{exact:.4f}: tires slide in turns; fg_mujoco.addons.realcar.fitting gives the coefficients",
                 stacklevel=2,
             )
             return

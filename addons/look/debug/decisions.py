@@ -29,10 +29,11 @@ from fg_mujoco.display import brief
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArray, LaserScan, Odometry, Sketch
 from fg_mujoco.pictures.rendering.planner_view import intermediate_scans
-from fg_mujoco.simulation.intermediate_values import BASE, FARTHEST, MAP, NUMBER, SCAN, IntermediateValues, moved
 from fg_mujoco.simulation.planner_adapter import Surroundings, plan, short_text
 from fg_mujoco.simulation.planner_failure import one_line
 from fg_mujoco.simulation.telemetry import recorded_command
+
+from ..intermediate_values import BASE, FARTHEST, MAP, NUMBER, SCAN, IntermediateValues, moved
 
 _MOST_NAME = 60  # characters of a name or text that a planner gives
 

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.errors import EngineError, SettingsError, missing_extra
-from fg_mujoco.simulation.intermediate_values import NUMBER
 from fg_mujoco.simulation.settings import friction_text
 
+from ..intermediate_values import NUMBER
 from .browser_scene import CAMERAS, LEGEND, LiveScene, camera_view
 from .hand_driver import ARROWS, KEYS, WASD
 from .handshake import own_pages_only

@@ -27,7 +27,6 @@ from fg_mujoco.racing.entries import check_starts
 from fg_mujoco.racing.planners import make_controller, split_controller
 from fg_mujoco.racing.resolved import Resolved
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_COURSE, OF_A_DRIVER, Setup
-from fg_mujoco.simulation.intermediate_values import IntermediateValues
 from fg_mujoco.simulation.planner_adapter import Planners, PlannersOfEach, adapt, plan, start
 from fg_mujoco.simulation.planner_failure import PlannerFailure, is_of_planner, without_exit
 from fg_mujoco.simulation.settings import DriveSettings, Start
@@ -36,6 +35,7 @@ from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.world import LIDAR_PREFIX, World
 from fg_mujoco.vehicle.motion import is_rolled_over
 
+from ..intermediate_values import IntermediateValues
 from .hand_driver import HandDriver
 
 _TRACE_STEP = 0.2  # [m] from one point of the trace to the next

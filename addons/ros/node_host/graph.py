@@ -25,7 +25,7 @@ from time import monotonic
 from types import FrameType
 from typing import Any
 
-from fg_mujoco.simulation.intermediate_values import pass_on
+from fg_mujoco.simulation.showing import pass_on
 
 BEGIN = 1_000_000_000 * 1_000_000_000
 """[ns] ROS time at which a race begins: nodes take 0 for "no time yet"."""

@@ -29,9 +29,9 @@ from fg_mujoco.errors import ControllerError, FinalWarning
 from fg_mujoco.lidar.beams import MOST_BEAMS
 from fg_mujoco.messages import STOP, CarParameters, DriveCommand, LaserScan, Odometry, Sketch
 from fg_mujoco.racing.planners import READ, PlannerScheme
-from fg_mujoco.simulation.intermediate_values import listener
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.planner_failure import one_line
+from fg_mujoco.simulation.showing import listener
 
 from ..bag_messages import nanoseconds
 from .drawings import Drawings

@@ -9,9 +9,10 @@ from test_ros_surroundings import DRIVES, NODE, make
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.debug.decisions import Witness
+from fg_mujoco.addons.look.intermediate_values import IntermediateValues
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.intermediate_values import IntermediateValues, show
+from fg_mujoco.simulation.showing import show
 from scan_worlds import CAR, corridor, odometry_of
 from shown_values import SHOWS, file_of_shows
 

@@ -1,44 +1,34 @@
-"""Values that a planner shows of its work: numbers, points, polygons, and arrays of a scan's length.
-
-    from fg_mujoco.simulation.intermediate_values import show  # the same function as fg_mujoco.show
-
-    show("gap width", 0.8)                        # a number
-    show("goal", (3.0, 0.4))                      # a point (2,) [m]
-    show("corridor", corners)                     # a polygon, points (m, 2) [m]
-    show("path", points, draw="line", frame="base_link")
-    show("clipped", scan.ranges.clip(0.0, 3.0))   # ranges (n,) [m], one for each beam of the scan
-
-The debug page, the live view and `export` collect these values while the planner decides:
+"""The values that a planner shows in a decision, collected: numbers, points, polygons, and arrays of a scan's length.
 
     values = IntermediateValues()
     with values.of(scan):
-        command = planner(scan, odometry)
+        command = planner(scan, odometry)  # which calls `fg_mujoco.show`
     values.now["goal"].array
 
-Otherwise, as in a race, in a rollout and on a real car, `show` returns at once. The collector is kept in a context
-variable, so each thread has its own, and cars and worlds that run in parallel do not see each other's values.
+The debug page, the live view and `export` collect them so. Each thread has a collector of its own, and cars and worlds
+that run in parallel do not see each other's values.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..errors import SettingsError, accepted_names
-from ..messages import FloatArray, LaserScan, Sketch, read_only, shown
+from fg_mujoco.errors import SettingsError, accepted_names
+from fg_mujoco.messages import FloatArray, LaserScan, Sketch, read_only, shown
+from fg_mujoco.simulation.showing import LASER, heard_by
 
 NUMBER, SCAN, POINTS = "number", "scan", "points"
 """Kinds of values."""
 DRAWN_AS = ("points", "line", "polygon")
 """Ways to draw points: each by itself, joined by a line, or joined by a closed line."""
-LASER, BASE, MAP = "laser", "base_link", "map"
+BASE, MAP = "base_link", "map"
 """Frames of points, as in ROS: the LiDAR, the rear axle, both x ahead and y to the left (REP 103), and the map."""
 FRAMES = (LASER, BASE, MAP)
 
@@ -55,45 +45,6 @@ _COLOURS = (
     (213, 94, 0), (0, 114, 178), (204, 61, 153), (0, 140, 105), (181, 137, 0), (120, 94, 240), (46, 160, 214),
     (160, 72, 32),
 )  # fmt: skip
-
-_Listener = Callable[[Any, Any, Any, Any], None]
-_listener: ContextVar[_Listener | None] = ContextVar("fg_mujoco_show", default=None)
-
-
-def show(name: str, value: Any, *, draw: str | None = None, frame: str = LASER) -> None:
-    """Show a value of this decision on the debug page, in the live view and in an exported bag.
-
-    A value that cannot be shown is left out, with one remark. Where nothing collects values, `show` does nothing.
-
-    Args:
-      name: of the value, at most 60 characters. Of one name the last value of a decision counts.
-      value: a number; a point (2,) or points (m, 2) [m]; ranges (n,) [m] of all beams of the scan; or None, which
-        shows nothing. Points that are not finite are left out, or farther than 1000 km.
-      draw: of points: "points", "line" or "polygon"; None: a polygon.
-      frame: of points: "laser" (the LiDAR) or "base_link" (the rear axle), x ahead and y to the left; or "map".
-    """
-    listener = _listener.get()
-    if listener is not None:
-        listener(name, value, draw, frame)
-
-
-def listener() -> _Listener | None:
-    """Return the function that collects the values of this context; None: nothing collects them."""
-    return _listener.get()
-
-
-def pass_on(to: Callable[[], _Listener | None]) -> None:
-    """Let this thread's values go to the listener that `to` returns when they are shown.
-
-    A planner that works in a thread of its own calls it there.
-    """
-
-    def give(name: Any, value: Any, draw: Any, frame: Any) -> None:
-        taker = to()
-        if taker is not None:
-            taker(name, value, draw, frame)
-
-    _listener.set(give)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,11 +128,10 @@ class IntermediateValues:
     def of(self, scan: LaserScan) -> Iterator[None]:
         """Collect while a planner decides on a scan."""
         found: dict[str, IntermediateValue] = {}
-        token = _listener.set(partial(self._take, found, len(scan.ranges)))
         try:
-            yield
+            with heard_by(partial(self._take, found, len(scan.ranges))):
+                yield
         finally:
-            _listener.reset(token)
             self.now = dict(found)  # threads of the planner may still write to the other
 
     def sketches(self, scan: LaserScan, pose: FloatArray, lidar_offset: float) -> list[Sketch]:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.simulation.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved, show
+from fg_mujoco.addons.look.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved
+from fg_mujoco.simulation.showing import show
 from scan_worlds import CAR, corridor
 from shown_values import SHOWS, file_of_shows
 
