@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fg_mujoco.addons.look.intermediate_values import IntermediateValue
 from fg_mujoco.errors import missing_extra
 from fg_mujoco.messages import DriveCommand, FloatArray, LaserScan, Odometry, Reading
 from fg_mujoco.simulation.telemetry import recorded_command
