@@ -65,7 +65,7 @@ SLOW_FILES = frozenset({
     "test_leaks.py",
     "test_league.py", "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_overtaking.py",
     "test_packaging.py",
-    "test_race_maps_benchmark.py", "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
+    "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
     "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",
     "test_report_pages.py", "test_rollout_cli.py", "test_rollout_ray.py", "test_slides.py", "test_tight_tracks.py",
     "test_training_example.py", "test_tutorial.py", "test_two_policies_example.py",

@@ -33,16 +33,8 @@ def _raises(samples, here, rng):
     return lambda: raise_it["nothing"]
 
 
-def _prints_a_traceback(samples, here, rng):
-    return lambda: print("Traceback (most recent call last):\n  ...")
-
-
 def _dies(samples, here, rng):
     return lambda: os.abort()
-
-
-def _leaves_quietly(samples, here, rng):
-    return lambda: os._exit(0)
 
 
 def _hangs(samples, here, rng):
@@ -53,16 +45,8 @@ def _takes_memory(samples, here, rng):
     return lambda: (np.ones(60_000_000), time.sleep(3600))
 
 
-def _refuses_in_two_lines(samples, here, rng):
-    return lambda: print("fg-mujoco: no\nfg-mujoco: no, no") or 2
-
-
 def _refuses_and_writes(samples, here, rng):
     return lambda: ((here / "left.csv").write_text("x") and print("fg-mujoco: no")) or 2
-
-
-def _ends_oddly(samples, here, rng):
-    return lambda: 139
 
 
 def _is_right(samples, here, rng):
@@ -73,14 +57,10 @@ LIMITS = Limits(time=3.0, memory=400_000)
 
 FAULTS = {
     "raises": (_raises, "KeyError: 'nothing'"),
-    "prints a traceback": (_prints_a_traceback, "a traceback"),
     "dies": (_dies, "the process ended with -6"),
-    "leaves quietly": (_leaves_quietly, "the process ended with 0 before it was through"),
     "hangs": (_hangs, "more than 3 s"),
     "takes memory": (_takes_memory, "kB of memory"),
-    "refuses in two lines": (_refuses_in_two_lines, "2 lines for a refusal"),
     "refuses and writes": (_refuses_and_writes, "refused, but wrote left.csv"),
-    "ends oddly": (_ends_oddly, "exit code 139"),
 }
 
 

@@ -92,20 +92,6 @@ except IndexError as error:
     print([(frame.name, frame.lineno) for frame in frames if frame.filename == __file__])
 """
 
-RAISES_WITHIN_C = """
-import fg_mujoco as fg
-from fg_mujoco.simulation import compiled_tick
-
-def fail(*_):
-    raise RuntimeError("in a kernel that C calls")
-
-compiled_tick.place_obstacles = fail
-try:
-    fg.race("oval", "pure_pursuit", laps=1, time_limit=0.1)
-except RuntimeError as error:
-    print(error)
-"""
-
 
 def run(code, tmp_path, interpreted=True):
     program = tmp_path / "program.py"
@@ -129,7 +115,3 @@ def test_divisions_narrow_numbers_and_records_are_those_of_kernels(tmp_path):
 
 def test_kernels_keep_their_lines(tmp_path):
     assert run(LINES, tmp_path) == "[('<module>', 18), ('outer', 8), ('inner', 14)]\n"
-
-
-def test_what_a_kernel_raises_that_c_calls_is_raised(tmp_path):
-    assert "in a kernel that C calls" in run(RAISES_WITHIN_C, tmp_path)

@@ -15,13 +15,13 @@ RACE = "race --time-limit 0.5 --out runs/a"
 
 
 def test_a_killed_command_ends_as_one_that_was_not_when_it_is_run_again(tmp_path):
-    """Each is killed once: a folder, one that is filled in steps, a file. The benchmark kills all, often."""
-    commands = "race", "rollout", "export"
-    arguments = ["3", "--commands", ",".join(commands), "--seed", "1", "--json", "figures.json"]
+    """A folder that is filled in steps; benchmarks/kills.py kills all commands, often."""
+    commands = ("rollout",)
+    arguments = ["1", "--commands", ",".join(commands), "--seed", "1", "--json", "figures.json"]
     done = subprocess.run([sys.executable, SCRIPT, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "figures.json").read_text())
-    assert [figures[name]["kills"] for name in commands] == [1, 1, 1]
+    assert [figures[name]["kills"] for name in commands] == [1]
 
 
 def command(arguments, folder, **options):

@@ -49,10 +49,6 @@ def command(*arguments):
     return [sys.executable, "-m", "fg_mujoco", "rollout", *arguments]
 
 
-def refusal(here, capsys, *arguments):
-    return refused(here, capsys, "rollout", *arguments)
-
-
 def test_the_command_is_the_function(no_engine, here, capsys):
     arguments = [
         "--track", "oval", "--track", "tight", "--n", "9", "--seed", "4", "--laps", "2", "--time-limit", "30",
@@ -91,19 +87,14 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--n", "many"), "'many'; accepted: a whole number"),
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
         (("--randomize", "mu"), "--randomize 'mu'; accepted: NAME=RANGE, as mu=0.6:1.2"),
         (("--randomize", "mu=1", "--randomize", "mu=2"), "accepted: mu once"),
-        (("--randomize", "planner.gain=1:2"), "gain"),
         (("--randomize", "obstacles=500"), "accepted: at most"),
-        (("--tracks", "oval"), "did you mean '--track'"),
     ],
 )
 def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
-    line = refusal(here, capsys, *arguments)
-    assert said in line
-    assert "accepted" in line or "--help" in line
+    assert said in refused(here, capsys, "rollout", *arguments)
 
 
 def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
@@ -119,7 +110,7 @@ def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
 
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     (here / "slow.py").write_text(SLOW)
-    arguments = ["--controller", "slow.py:Planner", "--n", "36", "--time-limit", "1", "--chunk", "1", "--out", "out"]
+    arguments = ["--controller", "slow.py:Planner", "--n", "12", "--time-limit", "1", "--chunk", "1", "--out", "out"]
     process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 60
     while not list(here.glob("out/chunks/*.npz")) and time.monotonic() < until:
@@ -131,10 +122,10 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     assert "out: interrupted; the same command goes on" in err
     assert "Traceback" not in err
     found = len(list(here.glob("out/chunks/*.npz")))
-    assert 0 < found < 36
+    assert 0 < found < 12
     done = subprocess.run(command(*arguments, "--json"), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["worlds_driven"] == 36 - found
+    assert json.loads(done.stdout)["worlds_driven"] == 12 - found
 
 
 def test_progress_is_shown_on_a_terminal_and_what_planners_print_is_not_our_output(here):
