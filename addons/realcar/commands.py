@@ -176,17 +176,18 @@ def validate_command(options: argparse.Namespace) -> int:
         "controller", "laps", *CAR, "motion_distortion", "seed", "time_limit",
         laps=f"that are driven; default: {_LAPS}",
     ),
-    option("--out", "my_map writes my_map.yaml, my_map.png and my_map.g2o; default: none", "FILE", Path),
+    option("--out", "my_map writes my_map.yaml and my_map.png; default: none", "FILE", Path),
     option("--resolution", f"of the cells [m]; default: {RESOLUTION}", "M", number, RESOLUTION),
     FORCE,
     CONFIG,
 )  # fmt: skip
 def map_command(options: argparse.Namespace) -> int:
-    """Drive a planner, and make a map and a pose graph of what it saw."""
-    from .mapping.driven_map import driven_files, map_course, write_driven
+    """Drive a planner, and make a map of what it saw."""
+    from .mapping.driven_map import map_course
+    from .mapping.recorded_map import map_files, write_map
 
     require_maps_extra()
-    files = () if options.out is None else driven_files(options.out)
+    files = () if options.out is None else map_files(options.out)
     for file in files:
         require_new(file, force=options.force)
     setup = setup_of(options)
@@ -202,7 +203,7 @@ def map_command(options: argparse.Namespace) -> int:
     print(f"{_size(made)}, {car.laps_completed} laps by {setup.first.controller}, {car.end_reason}; {made.text}")
     print(driven.table())
     if files:
-        write_driven(driven, files[0], f"made by: fg-mujoco map {setup.track}")
+        write_map(made, files[0], f"made by: fg-mujoco map {setup.track}")
         print(f"written to {', '.join(map(str, files))}")
         print(f"fg-mujoco race --track {files[0]} --controller 'pure_pursuit[pose=particle_filter]' races on it")
     return 0 if car.finished else 1
@@ -256,14 +257,15 @@ def bag_command(options: argparse.Namespace) -> int:
         print("\n".join(read_drive(options.bag, columns=options.columns).lines))
         return 0
     require_ros_extra()
-    if options.map is not None:
+    files = () if options.map is None else map_files(options.map)
+    if files:
         require_maps_extra()
-        for file in map_files(options.map):
-            require_new(file, force=options.force)
+    for file in files:
+        require_new(file, force=options.force)
     vehicle = setup_of(options).first.car
     with Recording(options.bag) as bag:
         print("\n".join(bag.table()))
-        if options.map is None:
+        if not files:
             return 0
         with bag.blame(), _progress("scan") as watch:
             sweeps = read_sweeps(
@@ -271,9 +273,9 @@ def bag_command(options: argparse.Namespace) -> int:
                 odometry_topic=options.odom_topic,
             )  # fmt: skip
             made = make_map(sweeps, resolution=options.resolution, match=options.match or None, watch=watch)
-        write_map(made, options.map, f"made by: fg-mujoco bag {bag.path.name}")
-        print(f"{options.map}: {_size(made)}, of {made.text}")
-        print(_course_of(options.map))
+        write_map(made, files[0], f"made by: fg-mujoco bag {bag.path.name}")
+        print(f"{files[0]}: {_size(made)}, of {made.text}")
+        print(_course_of(files[0]))
     return 0
 
 

@@ -1,7 +1,7 @@
 """A map from driving: a planner drives laps of a course, and what its LiDAR and its odometry said becomes a map.
 
     driven = map_course(Setup(track="oval", laps=2))
-    write_driven(driven, "my_map.yaml")     # my_map.png and my_map.g2o, too
+    write_map(driven.made, "my_map.yaml")     # and my_map.png
     fg.race("my_map.yaml", "pure_pursuit[pose=particle_filter]")
 
 The scans are those that the planner was given, late and noisy as set. Where the LiDAR was is known from the wheels'
@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +27,13 @@ from fg_mujoco.messages import CarParameters, Controller, DriveCommand, FloatArr
 from fg_mujoco.racing.race import RaceProgress, race_setup
 from fg_mujoco.racing.resolved import Resolved
 
-from .pose_graph import PoseGraph, write_graph
-from .recorded_map import RecordedMap, make_map, map_files, require_resolution, write_map
+from .pose_graph import PoseGraph
+from .recorded_map import RecordedMap, make_map, require_resolution
 from .sweeps import Sweeps, interpolated
 
 if TYPE_CHECKING:
     from fg_mujoco.racing.result import RaceResult
     from fg_mujoco.racing.setup import Setup
-
-GRAPH_SUFFIX = ".g2o"
 
 _SEEN = 0.1  # [m] from a mapped wall, within which a true one counts as mapped
 _SPACING = 0.05  # [m] of points along the true walls
@@ -218,26 +215,3 @@ def _along(outline: FloatArray) -> FloatArray:
     start = np.repeat(np.arange(len(outline)), counts)
     share = (np.arange(len(start)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[start]
     return np.asarray(outline[start] + share[:, None] * steps[start])
-
-
-def driven_files(path: str | Path) -> tuple[Path, ...]:
-    """Return the files that a map is written to: YAML, image and graph; a name without a suffix is that of a YAML.
-
-    Raises:
-      SettingsError: another suffix.
-    """
-    path = Path(path)
-    files = map_files(path if path.suffix else path.with_suffix(".yaml"))
-    return (*files, files[0].with_suffix(GRAPH_SUFFIX))
-
-
-def write_driven(driven: DrivenMap, path: str | Path, comment: str = "") -> tuple[Path, ...]:
-    """Write a map as YAML, PNG and graph; files that exist are replaced.
-
-    Raises:
-      SettingsError, BagError, TrackError, MissingExtraError: as `write_map` and `write_graph`.
-    """
-    files = driven_files(path)
-    write_map(driven.made, files[0], comment or "made by driving")
-    write_graph(driven.graph, files[2])
-    return files

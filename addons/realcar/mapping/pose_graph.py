@@ -2,7 +2,6 @@
 
     graph = close_loops(sweeps, numbers, poses)
     graph.poses                             # of the scans `numbers`, corrected
-    write_graph(graph, "my_map.g2o")
 
 1. Key poses are those of scans some way apart. Neighbours are tied by the step that scan matching found.
 2. Where the car comes back to a place, its scan is laid on the walls that were seen from there, from the guess on or,
@@ -11,19 +10,16 @@
 3. All poses are laid out anew by Gauss and Newton's method, with the weight of a step that does not fit reduced.
 
 Sources: G. Grisetti et al., A Tutorial on Graph-Based SLAM, IEEE Intelligent Transportation Systems Magazine 2(4),
-2010; the file format is that of g2o (R. Kuemmerle et al., ICRA 2011).
+2010.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from fg_mujoco.course.writing import write_files
-from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
 
 from .scan_matching import Walls, key_scans, step_between, stepped, walls_seen
@@ -196,21 +192,3 @@ def _laid_on(
             least = np.array((_LOOP_ERROR[0], _LOOP_ERROR[0], _LOOP_ERROR[1]))
             return pose, np.maximum(np.sqrt(variance), least)
     return None
-
-
-def write_graph(graph: PoseGraph, path: str | Path) -> None:
-    """Write a graph in g2o's text format: VERTEX_SE2 of the LiDAR's poses, EDGE_SE2 with the information of each step.
-
-    Raises:
-      TrackError: the file cannot be written.
-    """
-    lines = [f"VERTEX_SE2 {k} {x:.6f} {y:.6f} {heading:.6f}" for k, (x, y, heading) in enumerate(graph.poses)]
-    for (first, second), step, errors in zip(graph.ends, graph.steps, graph.errors, strict=True):
-        a, b, c = 1.0 / errors**2
-        text = " ".join(f"{value:.6f}" for value in step)
-        lines.append(f"EDGE_SE2 {int(first)} {int(second)} {text} {a:.6g} 0 0 {b:.6g} 0 {c:.6g}")
-    try:
-        write_files({Path(path): ("\n".join(lines) + "\n").encode()})
-    except OSError as error:
-        why = error.strerror or error
-        raise TrackError(f"{path}: cannot be written: {why}; accepted: a file that can be") from error

@@ -135,12 +135,13 @@ def require_resolution(resolution: float) -> None:
 
 
 def map_files(path: str | Path) -> tuple[Path, Path]:
-    """Return the YAML and the image that a map is written to.
+    """Return the YAML and the image that a map is written to; a name without a suffix is that of a YAML.
 
     Raises:
       SettingsError: a suffix that is not one of SUFFIXES.
     """
     path = Path(path)
+    path = path if path.suffix else path.with_suffix(SUFFIXES[0])
     if path.suffix.lower() not in SUFFIXES:
         raise SettingsError(f"{path}: is no name for a map; accepted: one that ends in {' or '.join(SUFFIXES)}")
     return path, path.with_suffix(".png")

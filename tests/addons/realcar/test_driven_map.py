@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.realcar.mapping.driven_map import map_course, mapped_walls, write_driven
+from fg_mujoco.addons.realcar.mapping.driven_map import map_course, mapped_walls
 from fg_mujoco.addons.realcar.mapping.pose_graph import laid_out
+from fg_mujoco.addons.realcar.mapping.recorded_map import write_map
 from fg_mujoco.addons.realcar.mapping.scan_matching import step_between
 from fg_mujoco.course.maps.map_server import FREE, OCCUPIED, UNKNOWN
 from fg_mujoco.errors import TrackError
@@ -70,8 +71,8 @@ def test_the_map_of_a_drive_is_that_of_the_course(driven):
 
 
 def test_the_map_can_be_raced_on(driven, tmp_path):
-    files = write_driven(driven, tmp_path / "my_map")
-    assert [file.name for file in files] == ["my_map.yaml", "my_map.png", "my_map.g2o"]
+    files = write_map(driven.made, tmp_path / "my_map")
+    assert [file.name for file in files] == ["my_map.yaml", "my_map.png"]
     track, true = fg.load_track(str(files[0])), fg.load_track(COURSE)
     assert track.closed and track.length == pytest.approx(true.length, rel=0.05)
     middle = true.position(np.linspace(0.0, true.length, 50), 0.0)  # the map is in the course's frame
@@ -82,7 +83,7 @@ def test_the_map_can_be_raced_on(driven, tmp_path):
 
 def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_driven(driven, "my_map")
+    write_map(driven.made, "my_map")
     context = DriveSettings().context(fg.Vehicle.load().parameters, fg.load_track(COURSE).map_line)
     told = {"pose": "particle_filter", "pose_map": "my_map.yaml"}
     planner = fg.make_controller("pure_pursuit", context, settings=told)
@@ -92,17 +93,3 @@ def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, tmp_pa
     assert [Path(file).name for file in planner_files(planner, told)] == ["my_map.yaml"]
     with pytest.raises(TrackError, match=r"nowhere\.yaml"):
         fg.make_controller("pure_pursuit", context, settings={"pose_map": "nowhere.yaml"})
-
-
-def test_a_graph_is_written_as_g2o_has_it(driven, tmp_path):
-    file = write_driven(driven, tmp_path / "my_map")[2]
-    rows = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
-    poses = np.array([row[2:] for row in rows if row[0] == "VERTEX_SE2"], float)
-    edges = np.array([row[1:] for row in rows if row[0] == "EDGE_SE2"], float)
-    assert poses == pytest.approx(driven.graph.poses, abs=1e-6)
-    assert edges[:, :2].tolist() == driven.graph.ends.tolist()
-    assert edges[:, 5] == pytest.approx(driven.graph.errors[:, 0] ** -2.0, rel=1e-5)
-    consecutive = np.diff(edges[:, :2], axis=1).ravel() == 1.0
-    for first, second, *step in edges[consecutive][:, :5]:
-        laid = step_between(poses[int(first)], poses[int(second)])
-        assert laid[:2] == pytest.approx(step[:2], abs=0.1)
