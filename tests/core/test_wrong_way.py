@@ -1,5 +1,6 @@
 """A race ends when the car has come back by five metres from its greatest progress, and tells where it turned."""
 
+import functools
 import math
 
 import numpy as np
@@ -12,7 +13,7 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
-WORLDS = {name: fg.World(name) for name in ("oval", "hairpins", "scene:dead_end:0")}
+world_of = functools.cache(fg.World)
 
 
 def there_and_back(start, furthest, back):
@@ -42,10 +43,10 @@ def reason(engine):
     return END_REASONS[engine.monitor.reasons[0]]
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@pytest.mark.parametrize("name", ["oval", "hairpins", "scene:dead_end:0"])
 @pytest.mark.parametrize(("back", "expected"), ((4.9, ""), (5.1, "wrong_way"), (12.0, "wrong_way")))
 def test_five_metres_back_from_the_greatest_progress_end_the_race(name, back, expected):
-    world = WORLDS[name]
+    world = world_of(name)
     places, turn = there_and_back(0.5, 5.7, back)
     engine = judged(world, places, offset=0.1)
     assert reason(engine) == expected
@@ -70,11 +71,11 @@ def test_manoeuvres_of_less_than_five_metres_never_end_a_race(backs):
         leg, _ = there_and_back(at, at + back + 0.1, back)
         places.append(leg)
         at += 0.1
-    assert reason(judged(WORLDS["oval"], np.concatenate(places))) == ""
+    assert reason(judged(world_of("oval"), np.concatenate(places))) == ""
 
 
 def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
-    world = WORLDS["oval"]
+    world = world_of("oval")
     length, start = world.track.length, 7.0
     places, turn = there_and_back(start, start + length + 1.5, 5.1)  # back over the line
     engine = judged(world, places)
@@ -86,10 +87,10 @@ def test_a_turn_in_a_later_lap_is_told_by_its_lap_and_the_way_in_it():
 
 def test_beside_the_next_arm_of_a_hairpin_nothing_is_lost():
     """Lanes that run back beside each other are close together in space and far apart in progress."""
-    track = WORLDS["hairpins"].track
+    track = world_of("hairpins").track
     places = np.arange(0.0, 0.9 * track.length, STEP)
     for offset in (0.7, -0.7):
-        assert reason(judged(WORLDS["hairpins"], places, offset=offset)) == ""
+        assert reason(judged(world_of("hairpins"), places, offset=offset)) == ""
 
 
 class Driver:

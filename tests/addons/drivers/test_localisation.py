@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers.localisation.distance_field import DistanceField, distance_at
@@ -133,6 +132,8 @@ def test_particles_are_drawn_in_proportion_to_their_weights():
 
 @pytest.mark.parametrize("bins", [50, 400, 3000])
 def test_kld_sampling_takes_as_many_particles_as_chi_square_says(bins):
+    from scipy.stats import chi2  # which takes a second to import
+
     assert kld_count(bins) == pytest.approx(chi2.ppf(0.99, bins - 1) / (2.0 * 0.03), rel=0.005)
     assert kld_count(1) == LEAST
 
