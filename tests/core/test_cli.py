@@ -20,7 +20,6 @@ from fg_mujoco.racing.setup import SETUP_KEYWORDS
 from refusals import contents, refused
 from terminals import read_to_the_end
 
-SQUARE = "0,0,1,1\n10,0,1,1\n10,10,1,1\n0,10,1,1\n"
 STRAIGHT = """
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
@@ -58,40 +57,19 @@ def command(*arguments, **options):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (None, "no such file"),
-        ("", "is empty"),
-        ("# x_m, y_m, w_tr_right_m, w_tr_left_m\n", "is empty"),
-        ("0,0,1,1\n10,0,1,1\n10,10,1,1\n", "at least 4"),
-        ("0,0,1,1\n10,0,1,1\n10,nan,1,1\n0,10,1,1\n", "line 3"),
-        ("# a comment\n0,0,1,1\n10,0,1,1\n10,ten,1,1\n0,10,1,1\n", "line 4"),
-        ("0,0,1,1\n10,0,0,1\n10,10,1,1\n0,10,1,1\n", "line 2"),
-        ("0,0,1,1\n10,0,1,-1\n10,10,1,1\n0,10,1,1\n", "line 2"),
-        ("0,0,1,1\n10,10,1,1\n10,0,1,1\n0,10,1,1\n", "crosses itself"),
-        (SQUARE.replace("1,1\n", "0.1,0.1\n"), "wider than the car"),
-        ("0,0,1\n10,0,1\n10,10,1\n0,10,1\n", "has no widths, but columns x_m, y_m, vx_mps; accepted: track.csv[width"),
-        ("0,0,1,1,1\n10,0,1,1,1\n10,10,1,1,1\n0,10,1,1,1\n", "5 columns; accepted: 4"),
-        ("\x00\xff\x00", "track.csv"),
-    ],
+    ("text", "said"), [(None, "no such file"), ("0,0,1,1\n10,0,1,1\n10,nan,1,1\n0,10,1,1\n", "line 3")]
 )
 def test_a_bad_track_file_is_refused(here, capsys, text, said):
     if text is not None:
-        (here / "track.csv").write_text(text, encoding="latin-1")
+        (here / "track.csv").write_text(text)
     line = refused(here, capsys, "race", "--track", "track.csv", "--out", "run")
-    assert said in line
-    assert "track.csv" in line or "'track'" in line
+    assert said in line and ("track.csv" in line or "'track'" in line)
 
 
 @pytest.mark.parametrize(
     ("text", "name", "said"),
     [
-        ("import nothing_of_that_name\n", "P", "does not import"),
-        ("def (:\n", "P", "does not import"),
         ("raise SystemExit(0)\n", "P", "does not import"),
-        ("class Q: pass\n", "P", "has no class 'P'; accepted: Q"),
-        ("class P: pass\n", "P", "is no controller"),
-        ("class P:\n    def __init__(self, map): pass\n", "P", "wants map"),
         ("class P:\n    def __init__(self): raise RuntimeError('two\\nlines')\n", "P", "two lines"),
     ],
 )

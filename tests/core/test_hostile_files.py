@@ -130,7 +130,6 @@ def test_settings_that_are_too_much(name, here, capsys):
 
 
 DOORS = (
-    ("track", "show", "{}.csv"),
     ("track", "show", "{}.yaml"),
     ("race", "--track", "{}.csv"),
     ("race", "--vehicle", "{}.xml"),
@@ -142,9 +141,8 @@ DOORS = (
 )
 
 
-@pytest.mark.parametrize("arguments", DOORS, ids=lambda arguments: " ".join(arguments[:2]))
 @pytest.mark.parametrize("kind", ["FIFO", "device", "folder", "long", "NUL", "not UTF-8", "nothing"])
-def test_what_is_no_file_is_refused_at_every_door(kind, arguments, here, capsys):
+def test_what_is_no_file_is_refused_at_every_door(kind, here, capsys):
     name = {"long": LONG, "NUL": "a\0b", "not UTF-8": "a\udcff"}.get(kind, "thing")
     for end in ("", ".csv", ".yaml", ".xml", ".py", ".toml"):
         if kind == "FIFO":
@@ -153,8 +151,9 @@ def test_what_is_no_file_is_refused_at_every_door(kind, arguments, here, capsys)
             (here / f"thing{end}").symlink_to("/dev/zero")
         elif kind == "folder":
             (here / f"thing{end}").mkdir()
-    err = refused(here, capsys, *(argument.format(name) for argument in arguments))
-    assert len(err) < 4500
+    for arguments in DOORS:
+        err = refused(here, capsys, *(argument.format(name) for argument in arguments))
+        assert len(err) < 4500
 
 
 @pytest.mark.parametrize("file", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
