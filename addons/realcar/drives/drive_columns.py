@@ -31,7 +31,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.course.documents import read_toml, toml_text
+from fg_mujoco.course.documents import read_toml
 from fg_mujoco.display import brief
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.messages import require, require_whole, shown
@@ -252,22 +252,6 @@ class DriveColumns:
         if lacks is not None:
             raise SettingsError(f"{name}: has no {lacks}; accepted: with {', '.join(REQUIRED)}")
         return cls(**made, name=name)
-
-    @property
-    def toml(self) -> str:
-        """The text of a TOML file, which `of` reads back."""
-        values: dict[str, Any] = {}
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name == "name" or value is None or value == each.default:
-                continue
-            if isinstance(value, (Column, BeamColumns)):
-                parts = {part.name: getattr(value, part.name) for part in fields(value)}
-                plain = {part.name: part.default for part in fields(value)}
-                parts = {name: part for name, part in parts.items() if part != plain[name]}
-                value = parts["column"] if set(parts) == {"column"} else parts
-            values[each.name] = value
-        return toml_text(values)
 
 
 def _is_number(value: object) -> bool:

@@ -104,7 +104,6 @@ class Identification:
     validation: Validation  # of output error
     inverse_validation: Validation  # of inverse dynamics alone
     fit: Fit = field(repr=False)
-    inverse: FloatArray = field(repr=False)  # parameters of inverse dynamics
     problems: tuple[DriveProblem, ...] = field(repr=False)
     of_each: tuple[tuple[str, Validation], ...] = field(repr=False)  # the validation of each drive
     others: tuple[DriveProblem, ...] = field(repr=False)  # that are validated on
@@ -302,7 +301,7 @@ def identify_drives(
         relaxation_length=Estimate(value=np.nan, half=np.nan) if single_track else of("relaxation_length"),
         pose_delay=of("pose_delay"), steering_limit=_times(of("limit_ratio"), drives[0].car.max_steering_angle),
         inertia_ratio=of("inertia_ratio"), speed=speed, validation=validation,
-        inverse_validation=_validate(others, inverse, fit.noise), fit=fit, inverse=inverse, problems=tuple(problems),
+        inverse_validation=_validate(others, inverse, fit.noise), fit=fit, problems=tuple(problems),
         of_each=tuple(zip((problem.drive.name for problem in others), of_each, strict=True)), others=tuple(others),
     )  # fmt: skip
     if not result.told:
