@@ -14,6 +14,7 @@ imported before it is used. An add-on imports the core, and from other add-ons o
 """
 
 COMMANDS = {
+    "bench": "arena.bench.commands:bench_command",
     "compare": "arena.commands:compare_command",
     "overtake": "arena.commands:overtake_command",
     "scenarios": "arena.commands:scenarios_command",

@@ -1,0 +1,53 @@
+"""The command `fg-mujoco bench`: the card of a planner."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fg_mujoco.cli.command import FORCE, JSON, OUTPUT, WORKERS, command, option
+from fg_mujoco.cli.out import require_new
+from fg_mujoco.cli.progress import study
+from fg_mujoco.course.writing import write_file
+from fg_mujoco.racing.planners import controller_names
+from fg_mujoco.rollouts.store import as_json
+from fg_mujoco.rollouts.workers import time_left
+
+from .card import BenchProgress, bench
+from .card_page import card_text, write_card_page
+from .suite import REACTIVE, read_suite
+
+PAGE, DATA = "card.html", "card.json"
+
+
+def _driven(progress: BenchProgress) -> tuple[int, int, float | None]:
+    left = time_left(progress.runs, 0, progress.runs_driven, progress.elapsed_s)
+    return progress.runs_driven, progress.runs, left
+
+
+@command(
+    option(
+        "planner", "NAME, path/to/file.py or file.py:NAME, ros:path/to/node.py, or a policy's file", "PLANNER",
+        names=controller_names,
+    ),
+    option("--suite", "a file of groups of runs; default: the bundled suite `reactive`", "FILE.toml", Path, REACTIVE),
+    WORKERS,
+    option("--out", f"folder of {PAGE} and {DATA}", "DIR", Path, title=OUTPUT),
+    FORCE,
+    JSON,
+)  # fmt: skip
+def bench_command(options: argparse.Namespace) -> int:
+    """Drive a planner through a suite of courses and conditions, and write its card: one page, and one JSON."""
+    suite = read_suite(options.suite)
+    for name in (PAGE, DATA) if options.out is not None else ():
+        require_new(options.out / name, force=options.force)
+    with study(options, "runs", _driven) as watch:
+        card = bench(options.planner, suite, workers=options.workers, watch=watch)
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_file(options.out / DATA, as_json(card.described()).encode())
+        write_card_page(card, options.out / PAGE)
+    print(as_json(card.described()) if options.json else card_text(card))
+    if options.out is not None and not options.json:
+        print(f"page: {options.out / PAGE}")
+    return int(any(row.end == "worker_died" for rows in card.rows.values() for row in rows))
