@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,10 +40,16 @@ def beside_table(card: Card) -> Table:
     return scores_table({**recorded()["cards"], card.planner: card.described()["scores"]}, card.planner)
 
 
+_HEADER = {
+    "score": "score [%]", "finished": "finished", "lap_s": "best lap, mean [s]", "bound_s": "raceline [s]",
+    "touches": "touches", "sliding_percent": "sliding [%]", "least_clearance_m": "least clearance [m]",
+}  # fmt: skip
+
+
 def groups_table(card: Card, assist: str) -> Table:
     """Return the figures of each group."""
-    rows: list[dict[str, Any]] = [{"group": group} | card.figures(assist, group) for group in card.groups(assist)]
-    return replace(Table.of(rows), left=("group",))
+    rows = [(group, *card.figures(assist, group).values()) for group in card.groups(assist)]
+    return Table(header=("group", *_HEADER.values()), rows=rows, left=("group",))
 
 
 def card_text(card: Card) -> str:
