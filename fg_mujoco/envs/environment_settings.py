@@ -123,6 +123,9 @@ class EnvironmentSettings(CarSettings):
         if drawn.ranges:
             opponents = as_entries(all_opponents(drawn, opponents), self)
         object.__setattr__(self, "opponents", opponents)
+        if self.assist != "full" and self.residual is None and not opponents:
+            said = f"assist is {self.assist!r}, and no planner drives in this environment"
+            raise SettingsError(f"{said}; accepted: with residual or opponents, whose stages it chooses")
 
     @classmethod
     def of(cls, description: Mapping[str, Any]) -> Self:
