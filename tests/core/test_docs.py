@@ -143,11 +143,14 @@ def test_what_a_page_imports_is_there(page):
     exec(compile(ast.Module(imports, []), page, "exec"), {})
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "sh")])
-def test_commands_of_a_page_are_accepted(page, capsys):
-    shown = "".join(code for _, code in blocks(page, "sh")).replace("\\\n", " ").splitlines()
+def test_commands_of_pages_are_accepted(capsys):
+    shown = [
+        (page, line)
+        for page in PAGES
+        for line in "".join(code for _, code in blocks(page, "sh")).replace("\\\n", " ").splitlines()
+    ]
     makefile = (ROOT / "Makefile").read_text("utf-8")
-    for line in shown:
+    for page, line in shown:
         words = shlex.split(line, comments=True)
         command = words[0].rpartition("/")[2] if words else ""
         if command == "fg-mujoco":
@@ -163,28 +166,25 @@ def test_commands_of_a_page_are_accepted(page, capsys):
             assert (ROOT / words[1]).exists(), f"{page}: {line}"
 
 
-@pytest.mark.parametrize("page", ["README.md", *PAGES])
-def test_names_on_a_page_can_be_imported(page):
+def test_names_and_files_on_pages_are_there():
     """Of the tables that say where modules moved, the new names."""
-    text = without_old_names(page)
-    dotted = set(re.findall(r"(?<![\w./-])fg_mujoco(?:\.[A-Za-z_]\w*)+", text)) - ENTRY_POINT_GROUPS
-    assert [name for name in sorted(dotted) if not imported(name)] == []
-    short = set(re.findall(r"(?<![\w./-])fg\.([A-Za-z_]\w*)", text))
-    assert [name for name in sorted(short) if not hasattr(fg, name)] == []
+    folders = "fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples"
+    wrong = []
+    for page in ("README.md", *PAGES):
+        text = without_old_names(page)
+        dotted = set(re.findall(r"(?<![\w./-])fg_mujoco(?:\.[A-Za-z_]\w*)+", text)) - ENTRY_POINT_GROUPS
+        wrong += [(page, name) for name in sorted(dotted) if not imported(name)]
+        short = set(re.findall(r"(?<![\w./-])fg\.([A-Za-z_]\w*)", text))
+        wrong += [(page, name) for name in sorted(short) if not hasattr(fg, name)]
+        named = set(re.findall(rf"`((?:{folders})/[\w/.]*)`", text))
+        wrong += [(page, name) for name in sorted(named) if "NAME" not in name and not (ROOT / name).exists()]
+    assert wrong == []
 
 
 def test_a_name_that_is_not_there_is_found():
     assert imported("fg_mujoco.simulation.engine.Engine")
     assert not imported("fg_mujoco.simulation.engine.Motor")
     assert not imported("fg_mujoco.referee")
-
-
-@pytest.mark.parametrize("page", ["README.md", *PAGES])
-def test_files_named_on_a_page_are_there(page):
-    text = without_old_names(page)
-    folders = "fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples"
-    named = set(re.findall(rf"`((?:{folders})/[\w/.]*)`", text))
-    assert [name for name in sorted(named) if "NAME" not in name and not (ROOT / name).exists()] == []
 
 
 def test_tables_of_figures_are_those_of_the_file(tables):
@@ -204,16 +204,13 @@ def test_a_figure_that_differs_is_found(tables):
     assert tables.filled(text, figures) != text
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_links_of_a_page_lead_somewhere(page, hooks):
-    here = (ROOT / page).parent
-    text = re.sub(r"^```.*?^```", "", (ROOT / page).read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
-    for target in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text):
-        if "://" in target:
-            continue
-        path = (here / target).resolve()
-        made = path.parent == DOCS / "planners" and path.stem in hooks.planner_names()
-        assert path.exists() or made, f"{page}: {target}"
+def test_links_of_pages_lead_somewhere(hooks):
+    for page in PAGES:
+        text = re.sub(r"^```.*?^```", "", (ROOT / page).read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+        for target in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text):
+            path = ((ROOT / page).parent / target).resolve()
+            made = path.parent == DOCS / "planners" and path.stem in hooks.planner_names()
+            assert "://" in target or path.exists() or made, f"{page}: {target}"
 
 
 def test_every_page_is_in_the_navigation(hooks):

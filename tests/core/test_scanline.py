@@ -169,10 +169,8 @@ def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_stat
 # --- nasty places to stand ---
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-17, -1e-17, 1e-13, -1e-13, 1e-10, -1e-10, 1e-6])
-@pytest.mark.parametrize("yaw_steps", [0, 17, -400, 720])
 @pytest.mark.parametrize("far_wall", [False, True])
-def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(off: float, yaw_steps: int, far_wall: bool) -> None:
+def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall: bool) -> None:
     """Boxes ahead, left, right and behind, a face of each in one plane with the LiDAR."""
     spec = rig_spec(sensors=False)
     for x, y in ((2, 0.5), (-2, 0.5), (0.5, 2), (0.5, -2)):
@@ -180,8 +178,10 @@ def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(off: float, 
     if far_wall:
         room(spec, half_length=7.0, half_width=6.0)
     model, data, lidar = scanner(spec)
-    pose = {"position": (off, off, 0.2), "yaw": yaw_steps * INCREMENT}
-    assert explained(model, data, lidar, pose).all()
+    for off in (0.0, 1e-17, -1e-17, 1e-13, -1e-13, 1e-10, -1e-10, 1e-6):
+        for yaw_steps in (0, 17, -400, 720):
+            pose = {"position": (off, off, 0.2), "yaw": yaw_steps * INCREMENT}
+            assert explained(model, data, lidar, pose).all(), (off, yaw_steps)
 
 
 @pytest.mark.parametrize("pitch", [0.25, -0.25, 1e-3])

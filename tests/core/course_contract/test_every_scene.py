@@ -65,10 +65,10 @@ def test_the_same_seed_is_the_same_scene_and_another_seed_another(name):
 
 
 @every_scene
-@pytest.mark.parametrize("seed", ("", "-1", "1.5", "x", "1:2", " 1", "9" * 19))
-def test_a_seed_that_is_none_is_refused(name, seed):
-    with pytest.raises(fg.TrackError, match="accepted: scene:NAME:SEED"):
-        load(f"{name}:{seed}")
+def test_a_seed_that_is_none_is_refused(name):
+    for seed in ("", "-1", "1.5", "x", "1:2", " 1", "9" * 19):
+        with pytest.raises(fg.TrackError, match="accepted: scene:NAME:SEED"):
+            load(f"{name}:{seed}")
 
 
 @every_scene_and_seed
