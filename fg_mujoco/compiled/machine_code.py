@@ -43,6 +43,7 @@ Kind = tuple[Any, ...]
 """What tells the type of an argument: equal only where numba's type is."""
 
 _OWN_DATA = 4  # flag of an array that does not matter to numba's type of it
+_IN_ROWS, _IN_COLUMNS = 1, 2  # flags of contiguous arrays; of both, as an array of one row has, numba sees the first
 _LARGEST = 2**63  # an integer that is larger has another type
 _of_numpy: Callable[[Any], Kind] = attrgetter("__class__", "dtype", "ndim", "flags.num")
 _ARRAY = np.ndarray
@@ -99,7 +100,8 @@ def _text(kind: Kind) -> str | None:
         return None if None in texts else f"{name}{getattr(of, '_fields', '')}({', '.join(map(str, texts))})"
     if issubclass(of, np.generic) or of is np.ndarray:
         dtype, ndim, flags = kind[1:]
-        return f"{name} {_dtype_text(dtype)} {ndim} {flags & ~_OWN_DATA}"
+        ignored = _OWN_DATA | (_IN_COLUMNS if flags & _IN_ROWS else 0)
+        return f"{name} {_dtype_text(dtype)} {ndim} {flags & ~ignored}"
     return None if issubclass(of, np.ndarray) else name
 
 

@@ -130,6 +130,8 @@ def test_arguments_of_other_types_are_of_other_kinds_and_of_one_type_of_one():
         again = pickle.loads(pickle.dumps(value))
         assert text_of(kinds([value])) == text_of(kinds([again])) is not None
     assert text_of(kinds([whole[:2]])) == text_of(kinds([whole])), "who owns the memory does not matter"
+    of_one_row, of_two = np.zeros((1, 3)), np.zeros((2, 3))
+    assert text_of(kinds([of_one_row])) == text_of(kinds([of_two])), "and both are of one type to numba"
 
 
 def test_what_only_numba_knows_is_of_no_kind():
