@@ -298,13 +298,9 @@ def test_every_kind_of_race_is_proved(name, here, capsys):
     [
         ("Crasher", "crash", {"speed_m_s": 0.1}),
         ("Crasher", "crash", {"into": "obstacle 0"}),
-        ("Crasher", "crash", None),
-        ("Crasher", "end_reason", "interrupted"),
         ("Crasher", "collisions", 0),
         ("Reverser", "wrong_way", {"s_m": 9.0}),
-        ("Reverser", "end_reason", "no_progress"),
         ("Interrupted", "end_reason", "finished"),
-        ("Interrupted", "finished", True),
         ("Interrupted", "end_reason", "time_limit"),
         ("Beyond", "clamped_commands", 0),
     ],
