@@ -114,8 +114,7 @@ def test_after_a_motion_that_is_none_it_does_not_know_the_way_back(motion):
 def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(seed):
     boxes = random_boxes(fg.load_track("chicanes"), 4, seed, car=CAR)
     for kept, expected in ((True, "finished"), (False, "no_progress")):
-        alone = {"recovery": kept, "guidance": False}
-        race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, planner_settings=alone)
+        race = fg.race("chicanes", "gap_finder", laps=1, obstacles=boxes, assist="safe" if kept else "safe-recovery")
         assert race.car.end_reason == expected and race.car.collisions_wall == 0
         assert race.car.max_slide_m_s <= SLIDING_SPEED
         assert (race.car.column("speed_m_s").min() < -0.5) == kept
