@@ -96,5 +96,5 @@ def stages_of(assist: str, source_laws: Sequence[str], assists: Mapping[str, tup
         laws = source_laws if name in ("none", "grip") and name not in assists else ()
         meant = {*laws, *assists.get(name, ASSISTS.get(name, (name,)))}
         chosen = chosen | meant if sign == "+" else chosen - meant
-    order = STAGES.names()
-    return tuple(sorted(chosen, key=order.index))
+    order = list(STAGES)  # those of other packages come last
+    return tuple(sorted(chosen, key=lambda name: (order.index(name) if name in order else len(order), name)))
