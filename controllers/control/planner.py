@@ -216,6 +216,10 @@ class Planner(Remade):
         steering_angle, speed = self._commands[0].tolist()
         return DriveCommand(steering_angle=steering_angle, speed=speed)
 
+    def compile(self) -> None:
+        """Compile all that a decision needs."""
+        self._alone.compile()
+
     def intermediate_scans(self, scan: LaserScan) -> dict[str, FloatArray]:
         """Return the intermediate scans by name, in the order of the work: ranges (n,) [m] of all beams.
 

@@ -125,6 +125,11 @@ class PlannerBatch:
             add(stages[name].drive if name else drive, drives, self.kept[name] if name else nothing)
         add_stages("after_driving")
 
+    def compile(self) -> None:
+        """Compile the kernels of a tick, in the order of their calls."""
+        for kernel, _ in self._steps:
+            kernel.address(0)
+
     def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
         """Forget everything seen so far, in all worlds or in those `which` (n,)."""
         self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
@@ -210,7 +215,9 @@ class PlannerBatch:
             batch = {"batch": self._table.rows}
             self._tables = [ArrayTable(STAGE_ARRAYS, batch | own) if own else self._table for _, own in self._steps]
             calls = [(kernel, table.address) for (kernel, _), table in zip(self._steps, self._tables, strict=True)]
-            self._calls = np.array([(kernel.address(address), address) for kernel, address in calls], np.int64)
+            # From the last on: another process may be compiling the same from the first on.
+            found = [(kernel.address(address), address) for kernel, address in reversed(calls)]
+            self._calls = np.array(found[::-1], np.int64)
         self._given = ranges, odometry, running, commands
 
 

@@ -20,11 +20,10 @@ from ..compiled.beside import beside
 from ..course.course import Course, laps_to_drive, wall_outlines
 from ..course.moving_obstacles import MovingObstacle
 from ..course.obstacles import Obstacle
-from ..messages import ODOMETRY, CarParameters, Controller, FloatArray
+from ..messages import CarParameters, Controller, FloatArray
 from ..registry import PARTS
 from ..simulation.course_loading import load_track
 from ..simulation.engine import Engine
-from ..simulation.planner_adapter import odometry_message
 from ..simulation.settings import Start
 from ..simulation.world import World
 from .entries import Entry, check_starts, entry_planner, grid_starts
@@ -188,12 +187,11 @@ def kernels_beside(setup: Setup) -> AbstractContextManager[None]:
     """
     sources = [split_controller(entry.controller, None)[0] for entry in setup.entries]
     bundled = all(isinstance(each, str) and each in PLANNERS for each in sources)
-    return beside(_decide_once, setup) if bundled else nullcontext()
+    return beside(_compile_planners, setup) if bundled else nullcontext()
 
 
-def _decide_once(setup: Setup) -> None:
-    """Have the planners of a setup decide once, which compiles their kernels."""
-    raced = Resolved.of(setup)
-    for planner, entry in zip(raced.build_planners(), raced.entries, strict=True):
-        beams = entry.car.lidar.beams
-        planner(beams.to_scan(np.full(len(beams.bearings), 5.0), 0.0), odometry_message(np.zeros(1, ODOMETRY)[0]))
+def _compile_planners(setup: Setup) -> None:
+    """Compile the kernels of the planners of a setup."""
+    for planner in Resolved.of(setup).build_planners():
+        if hasattr(planner, "compile"):
+            planner.compile()
