@@ -62,7 +62,7 @@ class Contact:
     impulse_Ns: float  # noqa: N815  # of the one on the other, summed over all touches
     closing_speed_m_s: float  # before it, where they first touched, along the contact's normal
     displacement_m: float  # how far the force would have pushed the more easily pushed of them, standing, tires sliding
-    at_fault: str  # name of the car, "both" or "no fault", see docs/race_control.md
+    at_fault: str  # name of the car, "both" or "no fault", see docs/addons/arena/race_control.md
     x_m: float  # where they first touched
     y_m: float
     reason: str = ""  # why it is at fault, see there; empty in older runs

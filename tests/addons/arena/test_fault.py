@@ -30,7 +30,7 @@ def test_the_verdict_of_a_staged_touch_whichever_car_is_first_and_on_whichever_s
 
 
 def test_the_page_has_some_of_the_cases_with_the_verdicts_that_are_tested():
-    page = (Path(__file__).parents[3] / "docs" / "race_control.md").read_text("utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "addons" / "arena" / "race_control.md").read_text("utf-8")
     said = {"a": "A", "b": "B"}
     shown = re.findall(r"^\| (\d+) \| (.+?) \| (.+?) \| (.+?) \|$", page, re.MULTILINE)
     assert len(shown) >= 10
