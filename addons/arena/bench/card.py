@@ -159,12 +159,13 @@ def row_of(run: BenchRun, setup: Setup, result: RaceResult) -> BenchRow:
     poses = np.column_stack([car.column(name) for name in ("x_m", "y_m", "heading_rad")])
     way = float(car.column("progress_m")[-1]) if len(poses) else 0.0
     share = min(max(way / (course.length * result.laps_requested), 0.0), 1.0)
-    clearance = 0.0
-    if not car.collisions_wall and len(poses):
+    clearance = 0.0 if car.collisions_wall else None
+    if clearance is None and len(poses):
         clearance = ground_of(setup).least_clearance(car.column("time_s"), poses, result.world.parameters)
-    slowest = car.decision_times.percentile_99_s
+    slowest, failure = car.decision_times.percentile_99_s, car.planner_failure
     return BenchRow(
-        group=run.group, track=str(run.settings["track"]), seed=setup.obstacle_seed, end=car.end_reason,
+        group=run.group, track=str(run.settings["track"]), seed=setup.obstacle_seed,
+        end=car.end_reason if failure is None else f"{car.end_reason}: {failure}",
         completion=1.0 if finished else share, finished=finished, touches=car.collisions_wall,
         lap_s=min(car.lap_times_s, default=None), bound_s=recorded()["bounds"].get(bound_key(run.settings)),
         slide_share=car.slide_time_fraction, clearance_m=clearance,

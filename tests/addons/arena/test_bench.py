@@ -105,3 +105,11 @@ def test_a_suite_that_cannot_be_is_refused_in_a_line(tmp_path, old, new, said):
     path.write_text(SUITE.replace(old, new))
     with pytest.raises(fg.SettingsError, match=said):
         read_suite(path)
+
+
+def test_why_a_planner_failed_stands_on_its_card(suite, tmp_path):
+    path = tmp_path / "broken.py"
+    path.write_text("def broken(scan, odometry):\n    raise ValueError('boom')\n")
+    card = bench(str(path), suite, workers=1)
+    assert card.score("none") == 0.0 and card.figures("none", "boxes")["least_clearance_m"] is None
+    assert "boom" in card.rows["none"][0].end and "boom" in write_card_page(card, tmp_path / "card.html").read_text()
