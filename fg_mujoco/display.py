@@ -14,13 +14,14 @@ Pictures are drawn by the add-on look. `html` and `element` escape all text that
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from .arguments import Suggesting
+from .errors import FgMujocoError
 from .registry import PARTS
 
 LONGEST = 300
@@ -102,9 +103,13 @@ def paragraph(text: str) -> Html:
 class Shown(Suggesting):
     """Base of objects with a picture or table in a notebook, by `_repr_html_`; `show()` opens the same elsewhere."""
 
-    def _repr_html_(self) -> str:
-        made: str = PARTS.find("notebook")(self)
-        return made
+    def _repr_html_(self) -> str | None:
+        """Return the picture; None, which a notebook shows as the repr: the add-on look cannot be imported."""
+        try:
+            draw: Callable[[Shown], str] = PARTS.find("notebook")
+        except FgMujocoError:
+            return None
+        return draw(self)
 
     def show(self, path: str | Path | None = None) -> None:
         """Show the picture: in a notebook below the cell, elsewhere as a page of which the place is printed.

@@ -147,5 +147,13 @@ def package_of(point: EntryPoint) -> str:
     return point.value if point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 
-PARTS: Registry[Any] = Registry("part", FgMujocoError, own=added("PARTS"))
+class _Parts(Registry[Any]):
+    """Parts of add-ons, which nobody names but the core itself."""
+
+    def entry_point(self, name: str, others: str = "") -> EntryPoint:
+        """Refuse a part: its add-on is not installed, and other packages register none."""
+        raise self.error(f"{name!r} is of an add-on, and no add-ons are installed; accepted: an installation with them")
+
+
+PARTS = _Parts("part", FgMujocoError, own=added("PARTS"))
 """What add-ons provide and rooms of the core use where somebody asks for it, such as a residual policy's planner."""

@@ -14,7 +14,7 @@ from dataclasses import Field, fields, replace
 from functools import partial
 from typing import Any
 
-from ..errors import SettingsError
+from ..errors import FgMujocoError, SettingsError
 from ..lidar.effects import LidarEffects
 from ..racing.entries import Entry
 from ..racing.setup import CAR_KEYWORDS, PARTS, Setup
@@ -81,19 +81,26 @@ _NAMES: Registry[Any] = Registry("names", SettingsError, own={
         "sensors": "vehicle.sensors:SENSORS", "opponents": "racing.planners:controller_names",
         "grid": "racing.entries:GRIDS", "rules": "racing.rules:RULES",
     }.items()
-} | {
-    "floor": lambda: ADDED.find("floor names")(),
-    "lidar_effects": lambda: ADDED.find("lidar effects")(),
 })  # fmt: skip
+_NAMES_OF_ADDONS = {"floor": "floor names", "lidar_effects": "lidar effects"}  # keyword -> the part that returns them
 
 
 def _names_of(keyword: str) -> Iterable[str]:
-    found = _NAMES.find(keyword)
+    """Return the names that a setting takes; none where they are of an add-on that cannot be imported."""
+    if keyword not in _NAMES_OF_ADDONS:
+        found = _NAMES.find(keyword)
+    else:
+        try:
+            found = ADDED.find(_NAMES_OF_ADDONS[keyword])
+        except FgMujocoError:
+            return ()
     names: Iterable[str] = found() if callable(found) else found
     return names
 
 
-NAMES: dict[str, Callable[[], Iterable[str]]] = {keyword: partial(_names_of, keyword) for keyword in _NAMES}
+NAMES: dict[str, Callable[[], Iterable[str]]] = {
+    keyword: partial(_names_of, keyword) for keyword in (*_NAMES, *_NAMES_OF_ADDONS)
+}
 """Keyword of a Setup -> the names that it takes, for the help and for the shell."""
 
 _KINDS: dict[str, type] = {"effects": LidarEffects, "start": Start, "changes": CarChanges}

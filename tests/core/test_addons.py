@@ -24,9 +24,14 @@ def test_the_core_races_and_shows_its_help_without_add_ons():
         "import sys\nsys.modules['fg_mujoco.addons'] = None\n"
         "import fg_mujoco as fg\nfrom fg_mujoco.cli.main import main\n"
         "print(fg.race('oval', laps=1, time_limit=0.5).car.end_reason)\n"
-        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    print(end.code)"
+        "try:\n    main(['--help'])\nexcept SystemExit as end:\n    print(end.code)\n"
+        "try:\n    main(['race', '--help'])\nexcept SystemExit as end:\n    print('help', end.code)\n"
+        "print(main(['race', '--floor', 'ipz8', '--time-limit', '0.1']))\n"
+        "print(fg.race('oval', laps=1, time_limit=0.1)._repr_html_())"
     )
     assert "time_limit" in said and "rollout" in said and "overtake" not in said
+    assert "--floor" in said and "help 0" in said and "None" in said
+    assert "2\n" in said and "'floor' is of an add-on, and no add-ons are installed" in said
 
 
 def test_an_add_on_that_cannot_be_imported_names_itself():
