@@ -20,9 +20,6 @@ from collections.abc import Mapping, Sequence
 from fg_mujoco.errors import SettingsError, accepted_names
 from fg_mujoco.registry import Registry, added
 
-LAWS = ("mean_range", "distance_ahead", "friction_law")
-"""Stages that are speed laws of the field's planners."""
-
 SAFE = (
     "mean_range", "distance_ahead", "sight", "safety_filter", "prediction", "recovery", "limiter",
 )  # fmt: skip
@@ -43,8 +40,8 @@ STAGES: Registry[object] = Registry(
     SettingsError,
     "fg_mujoco.stages",
     {
-        "mean_range": f"{_DECISION}MEAN_RANGE_LAW",
-        "distance_ahead": f"{_DECISION}DISTANCE_AHEAD_LAW",
+        "mean_range": f"{_DECISION}MEAN_RANGE_STAGE",
+        "distance_ahead": f"{_DECISION}DISTANCE_AHEAD_STAGE",
         "friction_law": f"{_DECISION}FRICTION_LAW_STAGE",
         "prediction": f"{_DECISION}PREDICTION_STAGE",
         "guidance": f"{_DECISION}GUIDANCE_STAGE",
@@ -70,8 +67,7 @@ def names_in(assist: object, what: str = "assist") -> tuple[tuple[str, str], ...
     parts = re.split("([,+-])", assist) if isinstance(assist, str) else [""]
     names = [part.strip() for part in parts[::2]]
     for name in names:
-        known = name in STAGES or (name in ASSISTS) or (name != "" and bool(STAGES.entry_points(name)))
-        if not known:
+        if name not in ASSISTS and name not in STAGES and not (name and STAGES.entry_points(name)):
             said = f"{what} is {assist!r}" if len(names) < 2 else f"{what} {assist!r}: there is no stage {name!r}"
             accepted = accepted_names(name, (*ASSISTS, *STAGES.names()), "several joined by commas")
             raise SettingsError(f"{said}; {accepted}")

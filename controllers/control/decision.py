@@ -121,14 +121,10 @@ def drive(  # type: ignore[no-untyped-def]
     """Write the reference as the command, as far as the wheels can be turned; arguments as in stages."""
     if driven.decided:
         return
-    reference, driver = driven.reference, driven.driver
-    if _sees_no_way(reference, driven.odometry):
-        note(driven.memory.reasons, NO_REFERENCE, 0.0, 0.0)
-        command[0] = command[1] = 0.0
-        return
-    speed = _by_laws(driven.scan, valid, driven)
-    command[0], command[1] = saturate(reference.steering_angle, driver.car.max_steering_angle), speed
-    note(driven.memory.reasons, LOCK, command[0], speed)
+    if _sees_no_way(driven):
+        _stand(driven, command)
+    else:
+        _steer(driven, _by_laws(valid, driven), command)
 
 
 @kernel
@@ -136,16 +132,8 @@ def drive_held(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
     """Write the command nearest to the reference that the friction limiter allows; arguments as in stages."""
-    if driven.decided:
-        return
-    scan, odometry, reference, driver, memory = (
-        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
-    )  # fmt: skip
-    if _sees_no_way(reference, odometry):
-        command[0], command[1] = _brake(scan, odometry, driver, memory)
-        return
-    speed, least = _by_laws(scan, valid, driven), driver.limiter.settings.least_lateral_use
-    command[0], command[1] = hold(scan, odometry, driver, memory, reference.steering_angle, speed, least)
+    if not _is_decided(driven, command):
+        _follow(driven, _by_laws(valid, driven), command)
 
 
 @kernel
@@ -153,28 +141,13 @@ def drive_in_sight(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
     """Write the command of a car that can stop within what it sees; arguments as in stages."""
-    if driven.decided:
+    if _is_decided(driven, command):
         return
-    scan, odometry, reference, driver, memory = (
-        driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
-    )  # fmt: skip
-    if _sees_no_way(reference, odometry):
-        if driver.held:
-            command[0], command[1] = _brake(scan, odometry, driver, memory)
-        else:
-            note(memory.reasons, NO_REFERENCE, 0.0, 0.0)
-            command[0] = command[1] = 0.0
-        return
-    table = trajectories[driver.trajectories + driver.stops]
-    widened = widen_all(valid, scan.angle_increment, table.radius)
-    speed = min(_by_laws(scan, valid, driven), _in_sight(scan, widened, odometry, driver, table))
-    note(memory.reasons, SIGHT, reference.steering_angle, speed)
-    if driver.held:
-        least = driver.limiter.settings.least_lateral_use
-        command[0], command[1] = hold(scan, odometry, driver, memory, reference.steering_angle, speed, least)
-    else:
-        command[0], command[1] = saturate(reference.steering_angle, driver.car.max_steering_angle), speed
-        note(memory.reasons, LOCK, command[0], speed)
+    reference, table = driven.reference, trajectories[driven.driver.trajectories + driven.driver.stops]
+    widened = widen_all(valid, driven.scan.angle_increment, table.radius)
+    speed = min(_by_laws(valid, driven), _in_sight(driven, widened, table))
+    note(driven.memory.reasons, SIGHT, reference.steering_angle, speed)
+    _follow(driven, speed, command)
 
 
 @kernel
@@ -182,39 +155,79 @@ def drive_filtered(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
     """Write the command for a reference that passes the safety filter, or for one that does; arguments as in stages."""
-    if driven.decided:
+    if _is_decided(driven, command):
         return
     scan, odometry, reference, driver, memory = (
         driven.scan, driven.odometry, driven.reference, driven.driver, driven.memory
     )  # fmt: skip
-    if _sees_no_way(reference, odometry):
-        command[0], command[1] = _brake(scan, odometry, driver, memory)
-        return
-    speed = _by_laws(scan, valid, driven)
+    speed = _by_laws(valid, driven)
     table = trajectories[driver.trajectories + driver.stops]
     predictions = turned(memory.predictions, memory.course.angle if driver.limiter.slip.soft else 0.0)
     surroundings = clear if len(predictions) > 0 else valid
     widened = widen_all(surroundings, scan.angle_increment, table.radius)
     extend_path(scan, odometry, driver, memory)
     command[0], command[1] = _drive_filtered(
-        scan, widened, odometry, driver, memory, reference.steering_angle, speed,
-        _in_sight(scan, widened, odometry, driver, table), predictions, table.radius,
-        reference.lane[: reference.places],
+        scan, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(driven, widened, table),
+        predictions, table.radius, reference.lane[: reference.places],
     )  # fmt: skip
 
 
 @kernel
-def _sees_no_way(reference: Record, odometry: Record) -> bool:
+def _is_decided(driven: Record, command: FloatArray) -> bool:
+    """Return whether there is a command: another stage has decided, or the car brakes, as there is no way."""
+    if driven.decided:
+        return True
+    if not _sees_no_way(driven):
+        return False
+    if driven.driver.held:
+        command[0], command[1] = _brake(driven.scan, driven.odometry, driven.driver, driven.memory)
+    else:
+        _stand(driven, command)
+    return True
+
+
+@kernel
+def _follow(driven: Record, speed: float, command: FloatArray) -> None:
+    """Write the command that follows the reference at a speed [m/s], as far as the car has a friction limiter."""
+    driver = driven.driver
+    if driver.held:
+        steering_angle, least = driven.reference.steering_angle, driver.limiter.settings.least_lateral_use
+        command[0], command[1] = hold(
+            driven.scan, driven.odometry, driver, driven.memory, steering_angle, speed, least
+        )  # fmt: skip
+    else:
+        _steer(driven, speed, command)
+
+
+@kernel
+def _steer(driven: Record, speed: float, command: FloatArray) -> None:
+    """Write the reference's steering angle, as far as the wheels can be turned, and a speed [m/s] as the command."""
+    command[0] = saturate(driven.reference.steering_angle, driven.driver.car.max_steering_angle)
+    command[1] = speed
+    note(driven.memory.reasons, LOCK, command[0], speed)
+
+
+@kernel
+def _stand(driven: Record, command: FloatArray) -> None:
+    """Write the command of a car without a friction limiter that sees no way: it stops."""
+    note(driven.memory.reasons, NO_REFERENCE, 0.0, 0.0)
+    command[0] = command[1] = 0.0
+
+
+@kernel
+def _sees_no_way(driven: Record) -> bool:
     """Return whether there is no reference, or no odometry: the car brakes."""
+    reference, odometry = driven.reference, driven.odometry
     return math.isnan(reference.steering_angle) or not math.isfinite(odometry.speed + odometry.steering_angle)
 
 
 @kernel
-def _in_sight(scan: Record, widened: FloatArray, odometry: Record, driver: Record, table: Record) -> float:
+def _in_sight(driven: Record, widened: FloatArray, table: Record) -> float:
     """Return the speed [m/s] from which the car stops within what it sees."""
+    scan, odometry = driven.scan, driven.odometry
     # A stop from v on friction mu is one from v sqrt(r) on r mu, but for what the car drives until it reacts: less from
     # a slower speed, and so the stops are those of as much friction or more.
-    faster = math.sqrt(driver.limiter.lateral / table.lateral)
+    faster = math.sqrt(driven.driver.limiter.lateral / table.lateral)
     speed: float = safe_speed(
         table, widened, scan.angle_min, scan.angle_increment, odometry.speed / faster, odometry.steering_angle
     )
@@ -222,12 +235,12 @@ def _in_sight(scan: Record, widened: FloatArray, odometry: Record, driver: Recor
 
 
 @kernel
-def _by_laws(scan: Record, valid: FloatArray, driven: Record) -> float:
+def _by_laws(valid: FloatArray, driven: Record) -> float:
     """Return the reference's speed [m/s] by the laws of the distance ahead and of friction, as far as they apply."""
     driver, reference, reasons = driven.driver, driven.reference, driven.memory.reasons
     speed: float = min(reference.speed, reference.limit)
     if driver.distance_ahead:
-        speed = min(speed, _speed_by_what_is_ahead(scan, valid, driver))
+        speed = min(speed, _speed_by_what_is_ahead(driven.scan, valid, driver))
         note(reasons, AHEAD, reference.steering_angle, speed)
     if driver.friction_law:
         car = driver.car
@@ -362,8 +375,8 @@ def extend_path(scan: Record, odometry: Record, driver: Record, memory: Record) 
         extend_history(memory.history, driver.recovery_settings, odometry.speed, yaw_rate, period_of(scan))
 
 
-MEAN_RANGE_LAW = Stage(text="speed law: slower where the mean range towards the goal is short")
-DISTANCE_AHEAD_LAW = Stage(text="speed law: slower where the distance straight ahead is short")
+MEAN_RANGE_STAGE = Stage(text="speed law: slower where the mean range towards the goal is short")
+DISTANCE_AHEAD_STAGE = Stage(text="speed law: slower where the distance straight ahead is short")
 FRICTION_LAW_STAGE = Stage(
     text="speed law: v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides", needs_friction=True
 )
