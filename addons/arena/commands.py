@@ -88,10 +88,6 @@ def _ratio(text: str) -> tuple[float, float]:
     return number(low), number(high)
 
 
-def _driven(progress: StudyProgress) -> tuple[int, int, float | None]:
-    return progress.runs_found + progress.runs_driven, progress.runs, progress.remaining_s
-
-
 def _drive(
     drive: Callable[..., Study[Any, Any]],
     options: argparse.Namespace,
@@ -115,7 +111,7 @@ def _drive(
     setup = setup_of(options, lists=lists)
     if hasattr(options, "seed"):
         axes["seed"] = options.seed
-    with study(options, noun, _driven) as watch:
+    with study(options, noun, StudyProgress.counts) as watch:
         result = drive(*arguments, **axes, setup=setup, workers=options.workers, out=options.out, watch=watch)
     found = len(result.rows) - result.runs_driven
     earlier = f", {found} of them by an earlier call" if found else ""
@@ -247,7 +243,8 @@ def league_command(options: argparse.Namespace) -> int:
 def grade_command(options: argparse.Namespace) -> int:
     """Grade planners by a lab of a course: checks with points, a table, and a page for each planner."""
     lab = read_lab(options.lab)
-    with TemporaryDirectory(prefix="fg_mujoco-grade-") as aside, study(options, "drives", _driven) as watch:
+    aside_of = TemporaryDirectory(prefix="fg_mujoco-grade-")
+    with aside_of as aside, study(options, "drives", StudyProgress.counts) as watch:
         out = options.out or Path(aside) / "grades"
         grades = grade(lab, options.planners, out=out, workers=options.workers, watch=watch)
     passed = [each.points >= lab.passing for each in grades.cells]
@@ -281,7 +278,7 @@ def evaluate_command(options: argparse.Namespace) -> int:
     setup = setup_of(options, lists=("controller", "track", "mu", "seed"))
     alone = len(options.controller) == 1 and options.controller != ["gap_finder"]
     controllers = [*options.controller, "gap_finder"] if alone else options.controller
-    with study(options, "runs", _driven) as watch:
+    with study(options, "runs", StudyProgress.counts) as watch:
         evaluation = evaluate(
             controllers, track=options.track, mu=options.mu, seed=options.seed, out=options.out, setup=setup,
             workers=options.workers, max_speed=setup.first.max_speed, watch=watch,

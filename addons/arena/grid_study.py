@@ -75,6 +75,10 @@ class StudyProgress(Suggesting):
         """Expected time to the end [s]; None before the first run is finished."""
         return time_left(self.runs, self.runs_found, self.runs_driven, self.wall_time_s)
 
+    def counts(self) -> tuple[int, int, float | None]:
+        """Return how many runs there are by now, how many there will be, and the time to the end [s]."""
+        return self.runs_found + self.runs_driven, self.runs, self.remaining_s
+
 
 @dataclass(frozen=True)
 class GridKey:

@@ -22,12 +22,12 @@ from fg_mujoco.course.files import file_sha256
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.planners import ControllerChoice, file_in, only_planner
 from fg_mujoco.racing.race import race_setup
-from fg_mujoco.racing.resolved import ground_of
+from fg_mujoco.racing.resolved import Ground, Resolved
 from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.workers import work_through
 
-from ..grid_study import why_failed
+from ..grid_study import StudyProgress, why_failed
 from .suite import Suite
 
 RECORDED = Path(__file__).parent / "cards.json"
@@ -38,6 +38,7 @@ RECORDED = Path(__file__).parent / "cards.json"
 class BenchRun:
     """A run of a card. It travels to a worker process."""
 
+    place: int  # among the runs of its assist
     planner: str
     assist: str
     group: str
@@ -50,7 +51,7 @@ class BenchRun:
         """Drive it; what raises on the way is a run that failed."""
         try:
             setup = Setup.of(controller=self.planner, assist=self.assist, **self.settings)
-            return row_of(self, setup, race_setup(setup))
+            return row_of(self, race_setup(setup))
         except Exception as error:
             return self.failed(why_failed(error))
 
@@ -142,18 +143,9 @@ class Card:
         return own | {"scores": scores, "rows": rows}
 
 
-@dataclass(frozen=True, kw_only=True)
-class BenchProgress:
-    """How far a card is: runs that are driven, all runs, and the time so far [s]."""
-
-    runs_driven: int
-    runs: int
-    elapsed_s: float
-
-
-def row_of(run: BenchRun, setup: Setup, result: RaceResult) -> BenchRow:
+def row_of(run: BenchRun, result: RaceResult) -> BenchRow:
     """Return the figures of a race."""
-    car, course = result.car, result.world.track
+    car, world, course = result.car, result.world, result.world.track
     assert course is not None
     finished = car.finished and car.collisions_wall == 0
     poses = np.column_stack([car.column(name) for name in ("x_m", "y_m", "heading_rad")])
@@ -161,10 +153,11 @@ def row_of(run: BenchRun, setup: Setup, result: RaceResult) -> BenchRow:
     share = min(max(way / (course.length * result.laps_requested), 0.0), 1.0)
     clearance = 0.0 if car.collisions_wall else None
     if clearance is None and len(poses):
-        clearance = ground_of(setup).least_clearance(car.column("time_s"), poses, result.world.parameters)
+        ground = Ground(course, world.obstacles[len(course.obstacles) :])
+        clearance = ground.least_clearance(car.column("time_s"), poses, world.parameters)
     slowest, failure = car.decision_times.percentile_99_s, car.planner_failure
     return BenchRow(
-        group=run.group, track=str(run.settings["track"]), seed=setup.obstacle_seed,
+        group=run.group, track=str(run.settings["track"]), seed=result.setup.obstacle_seed,
         end=car.end_reason if failure is None else f"{car.end_reason}: {failure}",
         completion=1.0 if finished else share, finished=finished, touches=car.collisions_wall,
         lap_s=min(car.lap_times_s, default=None), bound_s=recorded()["bounds"].get(bound_key(run.settings)),
@@ -178,7 +171,7 @@ def bench(
     suite: Suite,
     *,
     workers: int | None = None,
-    watch: Callable[[BenchProgress], None] = lambda progress: None,
+    watch: Callable[[StudyProgress], None] = lambda progress: None,
 ) -> Card:
     """Drive a planner through a suite and return its card.
 
@@ -200,34 +193,27 @@ def bench(
         raise SettingsError(f"planner {planner!r} has an assist; accepted: without one, as the suite says it")
     staged = hasattr(choice.load(), "source_laws")
     assists = suite.assists if staged else ("none",)
-    _build_once(source)
+    for assist in assists:  # one that cannot be built is refused before anything is driven
+        Resolved.of(Setup.of(controller=source, assist=assist)).build_planners()
     items = [
-        BenchRun(planner=source, assist=assist, group=group, settings=settings)
-        for assist in assists for group, settings in suite.runs()
+        BenchRun(place=place, planner=source, assist=assist, group=group, settings=settings)
+        for assist in assists for place, (group, settings) in enumerate(suite.runs())
     ]  # fmt: skip
-    found: dict[int, BenchRow] = {}
-    places = {id(item): place for place, item in enumerate(items)}
+    found: dict[str, dict[int, BenchRow]] = {assist: {} for assist in assists}
+
+    def keep(run: BenchRun, row: BenchRow) -> None:
+        found[run.assist][run.place] = row
 
     def show(done: int, elapsed: float) -> None:
-        watch(BenchProgress(runs_driven=done, runs=len(items), elapsed_s=elapsed))
+        watch(StudyProgress(runs=len(items), runs_found=0, runs_driven=done, wall_time_s=elapsed))
 
-    work_through(
-        BenchRun.drive, items, lambda item, row: found.__setitem__(places[id(item)], row), workers=workers, watch=show,
-        died=BenchRun.failed,
-    )  # fmt: skip
-    rows = [found[place] for place in range(len(items))]
-    each = len(items) // len(assists)
+    work_through(BenchRun.drive, items, keep, workers=workers, watch=show, died=BenchRun.failed)
     file = file_in(choice.source)
     return Card(
         planner=choice.label, planner_sha256=None if file is None else file_sha256(file),
         suite=f"{suite.name} {suite.version}", suite_sha256=suite.sha256, version=version("fg-mujoco"),
-        rows={assist: tuple(rows[k * each : (k + 1) * each]) for k, assist in enumerate(assists)},
+        rows={assist: tuple(row for _, row in sorted(rows.items())) for assist, rows in found.items()},
     )  # fmt: skip
-
-
-def _build_once(source: str) -> None:
-    """Build the planner as in a race of no time, so that one that cannot be is refused before anything is driven."""
-    race_setup(Setup.of(track="oval", controller=source, time_limit=0.05))
 
 
 def bound_key(settings: Mapping[str, Any]) -> str:
@@ -239,8 +225,8 @@ def bound_key(settings: Mapping[str, Any]) -> str:
 def recorded() -> Mapping[str, Any]:
     """Return what is recorded by the bundled suite, by `make cards`.
 
-    `cards` has the scores of the bundled planners as `Card.described`, and `bounds` the lap times of the racelines [s],
-    by `bound_key`.
+    `cards` has the scores of the bundled planners by assist, `score` and each group's; `bounds` the lap times of the
+    racelines [s], by `bound_key`.
     """
     if not RECORDED.exists():
         return {"cards": {}, "bounds": {}}

@@ -11,18 +11,13 @@ from fg_mujoco.cli.progress import study
 from fg_mujoco.course.writing import write_file
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.rollouts.store import as_json
-from fg_mujoco.rollouts.workers import time_left
 
-from .card import BenchProgress, bench
+from ..grid_study import StudyProgress
+from .card import bench
 from .card_page import card_text, write_card_page
 from .suite import REACTIVE, read_suite
 
 PAGE, DATA = "card.html", "card.json"
-
-
-def _driven(progress: BenchProgress) -> tuple[int, int, float | None]:
-    left = time_left(progress.runs, 0, progress.runs_driven, progress.elapsed_s)
-    return progress.runs_driven, progress.runs, left
 
 
 @command(
@@ -41,7 +36,7 @@ def bench_command(options: argparse.Namespace) -> int:
     suite = read_suite(options.suite)
     for name in (PAGE, DATA) if options.out is not None else ():
         require_new(options.out / name, force=options.force)
-    with study(options, "runs", _driven) as watch:
+    with study(options, "runs", StudyProgress.counts) as watch:
         card = bench(options.planner, suite, workers=options.workers, watch=watch)
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
@@ -50,4 +45,4 @@ def bench_command(options: argparse.Namespace) -> int:
     print(as_json(card.described()) if options.json else card_text(card))
     if options.out is not None and not options.json:
         print(f"page: {options.out / PAGE}")
-    return int(any(row.end == "worker_died" for rows in card.rows.values() for row in rows))
+    return int(any(row.trajectory_sha256 is None for rows in card.rows.values() for row in rows))  # was not driven

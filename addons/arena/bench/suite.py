@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -84,7 +83,6 @@ class Suite:
         return [(group.name, settings) for group in self.groups for settings in group.runs()]
 
 
-@cache
 def read_suite(path: str | Path = REACTIVE) -> Suite:
     """Return the suite of a file.
 

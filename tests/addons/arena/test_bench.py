@@ -113,3 +113,11 @@ def test_why_a_planner_failed_stands_on_its_card(suite, tmp_path):
     card = bench(str(path), suite, workers=1)
     assert card.score("none") == 0.0 and card.figures("none", "boxes")["least_clearance_m"] is None
     assert "boom" in card.rows["none"][0].end and "boom" in write_card_page(card, tmp_path / "card.html").read_text()
+
+
+def test_a_planner_that_ends_its_process_ends_no_more_than_its_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "exits.py").write_text("import os\n\ndef exits(scan, odometry):\n    os.kill(os.getpid(), 9)\n")
+    (tmp_path / "small.toml").write_text(SUITE[: SUITE.index('[[groups]]\nname = "boxes"')])
+    assert main(["bench", "exits.py", "--suite", "small.toml", "--workers", "2"]) == 1
+    assert "exits.py:exits" in capsys.readouterr().out
