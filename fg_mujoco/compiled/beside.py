@@ -1,7 +1,7 @@
 """Compiles some kernels in another process while this one compiles others: the first race begins in half the time.
 
-    with beside(decide_once, setup):
-        ...  # the first kernel that has to be compiled here starts a process that calls decide_once(setup)
+    with beside(compile_planners, setup):
+        ...  # the first kernel that has to be compiled here starts a process that calls compile_planners(setup)
 
 The process calls the function for the kernels that it needs, which are kept on disk. Where this process needs one that
 is being compiled there, it waits (kernel_files.made_once). Whatever goes wrong there, they are compiled here.
@@ -10,10 +10,7 @@ is being compiled there, it waits (kernel_files.made_once). Whatever goes wrong 
 from __future__ import annotations
 
 import os
-import pickle
-import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -44,6 +41,10 @@ def beside(function: Callable[..., Any], *arguments: Any) -> Iterator[None]:
 
 def begin() -> None:
     """Start what waits; called as the first kernel is compiled."""
+    import pickle
+    import subprocess
+    import threading
+
     while _waiting and (os.cpu_count() or 1) > 1 and sys.executable:
         call = _waiting.pop()
         with suppress(Exception):

@@ -15,10 +15,10 @@ import fg_mujoco as fg
 from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.addons.realcar.validation.agreement import of_center
-from fg_mujoco.addons.realcar.validation.car_model import BEFORE, Task
-from fg_mujoco.addons.realcar.validation.windows import ACCELERATE, COMMAND_SPEED, PERIOD
+from fg_mujoco.addons.realcar.validation.windows import ACCELERATE, COMMAND_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle
 from map_oracles import draw_map
+from window_tasks import task
 
 SCRIPTS = Path(__file__).parents[3] / "benchmarks"
 if not SCRIPTS.is_dir():
@@ -96,15 +96,6 @@ def test_the_errors_are_those_that_a_race_can_have(compared) -> None:
     assert np.abs(errors.bias).max() < 0.01
     assert np.mean(errors.dropout) == pytest.approx(0.01, rel=0.5)
     assert fg.Setup.of("oval", lidar_effects=errors).first.effects.errors == errors
-
-
-def task(steering, drive, start, seconds, *, kind):
-    count = round(seconds / PERIOD)
-    row = np.full((1, BEFORE + count), 1.0)
-    return Task(
-        starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
-        kinds=np.array([kind]),
-    )  # fmt: skip
 
 
 def test_the_gyms_model_is_the_gyms():

@@ -12,7 +12,7 @@ pytest.importorskip("scipy")
 
 import fg_mujoco as fg
 from fg_mujoco.addons.realcar.drives.reading import read_drive
-from fg_mujoco.addons.realcar.validation.car_model import BEFORE, CarModel, Task
+from fg_mujoco.addons.realcar.validation.car_model import CarModel
 from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
 from fg_mujoco.addons.realcar.validation.windows import (
     ACCELERATE,
@@ -25,6 +25,7 @@ from fg_mujoco.addons.realcar.validation.windows import (
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
+from window_tasks import task
 
 SHARED = Path(__file__).resolve().parent.joinpath("../../../../shared/data/real_drives").resolve()
 CAR = Vehicle.load("f1tenth")
@@ -77,15 +78,6 @@ def test_windows_follow_each_other_where_the_car_moves(circle):
         assert windows and np.all(np.diff(firsts) >= round(length / PERIOD))
         assert all(motion.forward_speed[first] > 1.0 for first in firsts)
     assert all(state.speed > 1.0 and abs(state.yaw_rate) > 0.3 for state in steady_states_of([motion]))
-
-
-def task(steering, drive, start, seconds, *, kind):
-    count = round(seconds / PERIOD)
-    row = np.full((1, BEFORE + count), 1.0)
-    return Task(
-        starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
-        kinds=np.array([kind]),
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("vehicle", "asked"), [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
