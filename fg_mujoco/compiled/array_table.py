@@ -140,6 +140,12 @@ def short_numbers(row: Row) -> Any:
 
 
 @kernel
+def single_numbers(row: Row) -> Any:
+    """Return the array of a row: numbers of single precision."""
+    return carray(pointer(row[0]), (row[1],), np.float32)
+
+
+@kernel
 def short_matrix(row: Row) -> Any:
     """Return the array of a row: 32-bit whole numbers along two axes."""
     return carray(pointer(row[0]), (row[1], row[2]), np.int32)

@@ -10,6 +10,7 @@ All arrays are read-only; what is computed from the line is computed once.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,7 +98,23 @@ class Track(Shown):
     @cached_property
     def length(self) -> float:
         """Length of one lap on the centreline [m]."""
-        return float(step_lengths(self.centreline).sum())
+        return float(self._lengths.sum())
+
+    @cached_property
+    def _lengths(self) -> FloatArray:
+        """Length of each segment. Shape (n,) [m]."""
+        return step_lengths(self.centreline)
+
+    @cached_property
+    def _directions(self) -> FloatArray:
+        """Direction of each segment, of length 1. Shape (n, 2)."""
+        return steps(self.centreline) / self._lengths[:, None]
+
+    @cached_property
+    def _room_round(self) -> tuple[FloatArray, ...]:
+        """Progress round the lap and a point more at both ends, and the corridor to the right and to the left there."""
+        ends = (self.arc_length[-1:] - self.length, self.arc_length, self.arc_length[:1] + self.length)
+        return np.concatenate(ends), *(np.concatenate((side[-1:], side, side[:1])) for side in self._corridor)
 
     @property
     def closed(self) -> bool:
@@ -245,14 +262,13 @@ class Track(Shown):
         """
         points = [obstacle.corners().mean(axis=0) for obstacle in obstacles]
         points += [np.array(end) for each in self.moving for end in (each.start, each.end)]
-        middles = np.array(points).reshape(-1, 2)
-        stations = self.project(middles)[0]
+        stations = self.project(np.array(points))[0] if points else np.zeros(0)
         for _ in range(_TRIES):
             s, across, turned = rng.uniform((0.0, -1.0, -1.0), (self.length, 1.0, 1.0)).tolist()
             ahead = (stations - s) % self.length
-            if not np.any((ahead < CLEAR_AHEAD) | (ahead > self.length - CLEAR_BEHIND)):
-                sides = (self.corridor_right, self.corridor_left)
-                room = min(float(np.interp(s, self.arc_length, side, period=self.length)) for side in sides)
+            if not len(ahead) or not np.any((ahead < CLEAR_AHEAD) | (ahead > self.length - CLEAR_BEHIND)):
+                along, *sides = self._room_round
+                room = min(float(np.interp(s % self.length, along, side)) for side in sides)
                 room = max(room - 0.5 * math.hypot(car.width, car.length), 0.0)  # however the car is turned
                 return s, OFF_CENTRE * room * across, HEADING * turned
         raise SettingsError(
@@ -277,7 +293,7 @@ class Track(Shown):
         """
         s, offset = np.broadcast_arrays(np.asarray(s, float) % self.length, np.asarray(offset, float))
         i = np.searchsorted(self.arc_length, s, side="right") - 1
-        ahead = (steps(self.centreline) / step_lengths(self.centreline)[:, None])[i]
+        ahead = self._directions[i]
         left = np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)
         return np.asarray(self.centreline[i] + (s - self.arc_length[i])[..., None] * ahead + offset[..., None] * left)
 
@@ -286,11 +302,16 @@ class Track(Shown):
 
         The heading runs evenly from that of one point to that of the next.
         """
-        x, y = self.position(s, offset)
-        i = int(np.searchsorted(self.arc_length, s % self.length, side="right")) - 1
-        share = (s % self.length - self.arc_length[i]) / step_lengths(self.centreline)[i]
-        turn = math.remainder(self.headings[(i + 1) % len(self.headings)] - self.headings[i], 2.0 * math.pi)
-        return float(x), float(y), math.remainder(self.headings[i] + share * turn, 2.0 * math.pi)
+        s = float(s) % self.length
+        i = bisect_right(self.arc_length, s) - 1
+        (x, y), (ahead_x, ahead_y) = self.centreline[i].tolist(), self._directions[i].tolist()
+        past = s - self.arc_length.item(i)
+        heading, following = self.headings.item(i), self.headings.item((i + 1) % len(self.headings))
+        turn = math.remainder(following - heading, 2.0 * math.pi)
+        return (
+            x + past * ahead_x - offset * ahead_y, y + past * ahead_y + offset * ahead_x,
+            math.remainder(heading + past / self._lengths.item(i) * turn, 2.0 * math.pi),
+        )  # fmt: skip
 
     def project(self, points: ArrayLike, near: float | ArrayLike | None = None) -> tuple[FloatArray, FloatArray]:
         """Progress and lateral offset of points: the nearest place of the centreline.

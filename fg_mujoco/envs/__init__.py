@@ -4,5 +4,5 @@
 `episodes`: actions in; observations, rewards and ends out. Episodes drive the cars of `worlds`. `actions`,
 `observations`, `rewards` and `end_conditions` describe the policy's side. Their own terms are functions of
 `tick_state`. `starts` places the cars, and `environment_settings` has all settings. `reward_kernels` has the
-compiled loops, and `rendering` draws pictures.
+compiled loops, `compiled_step` a step as one call, and `rendering` draws pictures.
 """

@@ -78,6 +78,8 @@ class ActionBounds:
       low: (2,) float32, least.
       high: (2,) float32, greatest.
       limits: as `read_actions` takes it.
+      ends: (2,) sum of least and greatest.
+      span: (2,) greatest less least.
       share: as `read_actions` takes it.
       remembers: whether a command depends on the one before it.
       slow: as `read_actions` takes it.
@@ -113,6 +115,7 @@ class ActionBounds:
         # who goes to the bound is within it, as float32 and as float64; the car's own limits are the last word
         bounds = np.minimum(low, self.low), np.maximum(high, self.high)
         self.limits = np.stack((*bounds, at_0, more_at_1, integrated * period, *commands))
+        self.ends, self.span = bounds[0] + bounds[1], bounds[1] - bounds[0]
         self.share = 1.0 - math.exp(-period / smoothing) if smoothing > 0.0 else 1.0
         self.remembers = bool(integrated.any()) or smoothing > 0.0
 
@@ -153,6 +156,31 @@ class ActionReader:
                 self._targets[:, rows] = np.clip(now, least, greatest)
                 self._unknown[rows] = False
 
+    def given(self, actions: ArrayLike) -> FloatArray:
+        """Return the actions of n cars as an array (n, 2).
+
+        Raises:
+          MessageError: they are no numbers, or an array of another shape.
+        """
+        try:
+            given = np.ascontiguousarray(actions, np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            said = f"actions are {shown(actions)}; accepted: numbers"
+            raise MessageError(f"{said}, {action_names(self.bounds)} of each car") from error
+        if given.shape != self.previous.shape:
+            said = f"actions have shape {given.shape}; accepted: {self.previous.shape}"
+            raise MessageError(f"{said}, {action_names(self.bounds)} of each car")
+        return given
+
+    def refuse(self, bad: int) -> None:
+        """Raise MessageError if `read_actions` has found an action that is NaN, at `bad`."""
+        if bad >= 0:
+            world, part = divmod(bad, 2)
+            raise MessageError(
+                f"the action's {action_names(self.bounds)[part]} is nan in world {world} of {len(self.previous)}; "
+                "accepted: numbers (what is out of bounds is held within them)"
+            )
+
     def read(
         self, actions: ArrayLike, taken: NDArray[np.bool_], commands: FloatArray, clipped: NDArray[np.int64]
     ) -> None:
@@ -167,30 +195,24 @@ class ActionReader:
         Raises:
           MessageError: a NaN, or an array of another shape.
         """
-        parts = action_names(self.bounds)
-        try:
-            given = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise MessageError(f"actions are {shown(actions)}; accepted: numbers, {parts} of each car") from error
-        if given.shape != (len(taken), 2):
-            raise MessageError(f"actions have shape {given.shape}; accepted: ({len(taken)}, 2), {parts} of each car")
         bounds = self.bounds
-        bad = read_actions(
-            given, taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets, self.previous,
-            commands, clipped,
-        )  # fmt: skip
-        if bad >= 0:
-            world, part = divmod(bad, 2)
-            raise MessageError(
-                f"the action's {parts[part]} is nan in world {world} of {len(taken)}; accepted: numbers (what is out "
-                "of bounds is held within them)"
-            )
+        self.refuse(read_actions(
+            self.given(actions), taken, bounds.limits, bounds.share, self.planned, bounds.slow, self._targets,
+            self.previous, commands, clipped,
+        ))  # fmt: skip
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays that `read_actions` takes, by its names, which stay the same."""
+        bounds = self.bounds
+        return {
+            "limits": bounds.limits, "planned": self.planned, "targets": self._targets, "previous": self.previous
+        }
 
     @property
     def from_minus_1_to_1(self) -> FloatArray:
         """The last actions, from -1 at the least to 1 at the greatest (n, 2)."""
-        low, high = self.bounds.limits[:2]
-        found: FloatArray = (2.0 * self.previous - (low + high)) / (high - low)
+        found: FloatArray = (2.0 * self.previous - self.bounds.ends) / self.bounds.span
         return found
 
     def again(self, taken: NDArray[np.bool_], commands: FloatArray) -> None:

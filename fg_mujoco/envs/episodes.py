@@ -17,19 +17,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.array_table import ArrayTable
 from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization
 from ..simulation.settings import Start
 from ..simulation.termination import END_REASONS
+from . import compiled_step
 from .end_conditions import as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw
 from .observer import Seen
 from .policy_interface import PolicyInterface
-from .reward_kernels import reward_ticks, sum_terms
-from .rewards import values_of
+from .reward_kernels import sum_terms
+from .rewards import write_values
+from .tick_state import TickState
 from .worlds import Mask, Worlds
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
@@ -104,6 +107,25 @@ class Episodes:
         timers = worlds.monitor.timers
         self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
         self._before = self._progress.copy()  # [m] at the last reward
+        self._arrays = self._make_table()
+        self._table = self._arrays.rows
+
+    def _make_table(self) -> ArrayTable:
+        """Return the table of all arrays of a step."""
+        engine, bounds, count = self.worlds.engine, self.actions.bounds, len(self.rewards)
+        numbers = (
+            self.worlds.stride, bounds.share, bounds.slow, self._share, not self._others, self.observer.range_max,
+            engine.substeps,
+        )  # fmt: skip
+        return ArrayTable(compiled_step.NAMES, {
+            "running": engine.running, "timers": engine.monitor.timers, "crashed": engine.crashed,
+            "reasons": engine.monitor.reasons, "telemetry": engine.telemetry, "held": engine.commands,
+            "odometry": engine.odometry.view(np.float64).reshape(len(engine.commands), -1), "ranges": engine.ranges,
+            "driven": self._driven, "commands": self.commands, "clipped": self.clipped, **self.actions.arrays,
+            "progress": np.zeros(count), "wrecked": np.zeros(count, np.bool_), "impacts": np.zeros(count),
+            "before": self._before, "sliding": self.worlds.sliding, "weights": self._weights, "rewards": self.rewards,
+            "terms": self._terms, **self.observer.arrays, "numbers": np.array(numbers, np.float64),
+        })  # fmt: skip
 
     def _name_facts(self) -> None:
         among = FACTS_AMONG_CARS if self.worlds.cars > 1 else ()
@@ -196,11 +218,31 @@ class Episodes:
         Raises:
           MessageError: an action that is no number.
         """
-        self.command(actions)
-        self.worlds.drive(self.commands)
-        self.reward()
+        self.tick(actions)
         if self._repeats > 1:
             self._repeat()
+
+    def tick(self, actions: ArrayLike) -> None:
+        """Do a tick: in one compiled call where no car waits for Python, and one thread drives."""
+        worlds = self.worlds
+        if not worlds.engine.compiled:
+            self.command(actions)
+            worlds.drive(self.commands)
+            self.reward()
+            return
+        given, shares = self.actions.given(actions), worlds.engine.shares
+        if len(shares) == 1:
+            self.actions.refuse(compiled_step.step(self._table, shares[0].tables, shares[0].firsts, given))
+        else:
+            self.actions.refuse(compiled_step.act(self._table, given))
+            worlds.engine.share_out(
+                lambda share: compiled_step.drive_worlds(self._table, share.tables, share.firsts)
+            )
+            compiled_step.reward(self._table)
+        if worlds.tick_state is not None:
+            worlds.note(self.actions)
+            worlds.follow(self._driven)
+            self._look(worlds.tick_state)
 
     def command(self, actions: ArrayLike) -> None:
         """Convert actions to commands.
@@ -208,9 +250,8 @@ class Episodes:
         Raises:
           MessageError: an action that is no number.
         """
-        self._driven[:] = self.running
-        self.actions.read(actions, self._driven, self.commands, self.clipped)
-        self.worlds.act(self.actions)
+        self.actions.refuse(compiled_step.act(self._table, self.actions.given(actions)))
+        self.worlds.note(self.actions)
 
     def reward(self) -> None:
         """End the episodes that a condition ends, and reward the tick that was driven.
@@ -218,19 +259,24 @@ class Episodes:
         Raises:
           SettingsError: an end condition or a reward term returned something else than it should.
         """
-        worlds, state = self.worlds, self.worlds.tick_state
-        reward_ticks(
-            self._driven, self._progress, self._before, worlds.wrecked, worlds.sliding, worlds.impacts, self._weights,
-            self._share, not self._others, self.rewards, self._terms,
-        )  # fmt: skip
-        if state is None:
-            return
+        compiled_step.reward(self._table)
+        if self.worlds.tick_state is not None:
+            self._look(self.worlds.tick_state)
+
+    def _look(self, state: TickState) -> None:
+        """End and reward episodes by what Python says of a state; errors as of `reward`."""
+        worlds = self.worlds
         for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
             worlds.end(condition.holds(state) & self.running, number)
         for index, term in enumerate(self._others, start=len(self._weights)):
-            self._terms[0, index] = values_of(term, state, self._driven)
+            write_values(term, state, self._terms[0, index])
         if self._others:
-            sum_terms(self._driven, self._running_costs, self._share, self.rewards, self._terms)
+            bad = sum_terms(self._driven, self._running_costs, self._share, self.rewards, self._terms)
+            if bad >= 0:
+                index, car = divmod(bad, len(self.rewards))
+                name, value = self._others[index - len(self._weights)].name, self._terms[0, index, car]
+                said = f"reward term {name!r} is {value} for car {car} of {len(self.rewards)}"
+                raise SettingsError(f"{said}; accepted: finite numbers")
 
     def stop(self, which: Mask) -> None:
         """Stop the episodes `which` (n,)."""
@@ -243,15 +289,20 @@ class Episodes:
           which: see above.
           step: whether a step is over, and not only a tick.
         """
-        worlds, actions = self.worlds, self.actions
-        worlds.sense(which)
-        odometry = worlds.odometry
-        actions.sense(odometry, which)
-        ranges = worlds.ranges
-        if self._planners is not None:
-            self._planners.decide(which, ranges, odometry)
-        return self.observer.read(
-            which, ranges, odometry, worlds.sensed_state, worlds.readings, actions.previous, actions.planned, step=step
+        worlds, (scan, numbers) = self.worlds, self.observer.room()
+        if worlds.engine.compiled and self._planners is None and len(worlds.engine.shares) == 1:
+            share, odometry = worlds.engine.shares[0], worlds.odometry
+            compiled_step.observe(self._table, share.tables, share.firsts, which, scan, numbers)
+            self.actions.sense(odometry, which)
+        else:
+            worlds.sense(which)
+            odometry = worlds.odometry
+            self.actions.sense(odometry, which)
+            if self._planners is not None:
+                self._planners.decide(which, worlds.ranges, odometry)
+            compiled_step.read(self._table, scan, numbers)
+        return self.observer.seen(
+            which, scan, numbers, odometry, worlds.sensed_state, worlds.readings, step=step
         )
 
     def _repeat(self) -> None:
@@ -259,20 +310,17 @@ class Episodes:
         rewards, terms = self.rewards.copy(), self._terms[0].copy()
         stepped = self._driven.copy()
         for _ in range(self._repeats - 1):
-            self._driven[:] = self.running & stepped
-            if not self._driven.any():
+            running = self.running.copy()
+            if not running.any():
                 break
             if self._senses_every_tick:
-                self.observe(self._driven.copy(), step=False)
+                self.observe(running, step=False)
             else:
-                self.worlds.skip(self._driven)
-            self.actions.again(self._driven, self.commands)
-            self.worlds.drive(self.commands)
-            self.reward()
+                self.worlds.skip(running)
+            self.tick(self.actions.previous)
             rewards += np.where(self._driven, self.rewards, 0.0)
             terms += np.where(self._driven, self._terms[0], 0.0)
         self.rewards[:], self._terms[0], self._driven[:] = rewards, terms, stepped
-
 
     def facts(self) -> dict[str, NDArray[Any]]:
         """Return the facts of all episodes, new arrays (n,) by name, in the order of `fact_names`."""

@@ -85,6 +85,7 @@ class Observer:
       present: of a flat observation, where the numbers are that are not the past of a part with a history of its own.
       needs_every_tick: whether delays, noise or learning go on from tick to tick, and not from step to step.
       bearings: of the beams that are seen (beams,) [rad].
+      range_max: greatest distance that is seen [m].
 
     Raises:
       SettingsError: more beams than there are, a step that leaves the beam straight ahead alone, a term with other
@@ -107,7 +108,7 @@ class Observer:
         speed_range: tuple[float, float] | None = None,
     ) -> None:
         self.observation, self.count = observation, count
-        self._beams, self._range_max = _seen_beams(observation, len(beams.bearings), beam_step), beams.range_max
+        self._beams, self.range_max = _seen_beams(observation, len(beams.bearings), beam_step), beams.range_max
         self.bearings = beams.bearings[self._beams]
         limits = _limits(car)
         angles = (-car.max_steering_angle, car.max_steering_angle)
@@ -122,8 +123,8 @@ class Observer:
             if isinstance(term, ObservationTerm):
                 raw[name], self._parts[name] = term.bounds_of(car), term
             elif name == "scan":
-                self._range_max = min(self._range_max, part.greatest or math.inf)
-                raw[name], self._parts[name] = _bounds(0.0, self._range_max, len(self._beams)), None
+                self.range_max = min(self.range_max, part.greatest or math.inf)
+                raw[name], self._parts[name] = _bounds(0.0, self.range_max, len(self._beams)), None
             elif name == "friction":
                 assert parameters is not None
                 self._friction = PARTS.find("learned friction")(parameters, count, period)
@@ -144,7 +145,7 @@ class Observer:
             size = sensor.size(len(beams.bearings))
             raw[name], self._parts[name] = _bounds(-math.inf, math.inf, size), sensor
             raw[received] = _bounds(0.0, 1.0, 1)
-        self._columns = np.array(columns, np.int64)
+        self._columns, self._width = np.array(columns, np.int64), len(columns)
         read = [name for name, part in self._parts.items() if isinstance(part, slice)]
         self._low, self._high = (
             np.concatenate([np.empty(0, np.float32), *(getattr(raw[name], end) for name in read)])
@@ -197,9 +198,36 @@ class Observer:
           planned: commands of the planners that they correct (n, 2); needed for `planner_command`.
           step: whether a step of the environment is over; else only the sensors have gone on for a tick.
         """
-        if planned is not None and len(planned) and actions is not None:
-            actions = np.concatenate((actions, planned), axis=1)
-        seen: Seen = self._read(which, ranges, odometry, state, readings, actions)
+        scan, numbers = self.room()
+        read_sensors(
+            1, ranges, odometry.view(np.float64).reshape(self.count, -1), _NO_ACTIONS if actions is None else actions,
+            _NO_ACTIONS if planned is None else planned, self._beams, self.range_max, self._columns, self._low,
+            self._high, scan, numbers,
+        )  # fmt: skip
+        return self.seen(which, scan, numbers, odometry, state, readings, step=step)
+
+    def room(self) -> tuple[Values, Values]:
+        """Return new arrays of n cars, to be filled by `read_sensors`: of the scans, and of the other numbers."""
+        return np.empty((self.count, self._scan_size), np.float32), np.empty((self.count, self._width), np.float32)
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays that `read_sensors` takes, by its names, which stay the same."""
+        return {"beams": self._beams, "columns": self._columns, "low": self._low, "high": self._high}
+
+    def seen(
+        self,
+        which: Mask,
+        scan: Values,
+        numbers: Values,
+        odometry: NDArray[np.void],
+        state: SensedState | None = None,
+        readings: Sequence[Mapping[str, Reading]] = (),
+        *,
+        step: bool = True,
+    ) -> Seen:
+        """Return the observations of n cars of what `read_sensors` has written into `room()`; else as `read`."""
+        seen: Seen = self._parts_of(which, scan, numbers, odometry, state, readings)
         if self._frames is not None:
             assert isinstance(seen, dict)
             seen = self._frames.read(which, seen, step)
@@ -212,23 +240,16 @@ class Observer:
             seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {PRIVILEGED: np.concatenate(vectors, axis=1)}
         return seen
 
-    def _read(
+    def _parts_of(
         self,
         which: Mask,
-        ranges: FloatArray,
+        scan: Values,
+        numbers: Values,
         odometry: NDArray[np.void],
         state: SensedState | None,
         readings: Sequence[Mapping[str, Reading]],
-        actions: FloatArray | None,
     ) -> Observed:
         """Return the parts as they are read."""
-        count = len(ranges)
-        scan = np.empty((count, self._scan_size), np.float32)
-        numbers = np.empty((count, len(self._columns)), np.float32)
-        read_sensors(
-            ranges, odometry.view(np.float64).reshape(count, -1), _NO_ACTIONS if actions is None else actions,
-            self._beams, self._range_max, self._columns, self._low, self._high, scan, numbers,
-        )  # fmt: skip
         found: Observed = {}
         for name, part in self._parts.items():
             if isinstance(part, slice):

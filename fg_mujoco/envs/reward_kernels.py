@@ -124,7 +124,7 @@ def sum_terms(
     share: float,
     rewards: FloatArray,
     terms: FloatArray,
-) -> None:
+) -> int:
     """Bound the running costs of a tick, and write the rewards.
 
     Args:
@@ -133,9 +133,20 @@ def sum_terms(
       share: of what the other terms gain in the tick, the most that the running costs take; inf: they are not bounded.
       rewards: (n,) written to: the sum of the terms.
       terms: (2, k, n) of each term the tick's value, brought within the bound, and the sum of the episode, which it is
-        added to.
+        added to. Of those that `reward_ticks` has not written, the values of the other worlds become 0.
+
+    Returns:
+      Where the first value that is not finite is, counted through the rows of the terms; -1: there is none, and all is
+      written.
     """
-    for i in range(len(driven)):
+    count = len(driven)
+    for term in range(4, len(running)):
+        for i in range(count):
+            if not driven[i]:
+                terms[0, term, i] = 0.0
+            elif not math.isfinite(terms[0, term, i]):
+                return term * count + i
+    for i in range(count):
         if not driven[i]:
             continue
         gain, cost = 0.0, 0.0
@@ -154,13 +165,16 @@ def sum_terms(
         for term in range(4, len(running)):
             reward += terms[0, term, i]
         rewards[i] = reward
+    return -1
 
 
 @kernel
 def read_sensors(
+    stride: int,
     ranges: FloatArray,
     odometry: FloatArray,
     actions: FloatArray,
+    planned: FloatArray,
     beams: NDArray[np.int64],
     range_max: float,
     columns: NDArray[np.int64],
@@ -172,12 +186,14 @@ def read_sensors(
     """Write the parts of an observation that are read off sensors, within their bounds.
 
     Args:
-      ranges: (n, beams) [m], as in LaserScan.
-      odometry: (n, m) numbers of ODOMETRY.
+      stride: every how many-th row of the ranges and the odometry is read.
+      ranges: (n stride, beams) [m], as in LaserScan.
+      odometry: (n stride, m) numbers of ODOMETRY.
       actions: (n, 2) of the policies; none are needed where no column is m or m + 1.
+      planned: (n, 2) commands of planners; none are needed where no column is m + 2 or m + 3.
       beams: which are seen.
       range_max: [m].
-      columns: (k,) the numbers of the odometry that are seen; from m on, of the action.
+      columns: (k,) the numbers of the odometry that are seen; from m on, of the action, and of the planner.
       low: (k,) least values.
       high: (k,) greatest.
       scan: (n, beams seen) [m], written to: no return reads `range_max`, too close or failed reads 0.
@@ -185,11 +201,15 @@ def read_sensors(
     """
     width = odometry.shape[1]
     for i in range(len(scan)):
+        row = i * stride
         for beam in range(scan.shape[1]):
-            distance = ranges[i, beams[beam]]
+            distance = ranges[row, beams[beam]]
             # a NaN is not above 0
             scan[i, beam] = min(distance, range_max) if distance > 0.0 else 0.0
         for k in range(len(columns)):
             column = columns[k]
-            value = odometry[i, column] if column < width else actions[i, column - width]
+            if column < width:
+                value = odometry[row, column]
+            else:
+                value = actions[i, column - width] if column < width + 2 else planned[i, column - width - 2]
             values[i, k] = min(max(np.float32(value), low[k]), high[k])

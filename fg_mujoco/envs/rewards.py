@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import SettingsError, accepted_names
 from ..messages import FloatArray, shown
@@ -280,31 +280,19 @@ class Rewards:
         return np.array((made, hit, slid * period, fast))
 
 
-def values_of(term: RewardTerm, state: TickState, driven: NDArray[np.bool_]) -> FloatArray:
-    """Return what a term adds to the rewards of a tick, 0 for cars that were not driven. Shape (n,).
-
-    Args:
-      term: with its weight.
-      state: after the tick.
-      driven: whether each car was driven (n,).
+def write_values(term: RewardTerm, state: TickState, found: FloatArray) -> None:
+    """Write what a term adds to the rewards of a tick, to `found` (n,); for `sum_terms`, which refuses NaN and inf.
 
     Raises:
-      SettingsError: the function returned something else than one finite number for each car.
+      SettingsError: the function returned something else than one number for each car.
     """
     values = np.asarray(term.function(state))
-    if values.shape != driven.shape or values.dtype.kind not in "biuf":
+    if values.shape != found.shape or values.dtype.kind not in "biuf":
         raise SettingsError(
             f"reward term {term.name!r} returned {shown(values)} of shape {values.shape}; accepted: one number for "
-            f"each car, shape {driven.shape}"
+            f"each car, shape {found.shape}"
         )
-    found: FloatArray = np.where(driven, term.weight * values, 0.0)
-    finite = np.isfinite(found)
-    if not finite.all():
-        car = int(finite.argmin())
-        raise SettingsError(
-            f"reward term {term.name!r} is {values[car]} for car {car} of {len(values)}; accepted: finite numbers"
-        )
-    return found
+    np.multiply(values, term.weight, out=found)
 
 
 def _term(name: str, value: Any) -> RewardTerm:

@@ -20,12 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import Suggesting
+from ..compiled.array_table import ArrayTable, Table, flags, matrix, numbers, rows, whole_numbers
 from ..compiled.kernels import kernel
 from ..course.clearance import clearances
 from ..course.course import outline, wall_outlines
+from ..course.lap_timer import LAP_TIMER
 from ..messages import CarParameters, FloatArray
 from ..simulation.engine import Engine
-from ..simulation.telemetry import TELEMETRY
+from ..simulation.telemetry import STATISTICS, TELEMETRY
 from ..simulation.termination import END_REASONS
 from ..simulation.world import World
 
@@ -34,7 +36,9 @@ Whole = NDArray[np.int64]
 
 _FINISHED, _ROLLED_OVER = END_REASONS.index("finished"), END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
-_MOTION = [TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_angle_rad")]
+_AHEAD, _LEFT, _TURNING, _ANGLE = (
+    TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "steering_angle_rad")
+)
 
 
 class Ground:
@@ -224,12 +228,17 @@ class TickStates:
     def __init__(self, engine: Engine, *, apart: bool = False) -> None:
         self._engine, count = engine, len(engine.commands)
         self._common = None if apart else Ground(engine.world)
-        self._now, self._before = _fresh(count), _fresh(count)
+        (self._now, self._all_now), (self._before, self._all_before) = _fresh(count), _fresh(count)
         self._driven = np.zeros(count, np.bool_)
         self.actions = np.zeros((count, 2))  # of policies, as in Snapshot
         world = engine.world
         wheelbases = [car.parameters.wheelbase for car in world.cars]
         self._wheelbases = np.tile(wheelbases, count // len(world.cars))
+        self._table = ArrayTable(_NAMES, {name: self._now[name] for name in _JUDGED} | {
+            "timers": engine.monitor.timers, "commands": engine.commands, "actions": self.actions,
+            "telemetry": engine.telemetry, "crashes": engine.crashed, "reasons": engine.monitor.reasons,
+            "statistics": engine.statistics, "wheelbases": self._wheelbases,
+        })  # fmt: skip
 
     def of(self, rows: slice, car: CarParameters) -> TickState:
         """Return the state of some cars, which are alike; it stays up to date."""
@@ -260,35 +269,19 @@ class TickStates:
         for name, values in self._now.items():
             self._before[name][which] = values[which]
 
-    def drive(self) -> None:
-        """Read where the cars are that were driven for a tick, before those that finish are taken off the course."""
-        for name, values in self._now.items():
-            self._before[name][:] = values
-        self._driven[:] = self._engine.running
+    def drive(self, driven: Mask) -> None:
+        """Read where the cars `driven` (r,) are after a tick, before those that finish are taken off the course."""
+        self._all_before[:] = self._all_now
+        self._driven[:] = driven
         self._read_motions()
 
     def judge(self) -> None:
         """Read what the race monitor says of the cars that were driven."""
-        engine, monitor = self._engine, self._engine.monitor
-        read = {name: monitor.timers[name] for name in ("progress", "place", "offset")} | {
-            "laps": monitor.timers["laps_completed"], "time": np.repeat(engine.times, engine.cars_per_world),
-            "command": engine.commands, "action": self.actions, "slip_speed": self._slip_speeds(),
-            "sliding": engine.telemetry[:, _SLIDING_STEPS] / engine.substeps,
-            "crashed": engine.crashed, "rolled_over": monitor.reasons == _ROLLED_OVER,
-            "finished": monitor.reasons == _FINISHED, "touches": engine.statistics["touches"],
-        }  # fmt: skip
+        engine = self._engine
+        _judge(self._table.rows, self._driven, engine.substeps)
         if engine.cars_per_world > 1:
-            read |= {"position": positions(engine), "lead": leads(engine)}
-        for name, values in read.items():
-            now = self._now[name]
-            np.copyto(now, values, where=self._driven if now.ndim == 1 else self._driven[:, np.newaxis])
-
-    def _slip_speeds(self) -> FloatArray:
-        """Return the mean speed of both axles across their wheels at the start of the tick. Shape (r,) [m/s]."""
-        ahead, rear, turning, angle = (self._engine.telemetry[:, column] for column in _MOTION)
-        front = (rear + self._wheelbases * turning) * np.cos(angle) - ahead * np.sin(angle)
-        found: FloatArray = 0.5 * (np.abs(front) + np.abs(rear))
-        return found
+            np.copyto(self._now["position"], positions(engine), where=self._driven)
+            np.copyto(self._now["lead"], leads(engine), where=self._driven)
 
     def _read_motions(self) -> None:
         self._engine.read_motions(self._driven, self._now["pose"], self._now["velocity"])
@@ -331,15 +324,58 @@ def _gaps(engine: Engine) -> FloatArray:
     return gaps
 
 
-def _fresh(count: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a Snapshot of so many cars, by name, as they are of a car that is alone."""
-    shapes = {"pose": (count, 3), "velocity": (count, 3), "command": (count, 2), "action": (count, 2)}
+def _fresh(count: int) -> tuple[dict[str, NDArray[Any]], NDArray[np.float64]]:
+    """Return the arrays of a Snapshot of so many cars, by name, as they are of a car that is alone; and all as one."""
+    widths = {"pose": 3, "velocity": 3, "command": 2, "action": 2}
     kinds: dict[str, Any] = {"laps": np.int64, "touches": np.int64, "position": np.int64}
     kinds |= dict.fromkeys(("crashed", "rolled_over", "finished"), np.bool_)
     names = [f.name for f in fields(Snapshot) if f.name not in ("ground", "car")]
-    arrays = {name: np.zeros(shapes.get(name, count), kinds.get(name, np.float64)) for name in names}
+    together = np.zeros((sum(widths.get(name, 1) for name in names), count))
+    arrays, first = {}, 0
+    for name in names:
+        end = first + widths.get(name, 1)
+        flat, first = together[first:end].reshape(-1).view(kinds.get(name, np.float64)), end
+        arrays[name] = flat.reshape(count, -1) if name in widths else flat[:count]
     arrays["position"][:], arrays["lead"][:] = 1, math.inf
-    return arrays
+    return arrays, together
+
+
+_JUDGED = (
+    "time", "progress", "place", "offset", "laps", "command", "action", "slip_speed", "sliding", "crashed",
+    "rolled_over", "finished", "touches",
+)  # fmt: skip
+_NAMES = (
+    *_JUDGED, "timers", "commands", "actions", "telemetry", "crashes", "reasons", "statistics", "wheelbases"
+)
+(
+    _TIME, _PROGRESS, _PLACE, _OFFSET, _LAPS, _COMMAND, _ACTION, _SLIP_SPEED, _SLIDING, _CRASHED, _OVER, _DONE,
+    _TOUCHES, _TIMERS, _COMMANDS, _ACTIONS, _TELEMETRY, _CRASHES, _REASONS, _STATISTICS, _WHEELBASES,
+) = range(len(_NAMES))  # fmt: skip
+
+
+@kernel
+def _judge(table: Table, driven: Mask, substeps: int) -> None:
+    """Write what the race monitor says of the cars `driven` (r,), and how their tires slid."""
+    timers, telemetry = rows(table[_TIMERS], LAP_TIMER), matrix(table[_TELEMETRY])
+    reasons = whole_numbers(table[_REASONS])
+    for row in range(len(driven)):
+        if not driven[row]:
+            continue
+        timer, tires = timers[row], telemetry[row]
+        numbers(table[_TIME])[row], numbers(table[_PROGRESS])[row] = timer.time, timer.progress
+        numbers(table[_PLACE])[row], numbers(table[_OFFSET])[row] = timer.place, timer.offset
+        whole_numbers(table[_LAPS])[row] = timer.laps_completed
+        for part in range(2):
+            matrix(table[_COMMAND])[row, part] = matrix(table[_COMMANDS])[row, part]
+            matrix(table[_ACTION])[row, part] = matrix(table[_ACTIONS])[row, part]
+        rear, angle = tires[_LEFT], tires[_ANGLE]
+        turned = rear + numbers(table[_WHEELBASES])[row] * tires[_TURNING]
+        front = turned * math.cos(angle) - tires[_AHEAD] * math.sin(angle)
+        numbers(table[_SLIP_SPEED])[row] = 0.5 * (abs(front) + abs(rear))  # the mean of the axles
+        numbers(table[_SLIDING])[row] = tires[_SLIDING_STEPS] / substeps
+        flags(table[_CRASHED])[row], flags(table[_DONE])[row] = flags(table[_CRASHES])[row], reasons[row] == _FINISHED
+        flags(table[_OVER])[row] = reasons[row] == _ROLLED_OVER
+        whole_numbers(table[_TOUCHES])[row] = rows(table[_STATISTICS], STATISTICS)[row].touches
 
 
 @kernel

@@ -14,7 +14,6 @@ from ..racing.randomization import Randomization
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
-from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
 from .actions import ActionReader
 from .builds import Build
@@ -25,9 +24,7 @@ from .tick_state import SensedState, TickState, TickStates, leads, positions
 
 Mask = NDArray[np.bool_]
 
-_ROLLED_OVER = END_REASONS.index("rolled_over")
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
-_VELOCITY = [TELEMETRY.index(name) for name in ("vx_m_s", "vy_m_s")]
 
 
 class Worlds:
@@ -51,6 +48,7 @@ class Worlds:
       period: of a tick [s].
       agents: as given.
       cars: of each world, m.
+      stride: every how many-th row of the engine's is that of an agent.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
       tick_state: of the agents after the last tick; None: no term of the settings looks at it.
@@ -76,6 +74,7 @@ class Worlds:
         self.world, self.period, self.agents = self.engine.world, self.engine.period, agents
         self.cars = m = self.engine.cars_per_world
         self._rows = slice(0, agents) if count == 1 else slice(0, None, m)  # of the agents
+        self.stride = 1 if count == 1 else m
         self.monitor = self.engine.monitor.part(self._rows)
         if engine is None:
             self.engine.no_messages[self._rows] = True
@@ -93,6 +92,7 @@ class Worlds:
         if self._states is not None:
             self.tick_state = self._states.of(self._rows, self.world.parameters)
             self.sensed_state = self._states.sensed(self.tick_state, self._rows)
+        self._odometry = self.engine.odometry[self._rows]
         self._opponents: Opponents | None = None
         if entries:
             self._opponents = self.engine.planners = Opponents(
@@ -105,25 +105,8 @@ class Worlds:
     @property
     def times(self) -> FloatArray:
         """Simulated since the beginning of each agent's episode. Shape (a,) [s]."""
-        return np.repeat(self.engine.times, self.agents)
-
-    @property
-    def crashed(self) -> Mask:
-        """Whether the chassis has touched a wall or an obstacle since the beginning. Shape (a,)."""
-        return np.ascontiguousarray(self.engine.crashed[self._rows])
-
-    @property
-    def wrecked(self) -> Mask:
-        """Whether each agent has crashed or rolled over. Shape (a,)."""
-        wrecked: Mask = self.crashed | (self.monitor.reasons == _ROLLED_OVER)
-        return wrecked
-
-    @property
-    def impacts(self) -> FloatArray:
-        """Speed of each agent at the start of the last tick, with which it crashes if it does. Shape (a,) [m/s]."""
-        forward, left = (self.engine.telemetry[self._rows, column] for column in _VELOCITY)
-        speeds: FloatArray = np.hypot(forward, left)
-        return speeds
+        times = self.engine.times
+        return times if self.agents == 1 else np.repeat(times, self.agents)
 
     @property
     def ranges(self) -> FloatArray:
@@ -133,7 +116,7 @@ class Worlds:
     @property
     def odometry(self) -> NDArray[np.void]:
         """Last sensed. Shape (a,) of ODOMETRY."""
-        return np.ascontiguousarray(self.engine.odometry[self._rows])
+        return np.ascontiguousarray(self._odometry)
 
     @property
     def readings(self) -> list[Mapping[str, Reading]]:
@@ -241,10 +224,16 @@ class Worlds:
         """Return which cars of the worlds `which` (n,) have touched a wall or an obstacle, in a row each."""
         return self.engine.crashed[np.repeat(which, self.cars)]
 
-    def act(self, actions: ActionReader) -> None:
+    def note(self, actions: ActionReader) -> None:
         """Take note of the last actions of the agents, for the terms that are functions of them."""
         if self._states is not None:
             self._states.actions[self._rows] = actions.from_minus_1_to_1
+
+    def follow(self, driven: Mask) -> None:
+        """Take note of a tick for which kernels alone have driven the agents `driven` (a,), and judged them."""
+        if self._states is not None:
+            self._states.drive(driven & ~self.engine.failed)
+            self._states.judge()
 
     def drive(self, commands: FloatArray) -> None:
         """Hold the commands (a, 2) [rad, m/s] for a tick in the worlds that run, and judge their races.
@@ -272,7 +261,7 @@ class Worlds:
         engine, running = self.engine, self.monitor.running
         np.divide(engine.telemetry[self._rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
         if self._states is not None:
-            self._states.drive()
+            self._states.drive(engine.running)
         engine.judge()
         if self._states is not None:
             self._states.judge()

@@ -102,7 +102,7 @@ of the last car is left. `alone` (2,) and `copies` (k, 4) are those of CarsAlone
     _DISTANCES, _CORNER, _BODIES, _STATE_NUMBERS, _ALONE, _COPIES,
 ) = range(len(NAMES))  # fmt: skip
 
-_ARRAYS = len(NAMES)
+ARRAYS = len(NAMES)
 
 KEPT = ("ticks", "telemetry", "states", "controls")
 """Of the arrays in a table that whole ticks of world 0 are kept in: how many are, (1,), and for each the telemetry of
@@ -233,7 +233,7 @@ def _step_world(model: int, data: int, world: int, address: int) -> None:
     MuJoCo's batch calls it with the addresses of a model, its data and a table. Steps that do not advance only work out
     forces and sensors.
     """
-    table = table_at(address, _ARRAYS)
+    table = table_at(address, ARRAYS)
     _do_steps(model, data, world - whole_numbers(table[_PLACES])[_FIRST_STATE], table, False)
 
 
@@ -323,7 +323,7 @@ _step_world_in_c = c_function(_step_world, "int64", "int64", "int32", "int64")
 @kernel
 def step(address: int) -> None:
     """Do the physics steps of `span` in the worlds of the table at an address; `drive` calls this by its code."""
-    table = table_at(address, _ARRAYS)
+    table = table_at(address, ARRAYS)
     places, span = whole_numbers(table[_PLACES]), whole_numbers(table[_SPAN])
     count, first, end, advance = span[_COUNT], span[_FIRST], span[_END], span[_ADVANCE] != 0
     ids, states = short_numbers(table[_IDS]), short_numbers(table[_STATE_NUMBERS])
@@ -496,10 +496,16 @@ def judge(table: Table) -> None:
 
 
 @kernel
+def cars_of(table: Table) -> int:
+    """Return how many cars the worlds of a table have."""
+    return int(table[_RUNNING, 1])
+
+
+@kernel
 def read_all(tables: Addresses, firsts: Places, which: Mask) -> None:
     """Do `read` for each of the tables at some addresses; `firsts` are the first rows of their cars in `which`."""
     for k in range(len(tables)):
-        table = table_at(tables[k], _ARRAYS)
+        table = table_at(tables[k], ARRAYS)
         read(table, which[firsts[k] : firsts[k] + table[_RUNNING, 1]])
 
 
@@ -507,7 +513,7 @@ def read_all(tables: Addresses, firsts: Places, which: Mask) -> None:
 def sense_all(tables: Addresses, firsts: Places, which: Mask) -> None:
     """Do `sense` for each of several tables, as `read_all`."""
     for k in range(len(tables)):
-        table = table_at(tables[k], _ARRAYS)
+        table = table_at(tables[k], ARRAYS)
         sense(table, which[firsts[k] : firsts[k] + table[_RUNNING, 1]])
 
 
@@ -515,7 +521,7 @@ def sense_all(tables: Addresses, firsts: Places, which: Mask) -> None:
 def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
     """Write the time of each world (n,) of several tables; `firsts` as in `read_all`."""
     for k in range(len(tables)):
-        table = table_at(tables[k], _ARRAYS)
+        table = table_at(tables[k], ARRAYS)
         places, states = whole_numbers(table[_PLACES]), matrix(table[_STATES])
         first = firsts[k] // places[_CARS_PER_WORLD]
         for world in range(len(states)):
@@ -526,14 +532,14 @@ def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
 def drive_all(tables: Addresses) -> None:
     """Do `drive` for each of several tables."""
     for k in range(len(tables)):
-        drive(table_at(tables[k], _ARRAYS))
+        drive(table_at(tables[k], ARRAYS))
 
 
 @kernel
 def judge_all(tables: Addresses) -> None:
     """Do `judge` for each of several tables."""
     for k in range(len(tables)):
-        judge(table_at(tables[k], _ARRAYS))
+        judge(table_at(tables[k], ARRAYS))
 
 
 @kernel
@@ -546,7 +552,7 @@ def not_finite(running: Mask, commands: FloatArray) -> Mask:
 
 
 @kernel
-def _end_failed(table: Table) -> None:
+def end_failed(table: Table) -> None:
     """End the races of the cars whose engine has failed."""
     running, failed, reasons = flags(table[_RUNNING]), flags(table[_FAILED]), whole_numbers(table[_REASONS])
     for row in range(len(running)):
@@ -589,7 +595,7 @@ def tick(table: Table, calls: NDArray[np.int64], limit: float, kept: Table) -> t
     if not_finite(flags(table[_RUNNING]), matrix(table[_COMMANDS])).any():
         return NO_NUMBERS, took
     drive(table)
-    _end_failed(table)
+    end_failed(table)
     _keep(table, kept)
     judge(table)
     return DRIVEN, took

@@ -55,6 +55,7 @@ Hook = Callable[["Engine", NDArray[np.int64]], None]
 """Called with the engine and the worlds that are being stepped."""
 
 _FINISHED = END_REASONS.index("finished")
+_NO_EFFECTS = LidarEffects()
 _WORLDS_A_THREAD = 4  # fewer are driven sooner than a thread is woken
 
 
@@ -84,6 +85,7 @@ class Engine(Uncopied):
       no_messages: whether the ranges of a car are all that is read of its scans, so that they are not in `scans`, from
         when it is placed on, (r,); False unless somebody says so.
       monitor: RaceMonitor of the races.
+      shares: of the worlds, for kernels that do more than one of the five verbs in a call.
       planners: whose `decide` is called; None: somebody else writes the commands.
       before_substep: hooks that act before each physics step. What they write to `state` is stepped from.
       after_substep: hooks that act after each.
@@ -123,7 +125,7 @@ class Engine(Uncopied):
         if changes is not None:
             for batch in batches:
                 batch.change(changes[batch.rows])
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 and self.count >= 2 * _WORLDS_A_THREAD else None
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 and self.count >= 2 * _WORLDS_A_THREAD else None
         self.odometry, self.ranges, self.commands, self.mu = arrays.odometry, arrays.ranges, arrays.commands, arrays.mu
         self.crashed, self.failed, self.running = arrays.crashed, arrays.failed, self.monitor.running
         self.telemetry, self.statistics, self.touched_at = arrays.telemetry, arrays.statistics, arrays.touched_at
@@ -157,7 +159,8 @@ class Engine(Uncopied):
         self._batches = list(batches)
         self._batch_of = [batch for batch in batches for _ in range(batch.worlds.start, batch.worlds.stop)]
         self._called: Planners | None = None  # whose calls the next are
-        self._shares = shared_out(batches, self._ends_of_shares)
+        self.shares = shared_out(batches, self._ends_of_shares)
+        self._drawn = all(batch.drawn is not None for batch in batches)
 
     @property
     def world(self) -> World:
@@ -182,7 +185,7 @@ class Engine(Uncopied):
     def times(self) -> FloatArray:
         """Simulated in each world since its cars were placed, a copy. Shape (n,) [s]."""
         times = np.empty(self.count)
-        for share in self._shares:
+        for share in self.shares:
             read_times(share.tables, share.firsts, times)
         return times
 
@@ -418,7 +421,7 @@ class Engine(Uncopied):
         messages: bool,
     ) -> None:  # fmt: skip
         """Begin anew what a car measures in Python, see `Sensing.begin`."""
-        if self._sensing is None and ((effects is not None and effects != LidarEffects()) or sensors or drift):
+        if self._sensing is None and ((effects is not None and effects != _NO_EFFECTS) or sensors or drift):
             self._sense_in_python()
         if self._sensing is not None:
             self._sensing.begin(row, effects, sensors, seed, drift, messages=messages)
@@ -435,16 +438,22 @@ class Engine(Uncopied):
         if which is None and self.cars_per_world > 1 and not self.running.all():  # who stands there has telemetry, too
             others = np.repeat(self.running.reshape(self.count, -1).any(axis=1), self.cars_per_world) & ~chosen
             if others.any():
-                self._share(lambda share: read_all(share.tables, share.firsts, others))
-        self._share(lambda share: sense_all(share.tables, share.firsts, chosen))
-        if self._sensing is None and any(batch.drawn is None for batch in self._batches):
+                self.share_out(lambda share: read_all(share.tables, share.firsts, others))
+        self.share_out(lambda share: sense_all(share.tables, share.firsts, chosen))
+        if self._sensing is None and not self._drawn:
             self._sense_in_python()
         if self._sensing is not None:
             self._sensing.sense(chosen)
 
     def read_odometry(self, which: Mask) -> None:
         """Take the odometry of cars, (r,), and what begins their rows of telemetry, without their scans."""
-        self._share(lambda share: read_all(share.tables, share.firsts, which))
+        self.share_out(lambda share: read_all(share.tables, share.firsts, which))
+
+    @property
+    def compiled(self) -> bool:
+        """Whether kernels alone do all of `sense`, `drive` and `judge`, with worlds of one car."""
+        hooks = self.before_substep or self.after_substep
+        return self._drawn and self._sensing is None and not hooks and self.cars_per_world == 1
 
     def decide(self) -> None:
         """Have the planners command the cars that race; those whose planner fails race no longer.
@@ -469,7 +478,7 @@ class Engine(Uncopied):
             for batch in self._batches:
                 self._drive_in_steps(batch, controls)
         else:
-            self._share(lambda share: drive_all(share.tables))
+            self.share_out(lambda share: drive_all(share.tables))
         if self.failed.any():
             self.monitor.end(self.failed & self.running, "failed")
 
@@ -479,7 +488,7 @@ class Engine(Uncopied):
         Of several cars, one that has finished is taken off the course, so that it is in nobody's way.
         """
         raced = self.running.copy() if self.cars_per_world > 1 else None
-        for share in self._shares:
+        for share in self.shares:
             judge_all(share.tables)
         if raced is not None and np.count_nonzero(self.running) < np.count_nonzero(raced):
             for row in map(int, np.flatnonzero(raced & ~self.running & (self.monitor.reasons == _FINISHED))):
@@ -589,10 +598,13 @@ class Engine(Uncopied):
                 self._sensing.follow(stepped, last=step == self.substeps - 1)
         batch.book(ids)
 
-    def _share(self, work: Callable[[Share], None]) -> None:
-        """Do some work on each share of the batches, each in a thread; kernels run without the GIL."""
+    def share_out(self, work: Callable[[Share], None]) -> None:
+        """Do some work on each share of the worlds, each in a thread; kernels run without the GIL."""
         if self._pool is None:
-            for share in self._shares:
+            for share in self.shares:
                 work(share)
         else:
-            list(self._pool.map(work, self._shares))
+            begun = [self._pool.submit(work, share) for share in self.shares[1:]]
+            work(self.shares[0])
+            for each in begun:
+                each.result()

@@ -153,6 +153,27 @@ def test_result_does_not_depend_on_the_number_of_threads():
         assert_same(first, second)
 
 
+@pytest.mark.parametrize(
+    "settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}]
+)
+def test_kernels_alone_do_what_they_do_with_python_in_between(settings):
+    """A hook that does nothing makes the engine step by step; in one thread and in two."""
+    def drive(threads, hooked):
+        envs = vector(9, threads=threads, **settings)
+        engine = envs._worlds.engine
+        engine.after_substep += [lambda engine, worlds: None] * hooked
+        told, rng = [envs.reset(seed=1)], np.random.default_rng(0)
+        assert engine.compiled is not hooked
+        for _ in range(60):
+            told.append(envs.step(rng.uniform((-0.4, 0.0), (0.4, 5.0), (9, 2))))
+        assert any(step[3].any() for step in told[1:])
+        return tuple(told)
+
+    expected = drive(1, True)
+    assert_same(drive(1, False), expected)
+    assert_same(drive(2, False), expected)
+
+
 def test_returned_arrays_are_not_written_to_later():
     envs = vector(2)
     kept, infos = envs.reset(seed=0)

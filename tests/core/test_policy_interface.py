@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from driven_environments import commands_of_ticks
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
@@ -74,9 +75,7 @@ def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, setting
     policy, seen = weaving(action)
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
-    commands = []
-    drive = env._episodes.worlds.drive
-    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    commands = commands_of_ticks(env)
     while len(commands) < 30:
         observation, _, terminated, _, _ = env.step(policy(observation))
         assert not terminated
@@ -195,9 +194,7 @@ def test_actions_are_integrated_and_filtered_within_the_cars_limits(action, norm
         action_repeat=2, speed_range=(0.0, 2.0),
     )  # fmt: skip
     env.reset(seed=0)
-    commands = []
-    drive = env._episodes.worlds.drive
-    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    commands = commands_of_ticks(env)
     least = np.array([-CAR.max_steering_angle, 0.0])
     greatest = np.array([CAR.max_steering_angle, 2.0])
     rates = np.array([CAR.max_steering_rate, CAR.max_acceleration])

@@ -23,9 +23,9 @@ def test_what_a_car_learns_of_the_friction_is_what_gap_finder_would_learn():
     car = env.episodes.worlds.world.parameters
     learning, parameters = learning_row(car), np.zeros(1, CAR)
     parameters[0] = astuple(car)
-    read, ticks = env.episodes.observer.read, []
-    env.episodes.observer.read = lambda which, ranges, odometry, *rest, **more: (
-        ticks.append(odometry.copy()), read(which, ranges, odometry, *rest, **more)
+    seen_by, ticks = env.episodes.observer.seen, []
+    env.episodes.observer.seen = lambda which, scan, numbers, odometry, *rest, **more: (
+        ticks.append(odometry.copy()), seen_by(which, scan, numbers, odometry, *rest, **more)
     )[1]  # fmt: skip
     seen, _ = env.reset(seed=0)
     for step in range(30):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from driven_environments import commands_of_ticks
 from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
@@ -109,9 +110,7 @@ def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, setting
     gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
     controller, ticks = written(tmp_path / form, settings), 40
     env = gym_environment.F1TenthEnv(track="hairpins", start="line", **settings)
-    worlds, commands, policy = env._episodes.worlds, [], read_policy(controller)
-    drive = worlds.drive
-    worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    commands, policy = commands_of_ticks(env), read_policy(controller)
     observation, _ = env.reset(seed=0)
     while len(commands) < ticks:
         observation, _, terminated, _, _ = env.step(policy.act(observation))

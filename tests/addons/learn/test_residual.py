@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from driven_environments import commands_of_ticks
 from fg_mujoco.addons.learn import policy_files
 from fg_mujoco.addons.learn.policy_files import description_of, read_policy, save_policy
 from fg_mujoco.addons.learn.residual import Residual
@@ -48,9 +49,7 @@ def test_without_a_correction_the_planner_drives(repeat, tmp_path):
 def test_its_file_commands_in_a_race_what_it_commands_in_the_environment(repeat, tmp_path):
     env = F1TenthEnv(track="hairpins", start="line", mu=0.7, action_repeat=repeat, **SETTINGS)
     controller = str(save_policy(network_for(env.policy_interface), tmp_path / "policy", env.policy_interface))
-    worlds, commands, policy = env._episodes.worlds, [], read_policy(controller)
-    drive = worlds.drive
-    worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    commands, policy = commands_of_ticks(env), read_policy(controller)
     observation, _ = env.reset(seed=0)
     while len(commands) < 40:
         observation, _, terminated, _, _ = env.step(policy.act(observation))

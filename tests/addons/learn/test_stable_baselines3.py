@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from driven_environments import commands_of_ticks
 
 sb3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
 
@@ -81,8 +82,7 @@ def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(model,
     settings = FLAT if model.observation_space.shape else PARTS
     env, policy, ticks = F1TenthEnv(**settings), read_policy(path), 15
     normaliser = model.get_vec_normalize_env()
-    commands, drive = [], env._episodes.worlds.drive
-    env._episodes.worlds.drive = lambda given: (commands.append(given[0].copy()), drive(given))
+    commands = commands_of_ticks(env)
     seen, _ = env.reset(seed=0)
     while len(commands) < ticks:
         action = policy.act(seen)

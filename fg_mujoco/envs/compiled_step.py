@@ -1,0 +1,129 @@
+"""A step of an environment as kernels of a table of arrays: actions in, rewards and observations out.
+
+The rows of the episodes are those of the cars that learn: every `stride`-th row of the engine's arrays.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..compiled.array_table import (
+    Table,
+    cube,
+    flags,
+    matrix,
+    numbers,
+    rows,
+    single_numbers,
+    table_at,
+    whole_numbers,
+)
+from ..compiled.kernels import kernel
+from ..course.lap_timer import LAP_TIMER
+from ..messages import FloatArray
+from ..simulation.compiled_tick import ARRAYS, Addresses, cars_of, drive, end_failed, judge, sense_all
+from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
+from .reward_kernels import read_actions, read_sensors, reward_ticks
+
+Mask = NDArray[np.bool_]
+Values = NDArray[np.float32]
+
+NAMES = (
+    "running", "timers", "crashed", "reasons", "telemetry", "held", "odometry", "ranges",
+    "driven", "commands", "clipped", "limits", "planned", "targets", "previous",
+    "progress", "wrecked", "impacts", "before", "sliding", "weights", "rewards", "terms",
+    "beams", "columns", "low", "high", "numbers",
+)  # fmt: skip
+"""Of the arrays in a table. The first line are the engine's, of all cars; `held` are its commands, `odometry` its
+numbers (r, k). The others are arguments of `read_actions`, `reward_ticks` and `read_sensors`, (n,) for the cars that
+learn; `numbers` are `stride`, `share`, `slow`, `reward_share`, `alone`, `range_max` and `substeps`."""
+
+(
+    _RUNNING, _TIMERS, _CRASHED, _REASONS, _TELEMETRY, _HELD, _ODOMETRY, _RANGES,
+    _DRIVEN, _COMMANDS, _CLIPPED, _LIMITS, _PLANNED, _TARGETS, _PREVIOUS,
+    _PROGRESS, _WRECKED, _IMPACTS, _BEFORE, _SLIDING, _WEIGHTS, _REWARDS, _TERMS,
+    _BEAMS, _COLUMNS, _LOW, _HIGH, _NUMBERS,
+) = range(len(NAMES))  # fmt: skip
+_STRIDE, _SHARE, _SLOW, _REWARD_SHARE, _ALONE, _RANGE_MAX, _SUBSTEPS = range(7)
+
+_ROLLED_OVER = END_REASONS.index("rolled_over")
+_SLIDING_STEPS, _AHEAD, _LEFT = (TELEMETRY.index(name) for name in ("sliding_steps", "vx_m_s", "vy_m_s"))
+
+
+@kernel
+def act(table: Table, actions: FloatArray) -> int:
+    """Note whose episodes go on, and convert their actions (n, 2) to commands; return what `read_actions` does."""
+    n, running, driven = numbers(table[_NUMBERS]), flags(table[_RUNNING]), flags(table[_DRIVEN])
+    for i in range(len(driven)):
+        driven[i] = running[i * int(n[_STRIDE])]
+    return read_actions(
+        actions, driven, matrix(table[_LIMITS]), n[_SHARE], matrix(table[_PLANNED]), n[_SLOW], cube(table[_TARGETS]),
+        matrix(table[_PREVIOUS]), matrix(table[_COMMANDS]), whole_numbers(table[_CLIPPED]),
+    )  # fmt: skip
+
+
+@kernel
+def reward(table: Table) -> None:
+    """Reward the tick that was driven, see `reward_ticks`."""
+    n, telemetry, timers = numbers(table[_NUMBERS]), matrix(table[_TELEMETRY]), rows(table[_TIMERS], LAP_TIMER)
+    crashed, reasons, driven = flags(table[_CRASHED]), whole_numbers(table[_REASONS]), flags(table[_DRIVEN])
+    progress, wrecked, impacts = numbers(table[_PROGRESS]), flags(table[_WRECKED]), numbers(table[_IMPACTS])
+    for i in range(len(driven)):
+        row = i * int(n[_STRIDE])
+        progress[i], wrecked[i] = timers[row].progress, crashed[row] or reasons[row] == _ROLLED_OVER
+        impacts[i] = math.hypot(telemetry[row, _AHEAD], telemetry[row, _LEFT])
+    reward_ticks(
+        driven, progress, numbers(table[_BEFORE]), wrecked, numbers(table[_SLIDING]), impacts, numbers(table[_WEIGHTS]),
+        n[_REWARD_SHARE], n[_ALONE] != 0.0, numbers(table[_REWARDS]), cube(table[_TERMS]),
+    )  # fmt: skip
+
+
+@kernel
+def drive_worlds(table: Table, tables: Addresses, firsts: NDArray[np.int64]) -> None:
+    """Hold the commands for a tick and judge the races of one car each; `tables` and `firsts` as of `read_all`."""
+    commands, held, running = matrix(table[_COMMANDS]), matrix(table[_HELD]), flags(table[_RUNNING])
+    sliding, telemetry = numbers(table[_SLIDING]), matrix(table[_TELEMETRY])
+    for k in range(len(tables)):
+        world_table = table_at(tables[k], ARRAYS)
+        first, end = firsts[k], firsts[k] + cars_of(world_table)
+        held[first:end] = commands[first:end]
+        drive(world_table)
+        end_failed(world_table)
+        for row in range(first, end):
+            if running[row]:
+                sliding[row] = telemetry[row, _SLIDING_STEPS] / numbers(table[_NUMBERS])[_SUBSTEPS]
+        judge(world_table)
+
+
+@kernel
+def step(table: Table, tables: Addresses, firsts: NDArray[np.int64], actions: FloatArray) -> int:
+    """Do a step of worlds of one car; return what `read_actions` does, before anything is written."""
+    bad = act(table, actions)
+    if bad < 0:
+        drive_worlds(table, tables, firsts)
+        reward(table)
+    return bad
+
+
+@kernel
+def read(table: Table, scan: Values, values: Values) -> None:
+    """Write what the agents have sensed, see `read_sensors`."""
+    n = numbers(table[_NUMBERS])
+    read_sensors(
+        int(n[_STRIDE]), matrix(table[_RANGES]), matrix(table[_ODOMETRY]), matrix(table[_PREVIOUS]),
+        matrix(table[_PLANNED]), whole_numbers(table[_BEAMS]), n[_RANGE_MAX], whole_numbers(table[_COLUMNS]),
+        single_numbers(table[_LOW]), single_numbers(table[_HIGH]), scan, values,
+    )  # fmt: skip
+
+
+@kernel
+def observe(
+    table: Table, tables: Addresses, firsts: NDArray[np.int64], which: Mask, scan: Values, values: Values
+) -> None:
+    """Take the scans and odometry of the cars `which` (n,) of worlds of one car, and write what they are."""
+    sense_all(tables, firsts, which)
+    read(table, scan, values)
