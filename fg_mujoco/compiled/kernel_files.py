@@ -158,17 +158,18 @@ def package_files(*suffixes: str) -> Iterator[tuple[str, Traversable]]:
 
     The paths are the same in a checkout, where some folders lie beside fg_mujoco/, and where it is installed.
     """
-    found = dict(_walk(files(_PACKAGE), "", suffixes, skip=_ELSEWHERE))
+    found = dict(walk(files(_PACKAGE), "", suffixes, skip=_ELSEWHERE))
     for folder in _ELSEWHERE:
-        found |= _walk(files(f"{_PACKAGE}.{folder}"), f"{folder}/", suffixes)
+        found |= walk(files(f"{_PACKAGE}.{folder}"), f"{folder}/", suffixes)
     yield from sorted(found.items())
 
 
-def _walk(
+def walk(
     folder: Traversable, path: str, suffixes: tuple[str, ...], skip: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, Traversable]]:
+    """Yield the files of a folder with these suffixes, and their paths behind `path`."""
     for entry in folder.iterdir():
         if entry.name.endswith(suffixes):
             yield path + entry.name, entry
         elif "." not in entry.name and entry.name not in ("__pycache__", *skip) and entry.is_dir():
-            yield from _walk(entry, f"{path}{entry.name}/", suffixes)
+            yield from walk(entry, f"{path}{entry.name}/", suffixes)

@@ -5,13 +5,15 @@ A FIFO or a device would be read for ever, and a name can be too long for the sy
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 import os
 import stat
 import sys
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -57,12 +59,51 @@ def foreign_kind(path: str | Path) -> str | None:
     return next((kind for suffixes, kind in _FOREIGN.items() if suffix in suffixes), None)
 
 
+_noted: ContextVar[dict[str, object] | None] = ContextVar("_noted", default=None)
+
+
+@contextlib.contextmanager
+def noting_files() -> Iterator[dict[str, str]]:
+    """Note what `require_regular` is asked about inside this.
+
+    The dictionary gets, at the end, the `state_of` each file by its path; nothing where one has changed meanwhile.
+    """
+    found: dict[str, str] = {}
+    noted: dict[str, object] = {}
+    token = _noted.set(noted)
+    try:
+        yield found
+    finally:
+        _noted.reset(token)
+    states = {path: state_of(path) for path in noted}
+    found |= states if all(_status(path) == noted[path] for path in noted) else {}
+
+
+def state_of(path: str | Path) -> str:
+    """Return the hash of a regular file; nothing where there is none that can be read."""
+    try:
+        require_regular(path)
+        return file_sha256(path)
+    except OSError:
+        return ""
+
+
+def _status(path: str | Path) -> object:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_ino, status.st_mode, status.st_size, status.st_mtime_ns
+
+
 def require_regular(path: str | Path) -> None:
     """Make sure that a file is one to be read to its end.
 
     Raises:
       OSError: there is none, or it is a folder, a FIFO or a device; `strerror` says it.
     """
+    if (noted := _noted.get()) is not None:
+        noted[str(path)] = _status(path)
     try:
         mode = os.stat(path).st_mode
     except ValueError as error:  # NUL

@@ -19,6 +19,7 @@ from ..registry import PARTS, Registry
 from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
+from .kept_courses import kept_course
 from .line_csv import COLUMNS
 
 TIGHT = "tight"
@@ -74,7 +75,7 @@ def load_course(name_or_path: str | Path, car: CarParameters) -> Course:
     if is_file(name):
         if (kind := foreign_kind(name)) is not None:
             raise TrackError(f"{name}: is {kind}; accepted: {_instead(Path(name))}")
-        return load_centreline(name)
+        return kept_course(name, load_centreline)
     *texts, last = (each.texts for each in _formats() if each.texts)
     rest, scenes = name.partition(":")[2], course_names()[len(track_names()) :]
     besides = [*([f"random:{rest}"] if rest else []), *scenes]
@@ -139,7 +140,7 @@ def _is_map(name: str) -> bool:
 def _map(name: str) -> Course:
     from .maps.map_track import load_map
 
-    return load_map(name)
+    return kept_course(name, load_map)
 
 
 FORMATS: Registry[CourseFormat] = Registry(
@@ -159,7 +160,9 @@ FORMATS: Registry[CourseFormat] = Registry(
             accepts=lambda text: text.partition(":")[0] == "scene", load=_scene, texts="scene:NAME:SEED"
         ),
         "centreline": CourseFormat(
-            accepts=is_centreline, load=lambda text, car: load_centreline(text), texts="a path to a centreline .csv"
+            accepts=is_centreline,
+            load=lambda text, car: kept_course(text, load_centreline),
+            texts="a path to a centreline .csv",
         ),
         "map": CourseFormat(accepts=_is_map, load=lambda text, car: _map(text), texts="a map .yaml"),
     },

@@ -138,7 +138,9 @@ class Resolved:
         ground, entries = ground_of(setup), setup.named
         others = [entry.world_car() for entry in entries[1:]]
         laps = laps_to_drive(ground.course, setup.laps)
-        world = setup.drive_settings.world(ground.course, lidar=setup.lidar, obstacles=ground.boxes, others=others)
+        world = setup.drive_settings.world(
+            ground.course, lidar=setup.lidar, obstacles=ground.boxes, others=others, keep=True
+        )
         places = grid_starts(ground.course, [car.parameters for car in world.cars], setup.grid)
         starts = tuple(entry.start or place for entry, place in zip(entries, places, strict=True))
         return cls(setup=setup, ground=ground, laps=laps, world=world, entries=entries, starts=starts)

@@ -275,11 +275,12 @@ class CarSettings:
         lidar: str = "raycast",
         obstacles: tuple[Obstacle, ...] = (),
         others: Sequence[WorldCar] = (),
+        keep: bool = False,
     ) -> World:
         """Return a compiled world with this car; arguments and errors as in World."""
         return World(
             course, self.car, mu=self.set_mu, lidar=lidar, obstacles=obstacles, changes=self.changes,
-            tires=self.tire_set, patches=self.patches, others=others,
+            tires=self.tire_set, patches=self.patches, others=others, keep=keep,
         )  # fmt: skip
 
     def driven(self, **given: Any) -> DriveSettings:

@@ -20,6 +20,8 @@ import numpy as np
 
 from ..arguments import Suggesting, explain_class
 from ..course.course import Course
+from ..course.definitions import course_sha256
+from ..course.kept_courses import kept
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, require_obstacles
@@ -78,6 +80,7 @@ class World(Suggesting):
       tires: a bundled set, the path of a TOML file, or Tires; None: the vehicle's.
       patches: of the floor, on which the tires have another friction.
       others: the cars besides this one; vehicle, mu, changes and tires are those of car 0.
+      keep: whether the model is kept on disk, for the next world of the same course, cars and obstacles.
 
     Attributes:
       track: the course.
@@ -109,6 +112,7 @@ class World(Suggesting):
         tires: Tires | str | Path | None = None,
         patches: Sequence[Patch] = (),
         others: Sequence[WorldCar] = (),
+        keep: bool = False,
     ) -> None:
         require_obstacles(obstacles)
         self.vehicle = Vehicle.load(vehicle)
@@ -121,8 +125,9 @@ class World(Suggesting):
             self.track.check_car(own.parameters)
         self.lidar_backend = lidar
         self.obstacles = (*self.track.obstacles, *obstacles)
-        self.xml = _text_of(self.track, builds, lidar, self.obstacles, require_patches(patches))
-        self.model = compiled_model(self.xml)
+        parts = self.track, builds, lidar, self.obstacles, require_patches(patches)
+        self.xml, model = (_kept if keep else _built)(*parts)
+        self.model = copy(model)
         self.moving = moving_obstacles(self.model)
         self.cars = tuple(Car(self.model, car_prefix(index)) for index in range(len(builds)))
         self.car = self.cars[0]
@@ -202,15 +207,33 @@ def _compiled(xml: str) -> mujoco.MjModel:
 
 
 @lru_cache(maxsize=8)
+def _kept(track: Course, builds: tuple[WorldCar, ...], *others: Any) -> tuple[str, mujoco.MjModel]:
+    """Return the MJCF text of a world and its model, which are kept on disk; arguments as of `_text_of`."""
+
+    if not type(track).__module__.startswith("fg_mujoco."):  # its walls may be of more than its definition
+        return _built(track, builds, *others)
+    key = _text_of(track, builds, *others, walls=False), type(track).__name__, course_sha256(track), mujoco.__version__
+    return kept("world", key, lambda: _built(track, builds, *others), lambda made: isinstance(made[1], mujoco.MjModel))
+
+
+def _built(*parts: Any) -> tuple[str, mujoco.MjModel]:
+    """Return the same, made anew."""
+    text = _text_of(*parts)
+    return text, _compiled(text)
+
+
+@lru_cache(maxsize=8)
 def _text_of(
     track: Course,
     builds: tuple[WorldCar, ...],
     lidar: str,
     obstacles: tuple[Obstacle, ...],
     patches: tuple[Patch, ...],
+    *,
+    walls: bool = True,
 ) -> str:
     """Return the MJCF text of a world. Writing it takes as long as compiling it, so the last few are kept."""
-    spec = _compose(track, builds, lidar, obstacles)
+    spec = _compose(track, builds, lidar, obstacles, walls=walls)
     add_patches(spec, patches)
     try:
         return str(spec.to_xml())
@@ -222,7 +245,9 @@ def _text_of(
         raise SettingsError(f"{said}; accepted: a larger one, or one nearer to the world's origin") from error
 
 
-def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: tuple[Obstacle, ...]) -> Any:
+def _compose(
+    track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: tuple[Obstacle, ...], *, walls: bool
+) -> Any:
     """Return the spec of the whole world: walls, obstacles, and the cars with their ground and their LiDARs."""
     if lidar not in LIDAR_BACKENDS:
         raise SettingsError(f"lidar is {lidar!r}; {accepted_names(lidar, LIDAR_BACKENDS)}")
@@ -242,7 +267,7 @@ def _compose(track: Course, builds: Sequence[WorldCar], lidar: str, obstacles: t
     spec.nuserdata = sum(car.nuserdata for car in cars)
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # static geoms are placed once, not every step
     _add_light(spec, track)
-    _add_course(spec, track, obstacles)
+    _add_course(spec, track, obstacles, walls=walls)
     for index, (car, vehicle) in enumerate(zip(cars, vehicles, strict=True)):
         drop_tire_sensors(car) if car.numeric(NUMERIC.format("front")) is not None else add_axle_sensors(car)
         drop_unread_sensors(car)
@@ -287,9 +312,10 @@ def _shapes(xml: str) -> dict[tuple[str, str], str]:
     }
 
 
-def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...]) -> None:
+def _add_course(spec: Any, track: Course, obstacles: tuple[Obstacle, ...], *, walls: bool = True) -> None:
     """Add the walls of a course, what moves there, and obstacles."""
-    _add_walls(spec, track)
+    if walls:
+        _add_walls(spec, track)
     for index, moving in enumerate(track.moving):
         _add_moving(spec, f"{MOVING_PREFIX}{index}", moving)
     for index, obstacle in enumerate(obstacles):
