@@ -4,7 +4,7 @@
     servers   Foxglove, rosbridge and AutoDRIVE's bridge
     gym2d     scripts that were written for f1tenth_gym
     learn     training, and policies from files
-    arena     compare, overtake, scenarios, league, grade, evaluate; race control; scenes, tight circuits
+    arena     compare, overtake, league, study, bench; race control; scenes, tight circuits
     realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     drivers   planners that follow a line of a map, remember, learn, localise themselves or overtake; racelines
@@ -17,10 +17,8 @@ COMMANDS = {
     "bench": "arena.bench.commands:bench_command",
     "compare": "arena.commands:compare_command",
     "overtake": "arena.commands:overtake_command",
-    "scenarios": "arena.commands:scenarios_command",
     "league": "arena.commands:league_command",
-    "grade": "arena.commands:grade_command",
-    "evaluate": "arena.commands:evaluate_command",
+    "study": "arena.commands:study_command",
     "train": "learn.commands:train_command",
     "identify": "realcar.commands:identify_command",
     "validate": "realcar.commands:validate_command",
@@ -37,9 +35,9 @@ COMMANDS = {
 """Commands of `fg-mujoco` that add-ons have, in the order of the help."""
 
 NAMES = {
-    "Comparison": "arena.comparison.comparison:Comparison",
+    "Comparison": "arena.study.kinds:Comparison",
     "Dataset": "learn.dataset:Dataset",
-    "compare": "arena.comparison.comparison:compare",
+    "compare": "arena.study.functions:compare",
     "debug": "look.debug:debug",
     "generate_track": "arena.random_courses.generator:generate_track",
     "identify": "realcar.bag_drive:identify",
@@ -85,13 +83,13 @@ SCHEMES = {
 
 PARTS = {
     "bag drive": "realcar.bag_drive:read_bag_drive",
-    "comparison report": "arena.comparison.pages:write_comparison_report",
+    "comparison report": "arena.study.pages:write_comparison_report",
     "dataset": "learn.dataset:Dataset",
     "drive on ray": "learn.ray_cluster:drive_on_ray",
     "driven line": "look.notebook:driven_line",
     "floor": "realcar.floors:Floor",
     "floor names": "realcar.floors:floor_names",
-    "is comparison": "arena.comparison.pages:is_comparison",
+    "is comparison": "arena.study.pages:is_comparison",
     "learned friction": "drivers.learned_friction:LearnedFriction",
     "lidar effects": "realcar.measured_errors:effect_names",
     "localised": "drivers.localisation.localised:localised",

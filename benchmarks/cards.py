@@ -12,9 +12,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from fg_mujoco.addons.arena.bench.card import RECORDED, bench, bound_key, recorded
+from fg_mujoco.addons.arena.bench.card import REACTIVE, RECORDED, bench, bound_key, recorded
 from fg_mujoco.addons.arena.bench.card_page import scores_table
-from fg_mujoco.addons.arena.bench.suite import Suite, read_suite
+from fg_mujoco.addons.arena.study.suite import Suite, read_suite
 from fg_mujoco.addons.drivers.racelines.raceline import make_raceline
 from fg_mujoco.controllers import BASELINES, CONTROLLERS
 from fg_mujoco.racing.setup import Setup
@@ -27,11 +27,12 @@ METHODS = tuple(name for name in CONTROLLERS if name != "wall_follow")  # of whi
 def bounds(suite: Suite) -> dict[str, float]:
     """Return the lap times of the racelines of the suite's circuits [s], by `bound_key`."""
     found: dict[str, float] = {}
-    for _, settings in suite.runs():
-        if not settings["track"].startswith("scene:") and bound_key(settings) not in found:
+    for setup in (setup for group in suite.groups for _, setup in group.setups()):
+        key, settings = bound_key(setup.described()), setup.described()
+        if not settings["track"].startswith("scene:") and key not in found:
             own = {name: settings[name] for name in ("track", "mu", "max_speed") if name in settings}
-            found[bound_key(settings)] = round(make_raceline(Setup.of(**own)).lap_time, 3)
-            print(bound_key(settings), found[bound_key(settings)], flush=True)
+            found[key] = round(make_raceline(Setup.of(**own)).lap_time, 3)
+            print(key, found[key], flush=True)
     return found
 
 
@@ -44,7 +45,7 @@ def write(values: dict[str, Any]) -> None:
 
 def main() -> None:
     """Make the cards."""
-    suite, cards = read_suite(), dict[str, Any]()
+    suite, cards = read_suite(REACTIVE), dict[str, Any]()
     planners = [*CONTROLLERS, *(f"{name}[method=refined]" for name in METHODS), *BASELINES]
     known = {"suite_sha256": suite.sha256, "bounds": bounds(suite)}
     write(known | {"cards": {}})

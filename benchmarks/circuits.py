@@ -45,7 +45,7 @@ def real_circuits(data: Path) -> list[str]:
 
 def lap_figures(row: Any) -> dict[str, Any]:
     """Return what a table of circuits shows of a run."""
-    run = row.figures
+    run = row.car
     shown = {name: getattr(run, name) for name in ("end_reason", "laps_completed", "collisions", *DIGITS)}
     return {name: round(value, DIGITS[name]) if name in DIGITS and value else value for name, value in shown.items()}
 
@@ -54,8 +54,8 @@ def by_controller(comparison: fg.Comparison) -> dict[str, dict[str, Any]]:
     """Return the figures of each controller on each circuit."""
     found: dict[str, dict[str, Any]] = {}
     for row in comparison.rows:
-        circuit = row.key.course.removesuffix("_centerline")
-        found.setdefault(row.key.controller, {})[circuit] = lap_figures(row)
+        circuit = row.place["course"].removesuffix("_centerline")
+        found.setdefault(row.car.planner, {})[circuit] = lap_figures(row)
     return found
 
 
@@ -63,8 +63,9 @@ def successes(comparison: fg.Comparison) -> dict[str, dict[str, dict[str, int]]]
     """Return how many runs of each controller in each scene at each greatest speed succeeded."""
     found: dict[str, dict[str, dict[str, int]]] = {}
     for cell in comparison.cells:
-        scene = cell.course.removeprefix("scene:")
-        found.setdefault(cell.controller, {}).setdefault(scene, {})[f"{cell.max_speed_m_s:g}"] = cell.successes
+        scene = cell["course"].removeprefix("scene:")
+        speed = f"{cell.get('max_speed', 8.0):g}"
+        found.setdefault(cell["planner"], {}).setdefault(scene, {})[speed] = cell["successes"]
     return found
 
 

@@ -411,7 +411,7 @@ FAULTS = {
         file="fg_mujoco/racing/entries.py",
         old="fastest = self.max_speed if max_speed is None else max_speed",
         new="fastest = self.max_speed",
-        tests="test_setup.py test_opponents.py test_race_control.py test_overtaking.py",
+        tests="test_setup.py test_opponents.py test_race_control.py test_duels.py",
     ),
     # studies
     "Wilson's interval of too small a sample": Fault(
@@ -433,13 +433,13 @@ FAULTS = {
         tests="test_randomization.py test_rollouts.py",
     ),
     "an interval of the median a value too narrow": Fault(
-        file="addons/arena/intervals.py",
+        file="addons/arena/study/intervals.py",
         old="return (order[place - 1], order[count - place]) if place else None",
         new="return (order[place], order[count - place - 1]) if place else None",
         tests="test_intervals.py",
     ),
     "the reference's successes and the controller's mixed up": Fault(
-        file="addons/arena/intervals.py",
+        file="addons/arena/study/intervals.py",
         old="pairs=len(succeeded), successes=sum(ours for ours, _ in succeeded),",
         new="pairs=len(succeeded), successes=sum(theirs for _, theirs in succeeded),",
         tests="test_comparison.py",

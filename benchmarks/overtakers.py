@@ -13,35 +13,27 @@ for each touch. On tight courses many opponents that follow a line crash by them
 from __future__ import annotations
 
 import tempfile
-import time
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from common import parser, report, table
 
-from fg_mujoco.addons.arena.overtaking.duel import DuelSettings, alike_cars, pace
-from fg_mujoco.addons.arena.overtaking.slower_opponents import Blocking, make_opponent
-from fg_mujoco.addons.arena.race_control.race_control import RaceControl
-from fg_mujoco.course.track import Track
+from fg_mujoco.addons.arena.runs.duels import alone, closed_track, opponent_entry, pace
+from fg_mujoco.addons.arena.runs.slower_cars import make_opponent
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.entries import grid_starts
-from fg_mujoco.racing.planners import ControllerChoice, make_controller
-from fg_mujoco.racing.rules import RULES, Contact
+from fg_mujoco.racing.race import RaceProgress, race_setup
+from fg_mujoco.racing.rules import Contact
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.planner_adapter import PlannersOfEach, adapt
-from fg_mujoco.simulation.termination import END_REASONS
 
 OPPONENTS = "reactive,centreline,blocking"
 RATIOS = (0.3, 0.8)  # least and greatest share of the planner's pace
-NAMES = ("planner", "opponent")
+PLANNER = "planner"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Raced:
-    """A race of two cars, to its end."""
+    """A race of two cars, to the end of the planner's."""
 
     planner: str
     course: str
@@ -52,12 +44,12 @@ class Raced:
     passed: bool  # it led the other at the end of its race, or a lap ahead of that
     overtakes: int  # by the planner
     contacts: tuple[Contact, ...]
-    decision_us: float  # median of a tick of the planner, processor time
+    decision_us: float  # median of the planner's decisions, wall time
 
     @property
     def own_faults(self) -> int:
         """How many touches were the planner's fault, alone or with the other."""
-        return sum(contact.blames(NAMES[0]) for contact in self.contacts)
+        return sum(contact.blames(PLANNER) for contact in self.contacts)
 
 
 def drawn_ratio(course: str, opponent: str) -> float:
@@ -65,50 +57,32 @@ def drawn_ratio(course: str, opponent: str) -> float:
     return float(np.random.default_rng([*f"{course} {opponent}".encode()]).uniform(*RATIOS))
 
 
-def race(planner: str, course: str, opponent: str, settings: DuelSettings, watch: Any = None) -> Raced:
-    """Race, and return what happened; `watch`, if given, is called with the engine and the planner before each tick."""
-    choice, ratio = ControllerChoice.of(planner), drawn_ratio(course, opponent)
-    world = alike_cars(course, settings, 2)
-    track = world.track
-    assert isinstance(track, Track)
+def until_the_planner_is_done(progress: RaceProgress) -> None:
+    """End a race, by an interrupt as of Ctrl-C, when that of its first car is over."""
+    if not progress.running[0]:
+        raise KeyboardInterrupt
+
+
+def race(planner: str, course: str, opponent: str, base: Setup) -> Raced:
+    """Race, and return what happened."""
+    setup, ratio = base.replace(track=course, controller=planner), drawn_ratio(course, opponent)
+    track, first = closed_track(setup), setup.first
+    told = {"planner": planner, "course": course, "opponent": opponent, "ratio": ratio}
     try:
-        alone = pace(course, choice, settings)
+        own = pace(alone(setup))
     except ControllerError:  # it does not finish alone: no share of its pace can be told
-        return Raced(planner=planner, course=course, opponent=opponent, ratio=ratio, end="fails alone", time_s=0.0,
-                     passed=False, overtakes=0, contacts=(), decision_us=0.0)  # fmt: skip
-    context = settings.context(world)
+        return Raced(**told, end="fails alone", time_s=0.0, passed=False, overtakes=0, contacts=(), decision_us=0.0)
+    context = first.context(first.car.parameters, track.map_line)
     with tempfile.TemporaryDirectory() as folder:
-        slower = make_opponent(opponent, track, alone, ratio, context, Path(folder))
-    drives, taken = make_controller(choice.source, context, settings=dict(choice.settings)), []
-    decide, opposes = adapt([drives]), adapt([slower])
-
-    def timed(cars: Any) -> Any:
-        began = time.thread_time()
-        reasons = decide(cars)
-        taken.append(time.thread_time() - began)
-        return reasons
-
-    timed.failures = decide.failures  # type: ignore[attr-defined]
-    engine = Engine(world, laps=settings.laps)
-    engine.planners = PlannersOfEach([(np.array([0]), timed), (np.array([1]), opposes)])  # type: ignore[list-item]
-    engine.place(grid_starts(track, [each.parameters for each in world.cars], "behind"))
-    control = RaceControl(engine, names=NAMES, rules=RULES["none"])
-    timers = engine.monitor.timers
-    while engine.running[0]:
-        if isinstance(slower, Blocking):
-            behind = float(timers["progress"][1] - timers["progress"][0])
-            behind -= track.length * round(behind / track.length)
-            slower.follower = (behind, float(timers["offset"][0]))
-        if watch is not None:
-            watch(engine, drives)
-        engine.tick()
-        control.after_tick()
-    control.finish()
+        slower = make_opponent(opponent, track, own, ratio, context, Path(folder))
+        entries = (replace(first, name=PLANNER), opponent_entry(first, slower, None))
+        result = race_setup(replace(setup, entries=entries, grid="behind"), watch=until_the_planner_is_done)
+    car, other = result.cars
     return Raced(
-        planner=planner, course=course, opponent=opponent, ratio=ratio, end=END_REASONS[engine.monitor.reasons[0]],
-        time_s=engine.time(0), passed=bool(timers["progress"][0] > timers["progress"][1]),
-        overtakes=sum(each.by == NAMES[0] for each in control.overtakes), contacts=tuple(control.contacts),
-        decision_us=1e6 * float(np.median(taken)),
+        **told, end=car.end_reason, time_s=car.end_time_s, contacts=result.contacts,
+        passed=bool(car.column("progress_m")[-1] > other.column("progress_m")[-1]),
+        overtakes=sum(each.by == PLANNER for each in result.overtakes),
+        decision_us=1e6 * (car.decision_times.median_s or 0.0),
     )  # fmt: skip
 
 
@@ -141,9 +115,7 @@ def main() -> None:
     options.add_argument("--max-speed", default=8.0, type=float)
     options.add_argument("--touches", action="store_true", help="print each touch, and each race that is not finished")
     given = options.parse_args()
-    settings = DuelSettings(
-        base=Setup.of(laps=given.laps, max_speed=given.max_speed), slowest=RATIOS[0], fastest=RATIOS[1]
-    )
+    base = Setup.of(laps=given.laps, max_speed=given.max_speed)
     rows, figures = [], []
     header = ("planner, opponent", "races", "finished", "with own fault", "own faults", "touches", "ahead at the end",
               "overtakes", "decision [us]")  # fmt: skip
@@ -151,7 +123,7 @@ def main() -> None:
         raced = []
         for course in courses_in(given.course):
             for opponent in given.opponents.split(","):
-                each = race(planner, course, opponent, settings)
+                each = race(planner, course, opponent, base)
                 raced.append(each)
                 figures.append(dict(zip(Raced.__dataclass_fields__, astuple(each), strict=True)))
                 if given.touches:

@@ -22,8 +22,9 @@ from .errors import nearest as _nearest
 from .registry import added as _added
 
 if TYPE_CHECKING:
-    from fg_mujoco.addons.arena.comparison.comparison import Comparison, compare
     from fg_mujoco.addons.arena.random_courses.generator import generate_track
+    from fg_mujoco.addons.arena.study.functions import compare
+    from fg_mujoco.addons.arena.study.kinds import Comparison
     from fg_mujoco.addons.learn.dataset import Dataset, read_dataset
     from fg_mujoco.addons.learn.parallel import parallel_env
     from fg_mujoco.addons.look.debug import debug
@@ -217,7 +218,7 @@ _MODULES = frozenset(module.partition(".")[0] for module in _PLACES) | {"addons"
 _GYMNASIUM = "gymnasium.make('fg_mujoco/F1Tenth-v0')"
 _ELSEWHERE = {
     "AckermannDrive": "DriveCommand", "Command": "DriveCommand",
-    "ComparisonProgress": "fg_mujoco.addons.arena.grid_study.StudyProgress",
+    "ComparisonProgress": "fg_mujoco.addons.arena.study.store.StudyProgress",
     "Env": _GYMNASIUM, "F1TenthEnv": _GYMNASIUM,
     "Odom": "Odometry", "Planner": "Controller", "cars": "vehicle_names", "env": _GYMNASIUM, "gym": _GYMNASIUM,
     "load_map": "load_track", "make": _GYMNASIUM, "make_env": _GYMNASIUM, "make_vec": _GYMNASIUM,

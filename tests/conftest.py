@@ -63,7 +63,7 @@ SLOW_FILES = frozenset({
     "test_kills.py", "test_lab_braking.py", "test_lab_mismatch.py",
     "test_lab_patches.py", "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
     "test_leaks.py",
-    "test_league.py", "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_overtaking.py",
+    "test_league.py", "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_duels.py",
     "test_packaging.py",
     "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
     "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",

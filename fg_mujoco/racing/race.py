@@ -13,6 +13,7 @@ race of one car ends with it. A scene is raced once, to its goal, which counts a
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -56,7 +57,9 @@ class RaceProgress:
     laps_completed: int  # of the car in front
     laps_requested: int
     speed: float  # [m/s] of car 0
-    racing: int  # cars that race
+    running: tuple[bool, ...]  # of each car, whether its race goes on
+    progress_m: tuple[float, ...]  # of each car, along the course's line
+    last_touch_s: float = -math.inf  # when two cars last touched; -inf: not yet
     wall_contacts: tuple[int, ...] = ()  # of each car, after which it was put back
 
 
@@ -220,7 +223,9 @@ def _drive(
                     watch(
                         RaceProgress(
                             time=engine.time(0), laps_completed=int(timers["laps_completed"].max()),
-                            laps_requested=engine.monitor.laps, speed=engine.speed(0), racing=int(running.sum()),
+                            laps_requested=engine.monitor.laps, speed=engine.speed(0),
+                            running=tuple(running.tolist()), progress_m=tuple(timers["progress"].tolist()),
+                            last_touch_s=float(engine.touched_at.max()),
                             wall_contacts=tuple(control.wall_contacts),
                         )
                     )  # fmt: skip

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.comparison.ground import course_ground
 from fg_mujoco.envs import rewards
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
 from fg_mujoco.envs.observations import OBSERVATIONS, SENSED, ObservationTerm, observation
 from fg_mujoco.envs.rewards import REWARDS, reward
 from fg_mujoco.envs.tick_state import Ground, SensedState, Snapshot, TickState
+from fg_mujoco.racing.resolved import Ground as CourseGround
 
 gymnasium = pytest.importorskip("gymnasium")
 
@@ -167,7 +167,7 @@ def test_a_driven_state_is_that_of_the_simulation(track):
     env.reset(seed=0)
     simulation = fg.Simulation(fg.World(track))
     simulation.reset()
-    course, ground = simulation.world.track, course_ground(track.removesuffix(":1"), 1)
+    course, ground = simulation.world.track, CourseGround(simulation.world.track)
     path = turned = 0.0
     for action in actions(30):
         before = simulation.pose

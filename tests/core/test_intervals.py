@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from fg_mujoco.addons.arena.intervals import median_interval, per_cent, share_difference
+from fg_mujoco.addons.arena.study.intervals import median_interval, share_difference
 from fg_mujoco.rollouts.rollout_result import wilson
 
 
@@ -59,4 +59,3 @@ def test_a_share_covers_what_it_should():
     """How often Wilson's interval of 10 runs covers a share of .3 is counted exactly: in 92.4 % of the outcomes."""
     covered = [k for k in range(11) if wilson(k, 10)[0] <= 0.3 <= wilson(k, 10)[1]]
     assert sum(math.comb(10, k) * 0.3**k * 0.7 ** (10 - k) for k in covered) == pytest.approx(0.924, abs=5e-4)
-    assert per_cent(*wilson(8, 10)) == "49 to 94 %"

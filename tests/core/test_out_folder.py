@@ -66,7 +66,7 @@ class P:
     "command",
     [
         "race --time-limit 0.2 --out out",
-        "rollout --n 2 --workers 1 --time-limit 0.2 --out out", "grade lab.toml walks.py --workers 1 --out out",
+        "rollout --n 2 --workers 1 --time-limit 0.2 --out out", "study lab.toml walks.py --workers 1 --out out",
         "debug runs/first --trust --out out.html",
     ],
 )  # fmt: skip
@@ -81,7 +81,7 @@ def test_a_planner_that_changes_the_folder_moves_no_file_that_is_written(command
         result = fg.race("oval", "walks.py:P", time_limit=0.2)
         fg.write_run(result, "runs/second", picture=False)
         command = command.replace("first", "second")
-    named = "" if "runs" in command or "grade" in command else " --controller walks.py:P"
+    named = "" if "runs" in command or "study" in command else " --controller walks.py:P"
     main((command + named).split())
     assert os.getcwd() == here and sum(name.startswith("out") for name in os.listdir()) == 1
     assert sorted(os.listdir("/")) == before and os.listdir("walked") == ["weights"]

@@ -4,17 +4,13 @@ import json
 import math
 import re
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.evaluation import evaluate
-from fg_mujoco.addons.arena.league.league import league
-from fg_mujoco.addons.arena.overtaking.overtaking import overtake
-from fg_mujoco.addons.arena.overtaking.scenario_suite import drive_suite
+from fg_mujoco.addons.arena.study.functions import league, overtake
 from fg_mujoco.addons.gym2d.environment import simulator_of
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.config import parse
@@ -24,8 +20,6 @@ from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.randomization import PARAMETERS
 from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup, SetupKeywords
-
-SUITE = Path(__file__).parents[2] / "examples/scenarios/overtaking.toml"
 
 VALUES = {
     "track": "random:3", "laps": 2, "time_limit": 4.5, "obstacles": 3, "obstacle_seed": 7, "lidar": "rangefinder",
@@ -212,9 +206,8 @@ PLACE = {"planner_settings", "start", "seed", "grid"}
 STUDY = DRIVER - {"controller"} | CAR | {"obstacles", "moving", "patches", "laps", "time_limit"}
 STUDY |= {"lidar", "decision_limit"}
 USED = {
-    "overtake": DUEL | {"laps"}, "drive_suite": DUEL, "drive": CAR | {"sensors", "start", "lidar", "name"},
+    "overtake": DUEL | {"laps"}, "drive": CAR | {"sensors", "start", "lidar", "name"},
     "a comparison": STUDY | {"controller", "track", "start", "grid", "rules"},
-    "an evaluation": STUDY - {"mu"} | {"start", "grid", "rules"},
     "a league": STUDY | {"obstacle_seed", "grid", "rules", "track", "controller", "seed"},  # three are its arguments
     "a rollout": CAR | COURSE | DRIVER | PLACE | {"laps", "time_limit", "decision_limit"},
     "a live view": CAR | COURSE | DRIVER | PLACE | {"name"},
@@ -232,9 +225,7 @@ def through(door, given, out):
     setup = Setup.of(**given)
     return {
         "overtake": lambda: overtake("overtaker", track="oval", seed=0, setup=setup, out=out, pictures=False),
-        "drive_suite": lambda: drive_suite(SUITE, "overtaker", setup=setup, out=out),
         "a comparison": lambda: fg.compare("gap_finder", track="oval", setup=setup, out=out, pictures=False),
-        "an evaluation": lambda: evaluate("gap_finder", setup=setup, out=out),
         "a league": lambda: league(**{"controller": ["gap_finder", "wall_follow"], "out": out} | given),
         "a rollout": lambda: fg.rollout(setup, n=1), "drive": lambda: fg.drive("brake", setup=setup),
         "a live view": lambda: LiveSession(setup), "an environment": lambda: EnvironmentSettings.of({"setup": setup}),

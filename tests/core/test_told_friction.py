@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.comparison.run import ComparisonSettings
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
@@ -107,18 +106,12 @@ def test_a_live_view_whose_tires_change_tells_the_planner_until_it_was_given_ano
 # -- what is written
 
 
-@pytest.mark.parametrize("kind", [DriveSettings, ComparisonSettings])
-def test_settings_that_are_read_back_assume_the_same(kind):
-    def made(**own):
-        return kind(**own) if kind is DriveSettings else kind(base=Setup.of(**own))
-
-    def assumed(settings):
-        return settings.assumed_mu if kind is DriveSettings else settings.drive().assumed_mu
-
-    write = kind.described if kind is DriveSettings else kind.manifest
-    for settings in (made(mu=0.6), made(mu=0.6, planner_mu=math.inf), made(), made(planner_mu=0.9)):
-        described = json.loads(json.dumps(write(settings), allow_nan=False))
-        assert assumed(kind.of(described)) == assumed(settings)
+def test_settings_that_are_read_back_assume_the_same():
+    for told in ({"mu": 0.6}, {"mu": 0.6, "planner_mu": math.inf}, {}, {"planner_mu": 0.9}):
+        settings, setup = DriveSettings(**told), Setup.of(**told)
+        described = json.loads(json.dumps(settings.described(), allow_nan=False))
+        assert DriveSettings.of(described).assumed_mu == settings.assumed_mu == setup.first.assumed_mu
+        assert Setup.read(json.loads(json.dumps(setup.described()))).first.assumed_mu == settings.assumed_mu
 
 
 # -- where both are shown

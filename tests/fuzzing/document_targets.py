@@ -1,4 +1,4 @@
-"""Targets of documents in JSON and TOML: policies, trainings, labs, suites of scenarios, columns of drives.
+"""Targets of documents in JSON and TOML: policies, trainings, labs, suites, columns of drives.
 
 A document that is right is changed at one of its leaves or branches, or in its text.
 """
@@ -58,17 +58,18 @@ _TRAINING: dict[str, Any] = {
     "self_play": {"share": 0.5, "every": 100, "kept": 2, "planners": ["gap_finder"]},
 }  # fmt: skip
 _LAB: dict[str, Any] = {
-    "title": "a lab", "track": "oval", "laps": 1, "time_limit": 0.05, "passing": 10, "obstacles": 1,
+    "name": "a lab", "track": "oval", "laps": 1, "time_limit": 0.05, "passing": 10, "obstacles": 1,
     "checks": [
         {"check": "finishes", "points": 10}, {"check": "no_crash", "points": 5.5, "least_progress_m": 0.1, "mu": 0.9},
         {"check": "follows_wall", "side": "left", "distance_m": 1.0, "within_m": 0.2, "points": 2, "name": "wall"},
     ],
 }  # fmt: skip
 _SUITE: dict[str, Any] = {
-    "seconds": 0.1,
-    "scenarios": [
-        {"track": ["oval"], "starts": 1, "lane": ["right"], "speed": [0.5], "headway": 3.0, "offset": 0.0},
-        {"track": "hairpins", "starts": [1.0], "lane": "left", "speed": 0.8},
+    "time_limit": 0.1, "name": "duels", "version": 1, "assists": ["none"],
+    "groups": [
+        {"name": "a", "track": ["oval"], "starts": 1, "opponent": ["right"], "speed": [0.5], "headway": 3.0,
+         "offset": 0.0},
+        {"name": "b", "track": "hairpins", "starts": [1.0], "opponent": "left", "speed": 0.8, "mu": [0.8, 0.9]},
     ],
 }  # fmt: skip
 _COLUMNS: dict[str, Any] = {
@@ -103,11 +104,12 @@ TARGETS = {
         attempt=_toml(_TRAINING, lambda samples, here: ignore_refusal(_read_training)),
     ),
     "lab": Target(
-        attempt=_toml(_LAB, lambda samples, here: command("grade", "document.toml", "wall_follow", "--workers", "1")),
+        attempt=_toml(_LAB, lambda samples, here: command("study", "document.toml", "wall_follow", "--workers", "1")),
     ),
-    "scenarios": Target(
+    "suite": Target(
         attempt=_toml(
-            _SUITE, lambda samples, here: command("scenarios", "document.toml", "--out", "suite", "--workers", "1")
+            _SUITE,
+            lambda samples, here: command("study", "document.toml", "gap_finder", "--out", "suite", "--workers", "1"),
         ),
     ),
     "columns": Target(

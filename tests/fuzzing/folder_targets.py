@@ -171,7 +171,7 @@ def _undrawn(attempt: Attempt) -> Attempt:
     """Return a comparison without its pictures, which take most of its time; its tables are written."""
 
     def call() -> object:
-        module = "fg_mujoco.addons.arena.comparison.comparison"
+        module = "fg_mujoco.addons.arena.study.pictures"
         with patch(f"{module}.table_picture"), patch(f"{module}.trace_pictures"):
             return attempt()
 

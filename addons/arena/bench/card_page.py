@@ -94,8 +94,11 @@ def _of_assist(card: Card, assist: str) -> list[Html]:
         picture = element("svg", bar, frame, width=f"{_BAR + 2:g}", height="16")
         bars.append(html("<tr><td>{g}</td><td>{p}</td><td>{s}</td></tr>", g=group, p=picture, s=f"{score:.1f} %"))
     ends = [
-        (row.group, row.track, row.seed or "", row.end.replace("_", " "), f"{100.0 * row.completion:.0f} %")
-        for row in card.rows[assist] if not row.finished
+        (
+            row["group"], row["course"], row.get("obstacle_seed"),
+            ": ".join(filter(None, (row["end_reason"], row["message"]))), f"{100.0 * row['completion']:.0f} %",
+        )
+        for row in card.rows[assist] if not row["success"]
     ]  # fmt: skip
     unfinished = Table(header=("group", "track", "seed", "end", "way"), rows=ends, left=("group", "track", "end"))
     return [

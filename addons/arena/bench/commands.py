@@ -12,10 +12,10 @@ from fg_mujoco.course.writing import write_file
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.rollouts.store import as_json
 
-from ..grid_study import StudyProgress
-from .card import bench
+from ..study.store import StudyProgress
+from ..study.suite import read_suite
+from .card import REACTIVE, bench
 from .card_page import card_text, write_card_page
-from .suite import REACTIVE, read_suite
 
 PAGE, DATA = "card.html", "card.json"
 
@@ -45,4 +45,4 @@ def bench_command(options: argparse.Namespace) -> int:
     print(as_json(card.described()) if options.json else card_text(card))
     if options.out is not None and not options.json:
         print(f"page: {options.out / PAGE}")
-    return int(any(row.trajectory_sha256 is None for rows in card.rows.values() for row in rows))  # was not driven
+    return int(card.failed)

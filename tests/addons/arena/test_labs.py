@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.labs import recorded_commands
-from fg_mujoco.addons.arena.labs.checks import CHECKS, nearest_distances
-from fg_mujoco.addons.arena.labs.grading import grade
-from fg_mujoco.addons.arena.labs.lab_file import read_lab
+from fg_mujoco.addons.arena.runs import recorded_commands
+from fg_mujoco.addons.arena.runs.checks import CHECKS, nearest_distances
+from fg_mujoco.addons.arena.study.functions import study
+from fg_mujoco.addons.arena.study.suite import read_suite
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.course import outline
 from refusals import refused
@@ -69,7 +69,7 @@ def here(tmp_path, monkeypatch):
 
 def graded(text, *planners):
     Path("lab.toml").write_text(text)
-    return [each.checks[0] for each in grade("lab.toml", planners, out="out", workers=1).cells]
+    return [row.checks[0] for row in study("lab.toml", planners, out="out", workers=1).rows]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_the_distance_from_a_wall_is_that_to_the_nearest_of_many_points_of_it(po
 
 
 LAB = """
-title = "A lab"
+name = "A lab"
 laps = 1
 time_limit = 0.2
 decision_limit = 0.3
@@ -143,7 +143,7 @@ ONE = LAB.partition("\n[[checks]]\ncheck = \"finishes\"")[0]
 def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_go_on(here, capsys):
     (here / "lab.toml").write_text(ONE)
     planners = [*FILES, "nothing.py", "two.py:Two", "gap_finder[wide=2]"]
-    assert main(["grade", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
+    assert main(["study", "lab.toml", *planners, "--out", "out", "--workers", "1", "--json"]) == 1
     out, err = capsys.readouterr()
     assert "Traceback" not in err
     table = {row["planner"]: row for row in json.loads(out)["table"]}
@@ -164,10 +164,10 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
 CHANGES = """
 import gc
 from fg_mujoco.messages import STOP
-from fg_mujoco.addons.arena.labs import checks, grading, recorded_commands
+from fg_mujoco.addons.arena.runs import checks, graded_drive, recorded_commands
 for kind in checks.CHECKS.values():
     kind.judge = lambda self, drive: checks.Verdict(passed=not drive.speeds.any(), measured="mine")
-grading.record = grading.race_setup = recorded_commands.RecordedCommands = None
+graded_drive.record = graded_drive.race_setup = recorded_commands.RecordedCommands = None
 def stand(scan, odometry):
     for each in gc.get_objects():
         if type(each).__name__ == "Engine": each.monitor.timers["laps_completed"] = 1
@@ -204,11 +204,11 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
     (here / "changes.py").write_text(CHANGES)
     (here / "lab.toml").write_text(ONE.replace("least_progress_m = 0", "least_progress_m = 0.05"))
     planners = ["mine.py:Steady", "changes.py", "mine.py:Steady[speed=1]"]
-    grades = grade("lab.toml", planners, out="out", workers=1)
-    assert [each.points for each in grades.cells] == [2, 0, 2]
-    assert "mine" not in {check.measured for check in grades.cells[1].checks}
+    found = study("lab.toml", planners, out="out", workers=1)
+    assert [each["points"] for each in found.grades] == [2, 0, 2]
+    assert "mine" not in {check.measured for check in found.rows[1].checks}
     raced = fg.race("oval", "mine.py:Steady", laps=1, time_limit=0.2)
-    assert grades.rows[0].figures.trajectory_sha256 == raced.trajectory_sha256
+    assert found.rows[0].trajectory_sha256 == raced.trajectory_sha256
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -217,42 +217,42 @@ def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeyp
     text, said = HOSTILE[name]
     (here / name).write_text(text)
     (here / "lab.toml").write_text(ONE)
-    bad, good = grade("lab.toml", [name, "good.py"], out="out", workers=1).cells
-    assert (bad.points, good.points) == (0, 2) and said in bad.reason
+    bad, good = study("lab.toml", [name, "good.py"], out="out", workers=1).grades
+    assert (bad["points"], good["points"]) == (0, 2) and said in bad["reason"]
 
 
 def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
     for name, text in RECORDS.items():
         (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
     (here / "lab.toml").write_text(ONE)
-    found = grade("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
-    assert [each.points for each in found] == [0] * len(RECORDS) and all(each.reason for each in found)
+    found = study("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).grades
+    assert [each["points"] for each in found] == [0] * len(RECORDS) and all(each["reason"] for each in found)
 
 
 def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
     monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
     (here / "lab.toml").write_text(LAB)
-    (found,) = grade("lab.toml", "good.py", out="out", workers=1).cells
-    assert found.points == 2 and found.reason == "the drive cannot be judged: KeyError: 'steering'"
+    (found,) = study("lab.toml", "good.py", out="out", workers=1).grades
+    assert found["points"] == 2 and found["reason"] == "the drive cannot be judged: KeyError: 'steering'"
 
 
 def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
     (here / "lab.toml").write_text(LAB)
-    assert grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 4
-    assert grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
+    assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 4
+    assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
     (here / "raises.py").write_text(FILES["good.py"])
-    again = grade("lab.toml", ["good.py", "raises.py"], out="out", workers=1)
-    assert again.runs_driven == 2 and [each.points for each in again.cells] == [2, 2]
+    again = study("lab.toml", ["good.py", "raises.py"], out="out", workers=1)
+    assert again.runs_driven == 2 and [each["points"] for each in again.grades] == [2, 2]
     (here / "lab.toml").write_text(LAB.replace("points = 2", "points = 4"))
-    assert grade("lab.toml", ["good.py"], out="out", workers=1).cells[0].points == 4
+    assert study("lab.toml", ["good.py"], out="out", workers=1).grades[0]["points"] == 4
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "checks is None; accepted: one or more [[checks]]"),
-        ("lap = 2\n[[checks]]\ncheck = 'finishes'", "lab.toml, line 1: lap is no setting of a lab"),
-        ("controller = 'a.py:A'\n[[checks]]\ncheck = 'finishes'", "controller is no setting of a lab"),
+        ("", "has no groups; accepted: one or more groups"),
+        ("lap = 2\n[[checks]]\ncheck = 'finishes'", "lab.toml, line 1: lap is no setting of a suite"),
+        ("controller = 'a.py:A'\n[[checks]]\ncheck = 'finishes'", "controller is of the planner"),
         ("[[checks]]\ncheck = 'finish'", "checks[0]: check is 'finish'; accepted: finishes, no_crash"),
         ("[[checks]]\ncheck = 'lap_time'", "checks[0]: lap_time lacks most_s"),
         ("[[checks]]\ncheck = 'lap_time'\nmost = 9", "checks[0]: lap_time has no 'most'; accepted: most_s"),
@@ -261,7 +261,7 @@ def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
         ("[[checks]]\ncheck = 'finishes'\npoints = 0", "checks[0]: points is 0; accepted: a positive number"),
         (f"[[checks]]\ncheck = 'finishes'\npoints = {'9' * 400}", "accepted: whole numbers from -922"),
         ("passing = 2\n[[checks]]\ncheck = 'finishes'", "passing is 2; accepted: a positive number up to 1"),
-        ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "checks has 'finishes' twice"),
+        ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "has the check 'finishes' twice"),
         ("[[checks]]\ncheck = 'finishes'\ntrack = 'ovl'", "did you mean 'oval'?"),
         ("[[checks]]\ncheck = 'wins'", "checks[0]: wins lacks opponents"),
         ("[[checks]]\ncheck = 'stops_before'\nleast_speed_m_s = 1", "stops_before lacks an obstacle"),
@@ -272,7 +272,7 @@ def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
 )
 def test_a_lab_that_cannot_be_used_is_refused_in_one_line(here, capsys, text, said):
     (here / "lab.toml").write_text(text)
-    assert said in refused(here, capsys, "grade", "lab.toml", "good.py")
+    assert said in refused(here, capsys, "study", "lab.toml", "good.py")
 
 
 @pytest.mark.parametrize(
@@ -284,6 +284,6 @@ def test_a_lab_that_cannot_be_used_is_refused_in_one_line(here, capsys, text, sa
     ],
 )  # fmt: skip
 def test_bundled_planners_pass_the_example_of_their_lab(here, lab, planner):
-    read = read_lab(LABS / f"{lab}.toml")
-    (good,) = grade(read, planner, out="out", workers=1).cells
-    assert good.points == read.points == 100, [(each.name, each.measured) for each in good.checks]
+    read = read_suite(LABS / f"{lab}.toml")
+    found = study(read, planner, out="out", workers=1)
+    assert found.grades[0]["points"] == read.points == 100, found.markdown()

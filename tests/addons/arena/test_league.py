@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from comparison_worlds import files
-from fg_mujoco.addons.arena.league.heat import CarFigures, HeatFigures, HeatKey, HeatRow
-from fg_mujoco.addons.arena.league.league import PAGE, league, plan_heats
-from fg_mujoco.addons.arena.league.league_tables import make_standings
-from fg_mujoco.addons.arena.league.ratings import MEAN, POINTS, ratings
-from fg_mujoco.addons.arena.turn import read_turn
+from fg_mujoco.addons.arena.runs.turn import read_turn
+from fg_mujoco.addons.arena.study.functions import league
+from fg_mujoco.addons.arena.study.kinds import League
+from fg_mujoco.addons.arena.study.plan import plan
+from fg_mujoco.addons.arena.study.ratings import MEAN, POINTS, ratings
+from fg_mujoco.addons.arena.study.suite import Group, Suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
 from refusals import refused
@@ -111,64 +112,55 @@ def test_who_won_all_heats_has_a_finite_rating_and_who_met_nobody_has_none():
     assert np.isnan([found.value[2], found.low[2], found.high[2]]).all()
 
 
-def car(planner, place, position, **given):
-    plain = CarFigures(
-        planner=planner, place=place, position=position, points=0, end_reason="finished" if position else "crash",
-        message=None, laps_completed=1, best_lap_s=None, time_s=1.0, overtakes=0, contacts=0, at_fault=0, warnings=0,
-    )  # fmt: skip
-    return replace(plain, **given)
-
-
 def test_the_standings_are_by_points_and_then_by_wins():
-    figures = HeatFigures(
-        winner=None, message=None, sim_time_s=1.0, overtakes=0, contacts=0, warnings=0, trajectory_sha256=None
-    )
-    rows = [
-        HeatRow(HeatKey("oval", "", " | ".join(names), "", None), figures, tuple(cars))
-        for names, cars in (
-            (("a", "b"), [car("a", 1, 2), car("b", 2, 1, points=1)]),
-            (("b", "a"), [car("b", 1, None), car("a", 2, 1, points=1, contacts=2, at_fault=1)]),
-            (("c", "a"), [car("c", 1, None), car("a", 2, 1, points=1)]),
-            (("c", "b"), [car("c", 1, None), car("b", 2, None, end_reason="planner_failed")]),
-        )
-    ]
-    first, second, third = make_standings(rows)
-    assert [(each.planner, each.place, each.points) for each in (first, second, third)] == [
+    def car(heat, planner, position, **given):
+        plain = {"run": heat, "planner": planner, "position": position or 9, "finished": bool(position), "points": 0,
+                 "end_reason": "finished" if position else "crash", "overtakes": 0, "contacts": 0,
+                 "at_fault": 0}  # fmt: skip
+        return plain | given
+
+    lines = [
+        car("1", "a", 2), car("1", "b", 1, points=1), car("2", "b", None),
+        car("2", "a", 1, points=1, contacts=2, at_fault=1), car("3", "c", None), car("3", "a", 1, points=1),
+        car("4", "c", None), car("4", "b", None, end_reason="planner_failed"),
+    ]  # fmt: skip
+    first, second, third = League.make_cells(lines)
+    assert [(each["planner"], each["place"], each["points"]) for each in (first, second, third)] == [
         ("a", 1, 2), ("b", 2, 1), ("c", 3, 0),
     ]  # fmt: skip
-    assert (first.heats, first.wins, first.incidents, first.at_fault) == (3, 2, 2, 1)
-    assert second.failures == 1 and second.finished == 1
-    assert first.rating == pytest.approx(second.rating) and second.rating > third.rating  # each beat the other once
+    assert [first[name] for name in ("runs", "wins", "incidents", "at_fault")] == [3, 2, 2, 1]
+    assert second["failures"] == 1 and second["finished"] == 1
+    assert first["rating"] == pytest.approx(second["rating"])  # each beat the other once
+    assert second["rating"] > third["rating"]
 
 
 def test_each_group_drives_from_each_place_and_seeds_follow_the_planner():
-    entries = [replace(fg.Entry(controller=each), name=each) for each in ("gap_finder", "pure_pursuit", "wall_follow")]
+    entries = [fg.Entry(controller=each) for each in ("gap_finder", "pure_pursuit", "wall_follow")]
     noisy = [replace(entry, effects=fg.LidarEffects(range_noise_std=0.01)) for entry in entries]
-    settings = settings_of()
-    plain = plan_heats(entries, ["oval", "fast"], [1, 2], 2, settings)
-    assert len(plain) == 2 * 3 * 2 and {heat.key.seed for heat in plain} == {None}
-    heats = plan_heats(noisy, ["oval"], [1, 2], 3, settings)
-    assert [heat.key.planners for heat in heats[::2]] == [
+
+    def heats(cars, planners, *tracks):
+        base = Setup(entries=(entries[0], replace(entries[0], name="other")), rules="roboracer_2026")
+        group = Group(name="all", base=base, axes={"track": tracks}, seeds=(1, 2), heats=cars)
+        return plan(Suite(name="league", groups=(group,)), planners)
+
+    plain = heats(2, entries, "oval", "fast")
+    assert len(plain) == 2 * 3 * 2 and {heat.place["seed"] for heat in plain} == {None}
+    drawn = heats(3, noisy, "oval")
+    assert [heat.planners for heat in drawn[::2]] == [
         ("gap_finder", "pure_pursuit", "wall_follow"), ("pure_pursuit", "wall_follow", "gap_finder"),
         ("wall_follow", "gap_finder", "pure_pursuit"),
     ]  # fmt: skip
-    seeds = [{entry.name: entry.seed for entry in heat.setup().entries} for heat in heats]
+    seeds = [{entry.name: entry.seed for entry in heat.setup.entries} for heat in drawn]
     assert seeds[0] == seeds[2] == seeds[4] and len({*seeds[0].values(), *seeds[1].values()}) == 6
-
-
-def settings_of():
-    from fg_mujoco.addons.arena.league.heat import LeagueSettings
-
-    return LeagueSettings(base=Setup(decision_limit=1.0), grid="staggered", rules="roboracer_2026")
 
 
 def test_a_heat_is_proved_by_its_file_by_its_run_folder_and_by_its_hash(here):
     found = league(["mine.py:Stands", "mine.py:Goes"], out="out", keep_runs=True, **SHORT)
     for row in found.rows:
-        report = fg.replay(here / "out/runs" / row.key.name)
-        assert report.holds and report.trajectory_sha256 == row.figures.trajectory_sha256
-        again = fg.race(Setup.read(here / "out/heats" / f"{row.key.name}.toml"))
-        assert again.trajectory_sha256 == row.figures.trajectory_sha256
+        report = fg.replay(here / "out/runs" / row.name)
+        assert report.holds and report.trajectory_sha256 == row.trajectory_sha256
+        again = fg.race(Setup.read(here / "out/heats" / f"{row.name}.toml"))
+        assert again.trajectory_sha256 == row.trajectory_sha256
     (incident,) = found.rows[0].incidents or found.rows[1].incidents
     assert (incident.at_fault, incident.reason) == ("mine.py:Goes", "ran into a car that stands")
     moving = incident.poses[1 if found.rows[0].incidents else 0]
@@ -187,13 +179,13 @@ def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(h
     assert one.runs_driven == 6 and league(planners[:2], out="two", **settings).runs_driven == 2
     two = league(planners, out="two", **settings | {"workers": 2})
     assert two.runs_driven == 4
-    assert {name: text for name, text in files(here / "one").items() if name != PAGE} == {
-        name: text for name, text in files(here / "two").items() if name != PAGE
+    assert {name: text for name, text in files(here / "one").items() if name != "league.html"} == {
+        name: text for name, text in files(here / "two").items() if name != "league.html"
     }
-    pages = [(here / name / PAGE).read_text() for name in ("one", "two")]
+    pages = [(here / name / "league.html").read_text() for name in ("one", "two")]
     assert pages[0].replace("one", "two") == pages[1].replace("one", "two")
-    lines = (here / "one/heats.jsonl").read_text().splitlines(keepends=True)
-    (here / "one/heats.jsonl").write_text("".join(lines[:-1]) + lines[-1][:40])
+    lines = (here / "one/runs.jsonl").read_text().splitlines(keepends=True)
+    (here / "one/runs.jsonl").write_text("".join(lines[:-1]) + lines[-1][:40])
     assert league(planners, out="one", **settings).runs_driven == 1
     with pytest.raises(RunFolderError, match="holds another league: rules is"):
         league(planners, out="one", rules="none", **settings)
@@ -226,7 +218,7 @@ def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here
 
 LOOP = """
 import itertools, multiprocessing, sys
-from fg_mujoco.addons.arena import turn
+from fg_mujoco.addons.arena.runs import turn
 
 multiprocessing.parent_process = lambda: "as in a worker"
 turn._LAST_RESORT = 0.1

@@ -4,17 +4,20 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.overtaking.duel import Duel, DuelKey, DuelSettings
-from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.addons.arena.runs.duels import Duel, Duels
+from fg_mujoco.addons.arena.runs.run import Origin
 
 
 def duel(track, opponent, seed, ratio=0.5, laps=1):
     """The figures of a duel of the overtaker."""
-    settings = DuelSettings(base=fg.Setup(laps=laps), slowest=ratio, fastest=ratio)
-    key = DuelKey("overtaker", None, str(track), opponent, seed)
-    row = Duel(key, ControllerChoice.of("overtaker"), settings).drive()
-    assert row.figures.outcome != "failed", row.figures.message
-    return row.figures
+    row = Duel(
+        place={"planner": "overtaker", "course": str(track), "opponent": opponent, "seed": seed},
+        origins=(Origin(sha256=None),),
+        setup=fg.Setup.of(str(track), controller="overtaker", laps=laps), planners=("overtaker",), course_sha256="",
+        duels=Duels(opponent=opponent, ratio=(ratio, ratio)),
+    ).drive()  # fmt: skip
+    assert row.figures["outcome"] != "failed", row.message
+    return row
 
 
 @pytest.mark.slow
@@ -37,9 +40,8 @@ def test_alone_it_is_the_gap_finder_that_predicts_nothing_to_the_last_bit(track,
 
 
 def test_it_passes_where_there_is_room():
-    figures = duel("oval", "centreline", 1)
-    assert figures.outcome == "overtaken"
-    assert figures.time_lost_s < 2.0
+    figures = duel("oval", "centreline", 1).figures
+    assert figures["outcome"] == "overtaken" and figures["time_lost_s"] < 2.0
 
 
 @pytest.mark.slow
@@ -49,6 +51,6 @@ def test_it_keeps_behind_where_there_is_none(tmp_path):
     rows = [f"{6.0 * np.cos(a):.6f}, {6.0 * np.sin(a):.6f}, 0.4, 0.4" for a in turns]
     path = tmp_path / "ring.csv"
     path.write_text("# x_m, y_m, w_tr_right_m, w_tr_left_m\n" + "\n".join(rows) + "\n")
-    figures = duel(path, "centreline", 0)
-    assert figures.outcome == "behind", figures
-    assert figures.message is None
+    row = duel(path, "centreline", 0)
+    assert row.figures["outcome"] == "behind", row
+    assert row.car.message is None

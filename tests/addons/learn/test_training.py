@@ -1,4 +1,4 @@
-"""Training: a folder that is a planner, from which training goes on; and the table in which policies are compared."""
+"""Training: a folder that is a planner, from which training goes on; and a table in which a policy is compared."""
 
 import json
 
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.addons.arena.evaluation import evaluate
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
@@ -160,39 +159,15 @@ def test_an_interrupted_training_leaves_a_policy(train, tmp_path, monkeypatch, c
     assert len(fg.race("oval", str(folder), time_limit=0.2).ctrl) == 8
 
 
-def test_policies_are_compared_with_planners_for_each_friction(tmp_path, capsys):
+def test_a_policy_is_compared_with_planners_for_each_friction(tmp_path):
     settings = EnvironmentSettings.of(FLAT)
     world = fg.World("oval")
     interface = PolicyInterface.of(settings, world.parameters, world.vehicle.lidar.beams, 0.025)
     save_policy(network_for(interface), tmp_path / "first", interface)
-    ran = evaluate(
-        [str(tmp_path / "first"), "gap_finder[lookahead=6]", "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1,
-        out=tmp_path / "table", workers=1, time_limit=20.0,
+    ran = fg.compare(
+        [str(tmp_path / "first"), "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1, seed=0, out=tmp_path / "table",
+        workers=1, time_limit=1.0, pictures=False,
     )  # fmt: skip
-    rows = {(row.controller, row.mu): row for row in ran.rows}
-    assert len(rows) == 9 and rows["first", None].runs == 2 and rows["first", None].successes == 0
-    for mu in (0.6, 1.0):
-        lap = fg.race("oval", "gap_finder", laps=1, mu=mu).car.lap_times_s[0]
-        other = fg.race("oval", "gap_finder", laps=1, mu=mu, planner_settings={"lookahead": 6}).car.lap_times_s[0]
-        assert rows["gap_finder", mu].lap_s == lap and rows["gap_finder", mu].lap_ratio == 1.0
-        assert rows["gap_finder[lookahead=6]", mu].lap_ratio == pytest.approx(other / lap)
-    text = (tmp_path / "table" / "evaluation.md").read_text()
-    assert text == ran.markdown() + "\n" and "those of gap_finder" in text
-    assert (tmp_path / "table" / "evaluation.csv").read_text().count("\n") == 10
-    given = ["--controller", f"{tmp_path / 'first'},gap_finder[lookahead=6],gap_finder", "--track", "oval"]
-    given += ["--mu", ".6,1", "--laps", "1", "--time-limit", "20", "--workers", "1", "--out", str(tmp_path / "table")]
-    assert main(["evaluate", *given]) == 0  # all runs are there
-    assert capsys.readouterr().out.startswith(ran.markdown())
-    assert "mu is []" in refused_by(lambda: evaluate("gap_finder", mu=[], out=tmp_path / "other"))
-
-
-def test_the_planner_that_others_are_compared_with_can_be_evaluated_alone(tmp_path, capsys):
-    given = ["--controller", "gap_finder", "--mu", "1", "--time-limit", "0.2", "--workers", "1"]
-    assert main(["evaluate", *given, "--out", str(tmp_path / "table")]) == 0
-    assert "| gap_finder | 1 " in capsys.readouterr().out
-
-
-def refused_by(call):
-    with pytest.raises(fg.SettingsError) as error:
-        call()
-    return str(error.value)
+    assert [(cell["planner"], cell["mu"], cell["runs"]) for cell in ran.cells] == [
+        ("first", 0.6, 1), ("first", 1.0, 1), ("gap_finder", 0.6, 1), ("gap_finder", 1.0, 1)
+    ]  # fmt: skip

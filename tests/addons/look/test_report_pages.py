@@ -1,7 +1,6 @@
 """The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
 
 import base64
-import contextlib
 import hashlib
 import json
 import re
@@ -18,8 +17,7 @@ from fg_mujoco.racing.run_folder import summary_json
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
-from fg_mujoco.addons.arena.comparison.pages import write_comparison_report
-from fg_mujoco.addons.arena.comparison.run import RunRow
+from fg_mujoco.addons.arena.study.pages import write_comparison_report
 from fg_mujoco.addons.look.report import write_report
 from fg_mujoco.addons.look.report.recorded import read_recorded
 
@@ -339,25 +337,24 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     shutil.copytree(comparison / "out", out, ignore=shutil.ignore_patterns("report"))
     lines = (out / "runs.jsonl").read_text("utf-8").splitlines()
     row = json.loads(lines[0])
-    del row["sha256"], row["poses_sha256"]  # as of an older version
-    texts = (
-        "controller", "controller_sha256", "controller_files_sha256", "course", "course_sha256", "end_reason",
-        "message", "trajectory_sha256",
-    )  # fmt: skip
+    del row["sha256"]  # as of an older version
 
-    def report_with(*names):  # with one other run, for a page is made of each
-        changed = row | dict.fromkeys(names, MARKUP)
-        with contextlib.suppress(TypeError):
-            (out / "poses").mkdir(exist_ok=True)
-            (out / "poses" / f"{RunRow.of(changed).key.sha256[:24]}.npy").touch()
-        (out / "runs.jsonl").write_text("\n".join([json.dumps(changed), lines[1]]) + "\n")
+    def report_with(**parts):  # with one other run, for a page is made of each
+        (out / "runs.jsonl").write_text("\n".join([json.dumps(row | parts), lines[1]]) + "\n")
         shutil.rmtree(out / "report", ignore_errors=True)
         return main(["report", str(out)])
 
-    for name in row.keys() - set(texts):
-        assert report_with(name) == 2
+    car = row["cars"][0]
+    texts = {name: MARKUP for name, value in car.items() if value is None or isinstance(value, str)}
+    numbers = [name for name, value in car.items() if name not in texts]
+    for name in numbers:
+        assert report_with(cars=[car | {name: MARKUP}]) == 2
         assert name in complaint(capsys)
-    assert report_with(*texts) != 2  # all at once: the pages are made once
+    said = {name: MARKUP for name in ("planner", "end_reason", "message") if name in texts}
+    of_row = dict.fromkeys(("key", "course_sha256", "trajectory_sha256", "winner", "message"), MARKUP)
+    place, setup = dict.fromkeys(row["place"], MARKUP), dict.fromkeys(row["setup"], MARKUP)
+    assert report_with(cars=[car | said], place=place, setup=setup, **of_row) != 2  # all at once: pages are made once
     text = (out / "report" / "index.html").read_text("utf-8")
     page = Scripts(text)
     assert "<script" not in text and page.others == [] and page.hashes == []
+    assert text.count("&lt;script&gt;alert(1)") >= 4

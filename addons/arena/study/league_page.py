@@ -6,7 +6,7 @@ It is one file that loads nothing. Its script draws the incidents from the poses
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,9 @@ from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.simulation.cars import car_colour_hex
 from fg_mujoco.simulation.course_loading import load_track
 
-from ..grid_study import Study
-from .heat import CarFigures, Heat, HeatRow
-from .incidents import Incident
-from .league_tables import FAILURES, Standing, beaten_table, standings_table, tracks_table
+from ..runs.incidents import Incident
+from ..runs.run import FAILURES, CarFigures, Run, RunRow
+from .store import Study
 
 _CENTIMETRES = 100.0
 _STYLE = """
@@ -54,11 +53,12 @@ speed, and the slider moves it. Outlines are 0.5 s apart, a circle marks the tou
 front.</p><label>Incidents of <select id="of-planner">{options}</select></label>"""
 
 
-def write_league_page(found: Study[HeatRow, Standing], heats: Sequence[Heat], path: Path) -> Path:
+def write_league_page(found: Study, tables: Mapping[str, Table], heats: Sequence[Run], path: Path) -> Path:
     """Write the page of a league and return its path.
 
     Args:
       found: the league.
+      tables: its standings, who has beaten whom, and the points by track: `standings`, `beaten`, `tracks`.
       heats: of it, in the order of its rows.
       path: of the page.
 
@@ -66,31 +66,30 @@ def write_league_page(found: Study[HeatRow, Standing], heats: Sequence[Heat], pa
       RunFolderError: it cannot be written.
     """
     rows = found.rows
-    anchors = {(row.key.name, number): f"incident-{row.key.sha256[:8]}-{number}" for row in rows
+    anchors = {(row.name, number): f"incident-{row.key[:8]}-{number}" for row in rows
                for number in range(len(row.incidents))}  # fmt: skip
     incidents = [(row, number, each) for row in rows for number, each in enumerate(row.incidents)]
-    winners = [each for each in found.cells if each.place == 1]
-    planners = [each.planner for each in found.cells]
-    tracks = list(dict.fromkeys(row.key.track for row in rows))
+    winners = [each for each in found.cells if each["place"] == 1]
+    planners = [each["planner"] for each in found.cells]
+    tracks = list(dict.fromkeys(row.place["course"] for row in rows))
     body = html(
         _BODY, title=f"{found.folder.resolve().name}: league of {len(planners)} planners",
         result=result(
-            "first", True, f"{' and '.join(each.planner for each in winners)}, {winners[0].points} points in "
-            f"{winners[0].heats} heats",
+            "first", True, f"{' and '.join(each['planner'] for each in winners)}, {winners[0]['points']} points in "
+            f"{winners[0]['runs']} heats",
         ),
         figures=boxes([
             (str(len(rows)), "heats"), (", ".join(tracks), "tracks"), (str(len(incidents)), "incidents"),
-            (str(sum(each.failures for each in found.cells)), "failures of planners"),
+            (str(sum(each["failures"] for each in found.cells)), "failures of planners"),
         ]),
-        standings=_whole(standings_table(found.cells)), beaten=_whole(beaten_table(rows, found.cells)),
-        tracks=_whole(tracks_table(rows, found.cells)), failures=_failures(rows),
+        **{name: _whole(table) for name, table in tables.items()}, failures=_failures(rows),
         summary=_verdicts(incidents),
         choice=_choice(planners) if incidents else None,
-        clips=[_clip(row, each, anchors[row.key.name, number], i) for i, (row, number, each) in enumerate(incidents)],
-        heats=scroll(_heats_table(rows, anchors).html()), folder=found.folder, first=rows[0].key.name,
+        clips=[_clip(row, each, anchors[row.name, number], i) for i, (row, number, each) in enumerate(incidents)],
+        heats=scroll(_heats_table(rows, anchors).html()), folder=found.folder, first=rows[0].name,
     )  # fmt: skip
     data = {"tracks": _edges(heats), "sizes": _sizes(heats),
-            "clips": [_data(row, each, tracks.index(row.key.track)) for row, _, each in incidents]}  # fmt: skip
+            "clips": [_data(row, each, tracks.index(row.place["course"])) for row, _, each in incidents]}  # fmt: skip
     script = resource(__package__, "league.js") if incidents else ""
     return write_page(path, f"{found.folder.resolve().name}: league", body, script=script, data=data, style=_STYLE)
 
@@ -99,16 +98,16 @@ def _whole(table: Table) -> Html:
     return escaped([scroll(table.html(), "whole"), note(table.legend) if table.legend else None])
 
 
-def _failures(rows: Sequence[HeatRow]) -> Html | None:
+def _failures(rows: Sequence[RunRow]) -> Html | None:
     """Return the heats that a planner lost by a failure, and those that failed otherwise, with the reason."""
     lines = [
-        element("li", f"{car.planner}, {row.key.track} ({row.key.name}): {_end(car)}")
+        element("li", f"{car.planner}, {row.place['course']} ({row.name}): {_end(car)}")
         for row in rows for car in row.cars if car.end_reason in FAILURES
     ]  # fmt: skip
     lines += [
-        element("li", f"{row.key.name}: no result: {row.figures.message}")
+        element("li", f"{row.name}: no result: {row.message}")
         for row in rows
-        if row.figures.message is not None and all(car.end_reason not in FAILURES for car in row.cars)
+        if row.message is not None and all(car.end_reason not in FAILURES for car in row.cars)
     ]
     return html('<h2>Failures</h2><ul class="note">{lines}</ul>', lines=lines) if lines else None
 
@@ -118,7 +117,7 @@ def _end(car: CarFigures) -> str:
     return reason if car.message is None else f"{reason}: {car.message}"
 
 
-def _verdicts(incidents: Sequence[tuple[HeatRow, int, Incident]]) -> Html:
+def _verdicts(incidents: Sequence[tuple[RunRow, int, Incident]]) -> Html:
     """Return how often each reason was given."""
     if not incidents:
         return note("No two cars touched.")
@@ -140,39 +139,40 @@ def _choice(planners: Sequence[str]) -> Html:
     return html(_PLAYED, options=options)
 
 
-def _clip(row: HeatRow, incident: Incident, anchor: str, number: int) -> Html:
+def _clip(row: RunRow, incident: Incident, anchor: str, number: int) -> Html:
     cars = [
         escaped([_swatch(row, name), " ", name, Html("<br>") if place == 0 else None])
         for place, name in enumerate((incident.car, incident.other))
     ]
     fault = incident.at_fault if _kind(incident) != "one at fault" else f"at fault: {incident.at_fault}"
-    told = f"{row.key.track}, {incident.time_s:.2f} s, closing at {incident.closing_speed_m_s:.2f} m/s, displaced by "
+    told = f"{row.place['course']}, {incident.time_s:.2f} s, closing at {incident.closing_speed_m_s:.2f} m/s, "
     return html(
         '<figure id="{anchor}" data-clip="{number}" data-cars="{names}"><div class="picture"></div><figcaption>{cars}'
         '<br><span class="verdict">{fault}</span>: {reason}<br><span class="note">{told}</span></figcaption></figure>',
         anchor=anchor, number=number, names="|".join((incident.car, incident.other)), cars=cars, fault=fault,
-        reason=incident.reason, told=f"{told}{100.0 * incident.displacement_m:.0f} cm; {row.key.name}",
+        reason=incident.reason, told=f"{told}displaced by {100.0 * incident.displacement_m:.0f} cm; {row.name}",
     )  # fmt: skip
 
 
-def _swatch(row: HeatRow, planner: str) -> Html:
-    place = row.key.planners.index(planner)
+def _swatch(row: RunRow, planner: str) -> Html:
+    place = _planners(row).index(planner)
     return element("span", place + 1, class_="car", style=f"background:{car_colour_hex(place)}")
 
 
-def _heats_table(rows: Sequence[HeatRow], anchors: dict[tuple[str, int], str]) -> Table:
+def _heats_table(rows: Sequence[RunRow], anchors: dict[tuple[str, int], str]) -> Table:
     lines = []
     for row in rows:
         links = [
-            escaped([element("a", f"{each.time_s:.1f} s", href=f"#{anchors[row.key.name, number]}"), " "])
+            escaped([element("a", f"{each.time_s:.1f} s", href=f"#{anchors[row.name, number]}"), " "])
             for number, each in enumerate(row.incidents)
         ]
         cars = [
-            element("div", _swatch(row, car.planner), f" {car.position or '-'}. {car.planner}: ",
+            element("div", _swatch(row, car.planner), f" {car.position if car.finished else '-'}. {car.planner}: ",
                     f"{car.laps_completed} laps{_best(car)}, {_end(car)}")
-            for car in sorted(row.cars, key=lambda car: (car.position or len(row.cars), car.place))
+            for car in sorted(row.cars, key=lambda car: (not car.finished, car.position or 0, car.started or 0))
         ]  # fmt: skip
-        lines.append((row.key.name, row.key.track, row.figures.winner, escaped(cars), row.figures.overtakes, links))
+        overtakes = sum(car.overtakes or 0 for car in row.cars)
+        lines.append((row.name, row.place["course"], row.winner, escaped(cars), overtakes, links))
     return Table(
         header=("heat", "track", "winner", "cars", "overtakes", "incidents"), rows=lines,
         left=("heat", "track", "winner", "cars", "incidents"),
@@ -183,26 +183,30 @@ def _best(car: CarFigures) -> str:
     return "" if car.best_lap_s is None else f", best {car.best_lap_s:.2f} s"
 
 
-def _edges(heats: Sequence[Heat]) -> list[list[list[int]]]:
+def _planners(row: RunRow) -> list[str]:
+    return [car.planner for car in row.cars]
+
+
+def _edges(heats: Sequence[Run]) -> list[list[list[int]]]:
     """Return the edges of each track, each a list of x, y and so on [cm]."""
     found = []
-    for track in dict.fromkeys(heat.key.track for heat in heats):
-        first = next(heat for heat in heats if heat.key.track == track)
-        course = load_track(track, car=first.entries[0].car.parameters)
-        obstacles = ground_of(first.settings.base, course).boxes
+    for track in dict.fromkeys(heat.place["course"] for heat in heats):
+        setup = next(heat.setup for heat in heats if heat.place["course"] == track)
+        course = load_track(setup.track, car=setup.first.car.parameters)
+        obstacles = ground_of(setup, course).boxes
         outlines = [*wall_outlines(course), *(each.corners() for each in (*course.obstacles, *obstacles))]
         found.append([np.rint(_CENTIMETRES * each).astype(int).ravel().tolist() for each in outlines])
     return found
 
 
-def _sizes(heats: Sequence[Heat]) -> dict[str, list[float]]:
+def _sizes(heats: Sequence[Run]) -> dict[str, list[float]]:
     """Return of each planner's car its length, its width and its rear overhang [m]."""
-    entries = {str(entry.name): entry.car.parameters for heat in heats for entry in heat.entries}
+    entries = {str(entry.name): entry.car.parameters for heat in heats for entry in heat.setup.entries}
     return {name: [car.length, car.width, car.rear_overhang] for name, car in entries.items()}
 
 
-def _data(row: HeatRow, incident: Incident, track: int) -> dict[str, Any]:
-    planners = row.key.planners
+def _data(row: RunRow, incident: Incident, track: int) -> dict[str, Any]:
+    planners = _planners(row)
     return {
         "track": track, "cars": planners, "pair": [planners.index(incident.car), planners.index(incident.other)],
         "colours": [car_colour_hex(place) for place in range(len(planners))], "x": round(incident.x_m, 3),

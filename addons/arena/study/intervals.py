@@ -3,7 +3,7 @@
 What makes a course hard with a seed is hard for both planners. So the difference within such a pair of runs says more
 than that of two averages does. `Differences` has the records and the table of them.
 
-`rollout_result.wilson` is that of a share.
+`rollout_result.wilson` is the interval of a share.
 
 `share_difference`, of the difference of two shares of the same runs: R. Newcombe, Improved confidence intervals for the
 difference between binomial proportions based on paired data, Statistics in Medicine 17, 1998, method 10.
@@ -17,15 +17,16 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import astuple, dataclass
 from itertools import combinations
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.rollout_result import wilson
+
+if TYPE_CHECKING:
+    from ..runs.run import RunRow
 
 _TAIL = 40  # one part in so many, on either side: 2.5 %
 
@@ -140,57 +141,54 @@ def paired_by_planner(
 ALL = "all"
 """What stands for all courses, or all opponents."""
 
+PAIRED = ("pairs", "successes", "reference_successes", "difference", "difference_low", "difference_high")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Differences:
-    """What a study calls the differences of two planners, each the planner's figure minus the reference's."""
+    """How two planners differ, each the planner's figure minus the reference's, in the runs that both drove."""
 
-    outcome: Callable[[Any], tuple[str, Hashable, Any, Outcome]]
-    """Returns of a row its planner, what tells it from the planner's others, its group, and its outcome."""
+    by: tuple[str, ...]  # names of what groups of runs are of
+    value: str  # figure of the runs that succeeded
+    title: str  # of it in the table
+    success: str  # what a success is called
 
-    names: tuple[str, ...]  # of the planner, the reference, what runs are grouped by, and the figures of `Paired`
-    everything: tuple[str | None, ...]  # what the group of all runs is called
-    header: tuple[str, ...]  # of the table for people
-    legend: str
-
-    def of(self, rows: Iterable[Any]) -> tuple[dict[str, Any], ...]:
+    def of(self, rows: Iterable[RunRow]) -> tuple[dict[str, Any], ...]:
         """Return the differences of each two planners, over all runs and in each of several groups."""
+        outcomes = [
+            (row.car.planner, tuple(value for name, value in row.place.items() if name != "planner"),
+             tuple(row.place.get(name) for name in self.by),
+             (row.car.success, row.lines()[0].get(self.value)))
+            for row in rows
+        ]  # fmt: skip
+        ends = ("pairs", "difference", "difference_low", "difference_high")
+        names = ("planner", "reference", *self.by, *PAIRED, *(f"{self.value}_{end}" for end in ends))
         return tuple(
-            dict(zip(self.names, (planner, reference, *(group or self.everything), *astuple(found)), strict=True))
-            for planner, reference, group, found in paired_by_planner(map(self.outcome, rows))
+            dict(zip(names, (planner, reference, *(group or (ALL,) * len(self.by)), *astuple(found)), strict=True))
+            for planner, reference, group, found in paired_by_planner(outcomes)
         )
-
-    def csv(self, found: Iterable[dict[str, Any]]) -> str:
-        """Return all differences as CSV."""
-        return Table.of(found, self.names).csv()
 
     def table(self, found: Sequence[dict[str, Any]]) -> Table | None:
         """Return the differences from the first planner over all runs, for people; None where there is one planner."""
         rows = []
         for each in found:
-            planner, reference, *group, pairs, _, _, share, low, high, values, value, least, most = each.values()
-            if tuple(group) == self.everything and reference == found[0][self.names[1]]:
-                points = _signed("+.0f", *(None if end is None else 100.0 * end for end in (share, low, high)))
-                rows.append((planner, reference, pairs, *points, values, *_signed("+.2f", value, least, most)))
-        return Table(header=self.header, rows=rows, left=self.header[:2], legend=self.legend) if rows else None
+            if each["reference"] == found[0]["reference"] and all(each[name] == ALL for name in self.by):
+                points = (each[name] and 100.0 * each[name] for name in PAIRED[3:])
+                value, low, high = (each[f"{self.value}_{end}"] for end in PAIRED[3:])
+                rows.append(
+                    (each["planner"], each["reference"], each["pairs"], *_signed("+.0f", *points),
+                     each[f"{self.value}_pairs"], *_signed("+.2f", value, low, high))
+                )  # fmt: skip
+        header = ("planner", "minus", "pairs", self.success, "95 % interval", "pairs with it", self.title, "of it")
+        legend = (
+            "Differences are within pairs of runs in the same conditions: of the share of successes in percentage "
+            "points, with Newcombe's interval, and the median of those of the figure where both succeeded, with its "
+            "interval by order statistics, which needs six pairs. All intervals are at 95 %."
+        )
+        return Table(header=header, rows=rows, left=header[:2], legend=legend) if rows else None
 
 
 def _signed(form: str, value: float | None, low: float | None, high: float | None) -> tuple[str | None, str | None]:
     """Return a difference and the ends of its interval as texts, with their signs."""
     ends = None if low is None or high is None else f"{low:{form}} to {high:{form}}"
     return None if value is None else f"{value:{form}}", ends
-
-
-def per_cent(low: float | None, high: float | None) -> str | None:
-    """Return the ends of the interval of a share for tables, in percent."""
-    return None if low is None or high is None else f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-
-
-def quantile(values: Sequence[float], share: float) -> float | None:
-    """Return a quantile of some values, linear between two of them; None of no values."""
-    return float(np.quantile(values, share)) if len(values) else None
-
-
-def quartiles(low: float | None, high: float | None) -> str | None:
-    """Return two quartiles as a text for tables."""
-    return None if low is None or high is None else f"{low:.2f} to {high:.2f}"

@@ -9,20 +9,23 @@ raceline     pure_pursuit on a line of least curvature between the walls
 reactive     gap_finder, which sees the course and the planner's car
 blocking     pure_pursuit off the centreline: on the side on which the planner's car comes up behind it
 
-`blocking` is a test instrument. It knows where the planner's car is, and moves aside by half of the room that it has,
+`blocking` is a test instrument. It is told where the planner's car is, and moves aside by half of the room that it has,
 no faster than BLOCKING_RATE. It goes on to do so until the planner's car is next to it.
+
+Those on a lane are pure_pursuit on the line of least curvature in a part of the course, and drive a share of the speed
+that it would drive there.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from fg_mujoco.course.track import Track, follow
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import (
     CarParameters,
     Controller,
@@ -34,9 +37,15 @@ from fg_mujoco.messages import (
     read_only,
 )
 from fg_mujoco.racing.planners import make_controller
+from fg_mujoco.simulation.settings import Start
 
 OPPONENTS = ("centreline", "raceline", "reactive", "blocking")
 """Kinds of opponents."""
+
+LANES = {
+    "right": (-1.0, -1.0 / 3.0), "middle": (-1.0 / 3.0, 1.0 / 3.0), "left": (1.0 / 3.0, 1.0), "raceline": (-1.0, 1.0)
+}  # fmt: skip
+"""Lanes of a course, by name: the part of the room between the walls that the opponent's line may use."""
 
 BLOCKING_RATE = 0.5  # [m/s] sideways
 BLOCKING_FROM = 6.0  # [m] ahead of the planner's car: further on it keeps to the centreline
@@ -106,9 +115,6 @@ class Blocking(Slowed):
 
     Args:
       car: its parameters.
-
-    Attributes:
-      follower: how far behind it the other car is along the centreline [m], negative ahead, and that one's offset [m].
     """
 
     def __init__(self, planner: Controller, track: Track, pace: Pace, ratio: float, car: CarParameters) -> None:
@@ -118,13 +124,12 @@ class Blocking(Slowed):
     def reset(self) -> None:
         """Forget everything seen so far."""
         super().reset()
-        self._aside = 0.0
-        self.follower = (math.inf, 0.0)
+        self._aside, self._other_s = 0.0, math.nan
 
     def sensed(self, odometry: Odometry) -> Odometry:
         """Return odometry whose pose is as far to the other side as the car is to keep from its line."""
         s, _ = self.place(odometry)
-        behind, offset = self.follower
+        behind, offset = self._follower(s, odometry)
         wanted = 0.0
         if self._length < behind < BLOCKING_FROM:
             wanted = math.copysign(_BLOCKING_SHARE * self._room(s), offset)
@@ -137,6 +142,14 @@ class Blocking(Slowed):
         moved = read_only((x + self._aside * math.sin(along), y - self._aside * math.cos(along), heading))
         return replace(odometry, pose=moved)
 
+    def _follower(self, s: float, odometry: Odometry) -> tuple[float, float]:
+        """Return how far the other car is behind along the centreline [m], negative ahead, and its offset [m]."""
+        x, y = odometry.readings["opponents"].values[:2].tolist()
+        if math.isnan(self._other_s):
+            self._other_s = float(self._track.project([[x, y]])[0][0])
+        self._other_s, offset = follow(x, y, self._other_s, self._track.table, self._track.length)
+        return math.remainder(s - self._other_s, self._track.length), offset
+
     def _room(self, s: float) -> float:
         """Return the room of the car to either side of the centreline [m]."""
         track = self._track
@@ -145,35 +158,62 @@ class Blocking(Slowed):
         return max(room - 0.5 * self._width - _CLEARANCE, 0.0)
 
 
+class Scaled:
+    """A planner whose commanded speeds are multiplied by a share."""
+
+    def __init__(self, planner: Controller, share: float) -> None:
+        self._planner, self._share = planner, share
+
+    def reset(self) -> None:
+        """Forget everything seen so far."""
+        self._planner.reset()
+
+    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+        """Answer the planner's command, slower."""
+        command = self._planner(scan, odometry)
+        return replace(command, speed=self._share * command.speed)
+
+
 def make_opponent(
-    kind: str, track: Track, pace: Pace, ratio: float, context: PlannerContext, lines: Path
-) -> Slowed:
+    kind: str, track: Track, pace: Pace | None, share: float, context: PlannerContext, lines: Path
+) -> Controller:
     """Return an opponent.
 
     Args:
-      kind: one of OPPONENTS.
+      kind: one of OPPONENTS; without a pace, of LANES.
       track: that it drives on.
-      pace: of the planner that is to overtake it.
-      ratio: of its speed to that pace.
+      pace: of the planner that is to overtake it; None: the share is of its own speed.
+      share: of the speed.
       context: of its planner.
-      lines: folder to which the line of least curvature is written.
-
-    Raises:
-      SettingsError: another kind.
+      lines: folder to which the line that it follows is written.
     """
-    if kind not in OPPONENTS:
-        raise SettingsError(f"opponent {kind!r}; accepted: {', '.join(OPPONENTS)}")
-    if kind == "reactive":
-        return Slowed(make_controller("gap_finder", context), track, pace, ratio)
+    if kind == "reactive" and pace is not None:
+        return Slowed(make_controller("gap_finder", context), track, pace, share)
     settings = {}
-    if kind == "raceline":
-        path = lines / "raceline.csv"
-        write_line(path, least_curvature(track, context.car))
+    if pace is None or kind == "raceline":
+        path = lines / "line.csv"
+        write_line(path, lane_line(track, context.car, kind))
         settings = {"line": str(path)}
     planner = make_controller("pure_pursuit", context, settings=settings)
+    if pace is None:
+        return Scaled(planner, share)
     if kind == "blocking":
-        return Blocking(planner, track, pace, ratio, context.car)
-    return Slowed(planner, track, pace, ratio)
+        return Blocking(planner, track, pace, share, context.car)
+    return Slowed(planner, track, pace, share)
+
+
+@lru_cache(maxsize=32)
+def lane_line(track: Track, car: CarParameters, lane: str) -> FloatArray:
+    """Return the line of least curvature in a lane of a course. Shape (n, 2) [m]."""
+    return least_curvature(track, car, LANES[lane])
+
+
+def start_on(track: Track, car: CarParameters, lane: str, s: float) -> Start:
+    """Return the start on a lane's line that is nearest to a place along the centreline [m]."""
+    places, offsets = track.project(lane_line(track, car, lane))
+    apart = np.abs((places - s + 0.5 * track.length) % track.length - 0.5 * track.length)
+    nearest = int(apart.argmin())
+    return Start(s=float(places[nearest]), offset=float(offsets[nearest]))
 
 
 def write_line(path: Path, points: FloatArray) -> None:

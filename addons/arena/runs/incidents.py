@@ -1,15 +1,13 @@
-"""The contacts of a heat, each with race control's verdict and the poses of all cars around the touch, for a replay."""
+"""The contacts of a run of several cars, each with the verdict and the poses of all cars around the touch."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fg_mujoco.racing.result import RaceResult
-from fg_mujoco.rollouts.store import of_kind
 
 BEFORE, AFTER = 2.0, 1.0
 """[s] around the touch that are kept."""
@@ -38,11 +36,6 @@ class Incident:
     def as_dict(self) -> dict[str, Any]:
         """Return its fields but the poses, as a table has them."""
         return {name: value for name, value in vars(self).items() if name not in ("first_s", "step_s", "poses")}
-
-    @classmethod
-    def read(cls, values: Mapping[str, Any]) -> Incident:
-        """Return the incident of its fields by name; errors as `of_kind`."""
-        return of_kind(cls, values)
 
 
 def incidents_of(result: RaceResult) -> tuple[Incident, ...]:

@@ -38,7 +38,7 @@ from fg_mujoco.racing.setup import Setup
 from fg_mujoco.rollouts.workers import PULSE, how_ended
 from fg_mujoco.simulation.settings import LONGEST_RACE
 
-from ..grid_study import why_failed
+from .run import why_failed
 
 FAILED = ("planner_failed", "decision_limit", "interrupted")
 """Ends of a drive that only its planner's process knows of."""

@@ -23,7 +23,7 @@ from fg_mujoco.racing.entries import NO_FAULT
 from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.racing.result import RaceResult
 
-from ..comparison.run import driven_poses
+from .run import driven_poses
 
 STANDS = 0.05
 """[m/s] below which a car stands."""
@@ -359,6 +359,16 @@ class NoFault(OnTheWay):
         blamed = [each for each in drive.result.contacts if each.at_fault != NO_FAULT and each.blames(car.name)]
         reasons = ": " + ", ".join(f"{each.reason} at {each.time_s:.1f} s" for each in blamed[:3]) if blamed else ""
         return not blamed, f"{len(blamed)} of {car.collisions_car} contacts{reasons}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuiteCheck:
+    """A check of a suite, and its points."""
+
+    number: int  # in the suite, from 0
+    name: str
+    points: float
+    check: Check
 
 
 CHECKS: dict[str, type[Check]] = {
