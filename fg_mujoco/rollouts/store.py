@@ -7,8 +7,8 @@ Each line has the SHA-256 of its contents and of what it belongs to: the setting
 place there. A line that was torn by a crash is dropped. One that was edited, or copied from another study or over
 another line, is dropped with a warning. The parts of both are worked on again.
 
-A study is a list of parts, which travel to worker processes, a function that works on one, and tables of the rows. Parts
-that are more than a row are arrays, see `chunk_store`.
+A study is a list of parts, which travel to worker processes, a function that works on one, and tables of the rows.
+Parts that are more than a row are arrays, see `chunk_store`.
 """
 
 from __future__ import annotations

@@ -32,8 +32,7 @@ from fg_mujoco.simulation.settings import FASTEST
 
 from ..runs.duels import Duels
 from ..runs.slower_cars import OPPONENTS
-from .kinds import KINDS, Comparison, League
-from .kinds import Duels as DuelStudy
+from .kinds import KINDS, Comparison, League, Overtaking
 from .plan import plan
 from .store import Study, StudyProgress, drive_study
 from .suite import Group, Suite, read_suite, require_axis
@@ -151,7 +150,7 @@ def overtake(
     setup: Setup | None = None,
     watch: Watch = None,
     **keywords: Any,
-) -> DuelStudy:
+) -> Overtaking:
     """Drive each planner behind each slower opponent on each track with each seed.
 
     Args:
@@ -178,7 +177,7 @@ def overtake(
         suite, as_axis(controller), settings, out=out, command="overtaking study", workers=workers, watch=watch,
         traced=pictures,
     )  # fmt: skip
-    assert isinstance(found, DuelStudy)
+    assert isinstance(found, Overtaking)
     return found
 
 

@@ -145,7 +145,7 @@ _DUELS = (
 
 
 @explain_class
-class Duels(Study):
+class Overtaking(Study):
     """How planners fared behind slower cars."""
 
     differences_of = Differences(
@@ -378,6 +378,6 @@ def page_names(planners: Sequence[str]) -> list[str]:
     return names
 
 
-KINDS: Mapping[str, type[Study]] = {"alone": Comparison, "heats": League, "duels": Duels, "checks": Grades}
+KINDS: Mapping[str, type[Study]] = {"alone": Comparison, "heats": League, "duels": Overtaking, "checks": Grades}
 """By the kind of a suite."""
 
