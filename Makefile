@@ -30,13 +30,13 @@ $(RACES): pyproject.toml constraints.txt
 	    || { echo "Python's venv is missing; to install it: sudo apt-get install python3-venv" >&2; exit 1; }
 	@echo "installing what a race needs in $(VENV), once: about a minute"
 	@$(PYTHON) -m venv $(VENV)
-	@$(PIP) --no-compile -e '.[plot,report]' || { echo "the install did not end: the same command goes on" >&2; exit 1; }
+	@$(PIP) --no-compile -e '.[plot,report]' || $(BIN)/python tools/missing.py plot,report
 	@touch $@
 
 # What developers need besides.
 $(READY): $(RACES)
 	@echo "installing what tests need in $(VENV), once: some minutes"
-	@$(PIP) -e '.[dev]' || { echo "the install did not end: the same command goes on" >&2; exit 1; }
+	@$(PIP) -e '.[dev]' || $(BIN)/python tools/missing.py dev
 	@touch $@
 
 race: $(RACES)

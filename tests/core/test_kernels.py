@@ -16,6 +16,7 @@ import pytest
 import fg_mujoco as fg
 from fg_mujoco.compiled.kernel_files import made_once
 from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
+from fg_mujoco.compiled.machine_code import machine
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from installed_package import install_into
 from scan_worlds import CAR
@@ -146,6 +147,19 @@ def test_a_damaged_file_is_compiled_anew_and_replaced(cache):
     file.unlink()
     file.mkdir()
     assert halve_anew() and halve_anew()
+
+
+def test_another_processor_has_files_of_its_own(cache, monkeypatch):
+    """A home folder may be shared by machines."""
+    import llvmlite.binding as llvm
+
+    assert halve_anew()
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(llvm, "get_host_cpu_name", lambda: "another")
+        machine.cache_clear()
+        assert halve_anew() and not halve_anew() and len(kept_in(cache)) == 2
+    machine.cache_clear()
+    assert not halve_anew()
 
 
 @pytest.mark.parametrize("failing", ["write_bytes", "replace", "read_bytes"])

@@ -1,8 +1,10 @@
 """The files that hosts and tools read: they parse, what they name exists, and versions are those of pyproject.toml."""
 
+import importlib.util
 import os
 import re
 import sys
+from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
@@ -82,3 +84,20 @@ def test_the_security_page_names_options_and_files_that_there_are():
     # one place reads YAML, by a loader that makes plain values only and refuses more than the safe one
     assert re.findall(r"yaml\.\w*load\w*\([^\n]*", code) == ["yaml.load(text, _plain_loader())"]
     assert "class PlainLoader(yaml.SafeLoader)" in code
+
+
+def test_an_install_that_did_not_end_names_what_is_missing(monkeypatch):
+    spec = importlib.util.spec_from_file_location("missing", ROOT / "tools" / "missing.py")
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    there = {"numpy": "1.20", "mujoco": "3.17.0"}
+
+    def version(name):
+        if name in there:
+            return there[name]
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(tool, "version", version)
+    found = tool.missing(["plot"])
+    assert {"numpy", "numba", "matplotlib"} <= set(found), "numpy is there, but too old"
+    assert not {"mujoco", "ray", "tomli" if sys.version_info >= (3, 11) else ""} & set(found)
