@@ -39,7 +39,7 @@ from ..lidar.scanline import scan
 from ..lidar.visible_surfaces import SceneArrays, Scratch
 from ..messages import ODOMETRY, FloatArray
 from ..vehicle import mujoco_stages as stages
-from ..vehicle.motion import CAR, read_odometry
+from ..vehicle.motion import CAR, read_motions, read_odometry
 from ..vehicle.motion import drive as drive_car
 from ..vehicle.mujoco_stages import Fields
 from ..vehicle.tire_forces import step_on_contacts, step_on_tires
@@ -526,6 +526,21 @@ def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
         first = firsts[k] // places[_CARS_PER_WORLD]
         for world in range(len(states)):
             times[first + world] = states[world, _layout(places).time]
+
+
+@kernel
+def read_motions_all(
+    tables: Addresses, firsts: Places, which: Mask, poses: FloatArray, velocities: FloatArray
+) -> None:
+    """Do `motion.read_motions` for each of several tables, as `read_all`; all arrays have the rows of `which`."""
+    for k in range(len(tables)):
+        table = table_at(tables[k], ARRAYS)
+        places, first, end = whole_numbers(table[_PLACES]), firsts[k], firsts[k] + cars_of(table)
+        layout = _layout(places)
+        read_motions(
+            which[first:end], places[_CARS_PER_WORLD], matrix(table[_STATES]), layout.qpos[0], layout.qvel[0],
+            rows(table[_CARS], CAR), poses[first:end], velocities[first:end],
+        )  # fmt: skip
 
 
 @kernel

@@ -36,7 +36,17 @@ from ..messages import NO_READINGS, FloatArray, LaserScan, Reading
 from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.motion import ground_speed, point_motion
-from .compiled_tick import DRIVEN, NO_NUMBERS, NOTHING_KEPT, drive_all, judge_all, read_all, read_times, sense_all
+from .compiled_tick import (
+    DRIVEN,
+    NO_NUMBERS,
+    NOTHING_KEPT,
+    drive_all,
+    judge_all,
+    read_all,
+    read_motions_all,
+    read_times,
+    sense_all,
+)
 from .physics import whole_steps
 from .planner_adapter import BatchPlanners, Calls, Clock, Keeper, OtherCar, Planners, Reasons, Surroundings
 from .planner_failure import is_of_planner
@@ -242,8 +252,8 @@ class Engine(Uncopied):
 
     def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
         """Write the true poses (r, 3) and velocities (r, 3) of the cars `which` (r,), see `motion.read_motions`."""
-        for batch in self._batches:
-            batch.read_motions(which[batch.rows], poses[batch.rows], velocities[batch.rows])
+        for share in self.shares:
+            read_motions_all(share.tables, share.firsts, which, poses, velocities)
 
     def surroundings(self, row: int) -> Surroundings:
         """Return the surroundings of a car: its world, and the poses of its other cars."""

@@ -29,7 +29,7 @@ from ..vehicle.bodywork import fit_timestep
 from ..vehicle.car import WHEELS, Car
 from ..vehicle.changes import CarChanges, change_worlds, restore_worlds
 from ..vehicle.friction_patches import patch_table, wheel_positions
-from ..vehicle.motion import CAR, read_motions
+from ..vehicle.motion import CAR
 from ..vehicle.mujoco_stages import fields
 from ..vehicle.tire_rows import USERDATA, gear_row, steps_within, take_over
 from ..vehicle.tire_slip import QUANTITIES, TireSlipMeter
@@ -476,13 +476,6 @@ class WorldBatch:
             self._arrays.crashed[which] = self._touch_walls()[which]
             self._arrays.touched_at[which] = -np.inf
             self._begin(which)
-
-    def read_motions(self, which: Mask, poses: FloatArray, velocities: FloatArray) -> None:
-        """Write where the cars `which` (r,) are and how they move, see `motion.read_motions`."""
-        read_motions(
-            which, self._cars_per_world, self.physics.states, self.layout.qpos[0], self.layout.qvel[0],
-            self._arrays.constants, poses, velocities,
-        )  # fmt: skip
 
     @property
     def table_address(self) -> int:
