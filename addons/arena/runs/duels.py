@@ -102,6 +102,11 @@ class Duels:
                 raise SettingsError(f"{name} is empty; accepted: one or more numbers")
         if len(self.ratio) != 2 or self.ratio[0] > self.ratio[1]:
             raise SettingsError(f"ratio is {shown(self.ratio)}; accepted: the least and the greatest")
+        unused = [each.name for each in fields(self) if (each.name == "ratio") == bool(self.speed)
+                  and each.name not in ("opponent", "speed") and getattr(self, each.name) != each.default]  # fmt: skip
+        if unused:
+            kind = "duels from given places" if self.speed else "drawn duels, without `speed`"
+            raise SettingsError(f"{unused[0]} is {shown(getattr(self, unused[0]))} in {kind}; accepted: without it")
         places = self.starts if isinstance(self.starts, int) else len(self.starts)
         count = places * math.prod(map(len, (self.opponent, self.speed or (1.0,), self.headway, self.offset)))
         if count > _MOST_STARTS:
@@ -184,7 +189,7 @@ class Duel(Run):
             entries = (replace(first, name=_NAMES[0], start=places[0]), opponent_entry(first, opponent, places[1]))
             setup = replace(
                 self.setup, entries=entries, laps=self.laps + (0 if self.placed else 1),
-                time_limit=self.seconds if self.placed else None, rules="none",
+                time_limit=self.seconds if self.placed else self.setup.time_limit, rules="none",
             )  # fmt: skip
             watch = _Watch(self)
             result = race_setup(setup, watch=watch)

@@ -66,14 +66,14 @@ def plan(
     """
     require_whole("every", every, 1)
     loaded = Loaded()
+    if every > 1 and suite.kind in ("heats", "checks"):
+        raise SettingsError(f"every is {every} of {suite.kind}; accepted: 1, for planners meet in all of them")
     if suite.kind == "checks":
         require_axis("planner", [_text(each) for each in planners])
         _check_drives(suite)
         return [each for planner in planners for each in _graded(suite, str(planner), loaded)]
     if suite.kind == "heats":
-        entries = _named([_entry(each, suite.groups[0].base.first) for each in planners])
-        require_axis("planner", [str(entry.name) for entry in entries])
-        heats = [heat for group in suite.groups for heat in _heats(group, entries, keep, loaded)]
+        heats = [heat for group in suite.groups for heat in _heats(group, planners, keep, loaded)]
         return [replace(heat, mark=f"{marks}/{heat.key[:24]}" if marks else "") for heat in heats]
     choices = [ControllerChoice.of(_text(each)) for each in planners]
     require_axis("planner", [choice.label for choice in choices])
@@ -148,17 +148,19 @@ def _duels(
     return runs
 
 
-def _heats(group: Group, entries: Sequence[Entry], keep: str, loaded: Loaded) -> list[Run]:
+def _heats(group: Group, planners: Sequence[Planner], keep: str, loaded: Loaded) -> list[Run]:
     """Return the heats of a group: course by course, heat by heat, and each planner of a heat in front once."""
-    if len(entries) < 2:
-        raise SettingsError(f"planners of a league: {len(entries)}; accepted: two or more")
-    if group.heats > min(len(entries), GREATEST_CARS):
-        said = f"cars is {group.heats} for {len(entries)} planners"
-        raise SettingsError(f"{said}; accepted: 2 to {min(len(entries), GREATEST_CARS)}")
+    if len(planners) < 2:
+        raise SettingsError(f"planners of a league: {len(planners)}; accepted: two or more")
+    if group.heats > min(len(planners), GREATEST_CARS):
+        said = f"cars is {group.heats} for {len(planners)} planners"
+        raise SettingsError(f"{said}; accepted: 2 to {min(len(planners), GREATEST_CARS)}")
     base = replace(group.base, decision_limit=group.base.decision_limit or DECISION_LIMIT)
-    seeds = (group.seeds or (0,)) if any(map(draws, entries)) else (None,)
     heats = []
     for values, setup in replace(group, base=base, seeds=()).setups():
+        entries = _named([_entry(each, setup.first) for each in planners])
+        require_axis("planner", [str(entry.name) for entry in entries])
+        seeds = (group.seeds or (0,)) if any(map(draws, entries)) else (None,)
         course, boxes = loaded.course(setup), ground_of(setup).boxes
         origins = [loaded.origin(entry, course) for entry in entries]
         for members in combinations(range(len(entries)), group.heats):

@@ -61,6 +61,7 @@ _LISTS = ("opponents", "patches", "sensors")  # settings that are lists by thems
 _OF_SUITE = ("name", "version", "assists", "passing", "groups", "checks")
 _OF_GROUP = ("name", "heats", "seeds", *(each.name for each in fields(Duels) if each.init))
 _OF_CHECK = ("check", "name", "points")
+_NOT_OF_DUELS = ("start", "start_s", "start_offset", "start_heading", "start_speed", "grid", "rules")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +86,9 @@ class Group:
         for seed in self.seeds:
             require_whole("seed", seed, 0)
         require_whole("heats", self.heats, 1)
+        if self.duels is not None and self.duels.speed:
+            _require_unset({"seeds": self.seeds} if self.seeds else {}, ("seeds",), "duels from given places")
+            _require_unset({"laps": self.base.laps} if self.base.laps else {}, ("laps",), "duels from given places")
 
     def setups(self) -> Iterator[tuple[dict[str, Any], Setup]]:
         """Yield each combination with its values by keyword, `course` in place of `track`, and the seed."""
@@ -132,6 +136,9 @@ class Suite:
         if len(kinds) != 1:
             said = f"has groups of several kinds: {', '.join(sorted(kinds))}" if kinds else "has no groups"
             raise SettingsError(f"suite {self.name} {said}; accepted: one or more groups, of one kind")
+        if self.assists and self.kind in ("heats", "checks"):
+            said = f"suite {self.name} has assists {shown(self.assists)} and {self.kind}"
+            raise SettingsError(f"{said}; accepted: NAME[assist=...] as a planner")
 
     @property
     def kind(self) -> str:
@@ -200,7 +207,11 @@ def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> G
         _require_known(settings, KEYWORDS, _OF_GROUP, "a group")
         if "track" not in settings:
             raise SettingsError("it has no track; accepted: a track, or a list of them")
-        of_duels = {key: values[key] for key in values if key in _OF_GROUP[3:]}
+        heats, of_duels = values.get("heats", 1), {key: values[key] for key in values if key in _OF_GROUP[3:]}
+        if heats != 1 or of_duels:
+            _require_unset(settings, ("opponents", *(() if heats != 1 else _NOT_OF_DUELS)), "heats or duels")
+        if heats != 1:
+            settings["opponents"] = ["gap_finder"]  # in place of the planners, so that it can have a grid and rules
         axes = {key: value for key, value in settings.items() if key not in _LISTS and _is_axis(value)}
         fixed = {key: value for key, value in settings.items() if key not in axes}
         if not isinstance(fixed.get("track", ""), str) or not all(isinstance(t, str) for t in axes.get("track", ())):
@@ -208,7 +219,7 @@ def _group(given: Mapping[str, Any], shared: Mapping[str, Any], where: str) -> G
         seeds = values.get("seeds", [])
         group = Group(
             name=name, base=Setup.read(fixed), axes=axes, seeds=tuple(seeds) if isinstance(seeds, list) else (seeds,),
-            heats=values.get("heats", 1), duels=Duels(**of_duels) if of_duels else None,
+            heats=heats, duels=Duels(**of_duels) if of_duels else None,
         )  # fmt: skip
         for _ in group.setups():  # refuses what no setup can be
             pass
@@ -259,6 +270,12 @@ def _require_known(values: Mapping[str, Any], keywords: Sequence[str], others: S
             raise SettingsError(f"{name} is of the planner; accepted: what all planners are driven in")
         if name not in keywords:
             raise SettingsError(f"{name} is no setting of {what}; {accepted_names(name, (*others, *keywords))}")
+
+
+def _require_unset(values: Mapping[str, Any], names: Sequence[str], what: str) -> None:
+    wrong = next((name for name in names if name in values), None)
+    if wrong is not None:
+        raise SettingsError(f"{wrong} is {shown(values[wrong])} in a group of {what}; accepted: without it")
 
 
 def _is_axis(value: Any) -> bool:

@@ -219,6 +219,12 @@ GROUP = '[[groups]]\nname = "a"\ntrack = "oval"\nopponent = "middle"\nspeed = 0.
         (GROUP.replace("oval", "scene:gap"), "scene"),
         (f'{GROUP}[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "groups of several kinds: duels, heats"),
         (f"{GROUP}ratio = [0.9, 0.3]\n", "ratio is (0.9, 0.3); accepted: the least and the greatest"),
+        (f"{GROUP}ratio = [0.3, 0.8]\n", "ratio is (0.3, 0.8) in duels from given places; accepted: without it"),
+        (GROUP.replace("middle", "blocking").replace("speed", "headway"), "headway is (0.5,) in drawn duels"),
+        (f"{GROUP}seeds = [1]\n", "seeds is (1,) in a group of duels from given places"),
+        (f"laps = 2\n{GROUP}", "laps is 2 in a group of duels from given places"),
+        (f"{GROUP}start_s = 2.0\n", "start_s is 2.0 in a group of heats or duels"),
+        ('assists = ["none"]\n[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "heats; accepted: NAME"),
     ],
 )  # fmt: skip
 def test_a_suite_of_duels_that_cannot_be_is_refused_in_one_line(tmp_path, capsys, text, said):

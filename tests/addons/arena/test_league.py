@@ -18,7 +18,7 @@ from fg_mujoco.addons.arena.study.functions import league
 from fg_mujoco.addons.arena.study.kinds import League
 from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.ratings import MEAN, POINTS, ratings
-from fg_mujoco.addons.arena.study.suite import Group, Suite
+from fg_mujoco.addons.arena.study.suite import Group, Suite, read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
 from refusals import refused
@@ -152,6 +152,15 @@ def test_each_group_drives_from_each_place_and_seeds_follow_the_planner():
     ]  # fmt: skip
     seeds = [{entry.name: entry.seed for entry in heat.setup.entries} for heat in drawn]
     assert seeds[0] == seeds[2] == seeds[4] and len({*seeds[0].values(), *seeds[1].values()}) == 6
+
+
+def test_a_suite_of_heats_sets_all_cars_as_its_group_says(here):
+    (here / "cup.toml").write_text(
+        'laps = 1\nrules = "roboracer_2026"\n[[groups]]\nname = "wet"\ntrack = "oval"\nheats = 2\nmu = [0.5, 0.7]\n'
+    )
+    heats = plan(read_suite("cup.toml"), ["gap_finder", "wall_follow"])
+    assert [[entry.mu for entry in heat.setup.entries] for heat in heats] == [[0.5] * 2] * 2 + [[0.7] * 2] * 2
+    assert {(heat.setup.rules, heat.setup.decision_limit) for heat in heats} == {("roboracer_2026", 1.0)}
 
 
 def test_a_heat_is_proved_by_its_file_by_its_run_folder_and_by_its_hash(here):
