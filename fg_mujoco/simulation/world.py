@@ -210,7 +210,7 @@ def _compiled(xml: str) -> mujoco.MjModel:
 def _kept(track: Course, builds: tuple[WorldCar, ...], *others: Any) -> tuple[str, mujoco.MjModel]:
     """Return the MJCF text of a world and its model, which are kept on disk; arguments as of `_text_of`."""
 
-    if not type(track).__module__.startswith("fg_mujoco."):  # its walls may be of more than its definition
+    if not type(track).__module__.startswith("fg_mujoco.course."):  # walls may be of more than the definition
         return _built(track, builds, *others)
     key = _text_of(track, builds, *others, walls=False), type(track).__name__, course_sha256(track), mujoco.__version__
     return kept("world", key, lambda: _built(track, builds, *others), lambda made: isinstance(made[1], mujoco.MjModel))
