@@ -19,6 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from fg_mujoco.compiled.kept import kept, made_by
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import CarParameters, FloatArray
 
@@ -207,7 +208,11 @@ def _table(
     table["count"] = count = min(max(steps + 1, _SPEEDS), _MOST_SPEEDS)
     table["speeds"][0, :count] = np.linspace(settings.least_speed, top, count)
     row = np.array([record_values(settings)], record_type(BrakingSettings))
-    table["bearings"], table["distances"] = _all_trajectories(limiter.record[0], row[0], table["speeds"][0, :count])
+    given = limiter.record[0], row[0], table["speeds"][0, :count]
+    key = made_by(_all_trajectories, *(each.tobytes() for each in given))
+    table["bearings"], table["distances"] = kept(
+        "trajectories", key, lambda: _all_trajectories(*given), lambda made: made[0].shape == _GRID
+    )
     table.flags.writeable = False
     return table
 

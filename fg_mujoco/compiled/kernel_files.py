@@ -54,12 +54,12 @@ def _remove(folder: Path, maker: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def own_folder(name: str, otherwise: str, parent: Path | None = None) -> Path | None:
+def own_folder(name: str, otherwise: str = "", parent: Path | None = None) -> Path | None:
     """Return a folder, made if it is new, that only this user may write to.
 
     Args:
       name: of the folder.
-      otherwise: what follows where others may write to it, which is said on stderr.
+      otherwise: what follows where others may write to it, which is said on stderr; nothing: it is not said.
       parent: of the folder, for which the same holds; None: fg_mujoco in $XDG_CACHE_HOME or ~/.cache.
 
     Returns:
@@ -74,7 +74,8 @@ def own_folder(name: str, otherwise: str, parent: Path | None = None) -> Path | 
         unsafe = [path for path in (parent, folder) if _open_to_others(path)]
         if not unsafe:
             return folder if os.access(folder, os.W_OK) else None
-        say(f"other users may write to {unsafe[0]}: {otherwise}")
+        if otherwise:
+            say(f"other users may write to {unsafe[0]}: {otherwise}")
     except (OSError, RuntimeError):  # it cannot be made, or there is no home
         pass
     return None

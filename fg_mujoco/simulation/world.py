@@ -19,9 +19,10 @@ import mujoco
 import numpy as np
 
 from ..arguments import Suggesting, explain_class
+from ..compiled.kept import kept
 from ..course.course import Course
 from ..course.definitions import course_sha256
-from ..course.kept_courses import kept
+from ..course.kept_courses import sources_of_courses
 from ..course.moving_obstacles import PREFIX as MOVING_PREFIX
 from ..course.moving_obstacles import MovingObstacle, moving_obstacles
 from ..course.obstacles import Obstacle, require_obstacles
@@ -212,7 +213,8 @@ def _kept(track: Course, builds: tuple[WorldCar, ...], *others: Any) -> tuple[st
 
     if not type(track).__module__.startswith("fg_mujoco.course."):  # walls may be of more than the definition
         return _built(track, builds, *others)
-    key = _text_of(track, builds, *others, walls=False), type(track).__name__, course_sha256(track), mujoco.__version__
+    text = _text_of(track, builds, *others, walls=False)
+    key = text, type(track).__name__, course_sha256(track), mujoco.__version__, sources_of_courses()
     return kept("world", key, lambda: _built(track, builds, *others), lambda made: isinstance(made[1], mujoco.MjModel))
 
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from fg_mujoco.compiled import kept as keeping
 from fg_mujoco.compiled.kernel_files import cache_folder, write_kept
-from fg_mujoco.course import kept_courses
+from fg_mujoco.controllers.safety import braking_trajectories
 from fg_mujoco.course.definitions import course_sha256
 from fg_mujoco.course.maps import map_track
 from fg_mujoco.simulation import world as worlds
@@ -23,7 +24,7 @@ def kept(tmp_path, monkeypatch):
     """The folder of kept courses, empty, and how often a course is read and a world composed with its walls."""
     cache_folder()  # kernels stay where they are
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    kept_courses._folder.cache_clear()
+    keeping._folder.cache_clear()
     made = {"course": 0, "world": 0}
 
     def count(name, true):
@@ -35,12 +36,13 @@ def kept(tmp_path, monkeypatch):
 
     monkeypatch.setattr(map_track, "read_map", count("course", map_track.read_map))
     monkeypatch.setattr(worlds, "_add_walls", count("world", worlds._add_walls))
-    yield tmp_path / "cache" / "fg_mujoco" / "courses", made
-    kept_courses._folder.cache_clear()
+    yield tmp_path / "cache" / "fg_mujoco" / "kept", made
+    keeping._folder.cache_clear()
 
 
 def as_in_a_new_process():
-    for function in (worlds._kept, worlds._text_of, worlds._compiled):
+    braking = braking_trajectories.trajectories_of, braking_trajectories._table
+    for function in (worlds._kept, worlds._text_of, worlds._compiled, *braking):
         function.cache_clear()
 
 
@@ -73,7 +75,7 @@ def test_a_kept_map_and_its_model_are_those_that_were_made(kept, tmp_path):
     for name in dir(anew.model):
         if isinstance(getattr(anew.model, name), np.ndarray):
             assert getattr(anew.model, name).tobytes() == getattr(again.model, name).tobytes(), name
-    assert {each.name.partition("-")[0] for each in folder.iterdir()} == {"course", "world"}
+    assert {each.name.partition("-")[0] for each in folder.iterdir()} == {"course", "world", "trajectories"}
 
 
 def test_what_differs_is_made_anew(kept, tmp_path):
@@ -128,7 +130,7 @@ def test_the_folder_does_not_grow_without_end(kept, tmp_path, monkeypatch):
     path = draw_map(tmp_path, ring())
     fg.load_track(str(path))
     (first,) = folder.iterdir()
-    monkeypatch.setattr(kept_courses, "MOST_BYTES", int(2.5 * first.stat().st_size))
+    monkeypatch.setattr(keeping, "MOST_BYTES", int(2.5 * first.stat().st_size))
     for number in range(4):
         for each in folder.iterdir():
             os.utime(each, (number, number))
