@@ -352,6 +352,67 @@ FAULTS = {
         new="    if laps_completed > laps:",
         tests="test_race.py",
     ),
+    # studies
+    "an overtake that counts as soon as a car is level": Fault(
+        file="addons/arena/runs/duels.py",
+        old="self._since = progress.time if own - other >= self._half else math.nan",
+        new="self._since = progress.time if own - other >= 0.0 else math.nan",
+        tests="test_duels.py",
+    ),
+    "time lost against a planner that started elsewhere": Fault(
+        file="addons/arena/runs/duels.py",
+        old="first = replace(setup.first, start=Start(s=start))",
+        new="first = replace(setup.first, start=Start())",
+        tests="test_duels.py",
+    ),
+    "a crash at the end of the way that is a whole way": Fault(
+        file="addons/arena/runs/run.py",
+        old="completion=1.0 if success else min(max(share, 0.0), 1.0)",
+        new="completion=1.0",
+        tests="test_bench.py",
+    ),
+    "a wrong way that is told of a car that stands": Fault(
+        file="addons/arena/runs/run.py",
+        old="np.diff(progress) < -WRONG_WAY_SPEED * ticks",
+        new="np.diff(progress) <= 0.0",
+        tests="test_comparison.py",
+    ),
+    "heats in which the same car always starts in front": Fault(
+        file="addons/arena/study/plan.py",
+        old="numbers = members[first:] + members[:first]",
+        new="numbers = members",
+        tests="test_league.py",
+    ),
+    "obstacles of a study that no seed draws": Fault(
+        file="addons/arena/study/suite.py",
+        old="setup, track=track, obstacle_seed=seed,",
+        new="setup, track=track,",
+        tests="test_comparison.py",
+    ),
+    "a run whose key does not know the planner's code": Fault(
+        file="addons/arena/runs/run.py",
+        old="self.course_sha256, [asdict(each) for each in self.origins])",
+        new="self.course_sha256)",
+        tests="test_labs.py test_comparison.py",
+    ),
+    "a planner whose process failed and that has its points": Fault(
+        file="addons/arena/runs/graded_drive.py",
+        old="            if recorded.failed is not None:\n",
+        new="            if False:\n",
+        tests="test_labs.py",
+    ),
+    "pairs of runs with other seeds": Fault(
+        file="addons/arena/study/intervals.py",
+        old='for name, value in row.place.items() if name != "planner"),',
+        new='for name, value in row.place.items() if name not in ("planner", "seed")),',
+        tests="test_comparison.py",
+    ),
+    "a planner that finished last and has all points": Fault(
+        file="addons/arena/runs/run.py",
+        old='"points": len(result.cars) - car.position if car.finished else 0,',
+        new='"points": car.position if car.finished else 0,',
+        tests="test_league.py",
+    ),
     # racing
     "the fault of the car that was moved into": Fault(
         file="addons/arena/race_control/fault.py",

@@ -60,6 +60,7 @@ def test_a_run_is_the_race_that_it_says():
     assert (figures.laps_completed, figures.laps_requested, figures.best_lap_s) == (0, 1, None)
     assert figures.mean_speed_m_s == result.car.mean_speed_m_s
     assert figures.distance_m == pytest.approx(result.car.column("progress_m")[-1], rel=0.1)
+    assert row.setup["obstacle_seed"] == row.setup["seed"] == 4
     assert row.car.planner == row.place["planner"] == "planners.py:Gentle[speed=2,steering=0.1]"
 
 

@@ -51,6 +51,8 @@ FILES = {
     "syntax.py": "def (:\n",
     "raises.py": "def plan(scan, odometry):\n    return 1 / 0\n",
     "answers.py": "def plan(scan, odometry):\n    return 'left'\n",
+    "late.py": "from fg_mujoco.messages import STOP\n\ndef plan(scan, odometry):\n"
+               "    if scan.stamp > 0.1: raise ValueError('late')\n    return STOP\n",
     "hangs.py": "import time\n\ndef plan(scan, odometry):\n    time.sleep(30.0)\n",
     "kills.py": "import os, signal\n\ndef plan(scan, odometry):\n    os.kill(os.getpid(), signal.SIGKILL)\n",
     "exits.py": "import sys\nsys.exit(7)\n",
@@ -163,7 +165,8 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
     assert table["good.py"]["points"] == 2 and table["good.py"]["reason"] is None
     for planner, said in (
         ("syntax.py", "SyntaxError"), ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
-        ("answers.py", "'left'"), ("hangs.py", "no command within 0.3 s"),
+        ("late.py", "ValueError: late (late.py, line 4)"), ("answers.py", "'left'"),
+        ("hangs.py", "no command within 0.3 s"),
         ("kills.py", "the worker ended by SIGKILL"), ("exits.py", "SystemExit: 7"),
         ("empty.py", "there is no class in the file"),
         ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),

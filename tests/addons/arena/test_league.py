@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from comparison_worlds import files
+from fg_mujoco.addons.arena.runs.run import car_figures
 from fg_mujoco.addons.arena.runs.turn import read_turn
 from fg_mujoco.addons.arena.study.functions import league
 from fg_mujoco.addons.arena.study.kinds import League
@@ -152,6 +153,15 @@ def test_each_group_drives_from_each_place_and_seeds_follow_the_planner():
     ]  # fmt: skip
     seeds = [{entry.name: entry.seed for entry in heat.setup.entries} for heat in drawn]
     assert seeds[0] == seeds[2] == seeds[4] and len({*seeds[0].values(), *seeds[1].values()}) == 6
+
+
+def test_a_car_has_a_point_for_each_that_finished_later_or_not_at_all():
+    opponents = ["wall_follow", fg.Entry(controller="mine.py:Stands", start=fg.Start(s=-4.0, offset=0.7))]
+    result = fg.race("oval", "gap_finder", laps=1, opponents=opponents, grid="behind", time_limit=12.0)
+    cars = [car_figures(result, place, car.name, None) for place, car in enumerate(result.cars)]
+    assert [car.finished for car in cars] == [True, True, False]
+    by_position = sorted(cars, key=lambda car: car.position)
+    assert [car.points for car in by_position] == [2, 1, 0] and [car.started for car in cars] == [1, 2, 3]
 
 
 def test_a_suite_of_heats_sets_all_cars_as_its_group_says(here):
