@@ -5,9 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import fg_mujoco.addons
+from cases import each
 from fg_mujoco.registry import ADDONS, added
 
 TABLES = ("COMMANDS", "NAMES", "PLANNERS", "SCENES", "STAGES", "SCHEMES", "PARTS")
@@ -54,7 +53,7 @@ def test_a_race_is_told_and_written_where_the_page_cannot_be_made(tmp_path):
     assert (tmp_path / "run" / "summary.json").exists()
 
 
-@pytest.mark.parametrize("table", TABLES)
+@each("table", TABLES)
 def test_what_the_table_names_is_there(table):
     for name, place in added(table).items():
         module, _, attribute = place.removeprefix(f"{ADDONS}.").partition(":")

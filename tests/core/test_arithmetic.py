@@ -1,8 +1,8 @@
 """Sums of several numbers at once have the bits of loops."""
 
 import numpy as np
-import pytest
 
+from cases import each
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.vehicle.tire_patch import unlikely
 from fg_mujoco.vehicle.tire_solve import add_scaled_4, add_scaled_16
@@ -25,8 +25,8 @@ def larger(a, b):
     return b
 
 
-@pytest.mark.parametrize(("lanes", "add"), [(4, add_to_4), (16, add_to_16)])
-@pytest.mark.parametrize(("to", "of"), [(0, 16), (21, 3), (7, 7)])
+@each(("lanes", "add"), [(4, add_to_4), (16, add_to_16)])
+@each(("to", "of"), [(0, 16), (21, 3), (7, 7)])
 def test_a_sum_of_several_numbers_has_the_bits_of_a_loop(lanes, add, to, of):
     numbers = np.random.default_rng(lanes + to).normal(size=40)
     expected = numbers.copy()
@@ -36,6 +36,6 @@ def test_a_sum_of_several_numbers_has_the_bits_of_a_loop(lanes, add, to, of):
     assert numbers.tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize(("a", "b"), [(1.0, 2.0), (2.0, 1.0)])
+@each(("a", "b"), [(1.0, 2.0), (2.0, 1.0)])
 def test_what_is_unlikely_is_done_where_it_is_so(a, b):
     assert larger(a, b) == 2.0

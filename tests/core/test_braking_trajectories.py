@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.safety.braking_trajectories import TRAJECTORIES, BrakingSettings, BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
@@ -33,7 +34,7 @@ def straight_stop(wall, stopping=STOPPING, limiter=LIMITER):
     return math.sqrt((braking * chosen.reaction) ** 2 + 2.0 * braking * room) - braking * chosen.reaction
 
 
-@pytest.mark.parametrize("wall", [1.5, 3.0, 5.0, 8.0])
+@each("wall", [1.5, 3.0, 5.0, 8.0])
 def test_towards_a_dead_end_it_is_the_closed_form_of_a_straight_stop(wall):
     # the corridor is so narrow that a path that turns aside has no room
     scan = corridor(0.30, 0.30, BUMPER + wall)
@@ -43,8 +44,8 @@ def test_towards_a_dead_end_it_is_the_closed_form_of_a_straight_stop(wall):
     assert safe_speed(scan) <= expected + 0.05
 
 
-@pytest.mark.parametrize("wall", [2.0, 4.0, 6.0])
-@pytest.mark.parametrize("steering_angle", [0.0, 0.1])
+@each("wall", [2.0, 4.0, 6.0])
+@each("steering_angle", [0.0, 0.1])
 def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, steering_angle):
     """A planner that learns relies on it between the frictions that its trajectories are planned for."""
     less, more = (FrictionLimiter(CAR, mu) for mu in (0.56, 0.59))
@@ -55,14 +56,14 @@ def test_safe_speeds_of_two_floors_differ_by_the_root_of_their_frictions(wall, s
     assert scaled == pytest.approx(by_table, abs=1.05 * SPEED_STEP)
 
 
-@pytest.mark.parametrize("top", [8.0, 12.0, 20.0, 50.0])
+@each("top", [8.0, 12.0, 20.0, 50.0])
 def test_speeds_are_looked_at_as_finely_up_to_any_limit(top):
     speeds = BrakingTrajectories(CAR, LIMITER, top).speeds
     assert speeds[-1] == min(top, CAR.max_speed)
     assert np.diff(speeds).max() < 0.1601
 
 
-@pytest.mark.parametrize("distance", [0.0, 0.2, 0.4])
+@each("distance", [0.0, 0.2, 0.4])
 def test_in_a_closed_box_none_is(distance):
     walls = [(quarter * math.pi / 2, distance) for quarter in range(4)]
     assert safe_speed(room(*walls)) == 0.0
@@ -138,8 +139,8 @@ def far_end(speed, present, turning):
     return np.angle(end), abs(end)
 
 
-@pytest.mark.parametrize("fast", [0, 10, 25, 47])
-@pytest.mark.parametrize(
+@each("fast", [0, 10, 25, 47])
+@each(
     ("present", "turning"),
     # places in the grid, and the shares there
     [((3, 0.0), (0, 0.0)), ((3, 0.0), (4, 0.6)), ((7, 1.0), (1, 0.15)), ((0, -0.75), (6, 0.8))],

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from car_worlds import flat_world, run
+from cases import each
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import Car
@@ -74,7 +75,7 @@ def flat():
     return flat_world()
 
 
-@pytest.mark.parametrize(("vehicle", "constants"), [("f1tenth", COMMUNITY), ("nuc2", NUC2), ("ipz", IPZ)])
+@each(("vehicle", "constants"), [("f1tenth", COMMUNITY), ("nuc2", NUC2), ("ipz", IPZ)])
 def test_a_compiled_car_has_its_published_measured_and_identified_constants(vehicle, constants):
     parameters = Vehicle.load(vehicle).parameters
     for name, value in constants.items():
@@ -118,7 +119,7 @@ def test_whole_car_inertia_agrees_with_the_engine(flat):
     assert center[1] == pytest.approx(0.0, abs=1e-12)
 
 
-@pytest.mark.parametrize("mu", [-1.0, 0.0, math.nan, math.inf])
+@each("mu", [-1.0, 0.0, math.nan, math.inf])
 def test_friction_that_is_no_positive_number_is_refused(mu):
     with pytest.raises(SettingsError, match=r"mu.*accepted: a positive number up to 3"):
         Vehicle.load().spec(mu)

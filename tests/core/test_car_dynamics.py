@@ -6,6 +6,7 @@ import pytest
 
 from car_worlds import flat_world as flat_world_of
 from car_worlds import run, step
+from cases import each
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
@@ -30,7 +31,7 @@ def flat_world(**settings):
     return flat_world_of(**ON, **settings)
 
 
-@pytest.mark.parametrize(
+@each(
     ("speed", "start", "end", "holds"),
     [(0.0, -0.4189, 0.4189, True), (4.0, -0.15, 0.15, True), (8.0, -0.1, 0.1, False)],
 )
@@ -58,7 +59,7 @@ def test_steering_turns_at_its_rate_standing_and_at_speed(speed, start, end, hol
     assert reached == pytest.approx([end] * len(reached), abs=2e-4 if holds else 2e-3)
 
 
-@pytest.mark.parametrize(("period", "delay"), [(0.01, 0.0), (0.025, 0.0), (0.1, 0.0), (0.025, 0.02)])
+@each(("period", "delay"), [(0.01, 0.0), (0.025, 0.0), (0.1, 0.0), (0.025, 0.02)])
 def test_full_throttle_gives_the_motors_power_at_every_speed(period, delay, tires):
     """Oracle: v dv/dt = 9.51 * 7.319, whatever the rate of the commands, and their delay."""
     world = World(OpenGround(seconds=60.0), mu=2.0, tires=tires, changes=CarChanges(command_delay=delay))
@@ -76,7 +77,7 @@ def test_full_throttle_gives_the_motors_power_at_every_speed(period, delay, tire
     assert power.max() < 1.003  # of contacts: it is that at a step's start
 
 
-@pytest.mark.parametrize("speed", [-3.0, 2.0, 15.0])
+@each("speed", [-3.0, 2.0, 15.0])
 def test_wheel_speed_odometry_is_the_true_speed_when_rolling(speed):
     """Under the car's weight the contact lies a rolling radius below the axle; the axles' loads differ by 8%."""
     model, data, car = flat_world()

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.simulation.cars_alone import without_course
 from fg_mujoco.simulation.engine import Engine
@@ -52,7 +53,7 @@ def driven(engine, changes=()):
     return seen, engine.crashed.copy()
 
 
-@pytest.mark.parametrize(
+@each(
     "changes", [(), (CarChanges(mu=0.5, mass=4.0), CarChanges(speed_gain=0.8, center_of_gravity_height=0.06))]
 )
 def test_cars_alone_move_as_in_their_worlds(worlds, changes):

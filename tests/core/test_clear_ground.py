@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.cars import WorldCar
@@ -49,7 +50,7 @@ def driven(engine, ticks):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
+@each("track", ("oval", "tight", "boxes", "maze", "scene:dead_end:1"))
 def test_a_car_that_is_clear_touches_nothing(track):
     """Oracle: MuJoCo's own search for contacts, and its distance of the chassis from each solid, at random places."""
     world, rng = fg.World(track), np.random.default_rng(3)
@@ -79,7 +80,7 @@ def test_a_car_that_is_clear_touches_nothing(track):
     assert min(counts) > 10 or track != "oval"
 
 
-@pytest.mark.parametrize("tires", ("contact", "coulomb"))
+@each("tires", ("contact", "coulomb"))
 def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
     states, shares = [], []
     for make in (lambda world: world, searched):
@@ -123,7 +124,7 @@ def test_cars_near_each_other_are_searched_and_cars_apart_are_not():
     assert is_clear(engine)
 
 
-@pytest.mark.parametrize(("height", "roll"), [(-0.04, 0.0), (0.0, 0.5), (0.0, math.pi)])
+@each(("height", "roll"), [(-0.04, 0.0), (0.0, 0.5), (0.0, math.pi)])
 def test_a_car_that_is_low_or_tilts_is_searched(height, roll):
     engine = Engine(fg.World("fast"))
     engine.place([Start(s=2.0)])

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.clearance import least_clearance, rectangle_distance
 from fg_mujoco.course.course import outline
 
@@ -52,7 +53,7 @@ def test_the_distance_does_not_depend_on_where_the_world_begins(x, y, turn, ax, 
     assert least_clearance(np.array([[x, y, turn]]), moved, CAR) == pytest.approx(here, abs=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     ("segment", "distance"),
     [
         ((FRONT + 0.7, -5.0, FRONT + 0.7, 5.0), 0.7),  # a wall ahead: the pose is that of the rear axle

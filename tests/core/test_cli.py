@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.tight_courses.tight import generate_tight_track
 from fg_mujoco.cli.command import OUTPUT
 from fg_mujoco.cli.main import main
@@ -56,7 +57,7 @@ def command(*arguments, **options):
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"), [(None, "no such file"), ("0,0,1,1\n10,0,1,1\n10,nan,1,1\n0,10,1,1\n", "line 3")]
 )
 def test_a_bad_track_file_is_refused(here, capsys, text, said):
@@ -66,7 +67,7 @@ def test_a_bad_track_file_is_refused(here, capsys, text, said):
     assert said in line and ("track.csv" in line or "'track'" in line)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "name", "said"),
     [
         ("raise SystemExit(0)\n", "P", "does not import"),
@@ -90,7 +91,7 @@ def test_an_output_folder_that_cannot_be_used_is_refused_before_the_race(here, c
         assert said in refused(here, capsys, "race", "--controller", "boom.py:P", "--out", folder)
 
 
-@pytest.mark.parametrize("form", ["table", "json"])
+@each("form", ["table", "json"])
 def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and_exits_2(
     here, capsys, monkeypatch, form, without_pictures
 ):
@@ -130,7 +131,7 @@ def test_an_output_folder_without_permission_is_refused(here, capsys):
     assert "Permission denied" in refused(here, capsys, "race", "--out", "locked/run")
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "said"),
     [
         ((), "race, replay, drive, track, controllers"),
@@ -397,9 +398,9 @@ def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
     assert main(["controllers", "--json"]) == 0
     described = json.loads(capsys.readouterr().out)
     assert [each["name"] for each in described if not each["baseline"]] == list(fg.controller_names())
-    for each in described:
-        assert each["summary"] and each["distribution"] == "fg-mujoco"
-        rows = {row["name"]: row for row in each["settings"]}
+    for row in described:
+        assert row["summary"] and row["distribution"] == "fg-mujoco"
+        rows = {setting["name"]: setting for setting in row["settings"]}
         assert rows["safe_distance"]["unit"] == "m" and rows["safe_distance"]["default"] == 0.2
         assert all(row["text"] for row in rows.values())
 
@@ -429,7 +430,7 @@ def test_a_controllers_settings_follow_its_name(capsys):
     assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", [["export", "run", "--out"], ["track", "export", "oval"]])
+@each("command", [["export", "run", "--out"], ["track", "export", "oval"]])
 def test_a_file_name_that_is_too_long_is_refused_in_a_line(command, capsys):
     assert main([*command, f"{'a' * 300}.mcap"]) == 2
     said = capsys.readouterr().err

@@ -4,6 +4,7 @@ import textwrap
 
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import DriveCommand, PlannerContext
@@ -102,7 +103,7 @@ def test_a_file_is_read_afresh_each_time(in_file):
 # -- what does not
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "reason"),
     [
         ("def broken(:\n", "SyntaxError"),
@@ -121,13 +122,13 @@ def test_a_constructor_that_wants_something_else_is_told_what_it_may_name(in_fil
     refusal(lambda: make(in_file(wanting)), "mine.py:Planner", "wants track, pose", "car, mu, max_speed")
 
 
-@pytest.mark.parametrize("raised", ["ValueError('first\\nsecond')", "KeyError('x')", "ZeroDivisionError()"])
+@each("raised", ["ValueError('first\\nsecond')", "KeyError('x')", "ZeroDivisionError()"])
 def test_a_constructor_that_raises_is_told_what(in_file, raised):
     raising = answering("None", setup=f"raise {raised}")
     refusal(lambda: make(in_file(raising)), "mine.py:Planner", "cannot be built", raised.split("(")[0])
 
 
-@pytest.mark.parametrize(
+@each(
     "body",
     [
         "class Planner:\n    def __call__(self, scan, odometry): pass\n",  # no reset

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.crash import Crash, crash_of
 from fg_mujoco.simulation.engine import Engine
@@ -51,7 +52,7 @@ def wall_distance(track, point):
     return np.hypot(*(point - starts - share[:, None] * along).T).min()
 
 
-@pytest.mark.parametrize(("steering", "side"), ((0.2, "left wall"), (-0.2, "right wall")))
+@each(("steering", "side"), ((0.2, "left wall"), (-0.2, "right wall")))
 def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
     result = fg.race("oval", Held(steering, 2.0), laps=1)
     crash = result.car.crash
@@ -106,7 +107,7 @@ def test_a_car_that_slides_into_the_wall_is_told_at_its_speed_over_the_ground_an
     assert f", {crash.speed_m_s:.1f} m/s, {degrees:.0f} degrees of sideslip; had slid: " in str(crash)
 
 
-@pytest.mark.parametrize(
+@each(
     ("times", "said"),
     [
         ((0.0, 0.0, 0.0, 0.0), ""),

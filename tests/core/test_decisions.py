@@ -10,6 +10,7 @@ import pytest
 from numba.core import event
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.compiled.kernels import CompileTime, kernel
 from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
@@ -68,7 +69,7 @@ def catch_all_once(now):
             time.sleep(60.0)
 
 
-@pytest.mark.parametrize("hang", (loop, sleep, wait_for_a_lock, catch_errors, catch_all_once))
+@each("hang", (loop, sleep, wait_for_a_lock, catch_errors, catch_all_once))
 def test_a_planner_that_never_answers_ends_the_race(hang):
     result = race(hang)
     assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("decision_limit", False, 0)
@@ -94,7 +95,7 @@ def test_a_race_leaves_signals_and_timers_as_they_were():
         signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("limit", (0.0, -1.0, float("nan"), float("inf"), "1"))
+@each("limit", (0.0, -1.0, float("nan"), float("inf"), "1"))
 def test_a_limit_that_is_no_positive_number_is_refused(limit):
     with pytest.raises(fg.SettingsError, match=r"decision_limit is .*; accepted: a positive number"):
         race(lambda now: None, decision_limit=limit)
@@ -103,7 +104,7 @@ def test_a_limit_that_is_no_positive_number_is_refused(limit):
 # What is counted
 
 
-@pytest.mark.parametrize("kind", ("numba:compile", "fg_mujoco:kernel"))
+@each("kind", ("numba:compile", "fg_mujoco:kernel"))
 def test_compiling_is_not_counted_and_not_interrupted(kind):
     done = []
 
@@ -121,7 +122,7 @@ def test_compiling_is_not_counted_and_not_interrupted(kind):
         assert clock.seconds[1] >= 0.2
 
 
-@pytest.mark.parametrize("compiler", (kernel, numba.njit))
+@each("compiler", (kernel, numba.njit))
 def test_the_time_of_compiling_is_that_of_the_first_call(compiler):
     def double(x):
         return 2.0 * x
@@ -148,7 +149,7 @@ def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_th
 # Commands outside the car's limits
 
 
-@pytest.mark.parametrize(
+@each(
     ("steering_angle", "speed", "clamped"),
     [
         (0.0, 1.0, 0), (0.4189, 1.0, 0), (-0.4189, 1.0, 0), (0.42, 1.0, 4), (-0.42, 1.0, 4),

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.disparity_extender import DisparityExtender, DisparityExtenderSettings
 from scan_worlds import CAR, INCREMENT, MU, mirrored, odometry_of, scan_of
@@ -97,7 +98,7 @@ def scan_beside(distance, first=97.0, last=110.0):
     return scan_of(np.where((BEARINGS > 0.4) & (BEARINGS < 1.2), 12.0, beside))
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@each("side", [1.0, -1.0])
 def test_it_does_not_turn_into_a_side_that_is_too_close_behind(side):
     def view(distance):
         return scan_beside(distance) if side > 0.0 else mirrored(scan_beside(distance))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.arena.study.functions import overtake
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -114,7 +115,7 @@ DOORS = {
 }
 
 
-@pytest.mark.parametrize("name", DOORS)
+@each("name", DOORS)
 def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here, name):
     said = rf"^{name} has no argument 'time_limt'; .* did you mean 'time_limit'\?$"
     with pytest.raises(fg.SettingsError, match=said):
@@ -122,11 +123,11 @@ def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here
     assert not list(here.iterdir())
 
 
-@pytest.mark.parametrize("command", ["race", "rollout", "view", "compare"])
+@each("command", ["race", "rollout", "view", "compare"])
 def test_commands_have_the_options_of_a_car_with_the_same_help(command):
     commands = _parser()._subparsers._group_actions[0].choices
-    for each in (command, "race"):
-        commands[each].fill()
+    for name in (command, "race"):
+        commands[name].fill()
     helps = {a.dest: a.help for a in commands[command]._actions}
     race = {a.dest: a.help for a in commands["race"]._actions}
     lists = ("max_speed", "mu") if command == "compare" else ()  # axes there
@@ -137,7 +138,7 @@ def test_commands_have_the_options_of_a_car_with_the_same_help(command):
 # -- what is refused
 
 
-@pytest.mark.parametrize(
+@each(
     "door", [*(DOORS[name] for name in ("race", "rollout", "compare")), Scenario, Setup.of, EnvironmentSettings]
 )
 def test_a_friction_that_is_given_twice_is_refused(here, door):
@@ -146,13 +147,13 @@ def test_a_friction_that_is_given_twice_is_refused(here, door):
     assert not list(here.iterdir())
 
 
-@pytest.mark.parametrize("door", [DOORS["race"], DOORS["rollout"], lambda **given: LiveSession(Setup.of(**given))])
+@each("door", [DOORS["race"], DOORS["rollout"], lambda **given: LiveSession(Setup.of(**given))])
 def test_a_setting_of_the_planner_that_is_given_twice_is_refused(door):
     with pytest.raises(fg.SettingsError, match=r"lookahead is given in the brackets of .* and in planner_settings"):
         door(controller="gap_finder[lookahead=6]", planner_settings={"lookahead": 6.0})
 
 
-@pytest.mark.parametrize(
+@each(
     ("fixed", "drawn"),
     [
         ({"mu": 0.8}, "mu"), ({"changes": fg.CarChanges(mass=4.0)}, "mass"), ({"planner_mu": 1.0}, "planner_mu"),
@@ -166,7 +167,7 @@ def test_a_setting_that_is_fixed_and_randomised_is_refused(fixed, drawn):
         fg.rollout("oval", n=1, randomize={drawn: (0.9, 1.0)}, **fixed)
 
 
-@pytest.mark.parametrize("command", ["race", "rollout", "view", "compare", "replay-scans"])
+@each("command", ["race", "rollout", "view", "compare", "replay-scans"])
 def test_a_bad_vehicle_is_refused_by_every_command(here, capsys, command):
     (here / "bad.xml").write_text(F1TENTH.replace('name="lidar_mount"', 'name="mount"'))
     arguments = {"compare": ("--out", "out"), "replay-scans": ("a.mcap",)}.get(command, ())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.lab.manoeuvres import MANOEUVRES, find_manoeuvre
 from fg_mujoco.lab.straight_line_limits import stopping_distance
@@ -31,7 +32,7 @@ def after(result, time, *names):
 # Closed forms
 
 
-@pytest.mark.parametrize("radius", [2.0, -1.2])
+@each("radius", [2.0, -1.2])
 def test_a_slow_circle_is_that_of_geometry(radius):
     result = fg.drive(f"circle[radius={radius},speed=0.5,turns=1]")
     vx, vy, yaw_rate, lateral, ahead, sideslip, steering = after(
@@ -49,7 +50,7 @@ def test_a_slow_circle_is_that_of_geometry(radius):
     assert np.hypot(x - middle[0], y - middle[1]) == pytest.approx(abs(radius), rel=0.005)
 
 
-@pytest.mark.parametrize("mu", [0.3, 0.6])
+@each("mu", [0.3, 0.6])
 def test_a_full_stop_takes_the_way_of_the_drive_train(mu):
     """Torque is the same at all wheels: the rear ones, unloaded, let go first, and hold the front ones back."""
     figures = fg.handling(fg.drive("brake[speed=5]", mu=mu))
@@ -139,7 +140,7 @@ def test_a_run_folder_is_replayed_bit_for_bit_and_gives_the_same_figures(tmp_pat
 # Bad input
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         (
@@ -169,7 +170,7 @@ def test_a_file_that_is_none_of_commands_is_refused_in_one_line(tmp_path, capsys
         fg.Commands.read(path)
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "said"),
     [
         (["circl"], "unknown manoeuvre 'circl'; accepted: step_steer, slalom, .*, circle, .*; did you mean 'circle'?"),

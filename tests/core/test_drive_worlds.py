@@ -8,6 +8,7 @@ import pytest
 from mujoco.batch import Batch
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -57,7 +58,7 @@ def same_bits(first, second):
     return first.shape == second.shape and first.tobytes() == second.tobytes()
 
 
-@pytest.mark.parametrize("i", range(len(SCENARIOS)))
+@each("i", range(len(SCENARIOS)))
 def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
     raced = alone(SCENARIOS[i])
     assert same_bits(together.states[i], raced.states)
@@ -71,7 +72,7 @@ def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
         assert row[name] == told[name], name
 
 
-@pytest.mark.parametrize("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
+@each("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
 def test_the_others_and_the_order_make_no_difference(together, order):
     again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
     for place, i in enumerate(order):
@@ -94,7 +95,7 @@ def test_threads_make_no_difference(together):
         assert results.rows.tobytes() == together.rows[place::2].tobytes()
 
 
-@pytest.mark.parametrize(
+@each(
     "changes",
     (
         CarChanges(mu=0.7654321),
@@ -160,7 +161,7 @@ def planners(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize(("name", "ticks"), (("Raises", 3), ("Together", 5)))
+@each(("name", "ticks"), (("Raises", 3), ("Together", 5)))
 def test_a_planner_that_fails_ends_its_world_and_no_other(planners, name, ticks):
     scenarios = [Scenario(max_speed=speed) for speed in (1.0, 3.0, 2.0)]
     results = drive_worlds(scenarios, f"{planners}:{name}", time_limit=0.5, record="telemetry")

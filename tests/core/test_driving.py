@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
@@ -32,7 +33,7 @@ def command(scan, law, speed=0.0, angle=0.0, mu=MU, **settings):
     return planner(scan, odometry_of(speed, angle))
 
 
-@pytest.mark.parametrize(("ahead", "speed"), [(0.4, 0.0), (0.5, 0.0), (1.5, 2.0), (2.5, 4.0), (4.5, 8.0), (9.0, 8.0)])
+@each(("ahead", "speed"), [(0.4, 0.0), (0.5, 0.0), (1.5, 2.0), (2.5, 4.0), (4.5, 8.0), (9.0, 8.0)])
 def test_forward_distance_looks_straight_ahead_only(ahead, speed):
     scan = corridor(1.0, 1.0, ahead=ahead)
     distances = {"safe_distance": 0.5, "full_speed_distance": 4.5}
@@ -48,7 +49,7 @@ def test_a_single_post_ahead_is_seen_and_one_beside_is_not():
         assert speed == (0.0 if seen else TOP)
 
 
-@pytest.mark.parametrize("reach", [1.0, 2.0, 3.0])
+@each("reach", [1.0, 2.0, 3.0])
 def test_range_ratio_is_by_the_mean_range_towards_the_goal(reach):
     scan = scan_of(np.full(1081, reach))
     asked = command(scan, "mean_range", nearest_bubble=1e-6).speed

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.physics import STATE, span_of
@@ -54,15 +55,15 @@ def by_hand(world, ticks, command=(0.05, 2.0), s=0.0):
     return state
 
 
-@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+@each("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
 def test_a_world_has_the_bits_of_the_same_steps_by_hand(world):
     (state,) = driven(placed(Engine(world)), 40)
     assert state.tobytes() == by_hand(world, 40).tobytes()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "threads"), [(3, 1), (9, 2), (9, 4)])
-@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+@each(("count", "threads"), [(3, 1), (9, 2), (9, 4)])
+@each("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
 def test_each_of_many_worlds_has_the_bits_that_it_has_alone(world, count, threads):
     states = driven(placed(Engine(world, count, threads=threads)), 20)
     for i, state in enumerate(states):
@@ -118,7 +119,7 @@ def test_hooks_act_before_and_after_each_physics_step():
     assert driven(lone, 5)[1].tobytes() == driven(placed(Engine(OVAL, 2)), 5)[1].tobytes()
 
 
-@pytest.mark.parametrize("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
+@each("world", [OVAL, ON_CONTACTS], ids=["coulomb", "contact"])
 def test_slip_of_a_tick_is_that_of_the_slip_meter(world):
     engine = placed(Engine(world), speed=3.0)
     driven(engine, 3, (0.2, 3.0))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.envs import rewards
 from fg_mujoco.envs.end_conditions import END_CONDITIONS, EndCondition, end_condition
 from fg_mujoco.envs.observations import OBSERVATIONS, SENSED, ObservationTerm, observation
@@ -92,7 +93,7 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("name", BY_HAND)
+@each("name", BY_HAND)
 def test_a_reward_term_is_its_closed_form(name):
     made, expected = BY_HAND[name]
     np.testing.assert_allclose(REWARDS.find(name)(made), expected, atol=1e-12)
@@ -110,7 +111,7 @@ def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():
     np.testing.assert_allclose(REWARDS.find("near_wall")(near), expected)
 
 
-@pytest.mark.parametrize("name", [name for name in PARTS if name not in (*SENSED, "slip")])
+@each("name", [name for name in PARTS if name not in (*SENSED, "slip")])
 def test_a_bundled_observation_is_a_quantity_of_the_state(name):
     made = state(
         pose=[[0.0, 0.0, 0.3]] * 3, velocity=[[1.0, 0.2, 3.0]] * 3, offset=[0.3, -9.0, 0.0], command=[[0.1, 2.0]] * 3,
@@ -159,7 +160,7 @@ def actions(ticks, seed=0):
     return [np.array([0.25 * math.sin(0.3 * tick), 2.0 + rng.uniform(-1.0, 1.0)]) for tick in range(ticks)]
 
 
-@pytest.mark.parametrize("track", ["oval", "scene:crossing_box:1"])
+@each("track", ["oval", "scene:crossing_box:1"])
 def test_a_driven_state_is_that_of_the_simulation(track):
     """By other ways: the pose of a Simulation, projected on the course; clearances as a comparison has them."""
     names = ["heading_error", "cross_track_error", "wall_distance", "lateral_speed", "command"]
@@ -279,7 +280,7 @@ def told_by_pettingzoo(settings, commands):
     return rows
 
 
-@pytest.mark.parametrize("told", [told_by_vector, told_by_dm_env, told_by_pettingzoo])
+@each("told", [told_by_vector, told_by_dm_env, told_by_pettingzoo])
 def test_all_doors_tell_the_same(told):
     @reward
     def mine_at_all_doors(state):
@@ -407,14 +408,14 @@ BAD_SETTINGS = [
 ]
 
 
-@pytest.mark.parametrize(("settings", "match"), BAD_SETTINGS)
+@each(("settings", "match"), BAD_SETTINGS)
 def test_bad_settings_are_refused_in_one_line(settings, match):
     with pytest.raises(fg.SettingsError, match=match) as found:
         F1TenthEnv(**settings)
     assert "accepted: " in str(found.value) and "\n" not in str(found.value)
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "match"),
     [
         ({"rewards": {"mine": (lambda state: state.pose, 1.0)}}, r"'mine' returned .*shape \(1,\)"),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from conftest import Straight
 from fg_mujoco.errors import ArgumentError, MessageError
 from fg_mujoco.simulation.telemetry import TELEMETRY
@@ -41,7 +42,7 @@ def test_a_column_of_a_race_is_found_without_its_unit(short_race):
         np.testing.assert_array_equal(short_race.car.column(plain), short_race.car.telemetry[:, TELEMETRY.index(name)])
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "meant"),
     [
         ("time", "'sim_time_s'"), ("laps", "'car.laps_completed'"), ("best_lap", "'car.lap_times_s'"),
@@ -79,7 +80,7 @@ def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
     assert {"race", "rollout", "compare", "load_track", "DriveCommand", "Patch", "World", "Entry"} <= refused_by
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "said"),
     [
         (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'?"),
@@ -102,7 +103,7 @@ def test_a_wrong_argument_is_answered_with_the_one_that_was_meant(call, said):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "meant"),
     [
         ("make", "gymnasium.make('fg_mujoco/F1Tenth-v0')"), ("F1TenthEnv", "gymnasium.make('fg_mujoco/F1Tenth-v0')"),
@@ -129,7 +130,7 @@ def test_numpys_numbers_are_taken_as_numbers():
 # a simulation that is stepped by hand
 
 
-@pytest.mark.parametrize("command", [(0.0, 1.0), [0.0, 1.0], np.zeros(2), None])
+@each("command", [(0.0, 1.0), [0.0, 1.0], np.zeros(2), None])
 def test_a_step_takes_a_command_and_says_how_it_is_made(simulation, command):
     with pytest.raises(MessageError, match=r"accepted: a DriveCommand\(steering_angle=0.1"):
         simulation.step(command)
@@ -203,7 +204,7 @@ def test_a_function_in_a_file_is_a_planner_on_the_command_line_and_in_a_rollout(
     assert worlds["end_reason"].tolist() == ["time_limit"] * 2
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "said"),
     [
         (":helper", r"is the function helper\(x\); accepted: helper\(scan, odometry\)"),
@@ -238,7 +239,7 @@ IMPORTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("imports", IMPORTS.values(), ids=IMPORTS)
+@each("imports", IMPORTS.values(), ids=IMPORTS)
 def test_import_fg_mujoco_registers_the_environment(imports):
     pytest.importorskip("gymnasium")
     program = (
@@ -254,7 +255,7 @@ def test_import_fg_mujoco_registers_the_environment(imports):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("display", ["", ":987"])
+@each("display", ["", ":987"])
 def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):
     pytest.importorskip("gymnasium")
     pytest.importorskip("pettingzoo")
@@ -299,7 +300,7 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize(("line", "said"), COMMANDS.items(), ids=COMMANDS)
+@each(("line", "said"), COMMANDS.items(), ids=COMMANDS)
 def test_the_command_line_names_the_option_or_the_command_that_does_it(tmp_path, monkeypatch, capsys, line, said):
     monkeypatch.chdir(tmp_path)
     assert said in refused(tmp_path, capsys, *line.split())

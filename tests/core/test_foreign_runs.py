@@ -7,6 +7,7 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
@@ -101,8 +102,8 @@ def test_a_planner_without_a_recorded_hash_is_not_trusted(foreign, capsys):
     assert not imported(foreign)
 
 
-@pytest.mark.parametrize("options", [[], ["--controller", "gap_finder"], ["--trust"]])
-@pytest.mark.parametrize("place", ["entries", "entries in one car's folder", "opponents"])
+@each("options", [[], ["--controller", "gap_finder"], ["--trust"]])
+@each("place", ["entries", "entries in one car's folder", "opponents"])
 def test_no_planner_of_further_cars_is_loaded_that_the_rows_do_not_have(place, options, foreign, capsys):
     theirs = f"{foreign / 'controller.py'}:Slow"
     both = {"entries": [{"controller": "gap_finder"}, {"controller": theirs}]}
@@ -118,7 +119,7 @@ def test_no_planner_of_further_cars_is_loaded_that_the_rows_do_not_have(place, o
     assert not imported(foreign)
 
 
-@pytest.mark.parametrize("door", ["replay", "debug", "race"])
+@each("door", ["replay", "debug", "race"])
 def test_a_folder_reads_no_file_by_the_settings_of_a_planner_or_a_lidar(door, foreign, capsys):
     secret = foreign.parent / "secret.toml"
     secret.write_text("noise = 'hidden'\n")
@@ -139,7 +140,7 @@ def test_a_folder_reads_no_file_by_the_settings_of_a_planner_or_a_lidar(door, fo
         assert accepted in refusal(capsys, *arguments[door])
 
 
-@pytest.mark.parametrize("option", ["trust", "out", "video", "json"])
+@each("option", ["trust", "out", "video", "json"])
 def test_a_folder_says_neither_that_it_is_trusted_nor_what_is_written(foreign, option, capsys):
     value = {"trust": True, "json": True}.get(option, str(foreign.parent / "file.mp4"))
     name_planner(foreign, "gap_finder", None, **{option: value})
@@ -209,7 +210,7 @@ def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, 
     assert imported(foreign)
 
 
-@pytest.mark.parametrize(
+@each(
     "source", ["nowhere.py:X", "no_such_planner", "gap_finder:X", "/dev/zero.py:X", "", "os:system"]
 )
 def test_what_is_not_there_is_not_trusted(source, tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.errors import install_command
 from fg_mujoco.lab import lab
@@ -88,7 +89,7 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
     assert everything == list(lab.EXPERIMENTS) and others["settings"] == LabSettings(mus=(0.7,))
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "said"),
     [
         (("skidpad", "--mu", "0"), "--mu is 0.0; accepted: friction coefficients"),
@@ -119,7 +120,7 @@ def test_a_folder_of_something_else_is_refused(here, capsys):
     assert "quick is false there and true here" in refusal(here, capsys, "squares", "--quick", "--out", "out")
 
 
-@pytest.mark.parametrize("fares", [FAILS, DIES])
+@each("fares", [FAILS, DIES])
 def test_a_cell_that_fails_exits_1_and_says_which(capsys, fares):
     assert main(["friction", "squares", "--out", "out", "--workers", "2", "--seed", str(fares)]) == 1
     out, err = capsys.readouterr()
@@ -136,7 +137,7 @@ def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_sa
     assert (here / "out/report.html").exists() and not list(here.glob("out/*.svg"))
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@each("workers", [1, 2])
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here, workers):
     arguments = ["squares", "--seed", str(SLOW), "--workers", str(workers), "--out", "out"]
     process = subprocess.Popen(

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
@@ -80,7 +81,7 @@ DAMAGE = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
+@each("damage", DAMAGE)
 def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage):
     run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
     before, path = files(tmp_path), tmp_path / "cells/squares.jsonl"
@@ -166,7 +167,7 @@ def test_redraw_takes_rows_of_other_sources_and_says_so(tmp_path, monkeypatch):
         run_lab(["squares"], redraw=True)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@each("workers", [1, 2])
 def test_a_cell_that_fails_is_named_and_finished_ones_are_kept(tmp_path, workers):
     failing = LabSettings(seed=FAILS)
     with pytest.raises(fg.EngineError, match=rf'squares, cell .*"number": {BAD}.* ValueError: no such square .*line'):
@@ -213,7 +214,7 @@ def test_the_report_needs_no_other_file_and_its_ids_are_unique(tmp_path):
     assert report.count("<svg") == 2 and len(report) < 1e6
 
 
-@pytest.mark.parametrize("name", REAL)
+@each("name", REAL)
 def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, monkeypatch):
     monkeypatch.setattr(lab, "EXPERIMENTS", EXPERIMENTS)
     experiment = load_experiment(name)
@@ -229,7 +230,7 @@ SOME = {"braking": ODD, "transient": ODD, "skidpad": EVEN}
 """Cells of a quick experiment whose rows are all kinds that its report needs, where it has many."""
 
 
-@pytest.mark.parametrize("name", REAL)
+@each("name", REAL)
 def test_each_experiment_has_a_report_of_its_quick_cells(name, monkeypatch):
     monkeypatch.setattr(lab, "EXPERIMENTS", EXPERIMENTS)
     experiment, tables = load_experiment(name), defaultdict(list)

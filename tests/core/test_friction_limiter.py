@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from car_worlds import flat_world, forward, step
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.control.speed import friction_steering
 from fg_mujoco.controllers.safety.friction_limiter import (
@@ -65,7 +66,7 @@ def drive_bicycle(limiter, references, speed=0.0, steering_angle=0.0, substeps=1
 # -- closed forms
 
 
-@pytest.mark.parametrize("mu", [0.6, MU])
+@each("mu", [0.6, MU])
 def test_straight_ahead_it_brakes_and_accelerates_with_what_the_lighter_axle_holds(mu):
     # braking at x the rear axle carries m (g lf - x h) / b and a driven wheel m x / 4: two of them hold m x / 2 when
     # m x / 2 = mu m (g lf - x h) / b, so x = g (lf / b) / (h / b + 1 / (2 mu)); accelerating, lr for lf
@@ -78,7 +79,7 @@ def test_straight_ahead_it_brakes_and_accelerates_with_what_the_lighter_axle_hol
     assert settled(limiter, 0.0, 20.0, 1.0)[1] == pytest.approx(greatest(REAR), rel=1e-4)
 
 
-@pytest.mark.parametrize("speed", [2.0, 4.0, 7.0])
+@each("speed", [2.0, 4.0, 7.0])
 def test_at_one_speed_the_steering_settles_at_the_law_read_for_steering(speed):
     command = None
     angle = 0.0
@@ -95,7 +96,7 @@ def test_at_one_speed_the_steering_settles_at_the_law_read_for_steering(speed):
         assert angle == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@each("side", [1.0, -1.0])
 def test_the_wheels_turn_in_with_a_share_of_the_unused_grip_and_turn_out_with_more(side):
     # v^2 k + c v dk/dt = a: turning in adds to what cornering takes, turning out takes away from it
     speed, angle, share = 5.0, 0.06, DEFAULTS.turn_in_use
@@ -192,9 +193,9 @@ def measured_limit(mu, direction, use):
     return np.interp(use, (*USES, 1.0), (*MEASURED[mu, direction], 0.0))
 
 
-@pytest.mark.parametrize("direction", ["brake", "accelerate"])
-@pytest.mark.parametrize("mu", [0.6, MU])
-@pytest.mark.parametrize("speed", [2.0, 4.0, 7.0])
+@each("direction", ["brake", "accelerate"])
+@each("mu", [0.6, MU])
+@each("speed", [2.0, 4.0, 7.0])
 def test_it_never_asks_for_more_than_the_car_was_measured_to_hold(mu, direction, speed):
     limiter = FrictionLimiter(CAR, mu)
     granted = []
@@ -230,8 +231,8 @@ def greatest_slide(speed, reference, limiter, tires):
     return np.nanmax(meter.read().sliding_speed), data
 
 
-@pytest.mark.parametrize("tires", TIRES)
-@pytest.mark.parametrize("speed", [3.0, 5.0, 7.0])
+@each("tires", TIRES)
+@each("speed", [3.0, 5.0, 7.0])
 def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_limiter(speed, tires):
     slide, data = greatest_slide(speed, -CAR.max_steering_angle, FrictionLimiter(CAR, MU), tires)
     assert slide < slides_above(tires)
@@ -240,7 +241,7 @@ def test_a_step_of_the_steering_reference_slides_no_tire_and_does_without_the_li
     assert greatest_slide(speed, -CAR.max_steering_angle, None, tires)[0] > 2.0 * SLIDING_SPEED
 
 
-@pytest.mark.parametrize("tires", TIRES)
+@each("tires", TIRES)
 def test_a_limiter_that_believes_in_half_as_much_grip_again_slides(tires):
     assert greatest_slide(5.0, CAR.max_steering_angle, FrictionLimiter(CAR, 1.5 * MU), tires)[0] > SLIDING_SPEED
 
@@ -259,7 +260,7 @@ def any_references(seed, ticks=400):
     return list(zip(np.clip(shaken[:ticks], -0.4189, 0.4189).tolist(), speeds, strict=False))
 
 
-@pytest.mark.parametrize(
+@each(
     "references",
     [[(0.4189, -0.8)] * 50 + [(0.4189, 2.5)] * 30, *map(any_references, (0, 1, 3))],
     ids=["back and on at full lock", "0", "1", "3"],

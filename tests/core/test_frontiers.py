@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from drawn_worlds import Driven, box, cell, lines, middles
 from fg_mujoco.controllers.perception.cell_distances import FAR
 from fg_mujoco.controllers.perception.cell_marks import WAY_BACK
@@ -65,7 +66,7 @@ def test_the_way_back_is_closed():
     assert ahead(driven, 0.5) < math.inf
 
 
-@pytest.mark.parametrize("open_side", [1, -1])
+@each("open_side", [1, -1])
 def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
     ends = (30.0, 3.0) if open_side == 1 else (3.0, 30.0)
     driven = Driven(junction(*ends))
@@ -76,7 +77,7 @@ def test_at_a_junction_it_is_not_the_branch_that_is_seen_to_its_end(open_side):
     assert at_open < ahead(driven, 0.5) < at_closed
 
 
-@pytest.mark.parametrize("pocket", [0.0, 1.5, 2.5])
+@each("pocket", [0.0, 1.5, 2.5])
 def test_in_a_hairpin_it_is_beside_the_barriers_end_and_not_in_the_pocket(pocket):
     driven = Driven(hairpin(pocket))
     driven.go(4.5)
@@ -155,7 +156,7 @@ def slow_distances(way):
     return found
 
 
-@pytest.mark.parametrize(("walls", "distance"), [(hairpin(), 4.5), (junction(30.0, 3.0), 4.5), (STRAIGHT, 7.0)])
+@each(("walls", "distance"), [(hairpin(), 4.5), (junction(30.0, 3.0), 4.5), (STRAIGHT, 7.0)])
 @pytest.mark.slow
 def test_the_way_to_go_is_that_of_a_slow_search_with_a_heap(walls, distance):
     driven = Driven(walls)

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from cases import each
 from fuzzing.harness import Limits, knock
 from fuzzing.target import Target
 from fuzzing.targets import TARGETS
@@ -18,7 +19,7 @@ TRIES = 100 if SEED else 12  # those of seed 0 are the same in every run
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("target", TARGETS)
+@each("target", TARGETS)
 def test_hostile_input_is_refused_in_a_line_or_used(target):
     tally = knock(target, TRIES, seed=SEED)
     assert tally.tries == TRIES
@@ -74,7 +75,7 @@ def _third(attempt):
 faulty = {name: _third(attempt) for name, (attempt, _) in FAULTS.items()}
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@each("fault", FAULTS)
 def test_the_harness_finds(fault):
     tally = knock(fault, 5, seed=0, targets="test_fuzz:faulty", limits=LIMITS)
     (finding,) = tally.findings

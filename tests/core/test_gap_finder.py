@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.messages import STOP, DriveCommand
@@ -38,7 +39,7 @@ def decide_all(batch, scans, odometries):
     return [tuple(command) for command in commands.tolist()]
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@each("side", [1.0, -1.0])
 def test_it_passes_an_obstacle_on_the_wider_side(side):
     scan = corridor(2.0, 2.0)
     hidden = np.abs(scan.bearings - side * 0.05) < 0.12  # a box 3 m ahead, a little to one side
@@ -79,7 +80,7 @@ def test_it_stops_where_nothing_can_be_driven_along():
     assert finder()(scan_of(np.full(1081, 0.05)), odometry_of(0.0)).speed == 0.0
 
 
-@pytest.mark.parametrize("mu", [MU, math.inf])
+@each("mu", [MU, math.inf])
 def test_without_odometry_it_stops(mu):
     for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)):
         assert GapFinder(CAR, mu, 8.0)(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP

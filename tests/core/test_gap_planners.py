@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.disparity_extender import DisparityExtender
 from fg_mujoco.controllers.disparity_selection import DisparitySelection
 from fg_mujoco.controllers.follow_the_gap import FollowTheGap
@@ -34,7 +35,7 @@ def planner(request):
     return made(CAR, MU, 8.0, made.Settings(**settings))
 
 
-@pytest.mark.parametrize("choice", [*CHOICES, (WallFollow, {})], ids=named)
+@each("choice", [*CHOICES, (WallFollow, {})], ids=named)
 def test_a_mirrored_scan_gets_the_mirrored_command(choice):
     """Without guidance: the cells of its map have an orientation of their own."""
     made, settings = choice
@@ -50,7 +51,7 @@ def test_a_mirrored_scan_gets_the_mirrored_command(choice):
             assert one.speed == pytest.approx(other.speed, abs=1e-9)
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
+@each("side", [1.0, -1.0])
 def test_it_heads_for_the_side_that_is_open(planner, side):
     left, right = (8.0, 0.8) if side > 0 else (0.8, 8.0)
     bearing, distance = planner.find_goal(corridor(left, right, ahead=1.8))

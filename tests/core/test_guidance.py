@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
@@ -21,7 +22,7 @@ def finder():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@each(
     ("circuit", "without"),
     [("spiral", "no_progress"), ("maze", "no_progress"), ("boxes", "no_progress"), ("random:1:tight", "no_progress")],
 )
@@ -31,7 +32,7 @@ def test_a_lap_that_the_planner_does_not_finish_on_its_own_is_finished(circuit, 
     assert alone.car.end_reason == without
 
 
-@pytest.mark.parametrize("seed", range(4))
+@each("seed", range(4))
 def test_out_of_the_trap_it_goes_on_and_without_guidance_back(seed):
     guided, alone = (
         fg.race(f"scene:u_turn_trap:{seed}", "gap_finder", max_speed=8.0, assist=assist) for assist in ("full", "safe")
@@ -40,7 +41,7 @@ def test_out_of_the_trap_it_goes_on_and_without_guidance_back(seed):
     assert alone.car.end_reason == "wrong_way"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@each("seed", range(4))
 def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     race = fg.race(f"scene:dead_end:{seed}", "gap_finder")
     assert race.car.finished and race.car.collisions_wall == 0
@@ -73,7 +74,7 @@ def test_alone_and_in_a_batch_of_three_the_commands_have_the_same_bits():
     assert alone._alone._driven[0]["memory"]["guidance"]["way"]["ticks"] == len(seen)
 
 
-@pytest.mark.parametrize("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])
+@each("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])
 def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
     planner = finder()
     for scan in (corridor(1.0, 1.0, 20.0), blind):
@@ -83,7 +84,7 @@ def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
     assert world["x"] == pytest.approx(39 * 2.0 * 0.025)  # the first tick has nothing to come from
 
 
-@pytest.mark.parametrize("ahead", [0.2, 1.0, 2.5])
+@each("ahead", [0.2, 1.0, 2.5])
 def test_without_a_frontier_the_speed_is_that_from_which_the_car_stops_ahead_of_a_wall(ahead):
     """Oracle: v^2 = 2 a d, with d from the bumper to the stop margin ahead of the wall."""
     driver, scan = finder().driver[0], corridor(1.0, 1.0, ahead=ahead)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons import gym2d
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND
 from fg_mujoco.envs.actions import ActionBounds
@@ -50,7 +51,7 @@ DRAWN = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
+@each(
     "settings", [{}, {"beam_step": 20, "normalised_actions": True, "track": "scene:dead_end:1"}, DRAWN]
 )
 def test_env_checker_of_gymnasium_finds_nothing(settings):
@@ -63,7 +64,7 @@ def test_env_checker_of_gymnasium_finds_nothing(settings):
     assert len(texts) == len(advice) and all(part in text for part, text in zip(advice, texts, strict=True)), texts
 
 
-@pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
+@each("kind", [F1TenthEnv, F1TenthVectorEnv])
 def test_episode_is_the_race_of_the_same_commands(kind, lap):
     many = kind is F1TenthVectorEnv
     env = kind(track="oval", start="line", speed_range=(-5.0, 20.0))
@@ -86,7 +87,7 @@ def test_episode_is_the_race_of_the_same_commands(kind, lap):
     assert math.isclose(float(np.ravel(observation["speed"])[0]), lap.car.column("speed_m_s")[-1], abs_tol=0.3)
 
 
-@pytest.mark.parametrize("kind", [F1TenthEnv, F1TenthVectorEnv])
+@each("kind", [F1TenthEnv, F1TenthVectorEnv])
 def test_nothing_of_an_episode_is_left_in_the_next(kind, lap):
     """After a lap, one that crashes: its rewards, laps and counts are its own."""
     count = 1 if kind is F1TenthEnv else 2
@@ -153,7 +154,7 @@ def observer(step):
     return Observer(DEFAULT_OBSERVATION, CAR, beams, 0.025, beam_step=step, actions=(bounds.low, bounds.high))
 
 
-@pytest.mark.parametrize("step", [1, 2, 7, 10, 45, 540])
+@each("step", [1, 2, 7, 10, 45, 540])
 def test_beams_seen_are_symmetric_about_the_one_straight_ahead(step):
     bearings = observer(step).bearings
     assert np.abs(bearings).min() < 1e-9
@@ -187,7 +188,7 @@ def test_actions_out_of_bounds_are_held_within_them_and_counted(env):
     assert held["scan"].tobytes() == same["scan"].tobytes()
 
 
-@pytest.mark.parametrize(
+@each(
     ("action", "match"),
     [
         ([math.nan, 1.0], "steering_angle is nan"),
@@ -220,8 +221,8 @@ def test_crash_terminates_with_its_penalty_and_nothing_runs_on():
         env.step(np.zeros(2))
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize(("bounded", "slid"), [(True, [0.075, 0.009, 0.0]), (False, [0.075, 0.06, 0.0375])])
+@each("compiled", [True, False])
+@each(("bounded", "slid"), [(True, [0.075, 0.009, 0.0]), (False, [0.075, 0.06, 0.0375])])
 def test_reward_is_the_sum_of_its_four_terms(compiled, bounded, slid):
     """Sliding takes at most nine tenths of the progress: of 0.2, 0.01 and -0.4; the last car was not driven."""
     given = Rewards(progress=2.0, collision=5.0, sliding=3.0, impact=0.5, bounded=bounded)
@@ -286,8 +287,8 @@ def all_numbers(seen):
     return np.concatenate(parts).astype(float)
 
 
-@pytest.mark.parametrize("how", ["copy", "pickle"])
-@pytest.mark.parametrize("face", FACES)
+@each("how", ["copy", "pickle"])
+@each("face", FACES)
 def test_a_copied_environment_is_a_new_one_that_drives_apart(face, how):
     make, reset, step = FACES[face]
     first, other = make(), make()
@@ -313,7 +314,7 @@ def test_a_copy_draws_from_the_ranges_and_drives_on_the_map_that_were_set_last()
     assert copy.deepcopy(gym).world.track.name == "hairpins"
 
 
-@pytest.mark.parametrize("how", [copy.copy, copy.deepcopy, pickle.dumps])
+@each("how", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_what_holds_addresses_is_not_copied(how):
     world = fg.World("oval")
     simulation = fg.Simulation(world)

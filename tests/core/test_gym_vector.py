@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.errors import MessageError
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -107,7 +108,7 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
+@each("case", CASES)
 def test_worlds_tell_what_single_environments_tell(case):
     mode, settings = CASES[case]
     together, ends = drive(vector(autoreset_mode=mode, **settings), mode, 60)
@@ -153,7 +154,7 @@ def test_result_does_not_depend_on_the_number_of_threads():
         assert_same(first, second)
 
 
-@pytest.mark.parametrize(
+@each(
     "settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}]
 )
 def test_kernels_alone_do_what_they_do_with_python_in_between(settings):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.decision_times import DecisionTimes
@@ -67,7 +68,7 @@ def test_degrees_are_told_and_radians_are_not():
     assert race_hints(radians) == ()
 
 
-@pytest.mark.parametrize(
+@each(
     ("angles", "speeds", "said"),
     [
         ([0.5] * 60, [1.0] * 60, "Try less gain"),
@@ -87,7 +88,7 @@ def said_of(angles):
     return clamped_hint(telemetry(angles, [2.0] * len(angles)), CAR)
 
 
-@pytest.mark.parametrize("cut", [0.4189, 0.34])
+@each("cut", [0.4189, 0.34])
 def test_degrees_that_are_cut_off_are_told_and_radians_and_one_side_are_not(cut):
     radians = 0.1 * np.sin(0.2 * np.arange(200))
     degrees = np.clip(np.degrees(radians), -cut, cut)
@@ -95,7 +96,7 @@ def test_degrees_that_are_cut_off_are_told_and_radians_and_one_side_are_not(cut)
     assert [said_of(angles) for angles in (radians, np.abs(degrees), 0.01 * degrees)] == ["", "", ""]
 
 
-@pytest.mark.parametrize(("moves", "said"), [(0.0, "all "), (1.0, "the last "), (99.0, "")])
+@each(("moves", "said"), [(0.0, "all "), (1.0, "the last "), (99.0, "")])
 def test_a_planner_that_asks_for_no_speed_is_told_so(moves, said):
     class Stops(Deepest):
         def __call__(self, scan, odometry):
@@ -124,7 +125,7 @@ def test_wheels_that_spin_at_the_start_are_told_with_time_and_place():
 # -- late decisions
 
 
-@pytest.mark.parametrize(("late", "told"), [(50, False), (51, True)])
+@each(("late", "told"), [(50, False), (51, True)])
 def test_most_decisions_over_a_tick_are_told(late, told):
     times = DecisionTimes.of([0.05] * late + [0.001] * (100 - late), PERIOD)
     hint = late_hint(vars(times))
@@ -146,7 +147,7 @@ def test_a_race_says_that_its_planner_is_late(monkeypatch):
 
 
 # Planners that look only ahead leave the room behind the car on the side to which they should have steered.
-@pytest.mark.parametrize(
+@each(
     ("read", "track", "speed", "widest"),
     [
         (mirrored, "chicanes", 1.5, math.pi),

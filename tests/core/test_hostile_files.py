@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.options import in_one_line
 from fg_mujoco.course.files import is_file, is_folder, read_bytes, read_text, require_regular
 from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
@@ -56,7 +57,7 @@ TRACKS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TRACKS)
+@each("name", TRACKS)
 def test_tracks_that_are_too_much(name, here, capsys):
     text, *said = TRACKS[name]
     (here / "mine.csv").write_text(text, "utf-8")
@@ -86,7 +87,7 @@ MAPS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MAPS)
+@each("name", MAPS)
 def test_maps_that_are_too_much(name, here, capsys):
     pytest.importorskip("yaml", reason="no yaml here: pip install -e '.[maps]'")
     text, *said = MAPS[name]
@@ -120,7 +121,7 @@ CONFIGS = {
 }
 
 
-@pytest.mark.parametrize("name", CONFIGS)
+@each("name", CONFIGS)
 def test_settings_that_are_too_much(name, here, capsys):
     text, said = CONFIGS[name]
     (here / "race.toml").write_text(text, "utf-8")
@@ -141,7 +142,7 @@ DOORS = (
 )
 
 
-@pytest.mark.parametrize("kind", ["FIFO", "device", "folder", "long", "NUL", "not UTF-8", "nothing"])
+@each("kind", ["FIFO", "device", "folder", "long", "NUL", "not UTF-8", "nothing"])
 def test_what_is_no_file_is_refused_at_every_door(kind, here, capsys):
     name = {"long": LONG, "NUL": "a\0b", "not UTF-8": "a\udcff"}.get(kind, "thing")
     for end in ("", ".csv", ".yaml", ".xml", ".py", ".toml"):
@@ -156,7 +157,7 @@ def test_what_is_no_file_is_refused_at_every_door(kind, here, capsys):
         assert len(err) < 4500
 
 
-@pytest.mark.parametrize("file", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
+@each("file", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
 def test_a_run_folder_of_fifos_is_refused(file, short_race, here, capsys):
     folder = fg.write_run(short_race, here / "run", picture=False)
     (folder / file).unlink()
@@ -204,7 +205,7 @@ def test_a_message_is_one_line_that_a_terminal_shows():
     assert in_one_line("μ of 3 m/s²") == "μ of 3 m/s²"
 
 
-@pytest.mark.parametrize("text", ["map.yaml[close=.3]" * 10_000, "a" + " " * 500_000 + "["])
+@each("text", ["map.yaml[close=.3]" * 10_000, "a" + " " * 500_000 + "["])
 def test_names_that_are_too_long(text):
     with pytest.raises(fg.TrackError, match=f"has {len(text)} characters; accepted: 8192 at most"):
         fg.load_track(text)

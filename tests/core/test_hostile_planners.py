@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.planner_adapter import plan
@@ -125,7 +126,7 @@ def planner(folder=".", **when):
 # -- races
 
 
-@pytest.mark.parametrize("how", RAISING)
+@each("how", RAISING)
 def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, how, without_pictures):
     before = os._exit
     assert main(["race", "--controller", planner(v8=how), "--laps", "1", "--out", "run"]) == 1
@@ -137,7 +138,7 @@ def test_whatever_a_planner_raises_ends_the_race_with_file_and_line(capsys, how,
     assert os._exit is before
 
 
-@pytest.mark.parametrize("how", ANSWERING)
+@each("how", ANSWERING)
 def test_whatever_is_no_command_ends_the_race(capsys, how):
     assert main(["race", "--controller", planner(v8=how), "--laps", "1"]) == 1
     out, _ = capsys.readouterr()
@@ -180,7 +181,7 @@ class Forks:
 """
 
 
-@pytest.mark.parametrize(
+@each(
     ("command", "text", "ends"),
     [
         ("race", "def fork(): os.fork() or 1 / 0", "time_limit"),
@@ -228,7 +229,7 @@ def same(rows, others):
     return rows.tobytes() == others.tobytes()
 
 
-@pytest.mark.parametrize("how", ("os_exit", "ctrl_c", "mute", "long", "nan", "deep"))
+@each("how", ("os_exit", "ctrl_c", "mute", "long", "nan", "deep"))
 def test_in_a_batch_it_is_the_failure_of_that_world(how):
     scenarios = [Scenario(max_speed=speed) for speed in (3.0, 4.0, 5.0)]
     honest = drive_worlds(scenarios, planner(), time_limit=0.3)

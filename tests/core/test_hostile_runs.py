@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.files import read_arrays
 from fg_mujoco.course.mjcf import MOST_BODIES
@@ -239,7 +240,7 @@ def pick(door):
     return DOORS[door]
 
 
-@pytest.mark.parametrize(("file", "name"), HOSTILE)
+@each(("file", "name"), HOSTILE)
 def test_a_hostile_folder_is_refused_in_one_line(file, name, here, capsys):
     import re
 
@@ -252,8 +253,8 @@ def test_a_hostile_folder_is_refused_in_one_line(file, name, here, capsys):
         fg.replay("run")
 
 
-@pytest.mark.parametrize("door", ["report", "render", "export"])
-@pytest.mark.parametrize(
+@each("door", ["report", "render", "export"])
+@each(
     ("file", "name"),
     [
         ("states.npz", "NaN"), ("telemetry.csv", "columns"), ("summary.json", "levels"), ("scene.xml", "a mesh's file"),
@@ -269,7 +270,7 @@ def test_every_door_refuses_them(door, file, name, here, capsys):
 WRONG = (-1, 1.5, "a" * 5000, True, [], [None], {}, {"a": {}}, 10**400)
 
 
-@pytest.mark.parametrize("door", ["replay", "export", "race"])
+@each("door", ["replay", "export", "race"])
 def test_no_value_of_a_summary_ends_in_a_traceback(door, here, capsys, monkeypatch):
     """Whatever a value is, a door answers, or refuses it in one line."""
     arguments = ("race", "--config", "run", "--time-limit", "0.05", "--json") if door == "race" else pick(door)

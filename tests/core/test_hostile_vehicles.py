@@ -8,6 +8,7 @@ import mujoco
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course import mjcf
 from fg_mujoco.course.mjcf import MOST_BODIES, MOST_ELEMENTS, checked_mjcf
 from fg_mujoco.lidar.beams import LidarModel
@@ -127,7 +128,7 @@ VEHICLES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", VEHICLES)
+@each("name", VEHICLES)
 def test_a_hostile_vehicle_is_refused_in_one_line(name, here, capsys):
     change, said = VEHICLES[name]
     for file in ("private/a.xml", "private/a.toml"):
@@ -210,7 +211,7 @@ def scenery(here, look):
     return compile_scenery(fg.World("oval", str(here / "car/mine.xml")).xml)
 
 
-@pytest.mark.parametrize("folder", ["", '<compiler meshdir="parts"/>', '<compiler assetdir="./parts"/>'])
+@each("folder", ["", '<compiler meshdir="parts"/>', '<compiler assetdir="./parts"/>'])
 def test_a_look_has_meshes_beside_it_and_below(folder, here):
     name = "cone.obj" if folder else "parts/cone.obj"
     model = scenery(here, MESH.format(name, GEOM).replace("<asset>", folder + "<asset>"))
@@ -229,7 +230,7 @@ LOOKS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LOOKS)
+@each("name", LOOKS)
 def test_a_look_reads_no_file_outside_of_its_folder(name, here):
     file, said = LOOKS[name]
     (here / "private/a.obj").write_text(CONE, "utf-8")
@@ -241,7 +242,7 @@ def test_a_look_reads_no_file_outside_of_its_folder(name, here):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@each(
     ("asset", "said"),
     [
         ('<compiler meshdir="/etc"/><asset><mesh file="passwd.obj"/></asset>', "is outside of"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import read_run
 from fg_mujoco.simulation.telemetry import COMMAND, GREATEST_COMMAND
@@ -46,7 +47,7 @@ def runs(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("folder", "car"), [("one", 0), ("two", 1)])
+@each(("folder", "car"), [("one", 0), ("two", 1)])
 def test_it_is_held_recorded_and_counted(runs, folder, car):
     run = read_run(runs / folder)
     telemetry = (run.telemetry, *run.others)[car]
@@ -59,7 +60,7 @@ def test_it_is_held_recorded_and_counted(runs, folder, car):
     assert np.isfinite(run.states).all() and np.abs(run.states).max() < 1e6
 
 
-@pytest.mark.parametrize("folder", ["one", "two"])
+@each("folder", ["one", "two"])
 @pytest.mark.slow
 def test_the_folder_has_numbers_only_and_replays(runs, folder, capsys):
     for path in (runs / folder).iterdir():

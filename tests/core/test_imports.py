@@ -7,9 +7,8 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 import fg_mujoco as fg
+from cases import each
 
 PACKAGE = Path(fg.__file__).parent
 TOP_FOLDERS = {f"fg_mujoco.{name}": Path(getattr(fg, name).__file__).parent for name in ("controllers", "addons")}
@@ -95,7 +94,7 @@ def test_no_module_imports_from_above_by_name():
     assert [each for name in names for each in wrong(name, MODULES[name].read_text("utf-8"))] == []
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         'import importlib\nimportlib.import_module("fg_mujoco.addons.ros.node_host.ros_planner")',

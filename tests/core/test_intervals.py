@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.addons.arena.study.intervals import median_interval, share_difference
 from fg_mujoco.rollouts.rollout_result import wilson
 
@@ -34,7 +35,7 @@ def test_pairs_the_other_way_round_have_the_opposite_difference():
     assert math.isnan(share_difference([])[0]) and share_difference([])[1:] == (-1.0, 1.0)
 
 
-@pytest.mark.parametrize("count", [1, 5, 6, 7, 8, 9, 17, 40, 1200])
+@each("count", [1, 5, 6, 7, 8, 9, 17, 40, 1200])
 def test_the_interval_of_a_median_covers_it_and_is_the_narrowest_of_its_kind(count):
     """How often the median lies outside is counted exactly: as often as k - 1 or fewer of n coins are heads, twice."""
     found = median_interval(range(1, count + 1))

@@ -132,8 +132,8 @@ def test_the_folder_does_not_grow_without_end(kept, tmp_path, monkeypatch):
     (first,) = folder.iterdir()
     monkeypatch.setattr(keeping, "MOST_BYTES", int(2.5 * first.stat().st_size))
     for number in range(4):
-        for each in folder.iterdir():
-            os.utime(each, (number, number))
+        for file in folder.iterdir():
+            os.utime(file, (number, number))
         fg.load_track(str(path))
         fg.load_track(f"{path}[close=0.{number + 1}]")
     assert len(list(folder.iterdir())) == 2 and first.is_file() and made["course"] == 5

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.compiled.kernel_files import made_once
 from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
 from fg_mujoco.compiled.machine_code import machine
@@ -108,7 +109,7 @@ def test_without_a_home_they_are_kept_in_the_temporary_folder(cache):
     assert [path.name for path in (cache / "tmp").iterdir()] == [folder.parent.name]
 
 
-@pytest.mark.parametrize(("of", "mode"), [("fg_mujoco", 0o720), ("fg_mujoco/kernels", 0o702), ("fg_mujoco", None)])
+@each(("of", "mode"), [("fg_mujoco", 0o720), ("fg_mujoco/kernels", 0o702), ("fg_mujoco", None)])
 def test_a_folder_that_others_may_write_to_is_not_used(cache, monkeypatch, capsys, of, mode):
     assert halve_anew()
     (file,) = kept_in(cache)
@@ -162,7 +163,7 @@ def test_another_processor_has_files_of_its_own(cache, monkeypatch):
     assert not halve_anew()
 
 
-@pytest.mark.parametrize("failing", ["write_bytes", "replace", "read_bytes"])
+@each("failing", ["write_bytes", "replace", "read_bytes"])
 def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkeypatch, failing):
     def fail(path, *_):
         if failing == "write_bytes":
@@ -187,7 +188,7 @@ with made_once(file, patience=float(sys.argv[2])):
 """
 
 
-@pytest.mark.parametrize(("patience", "found"), [(60.0, True), (0.1, False)])
+@each(("patience", "found"), [(60.0, True), (0.1, False)])
 def test_a_process_waits_for_what_another_one_makes(tmp_path, patience, found):
     file = tmp_path / "tick-0123456789abcdef"
     command = [sys.executable, "-c", WAITS, str(file), str(patience)]

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
+
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "kills.py"
 RACE = "race --time-limit 0.5 --out runs/a"
 
@@ -51,7 +53,7 @@ def test_without_a_home_a_race_is_written(tmp_path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-@pytest.mark.parametrize(
+@each(
     "arguments",
     [RACE, "rollout --n 2 --time-limit 0.5 --out a", "compare --out a", "friction skidpad --quick --out a",
      "track new --seed 1 a.csv", "track show oval --out a.png"],

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.lab.braking import EXPERIMENT, GRIPPY
 from fg_mujoco.lab.experiment import LAW_TIRES
 from fg_mujoco.lab.straight_line_limits import even_torque_limit, held_share
@@ -20,8 +21,8 @@ def stops(tires, mu, speed):
 
 
 # Measured: held .997 and .999 of v^2/(2 mu g); at full brake 1.001 and .978 of the closed form; guarded 1.000.
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize(("mu", "speed"), [(1.0489, 8.0), (0.6, 8.0)])
+@each("tires", LAW_TIRES)
+@each(("mu", "speed"), [(1.0489, 8.0), (0.6, 8.0)])
 def test_stops_are_as_long_as_the_closed_forms(mu, speed, tires):
     rows = stops(tires, mu, speed)
     assert rows["held"]["distance_m"] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.01)
@@ -31,7 +32,7 @@ def test_stops_are_as_long_as_the_closed_forms(mu, speed, tires):
     assert rows["held"]["distance_m"] < rows["full"]["distance_m"] < rows["guard"]["distance_m"]
 
 
-@pytest.mark.parametrize("tires", LAW_TIRES)
+@each("tires", LAW_TIRES)
 def test_full_throttle_is_the_motors_limit_where_the_ground_holds(tires):
     rows = EXPERIMENT.measure({"tires": tires, "part": "throttle", "mu": GRIPPY})["throttle"]
     slow = [row for row in rows if row["speed_m_s"] < 0.95 * CAR.power_limit_speed]
@@ -67,8 +68,8 @@ def test_even_torque_limit_balances_the_light_axle():
         assert 0.5 * CAR.mass * a == pytest.approx(mu * load)
 
 
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize(("mu", "share"), [(1.0489, 0.6), (0.6, 0.9)])
+@each("tires", LAW_TIRES)
+@each(("mu", "share"), [(1.0489, 0.6), (0.6, 0.9)])
 def test_tires_stay_in_their_circle_and_the_guard_in_what_holds(mu, share, tires):
     tables = EXPERIMENT.measure({"tires": tires, "part": "split", "mu": mu, "share": share})
     for row in tables["splits"]:

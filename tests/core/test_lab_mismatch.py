@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from cases import each
 from fg_mujoco.lab import mismatch
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.mismatch import EXPERIMENT
@@ -28,7 +29,7 @@ def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
     assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
 
 
-@pytest.mark.parametrize("threshold", [0.95, 1.1, 1.234])
+@each("threshold", [0.95, 1.1, 1.234])
 def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
     monkeypatch.setattr(
         mismatch, "drive_believing", lambda *cell: SimpleNamespace(slide_time_fraction=0.1 * (cell[2] > threshold))
@@ -38,7 +39,7 @@ def test_knee_is_found_where_the_tires_begin_to_slide(monkeypatch, threshold):
     assert row["sliding_from"] == pytest.approx(threshold, abs=0.01) and row["reason"] == ""
 
 
-@pytest.mark.parametrize(("slide", "reason"), [(0.0, "slides at no ratio up to 1.5"), (1.0, "slides at 0.9")])
+@each(("slide", "reason"), [(0.0, "slides at no ratio up to 1.5"), (1.0, "slides at 0.9")])
 def test_knee_that_is_not_there_is_nan_with_a_reason(monkeypatch, slide, reason):
     monkeypatch.setattr(mismatch, "drive_believing", lambda *_: SimpleNamespace(slide_time_fraction=slide))
     (row,) = EXPERIMENT.measure({"track": "oval", "mu": 0.6, "ratio": None})["knee"]

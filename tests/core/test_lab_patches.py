@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lab.lab_laps import drive_laps
 from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, edge_load, sliding_sideways
@@ -56,12 +57,12 @@ def test_each_tire_has_the_friction_of_what_is_under_its_wheel(x, y, heading, tu
 
 
 # Measured at 1 ms: 1.0008, 0.9975
-@pytest.mark.parametrize("mu", [0.2, 0.7])
+@each("mu", [0.2, 0.7])
 def test_friction_that_acts_on_a_patch_is_the_one_asked_for(mu):
     assert sliding_sideways("site", mu) == pytest.approx(mu, rel=0.005)
 
 
-@pytest.mark.parametrize("way", ["maximum", "priority", "pair"])
+@each("way", ["maximum", "priority", "pair"])
 def test_geom_flush_with_the_ground_has_the_ground_s_friction(way):
     """The counter-example. MuJoCo takes the greater friction of two geoms, and with `priority` or a `pair` the ground's
     own contact is there still: once a tire slides, that has all of its load."""
@@ -75,7 +76,7 @@ def test_only_a_patch_without_thickness_has_no_edge():
     assert sliding_sideways("raised", 0.35) == pytest.approx(0.35, rel=0.01)  # that much is right
 
 
-@pytest.mark.parametrize("mu", [0.35, 0.7])
+@each("mu", [0.35, 0.7])
 def test_circle_on_a_patch_holds_up_to_its_law_and_widens_beyond(mu):
     # measured: onset .9996; beyond, 1.004 to 1.008 times the square, and .992 to .996 mu g
     radius = 3.0

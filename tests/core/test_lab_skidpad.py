@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.lab.rigid_car import axle_use, tire_loads
 from fg_mujoco.lab.skidpad import EXPERIMENT
 from fg_mujoco.lab.steady_circle import SteadyCircle, UnreachableError
@@ -26,7 +27,7 @@ def measure(mu, steering, ks=(), tires="coulomb"):
 
 
 # Measured: k_grip .9977, .9977 and .9945 of the law on bristles, .9930 on contacts.
-@pytest.mark.parametrize(
+@each(
     ("mu", "steering", "tires"),
     [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.9, 0.2, "coulomb"),
      (0.9, 0.2, "contact")],
@@ -40,7 +41,7 @@ def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
     assert row["lightest_tire"] == ("rear_left" if steering > 0 else "rear_right")  # the inner one of the lighter axle
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "tires", "steering"),
     [*((vehicle, "coulomb", steering) for vehicle in ("f1tenth", "nuc2") for steering in (0.05, 0.2)),
      ("f1tenth", "contact", 0.05)],
@@ -52,7 +53,7 @@ def test_the_first_tire_slides_within_one_percent_of_the_law(vehicle, tires, ste
     assert 0.99 < before.k < after.k < 1.01
 
 
-@pytest.mark.parametrize(("mu", "steering", "tires"), [(0.5, 0.1, "coulomb"), (1.0489, 0.2, "contact")])
+@each(("mu", "steering", "tires"), [(0.5, 0.1, "coulomb"), (1.0489, 0.2, "contact")])
 def test_curvature_falls_as_the_square_of_the_speed(mu, steering, tires):
     """Measured: .992 and .986 of 1/k^2 at the worst."""
     _, rows = measure(mu, steering, (0.95, 1.1, 1.3), tires)

@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.lab.experiment import LAW_TIRES
 from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.lab.reference_steering import CURVATURE, MANOEUVRES
@@ -20,23 +21,23 @@ def greatest_slide(manoeuvre, mu, k, law, tires="coulomb"):
 
 
 # Measured, guarded: .042 m/s at most on contacts, which is what they creep while they hold.
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize("manoeuvre", MANOEUVRES)
-@pytest.mark.parametrize(("mu", "k"), [(1.0489, 1.1), (0.6, 1.5)])
+@each("tires", LAW_TIRES)
+@each("manoeuvre", MANOEUVRES)
+@each(("mu", "k"), [(1.0489, 1.1), (0.6, 1.5)])
 def test_guarded_car_does_not_slide(manoeuvre, mu, k, tires):
     assert greatest_slide(manoeuvre, mu, k, "guard", tires) < slides_above(tires)
 
 
 # Measured: .72, 2.0 and 1.7 m/s for the step, the ramp and the sine, .87 for the slalom, 5.3 for the lane change.
-@pytest.mark.parametrize("tires", LAW_TIRES)
-@pytest.mark.parametrize(
+@each("tires", LAW_TIRES)
+@each(
     ("manoeuvre", "k"), [("step", 1.1), ("ramp", 1.1), ("sine", 1.1), ("slalom", 1.1), ("lane change", 1.5)]
 )
 def test_the_law_read_one_way_slides_in_the_same_manoeuvre(manoeuvre, k, tires):
     assert greatest_slide(manoeuvre, 1.0489, k, "one way", tires) > 5 * SLIDING_SPEED
 
 
-@pytest.mark.parametrize("name", ["slalom", "lane change"])
+@each("name", ["slalom", "lane change"])
 def test_paths_have_the_curvature_that_they_promise_and_slow_cars_follow_them(name):
     plan = MANOEUVRES[name]
     x = np.linspace(3.0, plan.end, 20001)
@@ -49,7 +50,7 @@ def test_paths_have_the_curvature_that_they_promise_and_slow_cars_follow_them(na
     assert trace.position[-1, 0] == pytest.approx(plan.end, abs=0.1)
 
 
-@pytest.mark.parametrize("tires", LAW_TIRES)
+@each("tires", LAW_TIRES)
 def test_what_a_trace_tells_agrees_with_itself(tires):
     """Newton's law of the whole car, from the tires' forces, accelerometer and positions."""
     trace, _ = drive(LabGround(1.0489, tires=Tires.load(tires)), "slalom", 1.0489, 0.9, "none")

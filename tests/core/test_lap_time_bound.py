@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.lab.lap_line import best_flying_lap, driven_lap
 from fg_mujoco.lab.lap_time_bound import (
     HoldingCar,
@@ -69,7 +70,7 @@ def test_circle_is_driven_at_the_square_root_of_mu_g_r(mu, radius):
     assert lap_time(line, speeds) == pytest.approx(2.0 * math.pi * radius / speed)
 
 
-@pytest.mark.parametrize(("mu", "radius", "straight"), [(MU, 1.0, 4.0), (MU, 2.0, 3.0), (0.5, 1.5, 8.0)])
+@each(("mu", "radius", "straight"), [(MU, 1.0, 4.0), (MU, 2.0, 3.0), (0.5, 1.5, 8.0)])
 def test_stadium_is_driven_in_the_time_of_the_closed_form(mu, radius, straight):
     """Even acceleration to the middle of each straight and even braking from there: v^2 = v0^2 + a L."""
     line = stadium(radius, straight)
@@ -101,7 +102,7 @@ def test_straights_above_the_power_limit_are_driven_as_the_cubic_law_says():
     assert top > 1.1 * CAR.power_limit_speed
 
 
-@pytest.mark.parametrize("seed", range(3))
+@each("seed", range(3))
 def test_passes_agree_with_a_fixed_point_that_knows_no_start(seed):
     """Oracle: every point, again and again, no faster than its neighbours let it be, until nothing changes.
 
@@ -158,7 +159,7 @@ def test_straight_ahead_axles_hold_what_the_car_was_measured_to():
     assert car.acceleration(0.0, 1.0) == pytest.approx(7.1, rel=0.03)
 
 
-@pytest.mark.parametrize("radius", [1.0, 4.0])
+@each("radius", [1.0, 4.0])
 def test_curvature_of_a_noisy_circle_is_that_of_the_circle(radius):
     noisy = circle(radius, noise=0.0008, rng=np.random.default_rng(0))
     line = smooth_line(noisy, 0.005)

@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "leaks.py"
 MOST_KIB = 512.0  # per call; renderers once left 576 behind
@@ -66,7 +67,7 @@ def once_measured(leaks, name, share, warm):
     return leaks.Growth(**json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.mark.parametrize(("name", "share"), (("races of four cars", 0.1), ("resets", 0.1)))
+@each(("name", "share"), (("races of four cars", 0.1), ("resets", 0.1)))
 def test_what_is_done_again_and_again_leaves_nothing_behind(leaks, name, share):
     found = measured(leaks, name, share)
     assert is_flat(found), found

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.errors import ModelError, SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, make_lidar
@@ -25,7 +26,7 @@ from lidar_worlds import (
 
 BEAMS = LidarModel.load().beams
 
-both_backends = pytest.mark.parametrize("backend", LIDAR_BACKENDS)
+both_backends = each("backend", LIDAR_BACKENDS)
 
 
 def scanner(spec: Any, backend: str) -> Any:
@@ -62,7 +63,7 @@ def test_room_is_measured_to_its_walls(backend: str) -> None:
 
 
 @both_backends
-@pytest.mark.parametrize(
+@each(
     ("distance", "reading"),
     [(0.0199, -math.inf), (0.0201, 0.0201), (29.999, 29.999), (30.001, math.inf), (100.0, math.inf)],
 )
@@ -91,7 +92,7 @@ def test_no_return_reads_what_the_message_says(backend: str) -> None:
 # --- the back ends against each other and mj_ray ---
 
 
-@pytest.mark.parametrize("seed", range(6))
+@each("seed", range(6))
 def test_both_backends_and_single_mujoco_rays_agree_in_random_worlds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     model = random_spec(rng).compile()
@@ -115,9 +116,9 @@ def test_both_backends_and_single_mujoco_rays_agree_in_random_worlds(seed: int) 
 MATERIALS = {"clear": 0.0, "solid": 1.0}
 
 
-@pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("material", ["", "clear", "solid"])
-@pytest.mark.parametrize("group", [0, 5])
+@each("alpha", [0.0, 0.5, 1.0])
+@each("material", ["", "clear", "solid"])
+@each("group", [0, 5])
 def test_transparent_geoms_are_invisible_to_both_backends(alpha: float, material: str, group: int) -> None:
     spec = rig_spec()
     for name, value in MATERIALS.items():

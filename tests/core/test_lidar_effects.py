@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import GREATEST_NOISE, LidarEffects
 from fg_mujoco.lidar.lidar import make_lidar
@@ -102,7 +103,7 @@ def test_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
 # --- latency ---
 
 
-@pytest.mark.parametrize(("latency", "ticks"), [(0.0, 0), (0.001, 1), (0.025, 1), (0.026, 2), (3 * 0.025, 3), (0.1, 4)])
+@each(("latency", "ticks"), [(0.0, 0), (0.001, 1), (0.025, 1), (0.026, 2), (3 * 0.025, 3), (0.1, 4)])
 def test_latency_delivers_older_scans_with_the_time_they_were_measured_at(latency: float, ticks: int) -> None:
     rig = Rig(LidarEffects(latency=latency), pose=lambda time: (10 * time, 0.0, 0.0))
     for tick in range(8):
@@ -187,7 +188,7 @@ def test_noise_is_added_to_ranges_and_held_between_zero_and_range_max():
     assert noise.tolist() == [3.0 + 0.01 * 1.0, 10.0, 0.0, 0.0, 10.0]
 
 
-@pytest.mark.parametrize("settings", [{}, {"latency": 0.05}, {"no_return": "range_max", "dropout_probability": 0.0}])
+@each("settings", [{}, {"latency": 0.05}, {"no_return": "range_max", "dropout_probability": 0.0}])
 def test_effects_on_a_row_have_the_bits_of_the_scans(settings):
     effects = LidarEffects(**{"range_noise_std": 0.3, "dropout_probability": 0.1} | settings)
     beams, rng = LidarModel.load().beams, np.random.default_rng(1)

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.track_mesh import WALL_HEIGHT
 from fg_mujoco.simulation.world import World
@@ -61,13 +62,13 @@ def assert_sees_what_mujoco_sees(scene: Scene, seed: int, poses: int = POSES) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("track", track_names())
+@each("track", track_names())
 def test_raycast_sees_what_mujoco_sees_on_the_bundled_track(track: str) -> None:
     assert_sees_what_mujoco_sees(Scene(track), seed=2)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("circuit", CIRCUITS)
+@each("circuit", CIRCUITS)
 def test_raycast_sees_what_mujoco_sees_on_the_real_circuit(circuit: str) -> None:
     path = DATA / f"{circuit}_centerline.csv"
     if not path.exists():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
 from fg_mujoco.controllers.perception.local_map import (
     ALONG,
@@ -65,7 +66,7 @@ def newest(memory):
     return memory["path"][memory["newest"]]
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@each("sign", [1.0, -1.0])
 def test_a_circle_is_where_its_closed_form_says(sign):
     speed, yaw_rate, ticks = 2.0 * sign, 1.6, 110
     memory = new()
@@ -78,7 +79,7 @@ def test_a_circle_is_where_its_closed_form_says(sign):
     assert memory["driven"] == pytest.approx(2.0 * PERIOD * ticks)
 
 
-@pytest.mark.parametrize(("yaw", "ahead"), [(0.0, 0.0), (0.6, 0.8), (-2.3, 0.5)])
+@each(("yaw", "ahead"), [(0.0, 0.0), (0.6, 0.8), (-2.3, 0.5)])
 def test_a_room_is_free_within_its_walls_are_walls_and_what_is_beyond_is_unknown(yaw, ahead):
     memory = new()
     move(memory, 0.0, yaw / PERIOD, PERIOD)
@@ -142,7 +143,7 @@ def test_cells_that_left_the_window_come_back_unknown():
     assert in_window(memory, -45, 75) and memory["cells"][gone] == UNKNOWN and memory["cells"][kept] == FREE
 
 
-@pytest.mark.parametrize("motion", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (-math.inf, 1.0)])
+@each("motion", [(math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0), (-math.inf, 1.0)])
 def test_odometry_that_is_no_number_leaves_the_map_as_it_is(motion):
     memory = new()
     see(memory, OPEN)
@@ -154,7 +155,7 @@ def test_odometry_that_is_no_number_leaves_the_map_as_it_is(motion):
     assert memory.tobytes() != before
 
 
-@pytest.mark.parametrize("distance", [30.0, -1000.0, 1e7])
+@each("distance", [30.0, -1000.0, 1e7])
 def test_after_a_jump_nothing_is_known_but_what_is_seen_then(distance):
     memory = new()
     see_walls(memory, ROOM)
@@ -172,7 +173,7 @@ def test_a_speed_that_no_integer_holds_does_not_hang():
     subprocess.run([sys.executable, "-c", command], cwd=here, env=environment, check=True, timeout=240)
 
 
-@pytest.mark.parametrize(("right", "left"), [(0.8, 1.3), (1.3, 0.8), (0.4, 2.0), (9.0, 0.5)])
+@each(("right", "left"), [(0.8, 1.3), (1.3, 0.8), (0.4, 2.0), (9.0, 0.5)])
 def test_the_room_beside_the_path_is_that_of_the_corridor_up_to_three_metres(right, left):
     memory = new()
     for _ in range(5):

@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps import walls
 from fg_mujoco.course.maps.map_server import read_map_file
@@ -36,7 +37,7 @@ def double_wall(hole=None, *, inner=None):
     return ~lines
 
 
-@pytest.mark.parametrize("name", LENGTHS)
+@each("name", LENGTHS)
 def test_real_race_maps_load_with_the_course_that_was_raced(name):
     settings = "[close=1.5]" if name == "levine_slam" else ""
     path = real_map(f"race_maps/{name}")
@@ -81,7 +82,7 @@ def test_every_other_loop_is_listed_with_what_it_goes_round_and_can_be_chosen(tm
         load_map(f"{path}[loop=0]")
 
 
-@pytest.mark.parametrize("hole", [6, 12, 20])
+@each("hole", [6, 12, 20])
 def test_a_hole_is_refused_with_the_option_that_closes_it(tmp_path, hole):
     whole = read_map(draw_map(tmp_path, double_wall(), name="whole"), direction="clockwise")
     path = draw_map(tmp_path, double_wall(hole))
@@ -177,7 +178,7 @@ def test_specks_are_counted_and_the_setting_that_is_named_drops_them(tmp_path):
         np.testing.assert_array_equal(ours, theirs)  # where there are none nothing changes
 
 
-@pytest.mark.parametrize(("hole", "option"), [(40, "close=2.1"), (90, "border=wall")])
+@each(("hole", "option"), [(40, "close=2.1"), (90, "border=wall")])
 def test_a_hole_much_wider_than_the_course_is_not_closed_but_the_border_is_a_wall(tmp_path, hole, option):
     free = double_wall()
     free[29:33, 150 - hole // 2 : 150 + hole // 2] = True  # in the lower straight, of a course of 1.3 m
@@ -196,7 +197,7 @@ def test_a_wall_of_thousands_of_corners_is_traced_as_with_a_full_matrix(monkeypa
     np.testing.assert_allclose(walls.trace(outline), full, atol=1e-9)
 
 
-@pytest.mark.parametrize(("options", "free"), [((), ring()), (("--negate",), ~ring())])
+@each(("options", "free"), [((), ring()), (("--negate",), ~ring())])
 def test_a_picture_becomes_a_map(tmp_path, capsys, options, free):
     path = draw_map(tmp_path, free)
     path.unlink()

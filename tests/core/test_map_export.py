@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.export import export_track
 from fg_mujoco.course.maps.map_track import read_map
@@ -24,7 +25,7 @@ def own_settings(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["oval", "hairpins", "random:3", "random:7:tight"])
+@each("name", ["oval", "hairpins", "random:3", "random:7:tight"])
 def test_walls_come_back_from_a_map_within_a_pixel(name, tmp_path):
     track = fg.load_track(name)
     yaml, image = export_track(track, tmp_path / "track.yaml", resolution=0.05)
@@ -47,7 +48,7 @@ def test_islands_come_back_from_a_map(tmp_path):
     assert loop_difference(track.islands[0], island) <= 0.02
 
 
-@pytest.mark.parametrize("suffix", [".obj", ".stl", ".glb"])
+@each("suffix", [".obj", ".stl", ".glb"])
 def test_a_mesh_comes_back_with_the_walls_where_they_are(suffix, tmp_path):
     track = fg.load_track("oval")
     (path,) = export_track(track, tmp_path / f"oval{suffix}")
@@ -62,7 +63,7 @@ def test_a_mesh_comes_back_with_the_walls_where_they_are(suffix, tmp_path):
     assert distance.max() < 1e-5  # each point of the wall is in the mesh
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "resolution", "error", "message"),
     [
         ("oval.bmp", 0.05, SettingsError, "accepted: a file that ends in .yaml, .csv, .obj, .stl, .glb"),

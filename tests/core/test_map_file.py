@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from cases import each
 from fg_mujoco.course.maps import map_server as map_file
 from fg_mujoco.course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
 from fg_mujoco.errors import MissingExtraError, TrackError, install_command
@@ -26,9 +27,9 @@ def write(folder, image, *, suffix="png", **settings):
     return folder / "greys.yaml"
 
 
-@pytest.mark.parametrize("negate", [0, 1])
-@pytest.mark.parametrize("suffix", ["png", "pgm"])
-@pytest.mark.parametrize(("free", "occupied"), [(0.196, 0.65), (0.2, 0.2), (0.25, 0.65), (1.0, 1.0), (0.0, 0.5)])
+@each("negate", [0, 1])
+@each("suffix", ["png", "pgm"])
+@each(("free", "occupied"), [(0.196, 0.65), (0.2, 0.2), (0.25, 0.65), (1.0, 1.0), (0.0, 0.5)])
 def test_free_is_what_is_below_the_threshold(tmp_path, negate, suffix, free, occupied):
     path = write(
         tmp_path, Image.fromarray(GREYS), suffix=suffix, negate=negate, free_thresh=free, occupied_thresh=occupied
@@ -50,7 +51,7 @@ def test_raw_brightness_is_the_probability_in_percent(tmp_path):
     np.testing.assert_array_equal(read_map_file(path).free[0], [x < 25 for x in range(256)])
 
 
-@pytest.mark.parametrize("suffix", ["png", "pgm"])
+@each("suffix", ["png", "pgm"])
 def test_images_of_sixteen_bits_and_of_one_are_read(tmp_path, suffix):
     path = write(tmp_path, Image.fromarray(np.array([[65535, 40000, 0]], np.uint16)), suffix=suffix)
     np.testing.assert_array_equal(read_map_file(path).free[0], [True, False, False])
@@ -75,7 +76,7 @@ def test_the_origin_is_the_lower_left_corner_and_yaw_turns_about_it(resolution, 
     np.testing.assert_allclose(occupancy.to_pixels(world), (column, row), atol=1e-6)
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "message"),
     [
         ({"resolution": None}, "has no resolution; accepted: the keys image, resolution"),
@@ -109,17 +110,17 @@ def test_a_yaml_that_is_wrong_is_refused(tmp_path, settings, message):
     assert str(tmp_path) in str(refusal.value)
 
 
-@pytest.mark.parametrize("text", ["1e-06", "3e-1", "-2E3", "+1.5e+2", "1.0e5", "-.5", "7", "0.25", "1."])
+@each("text", ["1e-06", "3e-1", "-2E3", "+1.5e+2", "1.0e5", "-.5", "7", "0.25", "1."])
 def test_a_number_is_one_in_every_spelling_of_yaml_1_2(text):
     assert plain_yaml(f"x: {text}") == {"x": float(text)}
 
 
-@pytest.mark.parametrize("text", ["e5", "1e", "1.2.3", "v1e5", "1e5m", ".", "'1e5'"])
+@each("text", ["e5", "1e", "1.2.3", "v1e5", "1e5m", ".", "'1e5'"])
 def test_text_that_looks_like_a_number_stays_text(text):
     assert plain_yaml(f"x: {text}") == {"x": text.strip("'")}
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "start", "heading"),
     [
         ({"starting_positions": [[1, 2, 0.5], [3, 4, 0.0]]}, (1.0, 2.0), 0.5),
@@ -135,7 +136,7 @@ def test_where_cars_start_is_read_without_a_warning(tmp_path, recwarn, settings,
     assert not [each for each in recwarn.list if str(tmp_path) in str(each.message)]  # threads of others warn, too
 
 
-@pytest.mark.parametrize("settings", [{"starting_positions": "pole"}, {"starting_angle": ".nan"}])
+@each("settings", [{"starting_positions": "pole"}, {"starting_angle": ".nan"}])
 def test_a_start_that_cannot_be_read_is_ignored_with_a_warning(tmp_path, settings):
     with pytest.warns(UserWarning, match=f"ignored: {next(iter(settings))} is "):
         occupancy = read_map_file(draw_map(tmp_path, box_room(), **settings))
@@ -159,7 +160,7 @@ def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path
         read_map_file(draw_map(tmp_path, box_room()))
 
 
-@pytest.mark.parametrize("image", ["/home/somebody/maps/drawn.png", "maps/drawn.png", "C:\\\\maps\\\\drawn.png"])
+@each("image", ["/home/somebody/maps/drawn.png", "maps/drawn.png", "C:\\\\maps\\\\drawn.png"])
 def test_an_image_that_lay_elsewhere_is_read_beside_the_yaml_with_a_warning(tmp_path, image):
     path = draw_map(tmp_path, box_room(), image=f'"{image}"')
     with pytest.warns(UserWarning, match=r"image is .*drawn.png', which is not there; drawn.png here is read"):

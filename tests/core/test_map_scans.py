@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.maps.map_server import read_map_file
 from map_oracles import draw_map, march, real_map, ring
 
@@ -78,7 +79,7 @@ def misses(world, occupancy, rng):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["maps/aut", "maps/mco", "maps/CornerHall"])
+@each("name", ["maps/aut", "maps/mco", "maps/CornerHall"])
 def test_scans_agree_with_the_image_within_a_pixel(name):
     path = real_map(name)
     beside, depth, difference = misses(fg.World(path), read_map_file(path), np.random.default_rng(7))

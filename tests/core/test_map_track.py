@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.centreline_csv import write_centreline
 from fg_mujoco.course.maps.map_track import DIRECTIONS, MapTrack, load_map, read_map
 from fg_mujoco.course.polyline import enclosed_area, self_crossings
@@ -24,7 +25,7 @@ def thin_walls():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", LAPS)
+@each("name", LAPS)
 def test_real_maps_load_with_their_line_in_the_middle(name):
     track = load_map(str(real_map(name)))
     assert isinstance(track, MapTrack)
@@ -38,7 +39,7 @@ def test_real_maps_load_with_their_line_in_the_middle(name):
     assert np.quantile(np.abs(offset), 0.95) < 0.15
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+@each("yaw", [0.0, 0.7, -2.5])
 def test_a_map_may_be_turned(tmp_path, yaw):
     plain = read_map(draw_map(tmp_path, ring()), start=(7.5, 2.25), direction="counterclockwise")
     turn = complex(math.cos(yaw), math.sin(yaw))
@@ -64,7 +65,7 @@ def test_a_map_starts_where_the_robot_did_and_looks_where_it_looked(tmp_path):
     assert enclosed_area(track.centreline) > 0.0 > enclosed_area(upper.centreline)
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
+@each("direction", DIRECTIONS)
 def test_start_and_direction_are_as_asked_for(tmp_path, direction):
     path = draw_map(tmp_path, ring())
     track = load_map(f"{path}[start=7.6:7.7,direction={direction}]")
@@ -88,7 +89,7 @@ def islands():
     return free
 
 
-@pytest.mark.parametrize("direction", DIRECTIONS)
+@each("direction", DIRECTIONS)
 def test_islands_are_kept_and_the_line_goes_past_them_by_the_wide_side(tmp_path, direction):
     track = read_map(draw_map(tmp_path, islands()), direction=direction)
     assert len(track.islands) == 3
@@ -119,7 +120,7 @@ def test_a_given_centreline_is_kept(tmp_path):
     assert enclosed_area(started.centreline) * enclosed_area(line.centreline) > 0.0
 
 
-@pytest.mark.parametrize(
+@each(
     ("shift", "message"),
     [((0.0, 1.2), "is not free"), ((100.0, 0.0), "outside of the image")],
 )
@@ -166,7 +167,7 @@ def test_a_hole_in_the_wall_is_refused_with_its_place(tmp_path):
         read_map(path, start=(7.5, 2.2))
 
 
-@pytest.mark.parametrize(
+@each(
     ("free", "message"),
     [
         (np.zeros((50, 50), bool), "no free ground is large enough"),
@@ -181,7 +182,7 @@ def test_a_map_without_a_course_is_refused(tmp_path, free, message):
         read_map(draw_map(tmp_path, free))
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "message"),
     [
         ("start=7.5:5", r"\(7.50, 5.00\) is not free; accepted: a point on the course"),

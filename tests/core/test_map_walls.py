@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 
+from cases import each
 from fg_mujoco.course.maps.walls import TOLERANCE, outlines, trace
 from fg_mujoco.course.polyline import enclosed_area, self_crossings, step_lengths
 from map_oracles import box_room, loop_difference, ring
@@ -48,7 +49,7 @@ def test_outlines_pass_every_edge_once_with_the_region_to_the_left(region):
     assert sum(area < 0.0 for area in areas) == solids - 1  # and a hole for each solid but the one all round
 
 
-@pytest.mark.parametrize("region", [ring(), box_room()], ids=["ring", "room"])
+@each("region", [ring(), box_room()], ids=["ring", "room"])
 def test_no_edge_is_further_from_its_wall_than_the_tolerance(region):
     for outline in outlines(region):
         wall = trace(outline)

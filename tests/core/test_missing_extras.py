@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco import errors
 from fg_mujoco.addons.learn.dataset import require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
@@ -35,7 +36,7 @@ def bare(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
 
 
-@pytest.mark.parametrize(
+@each(
     ("require", "extra", "what"),
     [
         (require_matplotlib, "plot", "pictures need matplotlib"),

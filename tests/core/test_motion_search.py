@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.perception.cell_distances import FAR
 from fg_mujoco.controllers.perception.cell_marks import AT_WALL, NEAR_WALL
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
@@ -100,8 +101,8 @@ WORLDS = {
 }
 
 
-@pytest.mark.parametrize("name", WORLDS)
-@pytest.mark.parametrize("reverses", [False, True])
+@each("name", WORLDS)
+@each("reverses", [False, True])
 def test_motions_are_arcs_of_their_curvature_within_full_lock_and_grip(name, reverses):
     walls, goal, speed = WORLDS[name]
     way = world(walls, goal)
@@ -129,7 +130,7 @@ def test_motions_are_arcs_of_their_curvature_within_full_lock_and_grip(name, rev
         square, share_before = max(square - 2.0 * braking * chord, min(square, slowest)), share
 
 
-@pytest.mark.parametrize("name", WORLDS)
+@each("name", WORLDS)
 def test_motions_are_clear_of_walls_and_end_at_the_frontier(name):
     walls, goal, speed = WORLDS[name]
     way = world(walls, goal)
@@ -176,7 +177,7 @@ def test_a_car_in_contact_leaves_the_wall_and_is_clear_after_that():
     assert in_walls(walls, way, poses(motion)[-3:]).min() > 2.0 * CELL
 
 
-@pytest.mark.parametrize("reverses", [False, True])
+@each("reverses", [False, True])
 def test_the_nodes_of_searches_are_counted_and_no_more_than_allowed(reverses):
     way = world(u_turn(0.8), (-1.5, 0.9))
     counts = []

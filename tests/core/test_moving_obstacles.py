@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
@@ -93,7 +94,7 @@ def test_it_is_where_the_closed_form_says_at_every_tick():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lidar", ("raycast", "rangefinder"))
+@each("lidar", ("raycast", "rangefinder"))
 def test_the_lidar_sees_it_without_lag(lidar):
     oncoming = box()
     simulation = fg.Simulation(fg.World(scene(oncoming), lidar=lidar))

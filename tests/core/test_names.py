@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco import controllers
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError, accepted_names, nearest
@@ -78,13 +79,13 @@ COMMANDS = [
 ]
 
 
-@pytest.mark.parametrize(("line", "meant"), COMMANDS, ids=[line for line, _ in COMMANDS])
+@each(("line", "meant"), COMMANDS, ids=[line for line, _ in COMMANDS])
 def test_the_command_line_says_which_name_was_probably_meant(here, capsys, line, meant):
     said = refused(here, capsys, *line.split())
     assert f"did you mean {meant!r}?" in said
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "meant"),
     [
         (lambda: fg.load_track("hairpin"), "hairpins"),

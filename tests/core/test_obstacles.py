@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.obstacles import Box, Cylinder, Prism, solids_numbers, solids_of
 from fg_mujoco.errors import SettingsError
 
@@ -40,7 +41,7 @@ def test_a_cylinder_is_a_regular_prism_inscribed_in_it(x, y, radius):
     assert area(corners - (x, y)) == pytest.approx(12 * radius**2 * math.sin(2 * math.pi / 24), rel=1e-9)
 
 
-@pytest.mark.parametrize(
+@each(
     "obstacle",
     (
         fg.Box(x=2.0, y=-0.3, length=0.4, width=0.2, heading=0.7, height=0.15),
@@ -83,7 +84,7 @@ def test_a_solid_that_mujoco_cannot_make_is_refused():
         fg.World("oval", obstacles=(box,))
 
 
-@pytest.mark.parametrize(
+@each(
     "footprint",
     (
         SQUARE[::-1],  # clockwise

@@ -5,6 +5,7 @@ import pytest
 from test_wrong_way import Driver
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.settings import Scenario
@@ -29,7 +30,7 @@ def heard(drift):
     return fg.race("oval", listener, laps=1, time_limit=1.0, odometry_drift=drift), listener.told
 
 
-@pytest.mark.parametrize("drift", (DRIFT, -0.3))
+@each("drift", (DRIFT, -0.3))
 def test_speeds_and_yaw_rate_err_by_the_share_and_nothing_else_does(drift):
     (plain, true), (result, told) = heard(0.0), heard(drift)
     assert result.trajectory_sha256 == plain.trajectory_sha256  # its planner does not look at the odometry
@@ -73,7 +74,7 @@ def test_a_run_that_is_simulated_again_tells_what_the_planner_was_told(tmp_path)
     assert [odometry.yaw_rate for odometry in again] == [odometry.yaw_rate for odometry in told]
 
 
-@pytest.mark.parametrize("drift", (1.0, -1.0, float("nan"), "5 %"))
+@each("drift", (1.0, -1.0, float("nan"), "5 %"))
 def test_a_drift_that_cannot_be_is_refused(drift):
     with pytest.raises(fg.SettingsError, match=r"odometry_drift is .*; accepted: more than -1 and less than 1"):
         fg.race("oval", odometry_drift=drift)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.errors import MessageError
 from fg_mujoco.racing.entries import Entry, grid_starts
 
@@ -56,7 +57,7 @@ def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("opponents", [["gap_finder"], [steady], [steady, "pure_pursuit"]])
+@each("opponents", [["gap_finder"], [steady], [steady, "pure_pursuit"]])
 def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
     def driven(seed, episodes=1):
         env = F1TenthEnv(opponents=opponents, beam_step=20, effects={"range_noise_std": 0.01})
@@ -73,7 +74,7 @@ def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@each("mode", ["NextStep", "SameStep"])
 def test_worlds_of_the_vector_environment_are_environments_of_their_own(mode):
     """Any number of worlds and threads, crashes and new episodes in between: the bits of one environment each."""
     settings = {"track": "oval", "beam_step": 60, "opponents": ["gap_finder", steady], "grid_order": "random"}
@@ -128,7 +129,7 @@ def test_a_policy_sees_what_the_learning_car_would_see_and_its_actions_mean_the_
         seen, *_ = other.step(command)
 
 
-@pytest.mark.parametrize(
+@each(
     ("order", "positions"), [("as_listed", {1}), ("reversed", {3}), ("random", {1, 2, 3})]
 )  # fmt: skip
 def test_cars_start_on_the_grid_in_their_order(order, positions):
@@ -159,7 +160,7 @@ def test_touches_are_told_and_end_nothing():
     assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position", "lead_m"}
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "error", "message"),
     [
         ({"opponents": [Parked()]}, fg.SettingsError, "opponent 1 is .*Parked.*accepted: a planner's name"),
@@ -175,7 +176,7 @@ def test_bad_opponents_are_refused_in_one_line(settings, error, message):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
+@each(
     ("answer", "message"),
     [
         (None, "the policy of opponent 1.*accepted"),

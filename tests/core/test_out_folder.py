@@ -7,6 +7,7 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.out import RUN, STUDY, chosen_folder
 from fg_mujoco.errors import RunFolderError
@@ -62,7 +63,7 @@ class P:
 """
 
 
-@pytest.mark.parametrize(
+@each(
     "command",
     [
         "race --time-limit 0.2 --out out",
@@ -107,7 +108,7 @@ def test_force_replaces_a_run(run, without_pictures, capsys):
     assert [path.name for path in run.parent.iterdir()] == ["first"]
 
 
-@pytest.mark.parametrize("given", ["runs/", "runs"])
+@each("given", ["runs/", "runs"])
 def test_a_folder_of_runs_numbers_itself(run, without_pictures, capsys, given):
     for number in ("001", "002"):
         assert main([*RACE, "--out", given]) in (0, 1)
@@ -131,7 +132,7 @@ def test_force_puts_the_old_run_back_where_the_new_one_fails(run):
     assert [path.name for path in run.parent.iterdir()] == ["first"]
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "report.html"])  # the second is a link
+@each("name", ["notes.txt", "report.html"])  # the second is a link
 def test_force_removes_no_folder_with_files_of_others(run, name):
     said = f"has {name}, which is not of a run"
     (run / name).symlink_to(run.parent) if name == "report.html" else (run / name).write_text("mine")
@@ -160,7 +161,7 @@ def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tm
         raise AssertionError
 
 
-@pytest.mark.parametrize("name", ["race", "drive", "rollout", "compare", "overtake", "friction"])
+@each("name", ["race", "drive", "rollout", "compare", "overtake", "friction"])
 def test_every_command_that_writes_a_folder_has_both_ways(name, capsys):
     with pytest.raises(SystemExit):
         main([name, "--help"])
@@ -203,7 +204,7 @@ def test_a_planner_that_was_edited_since_is_not_loaded_without_its_copy(raced, t
     assert "controller.py" in note and "sha256" in note
 
 
-@pytest.mark.parametrize("wrong", ["open", "link"])
+@each("wrong", ["open", "link"])
 def test_notes_that_another_user_could_have_made_are_not_believed(raced, tmp_path, monkeypatch, wrong):
     summary = read_summary(raced)
     assert was_raced_here(raced, summary)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.assist import SAFE, STAGES
 from fg_mujoco.controllers.control.driving import DrivingSettings
@@ -188,7 +189,7 @@ def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_res
     assert GapFinder(CAR, MU)(corridor(2.0, 2.0), odometry_of(3.0)).speed > 2.5
 
 
-@pytest.mark.parametrize(
+@each(
     ("planner", "assist", "stages"),
     [
         (GapFinder, "full", {*SAFE, "guidance"}),
@@ -218,7 +219,7 @@ def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
         plain.kept("remember")
 
 
-@pytest.mark.parametrize(
+@each(
     ("assist", "message"),
     [
         ("fulll", "is 'fulll'; accepted: none, grip, .*did you mean 'full'"),

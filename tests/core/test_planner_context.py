@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.errors import ControllerError, MessageError
 from fg_mujoco.lidar.effects import LidarEffects
@@ -95,7 +96,7 @@ def debug(planner, folder):
 DOORS = (race, race_of_entries, rollout, rollout_with_opponents, compare, environment, live_view, live_opponents, debug)
 
 
-@pytest.mark.parametrize("door", DOORS)
+@each("door", DOORS)
 def test_every_door_tells_the_same(door, tmp_path):
     planner, file = written(tmp_path)
     door(planner, tmp_path)
@@ -106,7 +107,7 @@ def test_every_door_tells_the_same(door, tmp_path):
     assert 7 in seeds
 
 
-@pytest.mark.parametrize("door", DOORS)
+@each("door", DOORS)
 def test_a_new_field_is_told_at_every_door(door, tmp_path, monkeypatch):
     @dataclass(frozen=True, kw_only=True, eq=False)
     class Wider(PlannerContext):
@@ -128,7 +129,7 @@ def test_a_planner_names_what_it_wants_and_is_refused_what_there_is_not():
         fg.make_controller("gap_finder", car=context.car)
 
 
-@pytest.mark.parametrize(
+@each(
     "wrong", [{"mu": 0.0}, {"mu": math.nan}, {"max_speed": math.inf}, {"period": 0.0}, {"latency": -0.1}]
 )
 def test_what_cannot_be_is_refused_by_name(wrong):

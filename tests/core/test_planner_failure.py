@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import read_failed_scan
@@ -135,7 +136,7 @@ def test_the_line_in_a_compiled_goal_is_told():
     assert "\x1b" not in typo.error + typo.traceback
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "said"),
     (("BadReset", "RuntimeError: no map (mine.py, line 21)"), ("BadBuild", "attribute 'top_speed' (mine.py, line 26)")),
 )

@@ -7,6 +7,7 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError, RunFolderError
 from fg_mujoco.racing.planners import ControllerChoice, make_controller
@@ -117,7 +118,7 @@ def test_it_is_the_contents_that_count_and_not_the_time(here):
     assert changed_file(before).startswith("policy.txt, which it read, has sha256 ")
 
 
-@pytest.mark.parametrize(
+@each(
     ("files", "paths"),
     [("'a.csv'", ["a.csv"]), ("('a.csv', b'b.csv')", ["a.csv", "b.csv"]), ("lambda: ['a.csv']", ["a.csv"]), ("()", [])],
 )
@@ -151,7 +152,7 @@ def compare(**options):
     return fg.compare(["mine.py:Learned"], out="out", **(SHORT | options))
 
 
-@pytest.mark.parametrize("change", ["weights", "time"])
+@each("change", ["weights", "time"])
 def test_a_comparison_drives_a_planner_with_other_weights_again(here, change):
     first = compare()
     assert compare().runs_driven == 0
@@ -236,7 +237,7 @@ class Mine(Node):
 """
 
 
-@pytest.mark.parametrize(
+@each(
     ("read", "files"),
     [
         ("pass", []),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 
@@ -19,7 +20,7 @@ def pixels(draw):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", fg.track_names())
+@each("name", fg.track_names())
 def test_track_picture_shows_both_walls_all_the_way_round(name):
     track = fg.load_track(name)
     image = pixels(lambda file: fg.track_picture(track, file))

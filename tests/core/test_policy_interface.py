@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from driven_environments import commands_of_ticks
 from fg_mujoco.envs.observation_description import Observation, even_beams
 from fg_mujoco.envs.observations import ObservationTerm
@@ -53,7 +54,7 @@ class Driven:
         return self.commands[-1]
 
 
-@pytest.mark.parametrize(
+@each(
     ("action", "settings"),
     [
         ((0.0, 1.5), {"beam_step": 60}),
@@ -90,7 +91,7 @@ def test_a_policy_drives_a_race_with_the_bits_of_the_environment(action, setting
     assert seen_in_race == seen[: len(seen_in_race)] and len(seen_in_race) == 30 // env.policy_interface.action_repeat
 
 
-@pytest.mark.parametrize("chosen", [1, 2, 3, 20, 108, 109, 540, 1080, 1081])
+@each("chosen", [1, 2, 3, 20, 108, 109, 540, 1080, 1081])
 def test_beams_are_even_and_the_same_on_both_sides(chosen):
     seen = even_beams(1081, chosen)
     assert len(set(seen.tolist())) == chosen and (seen + seen[::-1] == 1080).all()
@@ -185,8 +186,8 @@ def test_privileged_terms_are_a_vector_of_their_own():
     assert replace(env.policy_interface, privileged=()).driver() is not None  # the actor alone
 
 
-@pytest.mark.parametrize("normalised", [False, True])
-@pytest.mark.parametrize("action", ["steering,speed", "steering_rate,acceleration", "steering_rate,speed"])
+@each("normalised", [False, True])
+@each("action", ["steering,speed", "steering_rate,acceleration", "steering_rate,speed"])
 def test_actions_are_integrated_and_filtered_within_the_cars_limits(action, normalised):
     """By hand; the car starts rolling, so that an integrated speed begins there."""
     env = F1TenthEnv(
@@ -213,7 +214,7 @@ def test_actions_are_integrated_and_filtered_within_the_cars_limits(action, norm
     np.testing.assert_allclose(commands, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("others", [{}, {"opponents": ["gap_finder"], "grid_order": "reversed"}], ids=["alone", "two"])
+@each("others", [{}, {"opponents": ["gap_finder"], "grid_order": "reversed"}], ids=["alone", "two"])
 def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_that_ends(others):
     weights = {"survival": 1.0, "command_rate": 1.0, "slip": 1.0}
     settings = {"start": {"s": 4.0}, "beam_step": 90, "rewards": weights, **others}
@@ -261,7 +262,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("settings", "match"), BAD)
+@each(("settings", "match"), BAD)
 def test_bad_settings_are_refused_in_one_line(settings, match):
     with pytest.raises(fg.SettingsError, match=match) as found:
         F1TenthEnv(**settings)

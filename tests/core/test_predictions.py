@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.safety import predictions as predicted
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
@@ -116,7 +117,7 @@ def test_a_planner_that_does_not_want_it_takes_what_moves_as_standing():
     assert counts == [1, 0]
 
 
-@pytest.mark.parametrize(("planner", "speed"), (("gap_finder", 8.0), ("gap_finder", 4.0), ("follow_the_gap", 8.0)))
+@each(("planner", "speed"), (("gap_finder", 8.0), ("gap_finder", 4.0), ("follow_the_gap", 8.0)))
 def test_a_box_that_crosses_is_passed(planner, speed):
     """Of seeds 0 to 99 without predictions: 47 at 8 m/s."""
     seeds = range(3000, 3012)
@@ -124,7 +125,7 @@ def test_a_box_that_crosses_is_passed(planner, speed):
     assert sum(passed) >= 11
 
 
-@pytest.mark.parametrize(
+@each(
     ("track", "settings"),
     [("chicanes", {}), ("oval", {"obstacles": 2, "effects": {"latency": 0.03}, "changes": {"command_delay": 0.01}})],
     ids=["on_time", "late"],

@@ -7,6 +7,7 @@ import threading
 
 import pytest
 
+from cases import each
 from fg_mujoco.cli import progress
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.progress import ProgressLine, shown_as, to_go
@@ -71,7 +72,7 @@ def test_the_thread_ends_with_the_work_and_a_closed_stderr_does_no_harm(stderr):
     assert threading.active_count() == threads
 
 
-@pytest.mark.parametrize(
+@each(
     ("command", "function"),
     [
         ("race --laps 1 --time-limit 0.1", "fg_mujoco.cli.race.race_setup"),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from conftest import Straight
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import add_row, end_row
@@ -85,7 +86,7 @@ def test_no_progress_when_the_car_stands_for_ten_seconds():
     assert result.car.end_reason == "no_progress" and result.sim_time_s == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize(("limit", "ticks"), ((1.0, 40), (0.99, 40), (0.025, 1), (1.01, 40), (1.02, 41)))
+@each(("limit", "ticks"), ((1.0, 40), (0.99, 40), (0.025, 1), (1.01, 40), (1.02, 41)))
 def test_time_limit_to_the_nearest_tick(limit, ticks):
     result = race(lambda time: (0.0, 1.0), time_limit=limit)
     assert_complete(result)
@@ -116,7 +117,7 @@ def test_unstable_when_mujoco_meets_a_bad_state(monkeypatch):
     assert (result.car.end_reason, result.car.finished) == ("unstable", False)
 
 
-@pytest.mark.parametrize("place", ("watch", "controller", "engine"))
+@each("place", ("watch", "controller", "engine"))
 def test_interrupted_keeps_the_ticks_that_are_complete(monkeypatch, place):
     def interrupt_after(count):
         calls = iter(range(count))

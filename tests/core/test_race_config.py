@@ -8,6 +8,7 @@ import math
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import OPPONENT_OPTIONS, setup_of
@@ -134,7 +135,7 @@ def test_what_the_file_leaves_out_has_its_default(config):
     assert setup_of(options()) == fg.Setup()  # and the next command line knows nothing of it
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "named"),
     [
         ("laps = 1\nmax-sped = 3\n", 2, "'max-sped' is no setting; accepted: track, "),
@@ -176,7 +177,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@each(
     "arguments",
     [
         ("--track", "scene:crossing_box:2", "--controller", "follow_the_gap[point=deepest]", "--time-limit", 0.5),
@@ -243,7 +244,7 @@ def raced_again(folder, capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("change", ["nothing", "another folder", "edited", "removed"])
+@each("change", ["nothing", "another folder", "edited", "removed"])
 def test_a_planners_file_is_found_again_in_the_run_folder(raced, capsys, monkeypatch, change):
     if change == "another folder":
         (raced / "elsewhere").mkdir()

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from conftest import Straight
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD
@@ -33,7 +34,7 @@ def test_the_start_is_clear_of_them_wherever_it_is():
         assert not result.car.collisions_wall
 
 
-@pytest.mark.parametrize(
+@each(
     "settings",
     (
         {"obstacles": -1},
@@ -66,7 +67,7 @@ def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
     assert fg.read_run(tmp_path / "run").summary["track"] == "scene:crossing_box:3"
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "text"),
     (
         (["--track", "scene:nowhere"], "unknown scene 'scene:nowhere'; accepted: corridor_sparse,"),

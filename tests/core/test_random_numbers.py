@@ -5,12 +5,12 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 
+from cases import each
 from fg_mujoco.lidar.random_numbers import draw_normals, draw_shares, generator_state, ziggurat
 
 
-@pytest.mark.parametrize("seed", [0, 7, 2**62 + 1])
+@each("seed", [0, 7, 2**62 + 1])
 def test_numbers_are_those_of_numpys_generator(seed):
     """Oracle: numpy. Of 100000 normal numbers some 27 lie in the tail, and 1100 in the wedges of the ziggurat."""
     state, generator = generator_state(seed), np.random.default_rng(seed)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD, CLEAR_BEHIND, SPACING
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.randomization import PARAMETERS, Randomization, Uniform, as_range, world_seeds
@@ -65,7 +66,7 @@ def test_any_other_text_is_refused_in_one_line(text):
         assert "\n" not in str(error).replace(repr(text), "")
 
 
-@pytest.mark.parametrize(
+@each(
     ("ranges", "said"),
     [
         ({"friction": "1:2"}, "randomize friction: no parameter; accepted: mu, mass"),

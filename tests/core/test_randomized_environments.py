@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.envs.builds import BuildPlan
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import FgMujocoError
@@ -81,7 +82,7 @@ def test_world_i_is_the_single_environment_of_seed_plus_i():
     assert len({str(each[0][1]) for each in together}) == COUNT
 
 
-@pytest.mark.parametrize("made_with", ["settings", "options"])
+@each("made_with", ["settings", "options"])
 def test_an_episode_is_that_of_the_environment_with_what_was_drawn(made_with):
     """After two other episodes: nothing of them is left. Oracle: the values compiled, or given, from the beginning."""
     drawn = F1TenthEnv(track=["oval", "hairpins"], randomize={**CAR, "start_s": (0.0, 20.0)}, start="line", builds=2)
@@ -155,7 +156,7 @@ def test_terms_of_the_course_are_those_of_each_worlds_own():
         assert distances[i] == own[0]
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "match"),
     [
         ({"randomize": {"mu": (0.5, 9.0)}}, "randomize mu=0.5:9.0: CarChanges.mu is 9.0; accepted: a positive number"),

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.pictures.rendering.gl import open_context
 
@@ -148,7 +149,7 @@ def test_the_table_of_circuits_says_what_they_measure():
     assert shown == {name: fg.load_track(name).description for name in fg.track_names()}
 
 
-@pytest.mark.parametrize(("name", "greatest"), [("oval_trace.png", 200_000), ("race.webp", 1_500_000)])
+@each(("name", "greatest"), [("oval_trace.png", 200_000), ("race.webp", 1_500_000)])
 def test_pictures_are_small(name, greatest):
     assert (DOCS / "images" / name).stat().st_size < greatest
 

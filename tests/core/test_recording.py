@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.racing.run_folder import check_run_folder, summary_json
 
 FILES = {"summary.json", "scene.xml", "states.npz", "telemetry.csv", "trace.png", "controller.py"}
@@ -116,7 +117,7 @@ def test_a_tire_off_the_ground_is_nan_in_the_table(short_race, tmp_path):
     assert read.tobytes() == telemetry.tobytes()
 
 
-@pytest.mark.parametrize("tick", [0, 39])
+@each("tick", [0, 39])
 def test_replay_finds_the_tick_of_a_changed_command(folder, tick):
     def change(arrays):
         arrays["ctrl"][tick, 1] += 1e-3
@@ -148,7 +149,7 @@ def test_replay_finds_another_friction_in_the_scene(folder):
     assert fg.replay(folder).first_difference is not None
 
 
-@pytest.mark.parametrize(
+@each(
     ("spoil", "named"),
     [
         (lambda f: (f / "summary.json").unlink(), "summary.json"),
@@ -166,7 +167,7 @@ def test_a_damaged_folder_is_refused_in_one_line_that_names_the_file(folder, spo
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["scene.xml", "states.npz", "telemetry.csv"])
+@each("name", ["scene.xml", "states.npz", "telemetry.csv"])
 def test_a_flipped_bit_is_named_whether_or_not_the_file_can_still_be_read(folder, name):
     content = bytearray((folder / name).read_bytes())
     content[len(content) // 2] ^= 1
@@ -191,7 +192,7 @@ def test_a_folder_that_cannot_be_used_is_refused_before_and_left_alone(tmp_path)
     assert {path.name for path in tmp_path.rglob("*")} == {"file", "full", "summary.json"}
 
 
-@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+@each("call", ["write", "fsync", "replace"])
 def test_a_full_disk_leaves_nothing_wherever_it_is_noticed(short_race, tmp_path, monkeypatch, call):
     def full(*_, **__):
         raise OSError(28, "No space left on device")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.safety.recovery import (
     PATH_HISTORY,
@@ -38,7 +39,7 @@ def come(history, settings, meters, speed=2.0):
         reverses(history, settings, False, True, PERIOD)
 
 
-@pytest.mark.parametrize("speed", [0.5, 2.0, 6.0])
+@each("speed", [0.5, 2.0, 6.0])
 def test_it_comes_back_along_its_own_path(speed):
     """A single-track car drives a wave, and back from its end; the path is known in closed form nowhere: it is kept."""
     history, settings = new()
@@ -100,7 +101,7 @@ def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
     assert 0.4 < gone < 0.8
 
 
-@pytest.mark.parametrize("motion", [(math.nan, 0.0), (1.0, math.inf), (1.0, math.nan)])
+@each("motion", [(math.nan, 0.0), (1.0, math.inf), (1.0, math.nan)])
 def test_after_a_motion_that_is_none_it_does_not_know_the_way_back(motion):
     history, settings = new()
     come(history, settings, 3.0)
@@ -110,7 +111,7 @@ def test_after_a_motion_that_is_none_it_does_not_know_the_way_back(motion):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [20, 52])
+@each("seed", [20, 52])
 def test_a_car_askew_before_a_box_gets_past_and_without_going_back_it_stands(seed):
     boxes = random_boxes(fg.load_track("chicanes"), 4, seed, car=CAR)
     for kept, expected in ((True, "finished"), (False, "no_progress")):

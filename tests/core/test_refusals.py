@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.lidar.effects import GREATEST_NOISE, LONGEST_LATENCY
@@ -71,13 +72,13 @@ def test_every_setting_is_here():
     assert made - set(OF_ENVIRONMENTS) <= {"residual", "privileged", "build_seed", "setup"}
 
 
-@pytest.mark.parametrize("name", sorted(BAD))
+@each("name", sorted(BAD))
 def test_a_race_refuses_it(name):
     for value in BAD[name]:
         check(name, value, lambda value=value: fg.race(Setup.of(**{name: value}), time_limit=0.01))
 
 
-@pytest.mark.parametrize("name", sorted(BAD | OF_ENVIRONMENTS))
+@each("name", sorted(BAD | OF_ENVIRONMENTS))
 def test_an_environment_refuses_it(name):
     environment = pytest.importorskip("fg_mujoco.envs.gym_environment").F1TenthEnv
     for value in (BAD | OF_ENVIRONMENTS)[name]:
@@ -114,7 +115,7 @@ OF_COMMANDS = {
 """What commands take besides settings, with values that none takes."""
 
 
-@pytest.mark.parametrize("door", DOORS)
+@each("door", DOORS)
 def test_the_command_line_refuses_it_by_its_option(door, tmp_path, monkeypatch, capsys):
     if door == "view":
         pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
@@ -127,7 +128,7 @@ def test_the_command_line_refuses_it_by_its_option(door, tmp_path, monkeypatch, 
             assert "Settings." not in said and "LidarEffects." not in said and "CarChanges." not in said
 
 
-@pytest.mark.parametrize("command", OF_COMMANDS, ids=" ".join)
+@each("command", OF_COMMANDS, ids=" ".join)
 def test_a_command_refuses_it_by_its_option(command, tmp_path, monkeypatch, capsys):
     if command[0] == "view":
         pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
@@ -138,7 +139,7 @@ def test_a_command_refuses_it_by_its_option(command, tmp_path, monkeypatch, caps
             assert said.startswith((f"--{name} is ", f"--{name}: ", f"--{name} ")) and "accepted: " in said, value
 
 
-@pytest.mark.parametrize(
+@each(
     ("made", "greatest"),
     [
         (lambda value: fg.Entry(mu=value), GREATEST_MU), (lambda value: fg.Entry(planner_mu=value), GREATEST_MU),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
+
 ROOT = Path(__file__).parents[2]
 if not (ROOT / "release.py").exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
@@ -72,7 +74,7 @@ def test_a_dry_run_leaves_everything_as_it_was(clone):
     assert everything(clone) == before
 
 
-@pytest.mark.parametrize("step", ["build", "docs"])
+@each("step", ["build", "docs"])
 def test_a_step_that_fails_leaves_everything_as_it_was(clone, step):
     before = everything(clone)
     code, _, wrong = made(clone, "7.2.0", *QUICK, "--replace", f"{step}=false")
@@ -80,7 +82,7 @@ def test_a_step_that_fails_leaves_everything_as_it_was(clone, step):
     assert everything(clone) == before
 
 
-@pytest.mark.parametrize(
+@each(
     ("version", "said"),
     [
         ("7.2", "VERSION is '7.2'; accepted: three numbers, such as 0.2.0"),

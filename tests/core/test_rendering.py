@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, render
 from fg_mujoco.pictures.rendering.cameras import View
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
@@ -35,8 +36,8 @@ def top(films):
     return films["top"]
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-@pytest.mark.parametrize("time", [0.0, 3.3, 7.1])
+@each("camera", CAMERAS)
+@each("time", [0.0, 3.3, 7.1])
 def test_car_is_where_the_projection_says_and_nowhere_else(films, camera, time):
     film = films[camera]
     labels, data, view = film.segmentation(time), film._player.at(time), film.view(time)
@@ -65,7 +66,7 @@ def _vertices(model, data, name):
     return model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
 
 
-@pytest.mark.parametrize("camera", ["chase", "onboard", "orbit"])
+@each("camera", ["chase", "onboard", "orbit"])
 def test_depth_of_the_ground_is_where_each_ray_meets_it(films, camera):
     film = films[camera]
     depth, labels, view = film.depth(4.0), film.segmentation(4.0), film.view(4.0)
@@ -130,7 +131,7 @@ def test_overlaid_beams_stay_within_what_the_lidar_sees(lap):
     assert (np.minimum(away[..., 0], away[..., 2]) > away[..., 1] + 60).sum() < 10  # but for the line to it
 
 
-@pytest.mark.parametrize(
+@each(
     ("wrong", "message"),
     [
         ({"camera": "drone"}, "chase, onboard, top, track, orbit"),

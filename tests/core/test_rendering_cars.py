@@ -6,6 +6,7 @@ import pytest
 from PIL import Image
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.pictures.rendering import LABELS, Film, Overlays, Renderer
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
@@ -75,7 +76,7 @@ def test_faces_of_a_box_cover_it_and_do_not_distort_the_number():
 
 
 @needs_gl
-@pytest.mark.parametrize("car", [0, 1, 2])
+@each("car", [0, 1, 2])
 def test_camera_follows_the_car_that_is_asked_for_and_the_box_has_its_colour(car):
     with film("top", car) as made:
         time = 2.0

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.pictures.rendering.cameras import CAMERAS, Moment, View
 from fg_mujoco.pictures.rendering.force_arrows import TireForceMeter
@@ -90,7 +91,7 @@ def _corners(text):
 WITHOUT_ROAD = ("boxes", "elbow", "maze")  # whose walls are no ribbon: the floor is drawn without a road
 
 
-@pytest.mark.parametrize("name", fg.track_names())
+@each("name", fg.track_names())
 def test_road_covers_the_track_and_nothing_else(name):
     """The area between the outlines, by the shoelace formula, and no triangle upside down."""
     chains = wall_chains(wall_prisms(fg.load_track(name)))
@@ -149,7 +150,7 @@ PLANNERS_WITH_GAPS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", fg.controller_names())
+@each("name", fg.controller_names())
 def test_intermediate_scans_only_shorten_beams_and_the_gap_is_where_the_planner_goes(lap, name):
     world = lap.world
     planner = fg.make_controller(name, car=world.parameters, mu=1.0489, max_speed=8.0, map_line=world.track.map_line)
@@ -181,7 +182,7 @@ def test_view_projects_as_a_pinhole_does():
     np.testing.assert_allclose(depth, [2.0, 2.0, 2.0, -1.0])
 
 
-@pytest.mark.parametrize("aspect", [0.5, 1.0, 16 / 9, 3.0])
+@each("aspect", [0.5, 1.0, 16 / 9, 3.0])
 def test_track_camera_shows_the_whole_course(lap, aspect):
     bounds = lap.world.track.bounds
     moment = Moment(

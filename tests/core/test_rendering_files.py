@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.rendering import video
@@ -53,7 +54,7 @@ def complaint(capsys, *command):
     return lines[0]
 
 
-@pytest.mark.parametrize("name", ["a.mp4", "a.gif"])
+@each("name", ["a.mp4", "a.gif"])
 def test_video_has_the_frames_at_the_rate(here, name):
     path = write_video(here / name, frames(24), size=(64, 48), fps=12.0)
     count, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
@@ -140,7 +141,7 @@ def test_of_several_laps_the_best_is_filmed_unless_a_time_is_given(here, monkeyp
 
 
 @needs_gl
-@pytest.mark.parametrize("camera", ["chase", "onboard", "top", "track", "orbit"])
+@each("camera", ["chase", "onboard", "top", "track", "orbit"])
 def test_one_frame_of_any_camera(here, run, camera):
     assert main(["render", run, *SMALL, "--camera", camera, "--frame", "0.5", "--out", "a.png", "--no-beams"]) == 0
     picture = np.asarray(Image.open("a.png"))
@@ -155,7 +156,7 @@ def test_race_makes_its_video_in_one_go(here, capsys):
     assert imageio_ffmpeg.count_frames_and_secs("a.gif")[0] == 7
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "message"),
     [
         (["--camera", "drone"], "camera is 'drone'; accepted: chase, onboard, top, track, orbit"),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from conftest import plain_runs
 from fg_mujoco.cli.main import main
 from fg_mujoco.course.centreline_csv import write_centreline
@@ -146,7 +147,7 @@ def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
     assert any(line.startswith("  not proved: ") and "wall_time_s" in line for line in lines)
 
 
-@pytest.mark.parametrize(
+@each(
     ("steering", "said"),
     [
         ("0.01", "planner asked again: the same commands in all 8 decisions"),
@@ -202,7 +203,7 @@ MADE_WITH = ("track", "obstacles", "mu", "cars")
 """Figures that the race is made with again, so that others differ where one of them is forged."""
 
 
-@pytest.mark.parametrize(
+@each(
     "names", [*((name,) for name in MADE_WITH), tuple(name for name in TELLTALE if name not in MADE_WITH)]
 )
 def test_forged_figures_are_told_with_both_values_and_exit_1(folder, names, capsys):
@@ -275,7 +276,7 @@ RACES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", RACES)
+@each("name", RACES)
 def test_every_kind_of_race_is_proved(name, here, capsys):
     arguments = [made_file() if argument == "VEHICLE" else argument for argument in RACES[name]]
     if name == "a map":
@@ -293,7 +294,7 @@ def test_every_kind_of_race_is_proved(name, here, capsys):
     assert read_summary("run")["end_reason"] == expected.get(name, read_summary("run")["end_reason"])
 
 
-@pytest.mark.parametrize(
+@each(
     ("planner", "name", "change"),
     [
         ("Crasher", "crash", {"speed_m_s": 0.1}),
@@ -330,7 +331,7 @@ def test_a_race_that_was_interrupted_before_its_first_tick_is_proved(tmp_path):
     assert report.holds, report.lines
 
 
-@pytest.mark.parametrize("ended", ["History.append", "judge", "tick"])
+@each("ended", ["History.append", "judge", "tick"])
 def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, monkeypatch):
     """As a second Ctrl-C can, which ends a race at any place."""
     from fg_mujoco.racing import race

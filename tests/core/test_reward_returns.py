@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.envs.rewards import PRESETS, RUNNING_COSTS, Rewards
 
 PATH = Path(__file__).parents[2] / "benchmarks" / "reward_returns.py"
@@ -30,8 +31,8 @@ def drives(benchmark):
     return {name: benchmark.driven("hairpins", name, 5.0, 0, names) for name in benchmark.BEHAVIOURS}
 
 
-@pytest.mark.parametrize("gamma", [0.99, 0.995, 1.0])
-@pytest.mark.parametrize("preset", [None, *PRESETS])
+@each("gamma", [0.99, 0.995, 1.0])
+@each("preset", [None, *PRESETS])
 def test_a_crash_is_worth_less_than_anything_else_and_driving_most(benchmark, drives, preset, gamma):
     worth = {name: benchmark.returns(Rewards(preset=preset), drive, gamma) for name, drive in drives.items()}
     others = {name: value for name, value in worth.items() if name not in CRASHES}
@@ -39,7 +40,7 @@ def test_a_crash_is_worth_less_than_anything_else_and_driving_most(benchmark, dr
     assert worth["stand"] < worth["crawl"] < worth["drive"] == max(worth.values())
 
 
-@pytest.mark.parametrize("weights", [{"sliding": 20.0}, dict.fromkeys(RUNNING_COSTS, 1000.0)], ids=["sliding", "all"])
+@each("weights", [{"sliding": 20.0}, dict.fromkeys(RUNNING_COSTS, 1000.0)], ids=["sliding", "all"])
 def test_no_weight_of_a_running_cost_rewards_a_crash(benchmark, drives, weights):
     """A tick without a crash costs no more than the way that is lost. A plain sum of these weights rewards a crash."""
     noisy, bounded = drives["drive noisily"], Rewards(**weights)

@@ -11,6 +11,7 @@ import time
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
 from fg_mujoco.registry import PARTS
@@ -84,7 +85,7 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["world_seconds_per_second"] > 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "said"),
     [
         (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),

@@ -4,6 +4,7 @@
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.racing.entries import Entry
@@ -58,7 +59,7 @@ def here(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"executor": fg.Executor(chunk=1)}, {"executor": "processes", "workers": 2}])
+@each("options", [{"executor": fg.Executor(chunk=1)}, {"executor": "processes", "workers": 2}])
 def test_chunks_and_workers_change_nothing(some, options):
     result, opponents = some
     assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
@@ -129,7 +130,7 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
 # -- what is refused
 
 
-@pytest.mark.parametrize(
+@each(
     "options, error, said",
     [
         ({"opponents": ["nope"]}, ControllerError, "car_1: controller 'nope' is not known; accepted: "),
@@ -142,7 +143,7 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
         ({"opponents": [Entry(start=fg.Start(s=5.0, offset=2.0))]}, SettingsError, "'car_1' does not fit on 'oval'"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("door", ["rollout", "compare"])
+@each("door", ["rollout", "compare"])
 def test_opponents_that_cannot_be_are_refused_before_anything_is_driven(here, door, options, error, said):
     with pytest.raises(error, match=said) as refusal:
         if door == "rollout":

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.rollouts.chunk_store import FolderStore, MemoryStore, TemporaryFolderStore
@@ -84,7 +85,7 @@ def test_a_finished_folder_has_all_that_is_promised(engine, tmp_path):
     assert manifest["versions"]["mujoco_version"]
 
 
-@pytest.mark.parametrize("record", ["summary", "telemetry", "states"])
+@each("record", ["summary", "telemetry", "states"])
 def test_a_folder_reads_back_bit_for_bit(engine, tmp_path, record):
     kept = drive(record=record)
     drive(record=record, out=tmp_path / "out")
@@ -124,8 +125,8 @@ def test_what_fits_the_budget_stays_in_memory_and_the_rest_goes_to_a_folder_that
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("chunks", [0, 1, 4])
-@pytest.mark.parametrize("record", ["summary", "states"])
+@each("chunks", [0, 1, 4])
+@each("record", ["summary", "states"])
 def test_an_interrupted_rollout_is_gone_on_with_where_it_was(engine, tmp_path, chunks, record):
     whole = drive(record=record)
     engine(chunks)
@@ -167,7 +168,7 @@ def test_a_write_that_is_cut_off_leaves_no_chunk(engine, tmp_path, monkeypatch):
 # -- what is refused
 
 
-@pytest.mark.parametrize(
+@each(
     ("changed", "named"),
     [
         ({"n": 20}, "n is 21 there and 20 here"),
@@ -197,7 +198,7 @@ def test_a_folder_of_something_else_is_refused(engine, tmp_path):
         fg.read_rollout(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"schema": 99}', "{"])
+@each("text", ["", "[]", '{"schema": 99}', "{"])
 def test_a_damaged_manifest_is_refused(engine, tmp_path, text):
     drive(out=tmp_path / "out")
     (tmp_path / "out/manifest.json").write_text(text)
@@ -229,7 +230,7 @@ DAMAGE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damage", DAMAGE)
+@each("damage", DAMAGE)
 def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollout(engine, tmp_path, damage):
     out, other = tmp_path / "out", tmp_path / "other"
     whole = drive(record="states", out=out)
@@ -249,7 +250,7 @@ def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollou
     assert contents(out) == before
 
 
-@pytest.mark.parametrize("name", ["worlds.csv", "summary.json"])
+@each("name", ["worlds.csv", "summary.json"])
 def test_an_edited_table_is_named_and_written_again(engine, tmp_path, name):
     drive(out=tmp_path / "out")
     worlds = (tmp_path / "out/worlds.csv").read_bytes()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError
 from fg_mujoco.racing.result import trajectory_sha256
 from rollout_worlds import stand_in
@@ -64,7 +65,7 @@ def twelve():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@each(
     "options",
     [
         {"executor": fg.Executor(chunk=1)}, {"executor": fg.Executor(chunk=5), "workers": 1}, {"workers": 3},
@@ -94,7 +95,7 @@ def assert_is_its_race(result, world):
         assert result.worlds[world][name] == race.summary()[name], name
 
 
-@pytest.mark.parametrize("world", [0, 7])
+@each("world", [0, 7])
 def test_a_world_is_the_race_of_its_setup(twelve, world):
     assert_is_its_race(twelve, world)
 
@@ -207,7 +208,7 @@ def nothing_runs(monkeypatch):
     monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "said"),
     [
         ({"n": 0}, "n is 0; accepted: a whole number from 1"),

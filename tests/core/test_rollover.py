@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
@@ -30,8 +31,8 @@ def tilt(engine, degrees, row=0):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("vehicle", fg.vehicle_names())
-@pytest.mark.parametrize("tires", ("contact", "coulomb"))
+@each("vehicle", fg.vehicle_names())
+@each("tires", ("contact", "coulomb"))
 def test_a_tall_car_rolls_over_in_a_step_steer_and_a_low_one_slides(vehicle, tires):
     """Oracle: mu times the height of the CoG over half the track width, on both sides of 1."""
     tall = fg.drive(STEP_STEER, vehicle=vehicle, tires=tires, **TALL)
@@ -54,7 +55,7 @@ def test_a_race_ends_in_the_tick_in_which_the_car_is_tilted_by_more_than_80_degr
     assert math.degrees(ROLLED_OVER) == pytest.approx(80.0)
 
 
-@pytest.mark.parametrize("degrees", (-35.0, 20.0, 35.0))
+@each("degrees", (-35.0, 20.0, 35.0))
 def test_a_car_that_lifts_two_wheels_and_comes_back_goes_on(degrees):
     """Below the 58 degrees at which its CoG is over its wheels it falls back on them; nor is its landing a crash."""
     engine = Engine(fg.World("oval"))
@@ -68,7 +69,7 @@ def test_a_car_that_lifts_two_wheels_and_comes_back_goes_on(degrees):
     assert uprightness(engine.qpos(0), engine.world.car.constants) > 0.999
 
 
-@pytest.mark.parametrize("degrees", (85.0, 120.0, 180.0))
+@each("degrees", (85.0, 120.0, 180.0))
 def test_a_car_that_lies_stays_on_the_ground_and_has_not_crashed(degrees):
     engine = Engine(fg.World("oval"))
     engine.place([Start()])

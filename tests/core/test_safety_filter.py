@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
@@ -66,7 +67,7 @@ def test_a_reference_that_passed_goes_on_where_a_new_one_would_not():
     assert kept - bare == pytest.approx(0.5 * margin, abs=0.006)
 
 
-@pytest.mark.parametrize("reference", [-0.2, 0.0, 0.1])
+@each("reference", [-0.2, 0.0, 0.1])
 def test_where_nothing_is_near_the_reference_stands_to_the_bit(reference):
     assert filtered(np.full(BEAMS, 30.0), reference) == (reference, 0.5, True)
 
@@ -93,7 +94,7 @@ def bend(radius, aside):
     return ranges
 
 
-@pytest.mark.parametrize(
+@each(
     ("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.8), 0.5)]
 )
 def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use):
@@ -112,7 +113,7 @@ def test_where_no_way_is_free_it_says_so():
     assert not found and abs(way) <= CAR.max_steering_angle and 0.0 < use <= 1.0
 
 
-@pytest.mark.parametrize("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])
+@each("angle", [-0.4, -0.1, 0.0, 0.02, 0.3])
 def test_the_bearing_of_an_arc_is_what_pursuit_steers_for(angle):
     bearing = bearing_of_arc(angle, 1.0, CAR.lidar_offset, CAR.wheelbase)
     assert pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase) == pytest.approx(angle, abs=1e-12)

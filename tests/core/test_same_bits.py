@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
+
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "same_bits.py"
 if not SCRIPT.exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
@@ -17,7 +19,7 @@ spec.loader.exec_module(same_bits)
 FACTS = {"sha": "ab", "laps": [9.2, math.nan], "telemetry": {"x_m": "cd"}}
 
 
-@pytest.mark.parametrize(
+@each(
     ("after", "said"),
     [
         (FACTS, []),

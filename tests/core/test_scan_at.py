@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from conftest import Straight
 
 
@@ -47,7 +48,7 @@ def test_it_is_what_the_planner_was_told_bit_for_bit(run, tmp_path):
     assert not np.array_equal(told[10][0].ranges, told[11][0].ranges)
 
 
-@pytest.mark.parametrize("time", [-0.1, 1e3, float("nan")])
+@each("time", [-0.1, 1e3, float("nan")])
 def test_a_time_outside_of_the_run_is_refused(run, time):
     with pytest.raises(fg.SettingsError, match=r"accepted: 0 to \d+\.\d+ s"):
         fg.scan_at(run[0], time)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from cases import each
 from fg_mujoco.controllers.perception import scan_filters as filters
 from scan_worlds import INCREMENT
 
@@ -38,7 +39,7 @@ def test_a_filter_that_is_given_anything_answers_something(ranges, increment, ra
 # -- what a reading is
 
 
-@pytest.mark.parametrize(
+@each(
     ("ranges", "expected"),
     [
         ([1.0, math.inf, 40.0], [1.0, 30.0, 30.0]),  # no return, and beyond what the sensor can see
@@ -72,13 +73,13 @@ def test_a_failed_reading_takes_the_nearer_of_its_next_valid_neighbours(ranges):
 # -- bubbles
 
 
-@pytest.mark.parametrize(("distance", "beams"), [(1.0, 69), (5.0, 14), (30.0, 3)])
+@each(("distance", "beams"), [(1.0, 69), (5.0, 14), (30.0, 3)])
 def test_a_bubble_is_as_wide_as_its_arc_says(distance, beams):
     # .3 m over arcs of distance * .25 degrees: 68.75, 13.75 and 2.29 of them
     assert filters.bubble_beams(np.array([distance]), RADIUS, INCREMENT) == beams
 
 
-@pytest.mark.parametrize("nearest", [0, 1, 1079, 1080])
+@each("nearest", [0, 1, 1079, 1080])
 def test_a_nearest_point_at_an_end_is_masked_up_to_the_end_and_not_round_it(nearest):
     ranges = np.full(1081, 8.0)
     ranges[nearest] = 2.0

@@ -3,12 +3,12 @@
 import math
 
 import numpy as np
-import pytest
 
+from cases import each
 from fg_mujoco.controllers.perception.scan_geometry import nearest_place
 
 
-@pytest.mark.parametrize("increment", [math.radians(0.25), 0.01, 1e-6])
+@each("increment", [math.radians(0.25), 0.01, 1e-6])
 def test_the_beam_towards_a_point_is_that_of_its_arctangent_to_the_bit(increment):
     draw = np.random.default_rng(1)
     bearings = draw.uniform(-math.pi, math.pi, 20_000)
@@ -20,7 +20,7 @@ def test_the_beam_towards_a_point_is_that_of_its_arctangent_to_the_bit(increment
         assert nearest_place(least, increment, ahead, left) == place
 
 
-@pytest.mark.parametrize("point", [(0.0, 0.0), (-1.0, 0.0), (-1.0, -0.0), (0.0, 1.0), (0.0, -1.0)])
+@each("point", [(0.0, 0.0), (-1.0, 0.0), (-1.0, -0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_the_beam_towards_a_point_on_an_axis_is_that_of_its_arctangent(point):
     ahead, left = point
     expected = np.rint((math.atan2(left, ahead) + 2.0) / 0.01)

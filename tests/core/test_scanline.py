@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.lidar import lidar as lidar_module
 from fg_mujoco.lidar.beams import Beams, LidarModel
 from fg_mujoco.lidar.body_poses import mounted_pose
@@ -93,8 +94,8 @@ def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize(
+@each("seed", range(4))
+@each(
     ("first", "count", "increment"),
     [(-math.pi, 1440, math.tau / 1440), (-3.0, 600, 0.01), (-0.4, 91, 0.01), (0.5, 40, 0.03), (-3.1, 2, 0.2)],
     ids=["all round", "nearly all round", "narrow", "left only", "two beams"],
@@ -169,7 +170,7 @@ def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_stat
 # --- nasty places to stand ---
 
 
-@pytest.mark.parametrize("far_wall", [False, True])
+@each("far_wall", [False, True])
 def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall: bool) -> None:
     """Boxes ahead, left, right and behind, a face of each in one plane with the LiDAR."""
     spec = rig_spec(sensors=False)
@@ -184,7 +185,7 @@ def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall: bo
             assert explained(model, data, lidar, pose).all(), (off, yaw_steps)
 
 
-@pytest.mark.parametrize("pitch", [0.25, -0.25, 1e-3])
+@each("pitch", [0.25, -0.25, 1e-3])
 def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitch: float) -> None:
     model, data, lidar = scanner(rig_spec(sensors=False))
     place(model, data, (1, 2, 0), pitch=pitch)
@@ -192,8 +193,8 @@ def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitc
     np.testing.assert_array_equal(lidar.ranges(data), np.where(down, -np.inf, np.inf))
 
 
-@pytest.mark.parametrize("diagonals", [0, 1])
-@pytest.mark.parametrize("height", [0.05, 0.1, 0.2, 0.27])
+@each("diagonals", [0, 1])
+@each("height", [0.05, 0.1, 0.2, 0.27])
 def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, height: float) -> None:
     """A ring of three rows of vertices, each straight ahead of a beam; two of the heights are those of a row."""
     count, radius = 1440, 10.0
@@ -216,9 +217,9 @@ def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, h
         np.testing.assert_allclose(lidar.ranges(data), radius, atol=1e-4)
 
 
-@pytest.mark.parametrize("storeys", [1, 2])
-@pytest.mark.parametrize("turn", [0, 180])  # of the boxes, and so of the diagonals of their sides
-@pytest.mark.parametrize("yaw", [0.0, 0.3, 2.0, -1.1])
+@each("storeys", [1, 2])
+@each("turn", [0, 180])  # of the boxes, and so of the diagonals of their sides
+@each("yaw", [0.0, 0.3, 2.0, -1.1])
 def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw: float, turn: int, storeys: int) -> None:
     spec = rig_spec(sensors=False)
     for x, y, length, width in ((4.5, 0, 0.5, 5), (-4.5, 0, 0.5, 5), (0, 4.5, 5, 0.5), (0, -4.5, 5, 0.5)):
@@ -298,7 +299,7 @@ def other_beams() -> dict[str, Beams]:
     }
 
 
-@pytest.mark.parametrize("kind", other_beams())
+@each("kind", other_beams())
 def test_beams_that_are_no_scanline_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     beams = other_beams()[kind]
     assert not is_scanline(beams)

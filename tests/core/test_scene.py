@@ -7,6 +7,7 @@ import pytest
 from matplotlib.path import Path
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -50,7 +51,7 @@ def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
     assert timer.laps_completed == 1
 
 
-@pytest.mark.parametrize(
+@each(
     "changes",
     (
         {"start": 1.9},
@@ -150,7 +151,7 @@ def test_a_batch_keeps_the_scenes_rules():
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
-@pytest.mark.parametrize(
+@each(
     ("settings", "said"),
     (
         ({"laps": 2}, "laps is 2 on 'scene:dead_end:0'.*accepted: 1"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.simulation.course_loading import default_car
 from scene_search import Clearances, car_gets_through, disc_gets_through, ray_distances
@@ -35,8 +36,8 @@ def free_across(scene, x):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "widths"), (("corridor_sparse", 2.5), ("corridor_dense", 2.0)))
-@pytest.mark.parametrize("seed", SEEDS)
+@each(("name", "widths"), (("corridor_sparse", 2.5), ("corridor_dense", 2.0)))
+@each("seed", SEEDS)
 def test_corridors_leave_a_way_past_every_box(name, widths, seed):
     scene = load(name, seed)
     assert all(box.heading == 0.0 for box in scene.obstacles)
@@ -46,8 +47,8 @@ def test_corridors_leave_a_way_past_every_box(name, widths, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("percent", (120, 150, 200))
-@pytest.mark.parametrize("seed", SEEDS)
+@each("percent", (120, 150, 200))
+@each("seed", SEEDS)
 def test_the_narrow_gap_is_as_wide_as_its_name_says(percent, seed):
     scene = load(f"narrow_gap_{percent}", seed)
     x = np.mean(np.concatenate([box.corners()[:, 0] for box in scene.obstacles]))
@@ -59,7 +60,7 @@ def test_the_narrow_gap_is_as_wide_as_its_name_says(percent, seed):
     assert not disc_gets_through(field, start, goal, 0.5 * (high - low) + 0.01)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@each("seed", SEEDS)
 def test_a_dead_end_has_no_way_out_and_no_room_to_turn_round(seed):
     scene = load("dead_end", seed)
     assert scene.goal_is_to_stop
@@ -72,7 +73,7 @@ def test_a_dead_end_has_no_way_out_and_no_room_to_turn_round(seed):
     assert left + right < TURNING_RADIUS + outer + 0.5 * WIDTH
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@each("seed", SEEDS)
 def test_in_the_u_turn_trap_the_way_on_is_behind_and_looks_shorter_than_the_way_back(seed):
     """The slides: "the farthest path the car can 'see' in the correct direction is shorter than the path in the wrong".
 
@@ -95,7 +96,7 @@ def test_in_the_u_turn_trap_the_way_on_is_behind_and_looks_shorter_than_the_way_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", (0, 1))
+@each("seed", (0, 1))
 def test_in_the_chicane_the_wider_opening_is_for_robots_that_turn_on_the_spot(seed):
     """The car gets through the narrow one only, a holonomic robot as wide as the car through either."""
     scene = load("wrong_side_chicane", seed)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.resimulation import load_world, resimulate
@@ -115,8 +116,8 @@ def sampled(sensor, count, *, steps=5, seed=1):
 # -- rate and delay
 
 
-@pytest.mark.parametrize("rate", (5.0, 10, 40.0, 50.0, 66.6667, 100, 200.0))
-@pytest.mark.parametrize("delay", (0.0, 0.012, 0.1))
+@each("rate", (5.0, 10, 40.0, 50.0, 66.6667, 100, 200.0))
+@each("delay", (0.0, 0.012, 0.1))
 def test_stamps_are_those_of_the_rate_and_at_least_the_delay_old(rate, delay, constant):
     _, told = heard(["imu", constant(rate=rate, delay=delay)])
     period = round(200.0 / rate) * 0.005
@@ -204,7 +205,7 @@ def readings_of(count, threads, own, *, alone=None):
     return found
 
 
-@pytest.mark.parametrize("cars", (1, 2))
+@each("cars", (1, 2))
 def test_readings_are_the_same_in_any_batch_and_number_of_threads(cars):
     own = fg.World("oval", others=[WorldCar()] * (cars - 1))
     together = readings_of(17, 1, own)
@@ -218,7 +219,7 @@ def test_readings_are_the_same_in_any_batch_and_number_of_threads(cars):
                 assert all_same(first[cars * world + car], second[car])
 
 
-@pytest.mark.parametrize("planner", ("gap_finder", "disparity_extender"))
+@each("planner", ("gap_finder", "disparity_extender"))
 def test_what_is_measured_changes_no_bit_of_the_race(planner):
     plain = fg.race("oval", planner, laps=1, time_limit=1.0)
     measured = fg.race("oval", planner, laps=1, time_limit=1.0, sensors=MIXED)
@@ -290,7 +291,7 @@ def a_live_session(planner):
         session.tick()
 
 
-@pytest.mark.parametrize("door", (of_entries, a_rollout, a_rollout_with_opponents, a_live_session))
+@each("door", (of_entries, a_rollout, a_rollout_with_opponents, a_live_session))
 def test_planners_read_the_same_at_every_door(door, tmp_path):
     planner, file = written(tmp_path)
     a_race(planner)
@@ -305,7 +306,7 @@ def test_planners_read_the_same_at_every_door(door, tmp_path):
         assert told == [json.loads(line) for line in raced]
 
 
-@pytest.mark.parametrize("door", (a_race, of_entries, a_rollout, a_live_session))
+@each("door", (a_race, of_entries, a_rollout, a_live_session))
 def test_a_planner_that_reads_a_sensor_that_its_car_lacks_is_refused(door, tmp_path, monkeypatch):
     planner, _ = written(tmp_path)
     monkeypatch.setitem(globals(), "NOISY", ["imu", {"sensor": "pose", "name": "poses"}])
@@ -365,7 +366,7 @@ def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
 # -- settings
 
 
-@pytest.mark.parametrize(
+@each(
     ("sensors", "said"),
     [
         ("imu", r"sensors is 'imu'; accepted: a sequence of sensors, such as \['imu'\]"),
@@ -435,8 +436,8 @@ def test_environments_observe_sensors_by_name():
     np.testing.assert_allclose(seen[3]["imu"][3:5], seen[3]["acceleration"])
 
 
-@pytest.mark.parametrize("face", ["gymnasium", "vector", "parallel", "dm_env"])
-@pytest.mark.parametrize("shape", ["", ",flat,history:3,normalised"])
+@each("face", ["gymnasium", "vector", "parallel", "dm_env"])
+@each("shape", ["", ",flat,history:3,normalised"])
 def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
     gymnasium, action = pytest.importorskip("gymnasium"), np.zeros(2, np.float32)
     sensors = [{"sensor": "pose", "rate": 10, "delay": 0.1}, {"sensor": "imu", "dropout_probability": 0.9},

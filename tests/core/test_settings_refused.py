@@ -10,6 +10,7 @@ import pytest
 import fg_mujoco as fg
 import fg_mujoco.addons.drivers
 import fg_mujoco.controllers
+from cases import each
 from fg_mujoco.addons.arena.random_courses.generator import GeneratorSettings
 from fg_mujoco.addons.arena.tight_courses.drivable import Footprint
 from fg_mujoco.addons.arena.tight_courses.tight import TightSettings
@@ -56,7 +57,7 @@ def refused(made, **values):
     return str(refusal.value)
 
 
-@pytest.mark.parametrize("made", [*OF_PLANNERS, *MADE], ids=lambda made: made.__name__)
+@each("made", [*OF_PLANNERS, *MADE], ids=lambda made: made.__name__)
 def test_a_value_that_no_field_can_have_is_refused_by_name(made):
     assert len(OF_PLANNERS) > 15
     for field in dataclasses.fields(made):
@@ -66,7 +67,7 @@ def test_a_value_that_no_field_can_have_is_refused_by_name(made):
                 assert f"{made.__name__}.{field.name} is {value!r}" in said and "; accepted: " in said
 
 
-@pytest.mark.parametrize(
+@each(
     ("made", "values", "said"),
     [
         (WeightedGapSettings, {"field_of_view": 3.2}, "field_of_view is 3.2; accepted: a number above 0, at most pi"),

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.study.functions import league, overtake
 from fg_mujoco.addons.gym2d.environment import simulator_of
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -157,7 +158,7 @@ def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
 # -- what is refused
 
 
-@pytest.mark.parametrize(
+@each(
     ("keywords", "said"),
     [
         ({"entries": [fg.Entry()], "mu": 0.5}, "mu is 0.5 beside entries; accepted: mu of each Entry"),
@@ -174,7 +175,7 @@ def test_a_setup_that_cannot_be_is_refused(keywords, said):
         Setup.of(**keywords)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("[[entries]]\ncontroler = 'gap_finder'\n", r"entries\[0\] has no argument 'controler'; .* mean 'controller'"),
@@ -233,7 +234,7 @@ def through(door, given, out):
     }[door]()  # fmt: skip
 
 
-@pytest.mark.parametrize("door", USED)
+@each("door", USED)
 def test_a_door_takes_the_fields_of_a_setup_that_it_uses_and_refuses_all_others(door, here, monkeypatch):
     known = {field.name for kind in (Setup, fg.Entry) for field in fields(kind)} - {"entries"}
     assert known == set(OTHER)  # a new field has a value here, and a place in USED or nowhere

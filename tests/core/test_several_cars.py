@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco import Entry, World, race
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
@@ -69,7 +70,7 @@ def differences(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("count", "placements"), [(2, 30), (4, 12), (8, 6)])
+@each(("count", "placements"), [(2, 30), (4, 12), (8, 6)])
 def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(count: int, placements: int) -> None:
     world = World("oval", others=[WorldCar(vehicle=("nuc2", "f1tenth")[i % 2]) for i in range(count - 1)])
     engine, data, rng = Engine(world), mujoco.MjData(world.model), np.random.default_rng(count)
@@ -130,8 +131,8 @@ def meet(speeds: tuple[float, float], *, head_on: bool, offset: float = 0.0) -> 
     return float(change), gain, min(distances), bool(engine.statistics["touches"].all())
 
 
-@pytest.mark.parametrize("speed", [1.0, 2.0, 4.0])
-@pytest.mark.parametrize("head_on", [True, False])
+@each("speed", [1.0, 2.0, 4.0])
+@each("head_on", [True, False])
 def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed: float, head_on: bool) -> None:
     change, gain, _, touched = meet((speed, speed) if head_on else (speed + 2.0, 1.0), head_on=head_on)
     assert touched

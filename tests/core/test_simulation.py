@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.simulation.cars import CAR_PREFIX, UNREAD_SENSORS
 from fg_mujoco.simulation.physics import STATE
 from fg_mujoco.vehicle.car import WHEELS
@@ -69,7 +70,7 @@ def measured_anew(world, state, others=()):
     return data
 
 
-@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+@each("backend", ("raycast", "rangefinder"))
 @pytest.mark.slow
 def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
     """Oracle: the state at the end, measured anew; sensors a physics step late would be 20 mm off at 4 m/s."""
@@ -91,7 +92,7 @@ def test_scan_and_odometry_are_of_the_end_of_their_tick(backend):
         assert simulation.pose[:2] == tuple(anew.body("car/base_link").xpos[:2])
 
 
-@pytest.mark.parametrize("tires", ["coulomb", "contact"])
+@each("tires", ["coulomb", "contact"])
 def test_the_accelerometer_is_that_of_the_last_physics_step(tires):
     """Oracle: another MjData, stepped alongside; the sensors of a step are those of the state that it starts from."""
     world = fg.World("oval", tires=tires)
@@ -128,7 +129,7 @@ def test_a_crash_is_remembered_and_told_by_the_next_tick(simulation):
     assert told
 
 
-@pytest.mark.parametrize("timestep", (0.004, 0.002 + 1e-6, 0.03))
+@each("timestep", (0.004, 0.002 + 1e-6, 0.03))
 def test_a_timestep_that_does_not_divide_the_period_is_refused(timestep):
     world = fg.World("oval")
     world.model.opt.timestep = timestep

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
+
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import slides
 
@@ -19,10 +21,10 @@ def apart(name, tires, vehicle="f1tenth"):
     return coarse, fine, coarse.yaw_rate / fine.yaw_rate - 1.0
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "tires"), [("f1tenth", "coulomb"), ("f1tenth", "slipx_reference"), ("nuc2", "forzaeth_nuc7")]
 )
-@pytest.mark.parametrize("name", ["step_8_0.4", "brake_in_turn", "lift_off"])
+@each("name", ["step_8_0.4", "brake_in_turn", "lift_off"])
 def test_cars_slide_at_the_default_step_as_at_a_tenth_of_it(vehicle, tires, name):
     coarse, fine, difference = apart(name, tires, vehicle)
     assert not coarse.rolled and not fine.rolled
@@ -37,7 +39,7 @@ def test_contacts_do_not():
     assert not fine.rolled
 
 
-@pytest.mark.parametrize("name", ["sideways_2", "sideways_3.5", "sideways_5", "locked_5", "wheelspin"])
+@each("name", ["sideways_2", "sideways_3.5", "sideways_5", "locked_5", "wheelspin"])
 def test_a_sliding_car_moves_as_coulomb_says(name):
     """v^2 / (2 mu g) to a stop, and mu g t from it; the car's rolling moves load for a moment, and so takes some mm."""
     manoeuvre = MANOEUVRES[name]
@@ -46,8 +48,8 @@ def test_a_sliding_car_moves_as_coulomb_says(name):
     assert reached == pytest.approx(slides.closed_form(manoeuvre, "f1tenth", "coulomb"), rel=0.03)
 
 
-@pytest.mark.parametrize("tires", ["coulomb", "slipx_reference", "forzaeth_nuc2", "f1tenth_gym"])
-@pytest.mark.parametrize("name", ["sideways_5", "spin_20", "sideways_5_spin_8", "locked_5"])
+@each("tires", ["coulomb", "slipx_reference", "forzaeth_nuc2", "f1tenth_gym"])
+@each("name", ["sideways_5", "spin_20", "sideways_5_spin_8", "locked_5"])
 def test_energy_never_rises_with_the_motor_off(name, tires):
     outcome = slides.slide(MANOEUVRES[name], "f1tenth", tires, 0.005)
     assert outcome.energy < 1e-3

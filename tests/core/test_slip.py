@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.controllers.control.slip import arc_angle, held_arc, slip_row, steered
 from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
@@ -21,8 +22,8 @@ BLIND = scan_of(np.zeros(1081))
 SOFT = replace(CAR, **Tires.load("forzaeth_nuc6").for_planners())
 
 
-@pytest.mark.parametrize("speed", [0.5, 2.0, 4.0])
-@pytest.mark.parametrize("angle", [-0.1, 0.02, 0.15])
+@each("speed", [0.5, 2.0, 4.0])
+@each("angle", [-0.1, 0.02, 0.15])
 def test_the_arc_of_the_steering_angle_for_an_arc_is_this_arc(speed, angle):
     limiter = FrictionLimiter(SOFT, 0.877).record[0]
     steering = steered(limiter["slip"], limiter["car"], angle, speed)
@@ -52,7 +53,7 @@ def circled(tires, radius):
     return ground, planner
 
 
-@pytest.mark.parametrize("tires", tire_names())
+@each("tires", tire_names())
 def test_a_planner_that_sees_nothing_any_more_stops_in_a_bend_and_no_tire_slides(tires):
     ground, planner = circled(Tires.load(tires), 7.0)
     stop = ground.drive(lambda odometry: planner(BLIND, odometry), 6.0, until=lambda odometry: odometry.speed < 0.05)

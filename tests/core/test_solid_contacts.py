@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.vehicle.bodywork import RESTITUTION, fit_timestep, solref
 
 PLACE = 2.0  # [m] along the oval: straight for metres
@@ -70,9 +71,9 @@ def left_wall(world):
     return min(found)
 
 
-@pytest.mark.parametrize("tires", ("contact", "coulomb"))
-@pytest.mark.parametrize("degrees", (90, 70, 45, 30))
-@pytest.mark.parametrize("speed", (2.0, 15.0, 20.0))
+@each("tires", ("contact", "coulomb"))
+@each("degrees", (90, 70, 45, 30))
+@each("speed", (2.0, 15.0, 20.0))
 @pytest.mark.slow
 def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, speed):
     """Wherever in its step it arrives: no deeper than it moves in it, and slower afterwards; up to .4 m before."""
@@ -90,7 +91,7 @@ def test_a_wall_stops_a_car_within_the_step_in_which_it_arrives(tires, degrees, 
         assert low < rebound < high, (phase, rebound)
 
 
-@pytest.mark.parametrize("timestep", (0.001, 0.0025, 0.01))
+@each("timestep", (0.001, 0.0025, 0.01))
 def test_a_wall_bounces_alike_at_other_timesteps(timestep):
     """Fitted to 5 ms and left so, contacts at 10 ms would throw the car back faster than it came."""
     world = fg.World(TRACK, tires="coulomb")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_gaps import SLIDES
 
+from cases import each
 from fg_mujoco.controllers import BASELINES
 from fg_mujoco.controllers.control.planner_settings import for_method
 from fg_mujoco.controllers.disparity_selection import source_beam
@@ -95,7 +96,7 @@ def test_the_gap_finders_components_one_after_the_other():
     assert made.find_goal(flat) == pytest.approx((0.0, 3.0))  # of equal ranges it goes straight on
 
 
-@pytest.mark.parametrize(("left", "expected"), [(0.3, 0.3), (1.0, CAR.max_steering_angle)])
+@each(("left", "expected"), [(0.3, 0.3), (1.0, CAR.max_steering_angle)])
 def test_the_steering_angle_is_the_goals_bearing_up_to_the_lock(left, expected):
     bearings = 0.1 * (np.arange(27) - 13)
     scan = scan_of(np.where(np.abs(bearings - left) < 0.01, 3.0, 2.0), 0.1)
@@ -113,7 +114,7 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("name", LAWS)
+@each("name", LAWS)
 def test_without_stages_a_planner_has_the_method_and_the_speed_laws_of_its_source(name):
     none, grip, full = (find_controller(name)(CAR, MU, assist=assist) for assist in ("none", "grip", "full"))
     assert (set(none.stages), set(grip.stages)) == ({*LAWS[name]}, {*LAWS[name], "limiter"})

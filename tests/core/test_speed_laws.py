@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.controllers.control.speed import (
     distance_ahead_speed,
     friction_speed,
@@ -21,7 +22,7 @@ unhurried = settings(deadline=None)  # the first call compiles
 steering_angles = st.floats(1e-4, 1.5)
 
 
-@pytest.mark.parametrize(
+@each(
     ("steering_angle", "speed"),
     # g mu b = 9.81 * 1.0489 * .3302 = 3.39766; tan .2 = .2027100, tan .4189 = .4452538, tan .05 = .0500417 (by series)
     [(0.2, 4.094044), (0.4189, 2.762398), (0.05, 8.239939)],
@@ -77,7 +78,7 @@ def test_speed_by_the_distance_ahead_is_linear_between_stop_and_full_speed():
     assert speed(math.nan) == 0.0
 
 
-@pytest.mark.parametrize(("value", "held"), [(0.7, 0.4), (-0.7, -0.4), (0.3, 0.3), (-0.3, -0.3), (0.4, 0.4)])
+@each(("value", "held"), [(0.7, 0.4), (-0.7, -0.4), (0.3, 0.3), (-0.3, -0.3), (0.4, 0.4)])
 def test_beyond_the_limit_it_turns_as_sharply_as_possible(value, held):
     assert saturate(value, 0.4) == held
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.controllers.control.holding import LEFT_ALONE, SPEEDOMETER, command_speed, read_speedometer
 from fg_mujoco.controllers.control.planner_settings import CAR, record_values
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
@@ -28,8 +29,8 @@ def driven(error, seconds, acceleration=0.0, start=4.0):
     return memory, np.array(told)
 
 
-@pytest.mark.parametrize("error", (0.05, -0.05, 0.12))
-@pytest.mark.parametrize("acceleration", (0.0, 1.5, -1.5))
+@each("error", (0.05, -0.05, 0.12))
+@each("acceleration", (0.0, 1.5, -1.5))
 def test_the_error_is_measured_and_the_speed_becomes_what_was_asked_for(error, acceleration):
     memory, told = driven(error, 1.6, acceleration)
     assert memory["error"] == pytest.approx(error, abs=0.005)
@@ -40,7 +41,7 @@ def test_the_error_is_measured_and_the_speed_becomes_what_was_asked_for(error, a
     assert abs(first - acceleration) > 0.8 * abs(error) * 4.0 / PARAMETERS.speed_time_constant
 
 
-@pytest.mark.parametrize("error", (0.0, 0.009, -0.009))
+@each("error", (0.0, 0.009, -0.009))
 def test_an_error_that_a_car_without_one_shows_changes_no_command(error):
     memory, _ = driven(error, 1.0, 1.0)
     memory["error"] = error
@@ -48,7 +49,7 @@ def test_an_error_that_a_car_without_one_shows_changes_no_command(error):
     assert command_speed(memory, 3.7, ROW, TOP, PERIOD, 0.0) == pytest.approx(3.7 / (1.0 + error), rel=1e-12)
 
 
-@pytest.mark.parametrize("drift", (0.05, -0.05))
+@each("drift", (0.05, -0.05))
 def test_a_race_with_odometry_that_errs_does_not_slide(drift):
     """By the speed that counts as sliding, at most starts; where a bend takes all grip, some ticks are beyond it."""
     cars = [fg.race("oval", "gap_finder", laps=1, odometry_drift=drift, start_s=float(s)).car for s in range(8)]

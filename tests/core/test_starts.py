@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.course.standing import off_course
@@ -30,7 +31,7 @@ def found(course, points):
     return np.array([off_course(course, point, point) for point in points])
 
 
-@pytest.mark.parametrize("name", ["oval", "hairpins", "random:3"])
+@each("name", ["oval", "hairpins", "random:3"])
 def test_a_place_is_off_a_track_where_no_corridor_has_it(name):
     """The oracle is the projection: a place has an offset from the line, and the line has room to both sides."""
     course, rng = fg.load_track(name), np.random.default_rng(1)
@@ -63,13 +64,13 @@ def test_a_place_is_off_a_map_where_its_image_is_not_free(tmp_path):
 # -- set
 
 
-@pytest.mark.parametrize(("start", "obstacles", "said"), FAULTS)
+@each(("start", "obstacles", "said"), FAULTS)
 def test_a_race_refuses_it(start, obstacles, said):
     with pytest.raises(SettingsError, match=f"the car does not fit on 'oval' at s = .*{said}.*; accepted: a start"):
         fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
 
 
-@pytest.mark.parametrize("start", [BEYOND, IN_WALL])
+@each("start", [BEYOND, IN_WALL])
 def test_a_rollout_and_the_live_view_refuse_it(start):
     with pytest.raises(SettingsError, match="the car does not fit on "):
         fg.rollout("oval", n=2, start=start, time_limit=0.1)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from moving_worlds import GEOMETRY, PERIOD, WALLS, box, moving, odometry_row, ranges_of, watched
 from scan_worlds import CAR
@@ -17,9 +18,9 @@ def crossing(time, speed=0.8):
     return WALLS + box(6.0, -0.8 + speed * time), ()
 
 
-@pytest.mark.parametrize("noisy", (False, True))
-@pytest.mark.parametrize(("speed", "yaw_rate"), ((0.0, 0.0), (3.0, 0.0), (2.0, 0.25)))
-@pytest.mark.parametrize(
+@each("noisy", (False, True))
+@each(("speed", "yaw_rate"), ((0.0, 0.0), (3.0, 0.0), (2.0, 0.25)))
+@each(
     ("velocity", "thing"),
     (
         ((0.0, 0.8), lambda x, y: (box(x, y), ())),
@@ -61,7 +62,7 @@ def test_a_wall_that_slides_along_itself_does_not_move_nor_does_one_that_ends():
         assert known is None and not moving(memory)
 
 
-@pytest.mark.parametrize(("speed", "yaw_rate"), ((4.0, 0.0), (2.0, 0.6), (2.0, -1.5)))
+@each(("speed", "yaw_rate"), ((4.0, 0.0), (2.0, 0.6), (2.0, -1.5)))
 def test_what_stands_stands_with_noise_and_odometry_that_drifts(speed, yaw_rate):
     things = WALLS + box(4.0, 0.6) + box(6.0, -0.7, 0.5, 0.3), ((3.0, -0.6, 0.1), (5.0, 0.3, 0.2), (7.0, 0.1, 0.15))
     for seed in range(3):
@@ -130,7 +131,7 @@ def test_what_stops_is_a_standing_thing_after_a_second_and_what_turns_back_is_me
     assert target["vy"] == pytest.approx(-1.0, abs=0.25)
 
 
-@pytest.mark.parametrize("speed", (math.nan, math.inf, 1e9))
+@each("speed", (math.nan, math.inf, 1e9))
 def test_odometry_that_is_none_and_another_lidar_forget_all(speed):
     memory, _ = watched(crossing, 30)
     assert track_targets(memory, GEOMETRY, ranges_of(WALLS), odometry_row(speed), CAR.lidar_offset, 0.0) == 0

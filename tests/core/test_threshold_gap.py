@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from test_gaps import SLIDES, runs_where
 
+from cases import each
 from fg_mujoco.controllers.perception.gaps import runs_beyond
 from fg_mujoco.controllers.threshold_gap import ThresholdGap, ThresholdGapSettings, choose_gap
 from scan_worlds import CAR, INCREMENT, MU, scan_of
@@ -20,7 +21,7 @@ def planner(**settings):
     return ThresholdGap(CAR, MU, 8.0, ThresholdGapSettings(**settings))
 
 
-@pytest.mark.parametrize(("gap", "middle"), [("widest", 2.5), ("deepest", 8.5)])
+@each(("gap", "middle"), [("widest", 2.5), ("deepest", 8.5)])
 def test_with_two_readings_there_are_the_slides_two_gaps_and_it_has_to_choose(gap, middle):
     """Both have a reading without return, and are as deep; here the narrower one's is a metre farther."""
     ranges = np.where(np.isinf(SLIDES), 20.0, SLIDES)

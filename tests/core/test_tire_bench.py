@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
 from fg_mujoco.vehicle.tires import Tires
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -15,14 +16,14 @@ SETS = [(name, axle) for name in ("forzaeth_nuc2", "slipx_reference") for axle i
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "axle"), SETS)
+@each(("name", "axle"), SETS)
 def test_the_force_is_the_formulas_pure_and_combined(name, axle):
     """At most .5 % of the peak is asked; settled it is exact."""
     error, spread = errors(Tires.load(name), axle, (2.0, 20.0))
     assert error < 1e-3 and spread < 1e-3
 
 
-@pytest.mark.parametrize(("name", "axle"), SETS)
+@each(("name", "axle"), SETS)
 def test_the_force_follows_over_the_relaxation_length_at_any_speed(name, axle):
     tires = Tires.load(name)
     length = tires.axles[AXLES.index(axle)].relaxation_length

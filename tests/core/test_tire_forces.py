@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.simulation.cars import WorldCar
@@ -80,8 +81,8 @@ def centripetal(ground):
     return ground.car.parameters.mass * speed * ground.data.qvel[5]
 
 
-@pytest.mark.parametrize("tires", SETS)
-@pytest.mark.parametrize("direction", [0.0, 0.5 * math.pi, 0.8])
+@each("tires", SETS)
+@each("direction", [0.0, 0.5 * math.pi, 0.8])
 @pytest.mark.slow
 def test_a_car_with_blocked_wheels_stays_on_a_slope(tires, direction):
     """20 %, any way: once it has settled it moves by less than .003 mm in 20 s; a contact would creep by 9 mm."""
@@ -103,8 +104,8 @@ def test_a_car_with_blocked_wheels_stays_on_a_slope(tires, direction):
     np.testing.assert_allclose(push, -mass * np.array(gravity[:2]), rtol=0.01, atol=0.02)  # Newton
 
 
-@pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc7", "f1tenth_gym"])
-@pytest.mark.parametrize("speed", [1.0, 3.0, 8.0])
+@each("tires", ["slipx_reference", "forzaeth_nuc7", "f1tenth_gym"])
+@each("speed", [1.0, 3.0, 8.0])
 @pytest.mark.slow
 def test_a_tire_at_a_set_slip_has_the_force_of_its_curve_after_its_relaxation_length(tires, speed):
     """Across, along, and both by similarity; and 63 % of the slip after one relaxation length."""
@@ -269,8 +270,8 @@ def state_of(ground):
     return state
 
 
-@pytest.mark.parametrize(("tires", "timestep"), [("coulomb", 0.005), ("coulomb", 0.0001), (BRUSH, 0.0001)])
-@pytest.mark.parametrize("motion", [*MOTIONS, "corners", "brakes"])
+@each(("tires", "timestep"), [("coulomb", 0.005), ("coulomb", 0.0001), (BRUSH, 0.0001)])
+@each("motion", [*MOTIONS, "corners", "brakes"])
 @pytest.mark.slow
 def test_mean_forces_are_those_of_tiny_steps_by_numpy(tires, timestep, motion):
     """Of bristles, whose means decide whether a car that slides is right; in steps soon after the motion begins."""
@@ -306,8 +307,8 @@ def stored(ground, data):
     return total
 
 
-@pytest.mark.parametrize("tires", [tires for tires in LAWS_OF_OURS if tires != "f1tenth_gym"])
-@pytest.mark.parametrize("motion", MOTIONS)
+@each("tires", [tires for tires in LAWS_OF_OURS if tires != "f1tenth_gym"])
+@each("motion", MOTIONS)
 @pytest.mark.slow
 def test_with_the_motor_off_energy_never_rises(tires, motion):
     """Kinetic, of height and springs, and what the tires hold; by steps of the first order by .02 J of 4 to 33.
@@ -330,7 +331,7 @@ def test_with_the_motor_off_energy_never_rises(tires, motion):
     assert (energies - np.minimum.accumulate(energies)).max() < 0.02
 
 
-@pytest.mark.parametrize("motion", [motion for motion in MOTIONS if motion != "spins"])
+@each("motion", [motion for motion in MOTIONS if motion != "spins"])
 def test_the_sum_of_the_forces_is_mass_times_acceleration(motion):
     """Newton in each step of a car that slides: the mean forces, at the heading in the middle of the step."""
     ground = Ground("coulomb")
@@ -440,7 +441,7 @@ def test_worlds_of_cars_on_different_tires_have_the_bits_of_steps_by_hand():
     assert loads == pytest.approx([MIXED.parameters.mass * 9.81] * 3, rel=0.02)
 
 
-@pytest.mark.parametrize("threads", [2, 3])
+@each("threads", [2, 3])
 def test_a_world_has_its_bits_in_any_batch_order_and_number_of_threads(threads):
     alone = []
     for i in range(5):
@@ -454,7 +455,7 @@ def test_a_world_has_its_bits_in_any_batch_order_and_number_of_threads(threads):
     assert [state.tobytes() for state in reversed(drive_mixed(backwards, 8))] == alone
 
 
-@pytest.mark.parametrize("stop", [1, 3, 4, 7])
+@each("stop", [1, 3, 4, 7])
 def test_a_state_holds_all_that_the_next_step_depends_on(stop):
     """Stopped in the middle of a slide, at any physics step, and gone on with in another engine: the same bits."""
     world = fg.World("oval", tires="coulomb", patches=(fg.Patch(x=1.0, y=0.0, length=1.0, width=3.0, mu=0.3),))

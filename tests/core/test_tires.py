@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.vehicle.tires import (
     LAWS,
     NUMBERS,
@@ -40,7 +41,7 @@ relaxation_length = 0.05
 """
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_each_number_of_a_set_says_its_unit_and_source(name):
     lines = (FOLDER / f"{name}.toml").read_text("utf-8").splitlines()
     numbers = [line for line in lines if re.match(r"\w+ = [-\d.]", line)]
@@ -49,7 +50,7 @@ def test_each_number_of_a_set_says_its_unit_and_source(name):
         assert re.search(r"  # \[[^\]]+\] .{8,}", line), line
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_a_set_is_read_back_from_what_it_says_of_itself(name):
     tires = fg.Tires.load(name)
     again = Tires.load(json.loads(json.dumps(tires.described())))
@@ -57,7 +58,7 @@ def test_a_set_is_read_back_from_what_it_says_of_itself(name):
     assert len({Tires.load(other).sha256 for other in NAMES}) == len(NAMES)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_curves_are_the_formula_up_to_their_peak_and_never_fall_below_the_share_that_slides(name):
     for axle in Tires.load(name).on(1.0489).axles:
         for curve in (axle.lateral, axle.longitudinal):
@@ -91,7 +92,7 @@ CLOSED_FORMS = (
 )
 
 
-@pytest.mark.parametrize(("law", "formula", "peak_slip", "peak"), CLOSED_FORMS, ids=lambda each: type(each).__name__)
+@each(("law", "formula", "peak_slip", "peak"), CLOSED_FORMS, ids=lambda each: type(each).__name__)
 def test_laws_are_their_closed_forms(law, formula, peak_slip, peak):
     slips = np.linspace(0.0, 1.0, 1001)
     forces = np.array([law.force(slip) for slip in slips])
@@ -101,7 +102,7 @@ def test_laws_are_their_closed_forms(law, formula, peak_slip, peak):
     assert law.force(1e-7) == pytest.approx(1e-7 * law.slope, rel=1e-5)
 
 
-@pytest.mark.parametrize("law", [*(each[0] for each in CLOSED_FORMS), MagicFormula(B=10.0, C=1.6, D=1.1, E=0.3)])
+@each("law", [*(each[0] for each in CLOSED_FORMS), MagicFormula(B=10.0, C=1.6, D=1.1, E=0.3)])
 def test_the_kernel_of_a_law_is_its_force(law):
     assert len(law.numbers) <= NUMBERS
     for slip in np.linspace(0.0, 1.0, 201):
@@ -160,7 +161,7 @@ def test_a_file_of_ones_own_is_read(tmp_path):
     assert fg.Tires.load(path).axles[1].longitudinal == MagicFormula(B=12.0, C=1.5, D=0.8, E=0.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("old", "new", "said"),
     [
         ("D = 1.0\n", "D = 0.0\n", r"\[front\]: D is 0.0; accepted: above 0, up to 3"),

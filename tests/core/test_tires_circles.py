@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.lab.lab_ground import LabGround
 from fg_mujoco.lab.steady_circle import SteadyCircle, UnreachableError
 from fg_mujoco.messages import DriveCommand
@@ -34,7 +35,7 @@ def onset(tires, steering, changes=None, mu=None):
     return circle, *circle.bisect(passes_peak, low=0.4, high=3.0)
 
 
-@pytest.mark.parametrize(("mu", "steering"), [(1.0, 0.05), (0.5, -0.1)])
+@each(("mu", "steering"), [(1.0, 0.05), (0.5, -0.1)])
 def test_equal_axles_on_level_loads_pass_their_peak_at_the_laws_speed(mu, steering):
     _, before, after = onset(stiff(), steering, FLAT, mu)
 
@@ -43,7 +44,7 @@ def test_equal_axles_on_level_loads_pass_their_peak_at_the_laws_speed(mu, steeri
     assert not before.sliding.any() and after.sliding.any()
 
 
-@pytest.mark.parametrize("sensitivity", [0.0, 0.4])
+@each("sensitivity", [0.0, 0.4])
 def test_load_sensitivity_lowers_the_grip_as_the_closed_form_of_two_tires_says(sensitivity):
     tires = stiff(sensitivity)
     _, before, _ = onset(tires, 0.1)
@@ -59,7 +60,7 @@ def test_load_sensitivity_lowers_the_grip_as_the_closed_form_of_two_tires_says(s
     assert a == pytest.approx(min(axles), rel=0.02)
 
 
-@pytest.mark.parametrize(("steering", "k"), [(0.05, 0.846), (0.1, 0.881)])
+@each(("steering", "k"), [(0.05, 0.846), (0.1, 0.881)])
 def test_unequal_axles_spin_where_the_single_track_says(steering, k):
     """ForzaETH's NUC2 has less grip behind: without load transfer it spins well below the law."""
     tires = Tires.load("forzaeth_nuc2")
@@ -92,7 +93,7 @@ def test_the_onset_is_the_same_at_a_fifth_of_the_timestep():
     assert ks[0] == pytest.approx(ks[1], rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["contact", "coulomb", "forzaeth_nuc2", "f1tenth_gym"])
+@each("name", ["contact", "coulomb", "forzaeth_nuc2", "f1tenth_gym"])
 def test_a_sliding_speed_says_whether_a_tire_slides(name):
     """One rule for the lab, races and reports, which have the speed only."""
     tires = Tires.load(name)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 
 integrate = pytest.importorskip("scipy.integrate")
 
@@ -55,7 +56,7 @@ def compared(height, speed, share):
     return ours[-1] / theirs[-1] - 1.0, np.sqrt(np.mean((ours - theirs) ** 2)) / theirs.max()
 
 
-@pytest.mark.parametrize("speed", [2.0, 3.0, 4.0, 5.0, 6.0])
+@each("speed", [2.0, 3.0, 4.0, 5.0, 6.0])
 def test_the_yaw_rate_is_the_gyms_up_to_half_of_the_limit(speed):
     """With the centre of gravity on the ground, as no load moves in the gym: within 2 %, in a step and once steady."""
     for share in (0.125, 0.25, 0.375, 0.5):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.racing.replay import replay
 from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
@@ -98,7 +99,7 @@ def test_a_vehicle_names_its_own_tires(tmp_path):
         fg.Vehicle.load(path)
 
 
-@pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
+@each("tires", ["contact", "coulomb", NUC2])
 def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(tires, lap):
     lap = lap if tires == NUC2 else fg.race("oval", laps=1, tires=tires)
     wheels = fg.vehicle.car.WHEELS
@@ -127,7 +128,7 @@ def test_telemetry_has_load_force_and_slip_of_each_tire_at_the_state_of_the_row(
 ICE = fg.Patch(x=6.0, y=0.0, length=3.0, width=2.0, mu=0.15)
 
 
-@pytest.mark.parametrize("tires", ["contact", "coulomb", NUC2])
+@each("tires", ["contact", "coulomb", NUC2])
 @pytest.mark.slow
 def test_patches_are_part_of_any_world(tires, tmp_path):
     """Raced, replayed, and in a batch beside another friction; a tire on a patch has that of the patch."""

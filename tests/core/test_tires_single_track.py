@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.changes import CarChanges
@@ -96,7 +97,7 @@ def accelerations(rows, left, yaw_rate):
     return np.gradient(left, TIMESTEP) + rows[1] * yaw_rate
 
 
-@pytest.mark.parametrize(
+@each(
     ("tires", "steering", "speed", "share"),
     [("slipx_reference", 0.1, 4.0, 0.4), ("slipx_reference", 0.1, 5.8, 0.9), ("forzaeth_nuc2", 0.1, 4.4, 0.6),
      ("forzaeth_nuc6", 0.3, 6.0, 0.95), ("coulomb", 0.1, 5.75, 0.95), ("forzaeth_sim", 0.2, 4.0, 0.8)],
@@ -114,7 +115,7 @@ def test_circles(tires, steering, speed, share):
     assert ours.mean() == pytest.approx(theirs.mean(), rel=0.02)
 
 
-@pytest.mark.parametrize("tires", ["slipx_reference", "forzaeth_nuc2", "forzaeth_nuc6", "coulomb"])
+@each("tires", ["slipx_reference", "forzaeth_nuc2", "forzaeth_nuc6", "coulomb"])
 @pytest.mark.slow
 def test_a_step_and_a_slalom(tires):
     """Within 2 % of the greatest, rms; a step turns in within half a physics step of the model."""
@@ -129,7 +130,7 @@ def test_a_step_and_a_slalom(tires):
         assert abs(reached[0] - reached[1]) < 0.5 * TIMESTEP
 
 
-@pytest.mark.parametrize("tires", ["forzaeth_nuc6", "forzaeth_nuc7", "f1tenth_gym"])
+@each("tires", ["forzaeth_nuc6", "forzaeth_nuc7", "f1tenth_gym"])
 def test_the_understeer_gradient_is_that_of_the_closed_form(tires):
     """steering = wheelbase / radius + K ay, K = (1 / front slope - 1 / rear slope) / g, slopes over the load."""
     tires = set_of(tires)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
@@ -54,7 +55,7 @@ def told(telemetry):
     return telemetry[0, SPEED]
 
 
-@pytest.mark.parametrize(("settings", "expected"), SETTINGS)
+@each(("settings", "expected"), SETTINGS)
 def test_a_race_a_rollout_and_the_live_view_tell_what_is_set(settings, expected):
     race = fg.race("oval", TOLD, time_limit=0.02, **settings)
     assert told(race.car.telemetry) == expected
@@ -117,7 +118,7 @@ def test_settings_that_are_read_back_assume_the_same():
 # -- where both are shown
 
 
-@pytest.mark.parametrize(
+@each(
     ("told_mu", "text"), [((), "0.6"), (("--planner-mu", "0.8"), "0.8"), (("--planner-mu", "off"), "off")]
 )
 @pytest.mark.slow

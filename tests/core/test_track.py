@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.course.polyline import resample, rounded_polygon
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import TrackError
@@ -88,7 +89,7 @@ def test_without_a_hint_a_corridor_counts_more_than_a_nearer_centreline():
     assert offset[0] == pytest.approx(1.4)
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "message"),
     [
         ({"centreline": CIRCLE[:3]}, "at least 4 points"),

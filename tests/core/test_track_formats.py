@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.addons.arena.random_courses.generator import generate_track
 from fg_mujoco.course.centreline_csv import DENSE, read_centreline, write_centreline
 from fg_mujoco.course.formats import track_names
@@ -41,7 +42,7 @@ def read(tmp_path):
 ROWS = ellipse_rows()
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         HEADER + text_of(ROWS),
@@ -74,7 +75,7 @@ def raceline_rows():
     return [(0.2 * k, x, y, 7.0, 8.0, 9.0, -1.0) for k, (x, y, _, _) in enumerate(ROWS)]
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         "# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n" + text_of(raceline_rows(), "; "),
@@ -105,7 +106,7 @@ def named(header, **columns):
     return ",".join(name for name, _, _ in names) + "\n" + text_of(rows, ",")
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         named("x_m=x,y_m=y,w_tr_left_m=left,w_tr_right_m=right"),
@@ -139,7 +140,7 @@ QUATERNION = [
 ]
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         (named("x,y,yaw,v=right", yaw=YAW), "has no widths, but columns x, y, yaw, v; accepted"),
@@ -165,7 +166,7 @@ def test_columns_that_are_no_course_are_refused_by_what_they_are(read, text, mes
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("direction", ["clockwise", "counterclockwise"])
+@each("direction", ["clockwise", "counterclockwise"])
 def test_a_track_is_turned_round_on_request(tmp_path, direction):
     path = tmp_path / "some.csv"
     path.write_text(text_of(ROWS))
@@ -177,7 +178,7 @@ def test_a_track_is_turned_round_on_request(tmp_path, direction):
     np.testing.assert_array_equal(turned.width_left, 1.2 if is_same else 1.0)
 
 
-@pytest.mark.parametrize("width", ["0", "-1", "nan", "inf", "220"])
+@each("width", ["0", "-1", "nan", "inf", "220"])
 def test_a_width_that_no_course_has_is_refused(tmp_path, width):
     path = tmp_path / "some.csv"
     path.write_text(text_of([row[:2] for row in ROWS]))
@@ -186,7 +187,7 @@ def test_a_width_that_no_course_has_is_refused(tmp_path, width):
         load_track(f"{path}[width={width}]")
 
 
-@pytest.mark.parametrize("spacing", [0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0])
+@each("spacing", [0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 5.0])
 def test_any_spacing_gives_the_same_smooth_circuit(read, spacing):
     track = read(text_of(ellipse_rows(spacing)))
     assert step_lengths(track.centreline).max() <= DENSE
@@ -211,7 +212,7 @@ def test_written_track_is_read_back_bit_for_bit(tmp_path):
 GOOD = text_of(ROWS[:20])
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("", "is empty"),
@@ -242,7 +243,7 @@ def test_what_is_no_track_is_refused_in_one_line_that_names_the_file(read, text,
     assert "accepted" in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["ovall", "", "random:", "random:x", "random:-1", "random:1.5", "Oval"])
+@each("name", ["ovall", "", "random:", "random:x", "random:-1", "random:1.5", "Oval"])
 def test_unknown_name_is_refused_with_the_known_ones(name):
     with pytest.raises(TrackError, match=r"accepted: .*random:SEED") as refusal:
         load_track(name)

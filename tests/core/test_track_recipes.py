@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from importlib import resources
 
-import pytest
 from recipes import RECIPES, write_bundled
 
+from cases import each
 from fg_mujoco.course.formats import track_names
 
 
@@ -14,7 +14,7 @@ def test_every_circuit_has_a_recipe_and_every_recipe_a_circuit():
     assert set(track_names()) == set(RECIPES)
 
 
-@pytest.mark.parametrize("name", sorted(RECIPES))
+@each("name", sorted(RECIPES))
 def test_circuit_is_what_its_header_says_makes_it(name, tmp_path):
     bundled = (resources.files("fg_mujoco.tracks") / f"{name}.csv").read_text(encoding="utf-8")
     command = next(line.partition("made by: ")[2] for line in bundled.splitlines() if "made by: " in line)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.course.polyline import (
     distance_to_segment,
     enclosed_area,
@@ -117,7 +118,7 @@ def test_no_wall_comes_nearer_to_the_line_than_the_width(radii, right, left, see
     assert step_lengths(track.left_wall).min() > 0.0
 
 
-@pytest.mark.parametrize("name", ["serpentine", "boxes", "maze"])
+@each("name", ["serpentine", "boxes", "maze"])
 def test_square_corners_and_boxes_beside_another_stretch_move_no_wall(name):
     """Widths reach further than half of the way to the other stretch, but aside of it."""
     track = load_track(name)

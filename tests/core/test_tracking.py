@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from cases import each
 from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, errors, next_place, steer_along
 from fg_mujoco.vehicle.vehicle import Vehicle
 
@@ -51,15 +52,15 @@ def follow(points, speed, beside=0.0, heading=0.0, step=0.005, tick=0.025, late=
     raise AssertionError("the motion has no end")
 
 
-@pytest.mark.parametrize("speed", (0.5, 1.5, 2.4))
-@pytest.mark.parametrize("sign", (1, -1))
+@each("speed", (0.5, 1.5, 2.4))
+@each("sign", (1, -1))
 def test_through_a_hairpin_at_nearly_full_lock_it_stays_within_five_centimetres(speed, sign):
     points = motion((4, 0.0), (1, 0.5 * sign * TIGHTEST), (8, sign * TIGHTEST), (1, 0.5 * sign * TIGHTEST), (6, 0.0))
     assert np.abs(follow(points, speed)).max() < 0.05
 
 
-@pytest.mark.parametrize("speed", (0.5, 2.0, 4.0))
-@pytest.mark.parametrize(("beside", "heading"), ((0.2, 0.0), (-0.2, 0.0), (0.0, 0.4), (0.1, -0.3)))
+@each("speed", (0.5, 2.0, 4.0))
+@each(("beside", "heading"), ((0.2, 0.0), (-0.2, 0.0), (0.0, 0.4), (0.1, -0.3)))
 def test_errors_fall_and_do_not_swing(speed, beside, heading):
     off = follow(motion((20, 0.0)), speed, beside, heading)
     assert abs(off[-1]) < 0.02
@@ -67,7 +68,7 @@ def test_errors_fall_and_do_not_swing(speed, beside, heading):
     assert (np.diff(np.sign(off[np.abs(off) > 0.01])) != 0).sum() <= 1
 
 
-@pytest.mark.parametrize("speed", (3.0, 5.0))
+@each("speed", (3.0, 5.0))
 def test_a_car_that_answers_late_does_not_swing_because_its_errors_fall_over_a_longer_way(speed):
     late, path_lag = 0.046, 0.028 * speed  # those of the vehicle ipz
     points = motion((40, 0.0))
@@ -88,7 +89,7 @@ def test_on_an_arc_the_errors_are_those_to_the_arc():
         )
 
 
-@pytest.mark.parametrize("turns", (-2, -1, 1))
+@each("turns", (-2, -1, 1))
 def test_whole_turns_between_the_headings_are_no_error(turns):
     point, heading = motion((1, 1.0))[0], 0.3 + 2.0 * math.pi * turns
     assert errors(point, 0.1, 0.02, heading) == pytest.approx(errors(point, 0.1, 0.02, 0.3), abs=1e-12)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fg_mujoco.controllers.weighted_gap import WeightedGap, WeightedGapSettings, blended, gap_centre
 from scan_worlds import CAR, INCREMENT, MU, scan_of
 
@@ -55,7 +56,7 @@ def test_three_or_four_metres_away_it_makes_no_sharp_turn():
     assert 0.1 < far < 0.3 < close
 
 
-@pytest.mark.parametrize(("right", "left"), [(-0.3, 0.5), (-1.0, -0.4), (0.2, 0.8)])
+@each(("right", "left"), [(-0.3, 0.5), (-1.0, -0.4), (0.2, 0.8)])
 def test_the_heading_in_a_scan_is_worked_out_from_the_gap_less_the_cars_half_width(right, left):
     bearing, _ = planner().find_goal(gap_at(right, left))
     # both sides at 1 m: the middle of the opening, times (2 / 1) / (2 / 1 + 1)

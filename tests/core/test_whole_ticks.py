@@ -5,6 +5,7 @@ import math
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.compiled.kernels import call_at, kernel
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
@@ -64,7 +65,7 @@ def assert_same_bits(found, expected):
         assert found[name].tobytes() == expected[name].tobytes(), name
 
 
-@pytest.mark.parametrize("controller", ["gap_finder", "pure_pursuit", "follow_the_gap"])
+@each("controller", ["gap_finder", "pure_pursuit", "follow_the_gap"])
 def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
     expected = driven(controller, verbs)
     assert_same_bits(driven(controller, at_once), expected)
@@ -73,7 +74,7 @@ def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
     assert alone["state 0"].tobytes() == expected["state 1"].tobytes()
 
 
-@pytest.mark.parametrize("attribute", ["before_substep", "after_substep"])
+@each("attribute", ["before_substep", "after_substep"])
 def test_hooks_are_called(attribute):
     engine, called = engine_of("pure_pursuit"), []
     engine.tick()
@@ -130,14 +131,14 @@ def how_it_fails(tick, count, raises):
     )
 
 
-@pytest.mark.parametrize(("count", "raises"), [(1, True), (3, True), (3, False)])
+@each(("count", "raises"), [(1, True), (3, True), (3, False)])
 def test_what_a_planner_raises_is_its_failure(count, raises):
     found, expected = (how_it_fails(tick, count, raises) for tick in (at_once, verbs))
     assert found[:-1] == expected[:-1] and found[-1].tolist() == expected[-1].tolist()
     assert found[4:6] == (4, 5)
 
 
-@pytest.mark.parametrize("raises", [True, False])
+@each("raises", [True, False])
 def test_a_command_that_is_no_number_ends_the_race_of_its_car_alone(raises):
     found = []
     for tick in (verbs, lambda engine, clock, history: engine.tick(clock=clock, history=history)):

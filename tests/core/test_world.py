@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.simulation.cars import CAR_PREFIX, WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
@@ -45,7 +46,7 @@ def world():
     return fg.World("oval", obstacles=(BOX, CYLINDER))
 
 
-@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
+@each("backend", ("raycast", "rangefinder"))
 def test_the_model_is_that_of_the_xml_bit_for_bit(backend, tmp_path):
     world = fg.World("l_corridor", lidar=backend, mu=0.8, obstacles=(fg.Box(x=0.0, y=50.0, length=1.0, width=1.0),))
     assert bits(mujoco.MjModel.from_xml_string(world.xml)) == bits(world.model)
@@ -81,8 +82,8 @@ def forward_clearance(scan, car):
     return ahead[(np.abs(aside) <= 0.5 * car.width) & (ahead > 0.0)].min() - front
 
 
-@pytest.mark.parametrize("backend", ("raycast", "rangefinder"))
-@pytest.mark.parametrize(
+@each("backend", ("raycast", "rangefinder"))
+@each(
     ("x", "y", "heading"),
     (
         (1.0, 0.0, 0.5 * np.pi),  # square against the left wall
@@ -111,7 +112,7 @@ def test_what_is_seen_is_what_is_hit(backend, x, y, heading):
     assert touching == pytest.approx(clearance, abs=2e-3)
 
 
-@pytest.mark.parametrize("mu", (None, 0.37, 0.8))
+@each("mu", (None, 0.37, 0.8))
 def test_mu_reaches_all_four_tires_of_the_default_law(mu):
     """Dragged sideways, each has mu times its load, and nothing touches the ground but the tires' law."""
     world = fg.World("oval", mu=mu)

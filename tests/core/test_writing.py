@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from cases import each
 from fg_mujoco.cli import main as cli
 from fg_mujoco.course import writing
 from fg_mujoco.course.writing import (
@@ -96,7 +97,7 @@ def test_a_link_stays_and_what_it_points_to_is_written(tmp_path):
         assert (tmp_path / "to" / "b.txt").read_bytes() == content
 
 
-@pytest.mark.parametrize("kind", ["folder", "fifo", "missing", "nul", "long"])
+@each("kind", ["folder", "fifo", "missing", "nul", "long"])
 def test_what_is_no_place_for_a_file_is_refused_and_left_as_it_is(tmp_path, kind):
     path = tmp_path / {"missing": "no/a", "nul": "a\0", "long": "a" * 300}.get(kind, "a")
     if kind == "folder":
@@ -111,7 +112,7 @@ def test_what_is_no_place_for_a_file_is_refused_and_left_as_it_is(tmp_path, kind
         assert names(tmp_path) == before
 
 
-@pytest.mark.parametrize("call", ["fsync", "replace"])
+@each("call", ["fsync", "replace"])
 def test_a_full_disk_leaves_what_was_there(tmp_path, full_disk, call):
     (tmp_path / "a.txt").write_text("before")
     full_disk(call)
@@ -207,7 +208,7 @@ def test_a_claimed_folder_that_stays_empty_is_removed_with_those_made_for_it(tmp
     assert names(tmp_path / "mine") == ["run"]
 
 
-@pytest.mark.parametrize("moved", range(4))
+@each("moved", range(4))
 def test_a_folder_that_was_being_filled_is_empty_again_unless_all_was_moved(tmp_path, moved):
     """The process is killed when it has moved so many of its three files."""
     stop = (

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
 
@@ -43,8 +44,8 @@ def reason(engine):
     return END_REASONS[engine.monitor.reasons[0]]
 
 
-@pytest.mark.parametrize("name", ["oval", "hairpins", "scene:dead_end:0"])
-@pytest.mark.parametrize(("back", "expected"), ((4.9, ""), (5.1, "wrong_way"), (12.0, "wrong_way")))
+@each("name", ["oval", "hairpins", "scene:dead_end:0"])
+@each(("back", "expected"), ((4.9, ""), (5.1, "wrong_way"), (12.0, "wrong_way")))
 def test_five_metres_back_from_the_greatest_progress_end_the_race(name, back, expected):
     world = world_of(name)
     places, turn = there_and_back(0.5, 5.7, back)

@@ -12,6 +12,7 @@ The contract: for any scan and any odometry a finite DriveCommand, without an ex
 """
 
 import dataclasses
+import functools
 import math
 import time
 import warnings
@@ -22,6 +23,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from cases import each
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.controllers import BASELINES
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
@@ -92,9 +94,7 @@ def made(name, mu=MU, max_speed=TOP_SPEED, car=CAR):
     )
 
 
-@pytest.fixture(params=NAMES, scope="module")
-def planner(request):
-    return made(request.param)
+every_planner = each("planner", NAMES, made=functools.cache(made))  # one of each, which the tests reset
 
 
 def assert_keeps_contract(command, odometry, scan):
@@ -111,9 +111,9 @@ def assert_keeps_contract(command, odometry, scan):
     assert lowest <= speed <= highest
 
 
-@pytest.mark.parametrize("name", ODD)
-def test_it_answers_a_command_that_the_car_can_follow(planner, name):
-    scan = ODD[name]
+@every_planner
+@each("scan", ODD, made=ODD.get)
+def test_it_answers_a_command_that_the_car_can_follow(planner, scan):
     before = scan.ranges.copy()
     for motion in MOTIONS:
         odometry = odometry_of(*motion)
@@ -126,7 +126,8 @@ def test_it_answers_a_command_that_the_car_can_follow(planner, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("came", [0.0, 6.0])
+@every_planner
+@each("came", [0.0, 6.0])
 def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
     """Of 2 m/s to a pocket, or put there; the wheels follow the commands.
 
@@ -147,7 +148,8 @@ def test_it_goes_back_only_over_ground_that_it_came_by(planner, came):
     planner.reset()
 
 
-@pytest.mark.parametrize("name", BLIND)
+@every_planner
+@each("name", BLIND)
 def test_it_stops_where_it_cannot_plan(planner, name):
     """At rest that is STOP; a moving car is brought to rest, as fast as the planner thinks the tires hold."""
     if type(planner).__module__.endswith(".baselines"):
@@ -285,7 +287,7 @@ def test_without_a_friction_limit_it_answers_too():
             assert 0.0 <= command.speed <= TOP_SPEED
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_what_no_planner_can_believe_is_refused_by_name(name):
     kind, needed = type(made(name)), {"map_line": OVAL} if name == "pure_pursuit" else {}
     for what, values in {"mu": (0.0, -1.0, math.nan), "max_speed": (0.0, math.inf, math.nan), "settings": (3,)}.items():
@@ -294,7 +296,7 @@ def test_what_no_planner_can_believe_is_refused_by_name(name):
                 kind(CAR, **{"mu": MU, what: value, **needed})
 
 
-@pytest.mark.parametrize("size", [0.5, 1.2, 2.0])
+@each("size", [0.5, 1.2, 2.0])
 def test_for_a_car_of_another_size_it_answers_too(size):
     lengths = ("wheelbase", "track_width", "length", "width", "rear_overhang", "lidar_offset", "front_axle_distance",
                "rear_axle_distance", "center_of_gravity_height")  # fmt: skip
@@ -306,6 +308,7 @@ def test_for_a_car_of_another_size_it_answers_too(size):
                 assert_keeps_contract(other(scan, odometry_of(*motion)), odometry_of(*motion), scan)
 
 
+@every_planner
 def test_it_is_ready_long_before_the_next_scan(planner):
     for scan in ODD.values():
         durations = []
@@ -326,14 +329,17 @@ def geometry_of(scan):
     return ScanGeometry(**{name: getattr(scan, name) for name in names})
 
 
-@pytest.fixture(params=NAMES, scope="module")
-def fleet(request):
+@functools.cache
+def fleet_of(name):
     """Planners of one class, of different beliefs, and what makes a batch of them."""
-    planners = [made(request.param, mu, most) for mu, most in BELIEFS]
+    planners = [made(name, mu, most) for mu, most in BELIEFS]
     batch = getattr(type(planners[0]), "batch", None)
     if batch is None:
-        pytest.skip(f"{request.param} offers no batch")
+        pytest.skip(f"{name} offers no batch")
     return planners, batch
+
+
+every_fleet = each("fleet", NAMES, made=fleet_of)
 
 
 def assert_decides_as_its_planners_do(fleet, ticks):
@@ -361,7 +367,8 @@ def rearranged(scan, world):
     return dataclasses.replace(scan, ranges=np.roll(scan.ranges, 37 * world))
 
 
-@pytest.mark.parametrize("name", ODD)
+@every_fleet
+@each("name", ODD)
 def test_a_batch_decides_as_its_planners_do(fleet, name):
     worlds = range(len(BELIEFS))
     ticks = [
@@ -376,7 +383,8 @@ def test_a_batch_decides_as_its_planners_do(fleet, name):
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@every_fleet
+@settings(max_examples=12, deadline=None)
 @given(
     ranges=st.integers(0, 40).flatmap(
         lambda count: arrays(
@@ -397,6 +405,7 @@ def test_whatever_the_worlds_show_a_batch_decides_as_its_planners_do(fleet, rang
     assert_decides_as_its_planners_do(fleet, ticks)
 
 
+@every_fleet
 def test_a_batch_begins_anew_after_reset(fleet):
     planners, batch = fleet
     decide, scan = batch(planners), corridor(1.0, 1.0, 5.0)
@@ -407,6 +416,3 @@ def test_a_batch_begins_anew_after_reset(fleet):
     decide.reset()
     decide(geometry_of(scan), ranges, rows, np.ones(len(planners), bool), again)
     np.testing.assert_array_equal(again, first)
-
-
-# -- what a planner may know

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import math
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 from own_course import Yard
 
 import fg_mujoco as fg
+from cases import each
 from conftest import Straight
 from fg_mujoco.course.course import MEMBERS, require_course, wall_outlines
 from fg_mujoco.course.definitions import course_sha256
@@ -25,29 +29,35 @@ NAMES = (*fg.track_names(), *RANDOM, *(f"scene:{name}:1" for name in fg.scene_na
 ONE_OF_EACH_CLASS = ("oval", "random:4:tight", "scene:crossing_box:1", "ring.yaml", "own")
 
 
-@pytest.fixture(scope="module", params=[*NAMES, "own"])
-def course(request, tmp_path_factory):
-    if request.param == "own":
+@functools.cache
+def made(name):
+    if name == "own":
         return Yard()
-    if request.param.endswith(".yaml"):
+    if name.endswith(".yaml"):
         free = ring()
-        if request.param == "corridor.yaml":
+        if name == "corridor.yaml":
             free[:, :150] = False
-        name = request.param.removesuffix(".yaml")
-        return fg.load_track(draw_map(tmp_path_factory.mktemp("maps"), free, name=name))
-    return fg.load_track(request.param)
+        with tempfile.TemporaryDirectory() as folder:
+            return fg.load_track(draw_map(Path(folder), free, name=name.removesuffix(".yaml")))
+    return fg.load_track(name)
+
+
+every_course = each("course", [*NAMES, "own"], made=made)
+every_class = each("course", ONE_OF_EACH_CLASS, made=made)
 
 
 def solids_of(course, time=0.0):
     return [*course.walls, *course.obstacles, *(moving.box(time) for moving in course.moving)]
 
 
+@every_course
 def test_it_is_a_course_and_loading_it_returns_it(course):
     require_course(course, "here")
     assert fg.load_track(course) is course
     assert course.name and course.description and "\n" not in course.description
 
 
+@every_course
 def test_its_rules_go_with_its_line(course):
     assert course.map_line.closed == course.closed
     if course.closed:
@@ -57,6 +67,7 @@ def test_its_rules_go_with_its_line(course):
     assert 0.0 < course.longest_race(1) < math.inf and course.stop_time >= 0.0
 
 
+@every_course
 def test_poses_along_the_line_project_onto_their_progress(course):
     origin = course.origin or 0.0
     for s in np.linspace(0.0, 0.999 * course.length, 40):
@@ -66,6 +77,7 @@ def test_poses_along_the_line_project_onto_their_progress(course):
             assert offset[0] == pytest.approx(0.0, abs=1e-6)
 
 
+@every_course
 def test_an_offset_is_to_the_left_of_the_heading(course):
     for s in np.linspace(0.0, 0.999 * course.length, 20):
         x, y, heading = course.start_pose(float(s))
@@ -73,6 +85,7 @@ def test_an_offset_is_to_the_left_of_the_heading(course):
         assert (left_y - y) * math.cos(heading) - (left_x - x) * math.sin(heading) > 0.05
 
 
+@every_course
 def test_driving_its_length_along_the_line_is_one_lap(course):
     timer, step = LapTimer(course), 0.2003  # [m], of which no length is a multiple
     for tick, s in enumerate(np.arange(0.0, course.length + 0.5, step)):
@@ -82,7 +95,7 @@ def test_driving_its_length_along_the_line_is_one_lap(course):
     assert timer.lap_times[0] == pytest.approx(0.1 * course.length / step, abs=1e-3)
 
 
-@pytest.mark.parametrize("course", ONE_OF_EACH_CLASS, indirect=True)
+@every_class
 def test_it_is_the_same_from_its_definition(course):
     assert len(course_sha256(course)) == 64
     if isinstance(course, Yard):
@@ -94,6 +107,7 @@ def test_it_is_the_same_from_its_definition(course):
     assert fg.World(again).xml == fg.World(course).xml
 
 
+@every_course
 def test_its_bounds_hold_the_start_and_its_walls_are_round_it(course):
     low, high = course.bounds
     start = np.array(course.start_pose()[:2])
@@ -104,6 +118,7 @@ def test_its_bounds_hold_the_start_and_its_walls_are_round_it(course):
     assert course.ground_lines.shape == (1 if course.closed else 2, 2, 2)
 
 
+@every_course
 def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
     simulation = fg.Simulation(fg.World(course))
     scan, _ = simulation.reset()
@@ -117,6 +132,7 @@ def test_the_lidar_sees_what_stands_there_and_nothing_else(course):
     assert np.isfinite(seen).mean() > 0.9
 
 
+@every_course
 def test_the_car_stands_free_at_the_start_and_hits_every_solid(course):
     world = fg.World(course)
     simulation = fg.Simulation(world)
@@ -127,6 +143,7 @@ def test_the_car_stands_free_at_the_start_and_hits_every_solid(course):
         assert world.car.crashed(simulation.data)
 
 
+@every_course
 def test_a_random_start_is_the_generators_alone_and_clear(course):
     world = fg.World(course)
     simulation = fg.Simulation(world)
@@ -137,6 +154,7 @@ def test_a_random_start_is_the_generators_alone_and_clear(course):
         assert not simulation.crashed
 
 
+@every_course
 def test_random_boxes_leave_the_start_clear_or_are_refused(course):
     if not course.closed:
         with pytest.raises(fg.SettingsError, match=r"random obstacles .* on a track"):
@@ -148,7 +166,7 @@ def test_random_boxes_leave_the_start_clear_or_are_refused(course):
     assert not fg.Simulation(fg.World(course, obstacles=boxes)).crashed
 
 
-@pytest.mark.parametrize("course", ONE_OF_EACH_CLASS, indirect=True)
+@every_class
 def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
     result = fg.rollout(
         course, n=2, time_limit=0.2, record="states", randomize={"start_offset": (-0.05, 0.05)}, workers=1
@@ -159,7 +177,7 @@ def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
         np.testing.assert_array_equal(result.states(world), alone.states)
 
 
-@pytest.mark.parametrize("course", ONE_OF_EACH_CLASS, indirect=True)
+@every_class
 def test_it_is_raced_drawn_and_learned_on(course):
     """The course is drawn to its last pixel, and its race, too."""
     result = fg.race(course, Straight(), time_limit=0.1)

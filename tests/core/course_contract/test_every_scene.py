@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.course.course import SLOWEST_RACE
 from scene_search import Clearances, disc_gets_through
 
 CELL = 0.025
 SEEDS = (0, 1)
 
-every_scene = pytest.mark.parametrize("name", fg.scene_names())
-every_scene_and_seed = pytest.mark.parametrize(
+every_scene = each("name", fg.scene_names())
+every_scene_and_seed = each(
     "name", [f"{name}:{seed}" for name in fg.scene_names() for seed in SEEDS]
 )
 

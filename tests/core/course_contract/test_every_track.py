@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
 import pytest
 from track_oracles import distances_to_line, inside_prisms, ray_distances, room_beside, winding
 
+from cases import each
 from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, Footprint, drivable_lap
 from fg_mujoco.course.centreline_csv import read_centreline, write_centreline
 from fg_mujoco.course.clearance import least_clearance
@@ -29,9 +31,8 @@ ROOM_TOLERANCE = 2.0 * WALL_TOLERANCE
 RANDOM = (*(f"random:{seed}" for seed in range(4)), *(f"random:{seed}:tight" for seed in range(2)))
 
 
-@pytest.fixture(scope="module", params=[*track_names(), *RANDOM, *REAL])
-def track(request):
-    name = request.param
+@functools.cache
+def made(name):
     if name in REAL:
         path = DATA / f"{name}_centerline.csv"
         if not path.exists():
@@ -42,11 +43,10 @@ def track(request):
     return track
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(0)
+every_track = each("track", [*track_names(), *RANDOM, *REAL], made=made)
 
 
+@every_track
 def test_corridor_is_as_wide_as_the_widths_say(track):
     short = room_beside(track) < -ROOM_TOLERANCE
     left = np.column_stack((-np.sin(track.headings), np.cos(track.headings)))
@@ -56,11 +56,13 @@ def test_corridor_is_as_wide_as_the_widths_say(track):
         assert len(ends) == 0 or distances_to_line(ends, wall).min(axis=1).max() <= ROOM_TOLERANCE
 
 
+@every_track
 def test_walls_do_not_cross_themselves(track):
     for wall in (track.left_wall, track.right_wall):
         assert len(self_crossings(wall)[0]) == 0
 
 
+@every_track
 def test_centreline_runs_between_the_walls(track):
     about_left, about_right = (winding(track.centreline, wall) for wall in (track.left_wall, track.right_wall))
     counterclockwise = np.all(about_right == 1) and np.all(about_left == 0)
@@ -68,7 +70,9 @@ def test_centreline_runs_between_the_walls(track):
     assert counterclockwise or clockwise
 
 
-def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track, rng):
+@every_track
+def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track):
+    rng = np.random.default_rng(0)
     s = rng.uniform(0.0, track.length, 200)
     points = track.position(s, rng.uniform(-1.0, 1.0, 200))
     found, offset = track.project(points)
@@ -84,6 +88,7 @@ def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track,
     assert np.all(np.abs(offset)[farther] <= width[farther] + 1e-6)
 
 
+@every_track
 def test_followed_along_the_line_progress_never_jumps(track):
     near = 0.0
     for s in np.arange(0.0, track.length, 0.3):
@@ -95,6 +100,7 @@ def test_followed_along_the_line_progress_never_jumps(track):
     assert abs(near - track.length) < 1.2
 
 
+@every_track
 def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track):
     prisms = wall_prisms(track)
     feet = prisms[:, :4, :2]
@@ -112,7 +118,9 @@ def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track
     np.testing.assert_array_equal(right[:, 0], np.roll(track.right_wall, -1, axis=0))
 
 
-def test_no_piece_reaches_into_the_corridor(track, rng):
+@every_track
+def test_no_piece_reaches_into_the_corridor(track):
+    rng = np.random.default_rng(0)
     between = track.position(rng.uniform(0.0, track.length, 400), 0.0)
     angles = rng.uniform(0.0, 2.0 * np.pi, 400)
     beams = np.column_stack((np.cos(angles), np.sin(angles)))
@@ -122,7 +130,9 @@ def test_no_piece_reaches_into_the_corridor(track, rng):
     assert inside_prisms(between + (free + 1e-6)[:, None] * beams, wall_prisms(track)).mean() > 0.99
 
 
-def test_rays_see_the_walls_that_are_hit(track, rng):
+@every_track
+def test_rays_see_the_walls_that_are_hit(track):
+    rng = np.random.default_rng(0)
     origins = track.position(rng.uniform(0.0, track.length, 60), rng.uniform(-0.4, 0.4, 60))
     angles = rng.uniform(0.0, 2.0 * np.pi, 60)
     beams = np.column_stack((np.cos(angles), np.sin(angles)))
@@ -136,6 +146,7 @@ def test_rays_see_the_walls_that_are_hit(track, rng):
     np.testing.assert_allclose(measured, expected[rays], atol=1e-4)
 
 
+@every_track
 def test_written_and_read_again_it_is_the_same(track, tmp_path):
     write_centreline(track, tmp_path / "again.csv", ["a comment"])
     again = read_centreline(tmp_path / "again.csv")
@@ -143,6 +154,7 @@ def test_written_and_read_again_it_is_the_same(track, tmp_path):
         np.testing.assert_array_equal(getattr(again, name), getattr(track, name))
 
 
+@every_track
 def test_the_default_car_can_drive_a_lap_forward(track):
     if track.length > 250.0:
         pytest.skip(f"{track.length:.0f} m: the grids of the search would take a gigabyte")

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.vehicle.bodywork import FRICTION, HULL, RESTITUTION
 from fg_mujoco.vehicle.car import Car
 from vehicle_worlds import load
 
-every_vehicle = pytest.mark.parametrize("name", (*fg.vehicle_names(), "made"))
+every_vehicle = each("name", (*fg.vehicle_names(), "made"))
 STEP = 0.005
 HALF = math.sqrt(0.5)
 ON_ROOF, ON_SIDE, ON_NOSE = (0.0, 1.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, 0.0, HALF, 0.0)
@@ -62,7 +63,7 @@ class Body:
 
 
 @every_vehicle
-@pytest.mark.parametrize("turn", (ON_ROOF, ON_SIDE, ON_NOSE), ids=("roof", "side", "nose"))
+@each("turn", (ON_ROOF, ON_SIDE, ON_NOSE), ids=("roof", "side", "nose"))
 def test_it_falls_on_the_ground_and_comes_to_rest_on_it(name, turn):
     """A body that fell by .2 m arrives at 2 m/s, which is 10 mm a step: no deeper, and at rest on the ground."""
     body = Body(name).put(turn, 0.2)

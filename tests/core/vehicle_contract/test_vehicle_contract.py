@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.realcar.fitting import fit
 from fg_mujoco.vehicle.bodywork import add_hull
 from fg_mujoco.vehicle.car import WHEELS, Car
@@ -21,7 +22,7 @@ from fg_mujoco.vehicle.tire_slip import TireSlipMeter, slides_above
 from fg_mujoco.vehicle.tires import DEFAULT_TIRES, Tires, tire_names
 from vehicle_worlds import drive, load
 
-every_vehicle = pytest.mark.parametrize("name", (*fg.vehicle_names(), "made"))
+every_vehicle = each("name", (*fg.vehicle_names(), "made"))
 
 
 def alone(name):
@@ -64,8 +65,8 @@ def test_it_rests_as_it_is_drawn(name):
 
 
 @every_vehicle
-@pytest.mark.parametrize("tires", [None, *(name for name in tire_names() if name != DEFAULT_TIRES)])
-@pytest.mark.parametrize("speed", [-3.0, 0.0, 8.0])
+@each("tires", [None, *(name for name in tire_names() if name != DEFAULT_TIRES)])
+@each("speed", [-3.0, 0.0, 8.0])
 def test_it_stands_and_rolls_on_four_tires_that_do_not_slide(name, speed, tires):
     """Whatever set it stands on."""
     model = load(name).spec(tires=tires and Tires.load(tires)).compile()
@@ -167,7 +168,7 @@ def test_it_can_be_compared_hashed_copied_and_pickled_and_not_changed(name):
 
 @pytest.mark.slow
 @every_vehicle
-@pytest.mark.parametrize("track", ["chicanes", "fast", "hairpins", "l_corridor", "oval", "tight"])
+@each("track", ["chicanes", "fast", "hairpins", "l_corridor", "oval", "tight"])
 def test_the_gap_finder_drives_it_two_laps_without_a_crash_or_a_slide(name, track):
     """A lap from rest, and one that begins at speed, as all later ones do."""
     reason, figures = drive(load(name), track, laps=2)

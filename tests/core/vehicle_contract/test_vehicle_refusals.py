@@ -7,6 +7,7 @@ import mujoco
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.vehicle.contract import PARTS
 from vehicle_worlds import F1TENTH, made_file
 
@@ -48,7 +49,7 @@ def test_all_faults_are_told_at_once(tmp_path):
         assert fault in line
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "text", "said"),
     [
         ("mine.urdf", "<robot/>", "is a URDF, of ROS; accepted: an MJCF file"),
@@ -68,7 +69,7 @@ def test_a_file_of_another_kind_is_named_as_what_it_is(tmp_path, monkeypatch, na
             fg.Vehicle.load(path)
 
 
-@pytest.mark.parametrize(("rise", "alpha", "is_met"), [(0.0, 1.0, True), (0.0, 0.0, False), (-0.04, 1.0, False)])
+@each(("rise", "alpha", "is_met"), [(0.0, 1.0, True), (0.0, 0.0, False), (-0.04, 1.0, False)])
 def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_met):
     """`rangefinder` sees it, and `raycast` does not."""
     spec = fg.Vehicle.load().spec()
@@ -92,7 +93,7 @@ def test_a_part_in_the_beams_of_the_lidar_is_refused(tmp_path, rise, alpha, is_m
 KINDS = {"numeric": "numeric", "tendon": "fixed", "pair": "pair"}
 
 
-@pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part.kind} {part.name}")
+@each("part", PARTS, ids=lambda part: f"{part.kind} {part.name}")
 def test_a_part_that_is_missing_is_named(tmp_path, part):
     """By another name, it is not there: everything that refers to it takes the new one."""
     spec = fg.Vehicle.load().spec()
@@ -121,7 +122,7 @@ def test_a_part_that_is_missing_is_named(tmp_path, part):
     assert f"has no {part.kind} named {part.name!r}" in line and part.what in line
 
 
-@pytest.mark.parametrize(
+@each(
     ("before", "after", "named"),
     [
         ('<body name="rear_right_wheel">', '<body name="rear_left_wheel">', "body 'rear_left_wheel' is there twice"),
@@ -137,7 +138,7 @@ def test_a_name_that_is_there_twice_is_named_with_its_line(tmp_path, before, aft
     assert re.search(rf"{re.escape(named)} \(line \d+\); accepted: each name once", line)
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "named"),
     [
         ([('mass="3.12"', 'mass="0"')], "mass or inertia of body 'base_link' is not positive"),
@@ -182,7 +183,7 @@ def test_what_cannot_be_driven_is_refused(tmp_path, changes, named):
     assert named in refusal(tmp_path, edited(*changes))
 
 
-@pytest.mark.parametrize(
+@each(
     ("lidar", "named"),
     [
         (b"\xff\xfe", "it is not UTF-8 text"),
@@ -212,7 +213,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         fg.Vehicle.load(str(tmp_path / "bytes.xml"))
 
 
-@pytest.mark.parametrize("mu", [0.8, 0.8000000001, 1.0489])
+@each("mu", [0.8, 0.8000000001, 1.0489])
 def test_a_friction_that_the_changes_contradict_is_refused(mu):
     with pytest.raises(
         fg.SettingsError, match=rf"mu is {mu!r} and CarChanges.mu is 0.5; accepted: one of them, or the same"
