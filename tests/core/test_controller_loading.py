@@ -140,9 +140,6 @@ def test_what_has_not_both_methods_is_no_controller(in_file, body):
     refusal(lambda: make(in_file(body)), "mine.py:Planner", "is no controller", "__call__(scan, odometry) and reset()")
 
 
-# -- what it answers
-
-
 # -- its settings
 
 SETTINGS = """

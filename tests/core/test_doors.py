@@ -167,15 +167,6 @@ def test_a_setting_that_is_fixed_and_randomised_is_refused(fixed, drawn):
         fg.rollout("oval", n=1, randomize={drawn: (0.9, 1.0)}, **fixed)
 
 
-@each("command", ["race", "rollout", "view", "compare", "replay-scans"])
-def test_a_bad_vehicle_is_refused_by_every_command(here, capsys, command):
-    (here / "bad.xml").write_text(F1TENTH.replace('name="lidar_mount"', 'name="mount"'))
-    arguments = {"compare": ("--out", "out"), "replay-scans": ("a.mcap",)}.get(command, ())
-    line = refused(here, capsys, command, *arguments, "--vehicle", "bad.xml")
-    assert "has no site named 'lidar_mount'" in line and "bad.xml" in line and "accepted: " in line
-    assert "No such file" in refused(here, capsys, command, *arguments, "--vehicle", "none.xml")
-
-
 # -- what is written down
 
 

@@ -28,6 +28,9 @@ SCENARIOS = (
     Scenario(seed=3, effects=NOISY, max_speed=5.0),
     Scenario(start=Start(s=7.0, offset=0.2, heading=0.1, speed=2.0), planner_mu=float("inf")),
     Scenario(obstacles=(fg.Box(x=6.0, y=0.3, length=0.3, width=0.3),)),
+    Scenario(tires="forzaeth_nuc2", mu=0.8, changes=CarChanges(mass=4.2)),
+    Scenario(tires="slipx_reference", start=Start(s=7.0, speed=2.0)),
+    Scenario(tires="contact", seed=4),
     Scenario(track="chicanes", seed=5, effects=LidarEffects(range_noise_std=0.02)),
 )
 DURATION = 2.0
@@ -39,19 +42,9 @@ def together():
 
 
 def alone(scenario, **settings):
-    return fg.race(
-        scenario.track,
-        laps=100,
-        time_limit=DURATION,
-        planner_mu=scenario.planner_mu,
-        max_speed=scenario.max_speed,
-        seed=scenario.seed,
-        obstacles=scenario.obstacles,
-        effects=scenario.effects,
-        changes=scenario.changes,
-        start=scenario.start,
-        **settings,
-    )
+    names = ("planner_mu", "max_speed", "seed", "obstacles", "effects", "changes", "start", "mu", "tires")
+    told = {name: getattr(scenario, name) for name in names}
+    return fg.race(scenario.track, laps=100, time_limit=DURATION, **told, **settings)
 
 
 def same_bits(first, second):

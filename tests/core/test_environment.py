@@ -9,42 +9,10 @@ import pytest
 
 pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
 
-from absl.testing import absltest
-from dm_env import test_utils
 
 from fg_mujoco.envs.dm_environment import TASKS, load
 
 CRASHING = np.array([0.3, 4.0], np.float32)
-
-
-class _Contract(test_utils.EnvironmentTestMixin):
-    def make_action_sequence(self):
-        for _ in range(60):  # a crash, and what comes after it
-            yield CRASHING
-
-
-class TestRace(_Contract, absltest.TestCase):
-    def make_object_under_test(self):
-        return load("oval", task="race", beam_step=60)
-
-
-class TestTimeTrial(_Contract, absltest.TestCase):
-    def make_object_under_test(self):
-        return load("hairpins", task="time_trial", beam_step=60, normalised_actions=True)
-
-    def make_action_sequence(self):
-        for _ in range(60):
-            yield np.array([0.9, 0.3], np.float32)
-
-
-class TestObstacles(_Contract, absltest.TestCase):
-    def make_object_under_test(self):
-        return load("oval", task="obstacles", seed=1, beam_step=60, flat_observation=True)
-
-
-class TestScene(_Contract, absltest.TestCase):
-    def make_object_under_test(self):
-        return load("scene:crossing_box:1", task="time_trial", beam_step=60)
 
 
 def drive(env, actions):
@@ -55,36 +23,6 @@ def drive(env, actions):
 def test_contract_tests_see_the_end_of_an_episode():
     for task in TASKS:
         assert any(step.last() for step in drive(load("oval", task, seed=0, beam_step=540), [CRASHING] * 60)), task
-
-
-def test_a_lap_is_the_race_of_the_same_commands(lap):
-    commands = np.column_stack((lap.car.column("command_steering_rad"), lap.car.column("command_speed_m_s")))
-    env = load("oval", task="time_trial", beam_step=540)
-    env.reset()
-    for state, command in zip(lap.states[1:], commands, strict=True):
-        step = env.step(command)
-        assert env.physics.simulation.state.tobytes() == state.tobytes()
-    assert (step.last(), step.discount) == (True, 0.0)
-    assert env.task.episodes.ending(0)["end_reason"] == "finished"
-    assert tuple(env.task.episodes.ending(0)["lap_times_s"]) == lap.car.lap_times_s
-    assert env.physics.time() == lap.sim_time_s
-
-
-def test_tells_what_the_gymnasium_environment_tells():
-    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
-    settings = {"track": "chicanes", "beam_step": 60, "effects": {"range_noise_std": 0.02}}
-    one = load(task="obstacles", seed=5, **settings)
-    other = gym_environment.F1TenthEnv(obstacles=4, obstacle_seed=5, **settings)
-    steps = drive(one, [CRASHING] * 20)
-    other.reset(seed=0)
-    other.np_random = np.random.default_rng(5)
-    seen, _ = other.reset()
-    for step in steps[1:]:
-        told = {name: values.tobytes() for name, values in seen.items()}
-        assert {name: values.tobytes() for name, values in steps[0].observation.items()} == told
-        seen, reward, *_ = other.step(CRASHING)
-        assert step.reward == reward
-        steps[0] = step
 
 
 def test_crash_ends_with_discount_0_and_the_time_limit_with_1():

@@ -392,29 +392,6 @@ def test_own_terms_are_registered_by_their_functions_names():
             decorate(taken)
 
 
-BAD_SETTINGS = [
-    ({"rewards": 3}, "mapping of weights"),
-    ({"rewards": {"command_rate": -1.0}}, "from 0 on"),
-    ({"rewards": {"command_rate": math.nan}}, "from 0 on"),
-    ({"rewards": {"mine": (3.0, 1.0)}}, r"\(function, weight\)"),
-    ({"rewards": {"progress": (len, 1.0)}}, "another name"),
-    ({"end_conditions": "turned_round"}, "a list"),
-    ({"end_conditions": [len]}, "@end_condition"),
-    ({"end_conditions": ["turned_round"] * 2}, "twice"),
-    ({"observation": 3}, "history:K, normalised"),
-    ({"observation": ["scan", "scan"]}, "twice"),
-    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(1.0, 1.0))]}, "least and greatest"),
-    ({"observation": [ObservationTerm(name="mine", function=len, bounds=(0.0, math.inf))]}, "finite"),
-]
-
-
-@each(("settings", "match"), BAD_SETTINGS)
-def test_bad_settings_are_refused_in_one_line(settings, match):
-    with pytest.raises(fg.SettingsError, match=match) as found:
-        F1TenthEnv(**settings)
-    assert "accepted: " in str(found.value) and "\n" not in str(found.value)
-
-
 @each(
     ("settings", "match"),
     [

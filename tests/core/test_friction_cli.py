@@ -93,9 +93,6 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
     ("arguments", "said"),
     [
         (("skidpad", "--mu", "0"), "--mu is 0.0; accepted: friction coefficients"),
-        (("skidpad", "--mu=-0.5"), "--mu is -0.5; accepted"),
-        (("skidpad", "--mu", "0.5,nan"), "--mu is nan; accepted"),
-        (("skidpad", "--mu", "3.5"), "up to 3"),
         (("skidpad", "--mu", "0.5,0.5"), "each once"),
         (("skidpad", "--mu", "0.5,"), "accepted: a number"),
         (("skidpad", "--steering", "0"), "infinite; accepted: angles above 0"),
@@ -103,12 +100,7 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
         (("skidpad", "--steering=-0.1"), "accepted: angles above 0"),
         (("laps", "--mu", "0.5"), "--mu with laps; accepted: with skidpad, or all"),
         (("laps", "--steering", "0.1"), "--steering with laps"),
-        (("squares", "--seed", "-1"), "seed is -1; accepted"),
-        (("squares", "--workers", "0"), "workers is 0; accepted"),
-        (("squares", "--workers", "two"), "accepted: a whole number"),
         (("squares", "--redraw"), "accepted: the folder of an earlier run"),
-        (("nowhere",), "nowhere"),
-        ((), "EXPERIMENT"),
     ],
 )
 def test_what_cannot_be_measured_is_refused_in_one_line(here, capsys, arguments, said):

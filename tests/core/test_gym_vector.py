@@ -141,19 +141,6 @@ def test_unstable_world_ends_and_begins_anew_as_if_new():
         assert again[1][1] == new[1][1]
 
 
-def test_result_does_not_depend_on_the_number_of_threads():
-    def told(threads):
-        envs = vector(16, threads=threads, effects=NOISE)
-        rng = np.random.default_rng(5)
-        told = [envs.reset(seed=9)]
-        told += [envs.step(rng.uniform((-0.4, 2.0), (0.4, 5.0), (16, 2))) for _ in range(60)]
-        envs.close()
-        return told
-
-    for first, second in zip(told(1), told(3), strict=True):
-        assert_same(first, second)
-
-
 @each(
     "settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}]
 )

@@ -9,8 +9,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.options import in_one_line
 from fg_mujoco.course.files import is_file, is_folder, read_bytes, read_text, require_regular
-from fg_mujoco.course.track import FURTHEST, LONGEST, MOST_POINTS, WIDEST
-from fg_mujoco.errors import TrackError
+from fg_mujoco.course.track import MOST_POINTS
 from refusals import refused
 
 LINE = [(0.0, 0.0), (5.0, 0.0), (10.0, 1.0), (10.0, 5.0), (5.0, 6.0), (0.0, 5.0)]
@@ -164,24 +163,6 @@ def test_a_run_folder_of_fifos_is_refused(file, short_race, here, capsys):
     os.mkfifo(folder / file)
     for command in (("replay", "run"), ("report", "run")):
         assert file in refused(here, capsys, *command)
-
-
-def test_tracks_from_python_have_the_same_bounds():
-    line, ones = np.array(LINE), np.ones(len(LINE))
-
-    def track(line=line, width=ones):
-        return fg.Track(name="mine", centreline=line, width_right=width, width_left=width)
-
-    assert track().length < 30.0
-    with pytest.raises(TrackError, match="long; accepted"):
-        track(line * LONGEST / 10.0)
-    with pytest.raises(TrackError, match="accepted: within"):
-        track(line + 2.0 * FURTHEST)
-    with pytest.raises(TrackError, match="at most"):
-        track(width=ones * 2.0 * WIDEST)
-    circle = np.linspace(0.0, 2.0 * np.pi, MOST_POINTS + 1, endpoint=False)
-    with pytest.raises(TrackError, match=f"{MOST_POINTS} at most"):
-        track(1000.0 * np.column_stack((np.cos(circle), np.sin(circle))), np.ones(len(circle)))
 
 
 def test_only_regular_files_of_a_bounded_size_are_read(here):

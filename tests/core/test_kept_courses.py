@@ -137,4 +137,3 @@ def test_the_folder_does_not_grow_without_end(kept, tmp_path, monkeypatch):
         fg.load_track(str(path))
         fg.load_track(f"{path}[close=0.{number + 1}]")
     assert len(list(folder.iterdir())) == 2 and first.is_file() and made["course"] == 5
-

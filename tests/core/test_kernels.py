@@ -401,14 +401,6 @@ def test_functions_of_one_name_are_told_apart_whatever_processes_compiled_them(t
         assert (done.returncode, done.stdout) == (0, f"{answer}\n"), done.stderr
 
 
-def test_decorating_leaves_the_cache_of_others_alone():
-    import numba
-
-    before = numba.config.CACHE_DIR
-    kernel(lambda x: x)
-    assert before == numba.config.CACHE_DIR
-
-
 def signatures():
     """What each kernel of the package has been compiled for."""
     modules = [module for name, module in sorted(sys.modules.items()) if name.split(".")[0] == "fg_mujoco"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.errors import ModelError, SettingsError
+from fg_mujoco.errors import ModelError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, make_lidar
 from lidar_worlds import (
@@ -175,11 +175,6 @@ def test_rangefinder_reads_the_present_state_at_every_tick_and_leaves_the_state_
 # --- refusals ---
 
 
-def test_unknown_backend_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(SettingsError, match=r"'sonar'; accepted: raycast, rangefinder"):
-        make_lidar("sonar", rig_spec().compile(), PREFIX)
-
-
 @both_backends
 def test_model_without_lidar_is_refused(backend: str) -> None:
     with pytest.raises(ModelError, match="no body 'car/hokuyo'"):
@@ -199,6 +194,3 @@ def test_raycast_refuses_shapes_it_cannot_see() -> None:
     spec.worldbody.add_geom(name="hill", type=GEOM.mjGEOM_HFIELD, hfieldname="hill")
     with pytest.raises(ModelError, match=r"hill .* hfield.*mesh, box, plane.*rangefinder"):
         make_lidar("raycast", spec.compile(), PREFIX)
-
-
-# --- invariants ---

@@ -156,9 +156,6 @@ def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
     np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
 
 
-# --- settings ---
-
-
 # --- invariants ---
 
 

@@ -91,13 +91,6 @@ def test_the_version_of_pyproject_is_that_of_the_archives_and_of_the_changelog(b
 
 
 @needs_checkout
-def test_make_dist_leaves_out_what_an_older_build_has_left(tmp_path):
-    made = subprocess.run(["make", "-n", "dist", "VENV=there"], cwd=ROOT, capture_output=True, text=True).stdout
-    assert "rm -rf dist build/lib build/bdist.*" in made
-    assert made.index("rm -rf") < made.index("build_sdist('dist'); build.build_wheel('dist')")
-
-
-@needs_checkout
 @pytest.mark.slow
 def test_what_pip_installs_from_the_wheel_races_away_from_the_repository(built, tmp_path):
     """Dependencies are those of this Python; without network, so nothing is fetched.
@@ -147,10 +140,3 @@ def test_constraints_name_versions_and_no_addresses():
     pinned = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
     needed = set(re.findall(r'"([A-Za-z-]+)>=', PYPROJECT))
     assert needed <= pinned
-
-
-@needs_checkout
-def test_ci_entry_is_executable_and_tests():
-    entry = ROOT / ".ci" / "run"
-    assert os.access(entry, os.X_OK)
-    assert "make -k test" in entry.read_text()

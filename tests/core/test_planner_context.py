@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import pytest
 
@@ -13,7 +13,6 @@ from fg_mujoco.errors import ControllerError, MessageError
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.messages import PlannerContext
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation import settings as settings_module
 from fg_mujoco.vehicle.changes import CarChanges
 
 PLANNER = """
@@ -105,18 +104,6 @@ def test_every_door_tells_the_same(door, tmp_path):
     seeds = [told.pop("seed") for told in lines]
     assert lines == [pytest.approx({**CAR, "period": 0.025, "latency": late})] * len(lines)
     assert 7 in seeds
-
-
-@each("door", DOORS)
-def test_a_new_field_is_told_at_every_door(door, tmp_path, monkeypatch):
-    @dataclass(frozen=True, kw_only=True, eq=False)
-    class Wider(PlannerContext):
-        floor: str = "concrete"
-
-    monkeypatch.setattr(settings_module, "PlannerContext", Wider)
-    planner, file = written(tmp_path, "floor")
-    door(planner, tmp_path)
-    assert {json.loads(line)["floor"] for line in file.read_text().splitlines()} == {"concrete"}
 
 
 def test_a_planner_names_what_it_wants_and_is_refused_what_there_is_not():

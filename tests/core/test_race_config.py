@@ -168,40 +168,6 @@ def test_a_text_that_is_no_toml_is_refused_with_its_line(config, capsys):
     assert "race.toml: is no TOML: Invalid value (at line 2, column 9)" in error and error.count("\n") == 1
 
 
-def test_a_file_that_cannot_be_read_is_refused(tmp_path, capsys):
-    assert main(["race", "--config", str(tmp_path / "none.toml")]) == 2
-    assert "none.toml: cannot be read: No such file" in capsys.readouterr().err
-    (tmp_path / "bad.toml").write_bytes(b"track = '\xff'\n")
-    assert main(["race", "--config", str(tmp_path / "bad.toml")]) == 2
-    assert "bad.toml: cannot be read" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-@each(
-    "arguments",
-    [
-        ("--track", "scene:crossing_box:2", "--controller", "follow_the_gap[point=deepest]", "--time-limit", 0.5),
-        ("--track", "l_corridor", "--obstacles", 2, "--obstacle-seed", 5, "--mu", 0.8, "--planner-mu", "off",
-         "--lidar-latency", 0.05, "--lidar-noise", 0.02, "--seed", 3, "--odometry-drift", -0.1, "--motion-distortion",
-         "--time-limit", 0.5, "--max-speed", 3),
-    ],
-)  # fmt: skip
-def test_a_run_folder_is_raced_again_bit_for_bit(arguments, tmp_path, capsys, monkeypatch, without_pictures):
-    monkeypatch.chdir(tmp_path)
-    main(["race", *map(str, arguments), "--out", "first"])
-    main(["race", "--config", "first", "--out", "again"])
-    first, again = fg.read_run("first"), fg.read_run("again")
-    assert len(first.ctrl) == 20
-    assert again.summary["trajectory_sha256"] == first.summary["trajectory_sha256"]
-    assert again.summary["settings"] == first.summary["settings"]
-    assert again.scene.read_text() == first.scene.read_text()
-    capsys.readouterr()
-    main(["race", "--config", "first", "--time-limit", "0.25", "--json"])
-    shorter = json.loads(capsys.readouterr().out)
-    assert shorter["trajectory_sha256"] != first.summary["trajectory_sha256"]
-    assert shorter["settings"] == first.summary["settings"] | {"time_limit": 0.25}
-
-
 def test_a_folder_that_holds_no_settings_is_refused(tmp_path, short_race, capsys):
     assert main(["race", "--config", str(tmp_path)]) == 2
     assert "has no summary.json" in capsys.readouterr().err

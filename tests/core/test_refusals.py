@@ -14,6 +14,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
+from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.lidar.effects import GREATEST_NOISE, LONGEST_LATENCY
 from fg_mujoco.racing.setup import PARTS, SETUP_KEYWORDS, Setup
 from fg_mujoco.simulation.settings import GREATEST_LAPS, GREATEST_SPEED, LONGEST_RACE
@@ -46,13 +47,19 @@ OF_ENVIRONMENTS = {
     "beam_step": (*WHOLE, 0, 541), "speed_range": ((0.0, 21.0), (3.0, 3.0), 3.0), "normalised_actions": (1, "yes"),
     "action_repeat": (*WHOLE, 0), "smoothing": (-1.0, True, "much"), "grid_order": ("upside_down", 3),
     "builds": (0, 0.5),
-    "rewards": (3, {"colision": 1.0}, {"collision": -1.0}), "end_conditions": ("turned_round", ["turned"]),
-    "observation": (3, [], ["scam"]), "action": (3, "speed,steering"), "randomize": ([0.5], {"mue": (0.5, 1.0)}),
+    "rewards": (3, {"colision": 1.0}, {"collision": -1.0}, {"lap": math.nan}, {"my": (3.0, 1)}, {"lap": (len, 1.0)}),
+    "end_conditions": ("turned_round", ["turned"], [len], ["turned_round"] * 2),
+    "observation": (
+        3, [], ["scam"], ["scan", "scan"], "beams", "beams:2000", "speed:late=3", "speed:delay=9", "speed:noise=-1",
+        "speed:max=3", "speed:every=4", "speed:history=100:every=20",
+        *([ObservationTerm(name="mine", function=len, bounds=bounds)] for bounds in ((1.0, 1.0), (0.0, math.inf))),
+    ),
+    "action": (3, "speed,steering"), "randomize": ([0.5], {"mue": (0.5, 1.0)}), "privileged": ("speed",),
     "render_mode": ("ansi",),
 }  # fmt: skip
 NAMES = {name: field for name, (_, field) in PARTS.items()} | {
     "lidar_effects": "LidarEffects", "entries": "entr", "start": "Start.", "opponents": "opponent", "rewards": "eward",
-    "end_conditions": "end condition", "planner_settings": "setting",
+    "end_conditions": "end condition", "planner_settings": "setting", "observation": "Part.",
 }  # fmt: skip
 """What a refusal says in place of the keyword: the field of the part that it is, or a word for one of several."""
 UNBOUNDED = {("laps", 10**9), ("time_limit", 1e9)}  # in an environment, which keeps nothing of its ticks
@@ -69,7 +76,7 @@ def check(name, value, call):
 def test_every_setting_is_here():
     assert set(SETUP_KEYWORDS) == set(BAD)
     made = {field.name for field in fields(EnvironmentSettings)} - set(BAD)
-    assert made - set(OF_ENVIRONMENTS) <= {"residual", "privileged", "build_seed", "setup"}
+    assert made - set(OF_ENVIRONMENTS) <= {"residual", "build_seed", "setup"}
 
 
 @each("name", sorted(BAD))

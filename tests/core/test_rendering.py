@@ -131,21 +131,6 @@ def test_overlaid_beams_stay_within_what_the_lidar_sees(lap):
     assert (np.minimum(away[..., 0], away[..., 2]) > away[..., 1] + 60).sum() < 10  # but for the line to it
 
 
-@each(
-    ("wrong", "message"),
-    [
-        ({"camera": "drone"}, "chase, onboard, top, track, orbit"),
-        ({"output": "heat"}, "rgb, depth, segmentation"),
-        ({"size": (0, 480)}, "from 16 to"),
-        ({"size": 640}, "whole numbers"),
-        ({"time": -0.1}, "accepted: 0 to"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused_with_what_can(short_race, wrong, message):
-    with pytest.raises(fg.SettingsError, match=message):
-        render(short_race, **{"time": 0.5, "size": (64, 48), "quality": "draft"} | wrong)
-
-
 def test_a_scene_with_obstacles_that_move_is_drawn():
     race = fg.race("scene:crossing_box:1", max_speed=1.0, time_limit=1.0)
     with Film(race, camera="track", size=SIZE, quality="draft", overlays=Overlays()) as film:

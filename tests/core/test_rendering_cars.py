@@ -1,6 +1,5 @@
 """Pictures of several cars: each its look, its colour and its number, and cameras that follow any of them."""
 
-import mujoco
 import numpy as np
 import pytest
 from PIL import Image
@@ -14,7 +13,6 @@ from fg_mujoco.pictures.rendering.ribbons import box_faces
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
 from fg_mujoco.pictures.rendering.textures import car_number
 from fg_mujoco.simulation.cars import BOX_HEIGHTS, BOX_SIDE, car_colour
-from fg_mujoco.simulation.physics import STATE
 from field_races import three_cars
 from rendered import needs_gl, pixel
 
@@ -37,21 +35,6 @@ def on_box(data, car, *, x=0.0, y=0.0, z=0.0):
     """A point of a car's box, from its middle [m], in the world."""
     place = data.geom(f"{'car' if car == 0 else f'car_{car}'}/visible_box")
     return place.xpos + place.xmat.reshape(3, 3) @ (x, y, z)
-
-
-def test_model_for_pictures_moves_as_the_race_did():
-    race = three_cars()
-    scenery = compile_scenery(race.world.xml, start=(0.0, 0.0))
-    reached = []
-    for model in (race.world.model, scenery):
-        data = mujoco.MjData(model)
-        mujoco.mj_setState(model, data, race.states[60], STATE)
-        data.ctrl[:] = race.ctrl[60]
-        for _ in range(5):
-            mujoco.mj_step(model, data)
-        reached.append(np.empty(race.states.shape[1]))
-        mujoco.mj_getState(model, data, reached[-1], STATE)
-    np.testing.assert_array_equal(*reached)
 
 
 def test_every_car_has_the_meshes_of_its_look_and_paint_of_its_colour():

@@ -262,9 +262,6 @@ def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
     assert returns > 10000
 
 
-# --- the same bits ---
-
-
 # --- where the LiDAR is ---
 
 

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from dataclasses import fields
 
 import pytest
@@ -15,7 +14,7 @@ from fg_mujoco.addons.arena.study.functions import league, overtake
 from fg_mujoco.addons.gym2d.environment import simulator_of
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.config import parse
-from fg_mujoco.cli.main import _parser, main
+from fg_mujoco.cli.main import _parser
 from fg_mujoco.cli.options import setup_of
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.racing.entries import Entry
@@ -173,21 +172,6 @@ def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
 def test_a_setup_that_cannot_be_is_refused(keywords, said):
     with pytest.raises(fg.SettingsError, match=said):
         Setup.of(**keywords)
-
-
-@each(
-    ("text", "said"),
-    [
-        ("[[entries]]\ncontroler = 'gap_finder'\n", r"entries\[0\] has no argument 'controler'; .* mean 'controller'"),
-        ("laps =\n", "accepted: TOML"),
-    ],
-)  # fmt: skip
-def test_a_file_that_cannot_be_is_refused_with_its_line(here, capsys, text, said):
-    (here / "race.toml").write_text(text)
-    assert main(["race", "--config", "race.toml"]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert re.search(said, error), error
 
 
 # every field of a Setup and of an Entry, with a value that is not the default

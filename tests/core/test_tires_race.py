@@ -1,23 +1,17 @@
 """Tires with a curve at every door: races, replays, rollouts, environments, scenes, the live view, the command line."""
 
 import json
-from copy import copy
 
-import mujoco
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.racing.replay import replay
-from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
-from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.settings import Scenario, Start
-from fg_mujoco.vehicle.changes import CarChanges
-from fg_mujoco.vehicle.tire_forces import TireForces
+from fg_mujoco.simulation.settings import Scenario
 from fg_mujoco.vehicle.tire_slip import slides_above
 from fg_mujoco.vehicle.tires import Tires
 
@@ -46,43 +40,6 @@ def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
     engine.after_substep.append(lambda engine, worlds: None)
     engine.drive(controls=lap.ctrl[100:101])
     assert same_bits(engine.state(0), lap.states[101])
-
-
-def test_plain_mujoco_with_the_forces_of_the_tires_gives_the_same_bits(lap):
-    model, data = lap.world.model, mujoco.MjData(lap.world.model)
-    mujoco.mj_setState(model, data, lap.states[200], STATE)
-    forces, state = TireForces(copy(model), CAR_PREFIX), np.empty(lap.states.shape[1])
-    for tick in (200, 201, 202):
-        data.ctrl[:] = lap.ctrl[tick]
-        for _ in range(5):
-            forces.step(data)
-        mujoco.mj_getState(model, data, state, STATE)
-        assert same_bits(state, lap.states[tick + 1])
-
-
-SCENARIOS = (
-    Scenario(tires=NUC2),
-    Scenario(tires=NUC2, mu=0.8),
-    Scenario(tires=NUC2, changes=CarChanges(mu=0.9123456, mass=4.2, center_of_gravity_height=0.08)),
-    Scenario(tires="slipx_reference", start=Start(s=7.0, speed=2.0)),
-    Scenario(tires="contact"),
-    Scenario(tires="coulomb", changes=CarChanges(mass=4.2, mu=0.7)),
-    Scenario(tires=NUC2, obstacles=(fg.Box(x=6.0, y=0.3, length=0.3, width=0.3),), seed=4),
-    Scenario(tires=NUC2, changes=CarChanges(command_delay=0.02)),
-)
-
-
-def test_a_world_of_a_batch_is_that_world_raced_alone():
-    together = drive_worlds(SCENARIOS, "gap_finder", time_limit=1.5, record="states")
-    assert len({states[-1].tobytes() for states in together.states}) == len(SCENARIOS)
-    for i, scenario in enumerate(SCENARIOS):
-        raced = fg.race(
-            scenario.track, laps=100, time_limit=1.5, seed=scenario.seed, obstacles=scenario.obstacles, mu=scenario.mu,
-            changes=scenario.changes, start=scenario.start, tires=scenario.tires,
-        )  # fmt: skip
-        assert same_bits(together.states[i], raced.states), i
-        assert same_bits(together.telemetry[i], raced.car.telemetry), i
-        assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
 
 
 def test_a_vehicle_names_its_own_tires(tmp_path):
