@@ -49,9 +49,9 @@ test: $(READY)
 unit: $(READY)
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
-## make quick   the tests that are not slow, in four minutes
+## make quick   of what differs from main, the tests that are not slow; at most a minute
 quick: $(READY)
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest --changed -m "not slow" -n auto --dist loadfile $(ARGS)
 
 ## make fuzz    the tests of random and hostile input, with others than in `make test`, again and again until one fails
 fuzz: $(READY)

@@ -1,8 +1,11 @@
+import ast
 import contextlib
+import functools
 import gc
 import importlib
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -71,6 +74,53 @@ SLOW_FILES = frozenset({
     "test_training_example.py", "test_tutorial.py", "test_two_policies_example.py",
     "test_validation.py",
 })  # fmt: skip
+
+
+def pytest_addoption(parser):
+    text = "the files of tests that import a module that differs from main, or, if none does, one of its room"
+    parser.addoption("--changed", action="store_true", help=text)
+
+
+def pytest_ignore_collect(collection_path, config):
+    if config.getoption("changed") and collection_path.name.startswith("test_") and collection_path.suffix == ".py":
+        return collection_path not in chosen_files() or None
+    return None
+
+
+@functools.cache
+def chosen_files():
+    """The files of tests that differ from main, that import what differs, or that import of its room if none does."""
+    root, here = Path(__file__).parents[1], Path(__file__).parent
+
+    def git(*words):
+        return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True).stdout.split()
+
+    base = next(iter(git("merge-base", "HEAD", "origin/main") or git("merge-base", "HEAD", "main")), "HEAD")
+    since = base if git("diff", "--name-only", base) else "HEAD~1"  # on main itself: what the last commit changed
+    changed = {Path(name) for name in git("diff", "--name-only", since) + git("ls-files", "-o", "--exclude-standard")}
+    imports = {path: imports_of(path) for path in here.rglob("test_*.py")}
+    chosen = {path for path in imports if path.relative_to(root) in changed}
+    for path in changed:
+        if path.suffix == ".py" and path.parts[0] in ("fg_mujoco", "controllers", "addons", "tests"):
+            parts = path.with_suffix("").parts
+            module = path.stem if parts[0] == "tests" else ".".join(("fg_mujoco", *parts)[parts[0] == "fg_mujoco" :])
+            module = module.removesuffix(".__init__")
+            room = f"{module.rpartition('.')[0]}."
+            chosen |= {test for test, names in imports.items() if module in names} or {
+                test for test, names in imports.items() if any(name.startswith(room) for name in names)
+            }
+    return chosen
+
+
+def imports_of(path):
+    """The modules that a file imports, and what it takes from them, by their dotted names."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+    return names
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -109,7 +109,7 @@ def test_without_a_home_they_are_kept_in_the_temporary_folder(cache):
     assert [path.name for path in (cache / "tmp").iterdir()] == [folder.parent.name]
 
 
-@each(("of", "mode"), [("fg_mujoco", 0o720), ("fg_mujoco/kernels", 0o702), ("fg_mujoco", None)])
+@pytest.mark.parametrize(("of", "mode"), [("fg_mujoco", 0o720), ("fg_mujoco/kernels", 0o702), ("fg_mujoco", None)])
 def test_a_folder_that_others_may_write_to_is_not_used(cache, monkeypatch, capsys, of, mode):
     assert halve_anew()
     (file,) = kept_in(cache)
@@ -165,6 +165,7 @@ def test_another_processor_has_files_of_its_own(cache, monkeypatch):
 
 @each("failing", ["write_bytes", "replace", "read_bytes"])
 def test_where_nothing_can_be_written_or_read_kernels_are_compiled(cache, monkeypatch, failing):
+    cache_folder.cache_clear()
     def fail(path, *_):
         if failing == "write_bytes":
             path.touch()  # a part of it
