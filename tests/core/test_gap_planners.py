@@ -29,10 +29,12 @@ def named(choice):
     return " ".join([choice[0].__name__, *choice[1].values()])
 
 
-@pytest.fixture(params=CHOICES, ids=named, scope="module")
-def planner(request):
-    made, settings = request.param
+def as_planner(choice):
+    made, settings = choice
     return made(CAR, MU, 8.0, made.Settings(**settings))
+
+
+every_planner = each("planner", CHOICES, ids=named, made=as_planner)
 
 
 @each("choice", [*CHOICES, (WallFollow, {})], ids=named)
@@ -51,6 +53,7 @@ def test_a_mirrored_scan_gets_the_mirrored_command(choice):
             assert one.speed == pytest.approx(other.speed, abs=1e-9)
 
 
+@every_planner
 @each("side", [1.0, -1.0])
 def test_it_heads_for_the_side_that_is_open(planner, side):
     left, right = (8.0, 0.8) if side > 0 else (0.8, 8.0)
@@ -73,10 +76,8 @@ def test_the_goal_lies_within_the_field_of_view():
             assert goal is None or abs(goal[0]) <= 0.5 * width + 1e-6
 
 
-def test_what_cannot_be_seen_has_no_goal(planner):
+@every_planner
+def test_what_cannot_be_seen_and_an_empty_field_of_view_have_no_goal(planner):
     for ranges in ([], [5.0], np.zeros(1081), np.full(1081, math.nan)):
         assert planner.find_goal(scan_of(ranges)) is None
-
-
-def test_an_empty_field_of_view_has_no_goal(planner):
     assert planner.find_goal(scan_of(np.full(100, 5.0), angle_min=2.0)) is None
