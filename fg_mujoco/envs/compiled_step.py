@@ -67,18 +67,25 @@ def act(table: Table, actions: FloatArray) -> int:
 
 
 @kernel
-def reward(table: Table) -> None:
-    """Reward the tick that was driven, see `reward_ticks`."""
+def note(table: Table, first: int, end: int) -> None:
+    """Note what the tick of the agents from `first` up to `end` is rewarded by, before they sense anew."""
     n, telemetry, timers = numbers(table[_NUMBERS]), matrix(table[_TELEMETRY]), rows(table[_TIMERS], LAP_TIMER)
-    crashed, reasons, driven = flags(table[_CRASHED]), whole_numbers(table[_REASONS]), flags(table[_DRIVEN])
+    crashed, reasons = flags(table[_CRASHED]), whole_numbers(table[_REASONS])
     progress, wrecked, impacts = numbers(table[_PROGRESS]), flags(table[_WRECKED]), numbers(table[_IMPACTS])
-    for i in range(len(driven)):
+    for i in range(first, end):
         row = i * int(n[_STRIDE])
         progress[i], wrecked[i] = timers[row].progress, crashed[row] or reasons[row] == _ROLLED_OVER
         impacts[i] = math.hypot(telemetry[row, _AHEAD], telemetry[row, _LEFT])
+
+
+@kernel
+def reward(table: Table) -> None:
+    """Reward the tick by what was noted, see `reward_ticks`."""
+    n = numbers(table[_NUMBERS])
     reward_ticks(
-        driven, progress, numbers(table[_BEFORE]), wrecked, numbers(table[_SLIDING]), impacts, numbers(table[_WEIGHTS]),
-        n[_REWARD_SHARE], n[_ALONE] != 0.0, numbers(table[_REWARDS]), cube(table[_TERMS]),
+        flags(table[_DRIVEN]), numbers(table[_PROGRESS]), numbers(table[_BEFORE]), flags(table[_WRECKED]),
+        numbers(table[_SLIDING]), numbers(table[_IMPACTS]), numbers(table[_WEIGHTS]), n[_REWARD_SHARE],
+        n[_ALONE] != 0.0, numbers(table[_REWARDS]), cube(table[_TERMS]),
     )  # fmt: skip
 
 
@@ -97,6 +104,7 @@ def drive_worlds(table: Table, tables: Addresses, firsts: NDArray[np.int64]) -> 
             if running[row]:
                 sliding[row] = telemetry[row, _SLIDING_STEPS] / numbers(table[_NUMBERS])[_SUBSTEPS]
         judge(world_table)
+        note(table, first, end)
 
 
 @kernel

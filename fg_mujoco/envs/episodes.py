@@ -22,7 +22,9 @@ from ..errors import SettingsError
 from ..lidar.effects import LidarEffects
 from ..racing.planners import Value
 from ..racing.randomization import PARAMETERS, Randomization
+from ..simulation.compiled_tick import sense_all
 from ..simulation.settings import Start
+from ..simulation.slots import Share
 from ..simulation.termination import END_REASONS
 from . import compiled_step
 from .end_conditions import as_end_conditions
@@ -103,7 +105,8 @@ class Episodes:
         self._flat_terms = self._terms.reshape(2 * len(names), count)  # a view
         self.clipped = np.zeros(count, np.int64)
         self.commands = np.zeros((count, 2))
-        self._driven = np.zeros(count, np.bool_)
+        self._driven, self._every = np.zeros(count, np.bool_), np.ones(count, np.bool_)
+        self._sensed = False  # all cars, since they were driven
         timers = worlds.monitor.timers
         self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
         self._before = self._progress.copy()  # [m] at the last reward
@@ -179,6 +182,7 @@ class Episodes:
                 self._note(i, draws[k], starts[-self.worlds.cars])
             seeds += [int(rng.integers(2**63)) for _ in range(self.worlds.cars)]
         self.worlds.begin(which, starts, seeds, draws)
+        self._sensed = False
         agents = np.repeat(which, self.worlds.agents)
         self.actions.begin(agents)
         if self._planners is not None:
@@ -212,18 +216,22 @@ class Episodes:
         self._drawn = _drawn_facts(changed, len(self.rewards)) | self._drawn
         self._name_facts()
 
-    def step(self, actions: ArrayLike) -> None:
+    def step(self, actions: ArrayLike, *, sense: bool = False) -> None:
         """Take the actions (n, 2) in the worlds whose episodes go on; the other rows are ignored.
+
+        Args:
+          actions: see above.
+          sense: whether `observe` of all worlds follows at once, so that each thread may sense in the same go.
 
         Raises:
           MessageError: an action that is no number.
         """
-        self.tick(actions)
+        self.tick(actions, sense=sense and self._repeats == 1)
         if self._repeats > 1:
             self._repeat()
 
-    def tick(self, actions: ArrayLike) -> None:
-        """Do a tick: in one compiled call where no car waits for Python, and one thread drives."""
+    def tick(self, actions: ArrayLike, *, sense: bool = False) -> None:
+        """Do a tick, in one compiled call where no car waits for Python and one thread drives; `sense` as of `step`."""
         worlds = self.worlds
         if not worlds.engine.compiled:
             self.command(actions)
@@ -235,9 +243,14 @@ class Episodes:
             self.actions.refuse(compiled_step.step(self._table, shares[0].tables, shares[0].firsts, given))
         else:
             self.actions.refuse(compiled_step.act(self._table, given))
-            worlds.engine.share_out(
-                lambda share: compiled_step.drive_worlds(self._table, share.tables, share.firsts)
-            )
+            self._sensed = sense = sense and worlds.tick_state is None  # which is of the tick that was driven
+
+            def drive(share: Share) -> None:
+                compiled_step.drive_worlds(self._table, share.tables, share.firsts)
+                if sense:
+                    sense_all(share.tables, share.firsts, self._every)
+
+            worlds.engine.share_out(drive)
             compiled_step.reward(self._table)
         if worlds.tick_state is not None:
             worlds.note(self.actions)
@@ -259,6 +272,7 @@ class Episodes:
         Raises:
           SettingsError: an end condition or a reward term returned something else than it should.
         """
+        compiled_step.note(self._table, 0, len(self._driven))
         compiled_step.reward(self._table)
         if self.worlds.tick_state is not None:
             self._look(self.worlds.tick_state)
@@ -295,8 +309,9 @@ class Episodes:
             compiled_step.observe(self._table, share.tables, share.firsts, which, scan, numbers)
             self.actions.sense(odometry, which)
         else:
-            worlds.sense(which)
-            odometry = worlds.odometry
+            if not self._sensed:
+                worlds.sense(which)
+            self._sensed, odometry = False, worlds.odometry
             self.actions.sense(odometry, which)
             if self._planners is not None:
                 self._planners.decide(which, worlds.ranges, odometry)

@@ -134,7 +134,7 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
         if anew is not None and not (self._mode is AutoresetMode.NEXT_STEP and self._begun.all()):
             waiting = np.flatnonzero(anew).tolist()
             raise gymnasium.error.ResetNeeded(f"no episode runs in the worlds {waiting}; reset() them")
-        episodes.step(actions)
+        episodes.step(actions, sense=anew is None)
         self._steps += 1
         if anew is not None:
             self._begin(anew)

@@ -6,8 +6,8 @@ def commands_of_ticks(env):
     episodes, commands = env._episodes, []
     tick = episodes.tick
 
-    def ticking(actions):
-        tick(actions)
+    def ticking(actions, **options):
+        tick(actions, **options)
         commands.append(episodes.commands[0].copy())
 
     episodes.tick = ticking
