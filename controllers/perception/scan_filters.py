@@ -156,42 +156,38 @@ def widen_all(ranges: FloatArray, angle_increment: float, radius: float) -> Floa
     count = len(ranges)
     result = ranges.copy()
     widths = bubble_beams(ranges, radius, angle_increment)
-    line, end = np.empty(count), np.empty(count, np.int64)
-    _shorten_onwards(result, ranges, widths, line, end, True)
-    _shorten_onwards(result, ranges, widths, line, end, False)
+    line = np.empty(count, np.int32)
+    for to_left in (True, False):
+        _shorten_onwards(result, ranges, widths, line, to_left)
     return result
 
 
 @kernel
 def _shorten_onwards(
-    result: FloatArray,
-    ranges: FloatArray,
-    widths: NDArray[np.int32],
-    line: FloatArray,
-    end: NDArray[np.int64],
-    to_left: bool,
+    result: FloatArray, ranges: FloatArray, widths: NDArray[np.int32], line: NDArray[np.int32], to_left: bool
 ) -> None:
     """Shorten each beam of `result` to the nearest of the bubbles that reach it from beams before it.
 
     The nearer a reading, the wider its bubble. So one that is nearer than those before it replaces them for good; one
     that is not waits in line, nearest first, until the bubble that holds has come to its end.
     """
-    one = np.uintp(1)  # unsigned: else numba asks of each index if it is negative
+    one, last = np.uintp(1), len(ranges) - 1  # unsigned: else numba asks of each index if it is negative
     nearest, until = math.inf, -1  # the bubble that holds: its range, and the step at which it ends
     first, after = np.uintp(0), np.uintp(0)  # who waits: those from `first` to before `after`
     for step in range(len(ranges)):
-        beam = np.uintp(step if to_left else len(ranges) - 1 - step)
+        beam = np.uintp(step if to_left else last - step)
         distance = ranges[beam]
         if distance <= nearest:
             nearest, until = distance, step + widths[beam]
             first, after = np.uintp(0), np.uintp(0)
             continue
-        while after > first and line[after - one] >= distance:
+        while after > first and ranges[np.uintp(line[after - one])] >= distance:
             after -= one
-        line[after], end[after] = distance, step + widths[beam]
+        line[after] = beam
         after += one
         while until < step and first < after:
-            nearest, until = line[first], end[first]
+            waited = np.uintp(line[first])
+            nearest, until = ranges[waited], (line[first] if to_left else last - line[first]) + widths[waited]
             first += one
         result[beam] = min(result[beam], nearest)
 
@@ -275,16 +271,18 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     A bubble's edge next to a long stretch becomes a slope, which holds the goal off the edge.
     """
     count = len(ranges)
-    total = np.zeros(count + 1)  # of all beams before each
+    total, until_here = np.empty(count + 1), 0.0  # of all beams before each
+    total[0] = 0.0
     for beam in range(count):
-        total[beam + 1] = total[beam] + ranges[beam]
+        until_here += ranges[beam]
+        total[beam + 1] = until_here
     widths = bubble_beams(ranges, radius, angle_increment)
-    result = np.zeros(count)
-    for beam in range(count):
-        if ranges[beam] > 0.0:
-            first = np.uintp(max(beam - widths[beam], 0))
-            end = np.uintp(min(beam + widths[beam] + 1, count))
-            result[beam] = (total[end] - total[first]) / (end - first)
+    result = np.empty(count)
+    for beam in range(count):  # several at a time: no beam is left out
+        first = np.uintp(max(beam - widths[beam], 0))
+        end = np.uintp(min(beam + widths[beam] + 1, count))
+        mean = (total[end] - total[first]) / np.int32(end - first)
+        result[beam] = mean if ranges[beam] > 0.0 else 0.0
     return result
 
 
