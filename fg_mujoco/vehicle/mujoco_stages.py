@@ -41,6 +41,8 @@ def library_path() -> str:
 
 
 llvmlite.binding.load_library_permanently(library_path())  # so that kernels, compiled or read from disk, find it
+# The package has MuJoCo ask for the time some fifty times a tick, for MjData.timer, which nobody reads.
+ctypes.c_void_p.in_dll(ctypes.CDLL(library_path()), "mjcb_time").value = None
 
 
 def _function(name: str, result: str, *arguments: str) -> Any:
