@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 _LATE = END_REASONS.index("decision_limit")
+_AT_ONCE = 40  # ticks, in which nobody watches a race: 4 ms
 
 
 @explain_class
@@ -211,7 +212,7 @@ def _drive(
         with clock:
             while running.any():
                 if alone:
-                    engine.tick(clock=clock, history=history)
+                    engine.tick(clock=clock, history=history, most=_AT_ONCE if watch is None else 1)
                 else:
                     driven = engine.tick(clock=clock if one else None)
                     ended[(ended < 0) & ~driven] = history.ticks

@@ -337,17 +337,17 @@ class History:
         self._telemetry[tick], self._states[tick + 1], self._ctrl[tick] = telemetry, state, ctrl
         self._ticks[0] = tick + 1  # last: an interrupted tick leaves no row
 
-    def room(self) -> Table:
-        """Return a table of compiled_tick.KEPT, in which compiled code keeps another tick."""
-        self._make_room()
+    def room(self, ticks: int) -> Table:
+        """Return a table of compiled_tick.KEPT, in which compiled code keeps so many more ticks."""
+        self._make_room(ticks)
         if self._table is None:
             rows = {"telemetry": self._telemetry, "states": self._states, "controls": self._ctrl}
             self._table = ArrayTable(KEPT, {"ticks": self._ticks, **rows})
         return self._table.rows
 
-    def _make_room(self) -> None:
-        """See to it that another tick has room."""
-        if self._ticks[0] == len(self._telemetry):
+    def _make_room(self, ticks: int = 1) -> None:
+        """See to it that so many more ticks have room, which are fewer than the capacity at first."""
+        if self._ticks[0] + ticks > len(self._telemetry):
             for name in ("_telemetry", "_ctrl", "_states"):
                 rows = getattr(self, name)
                 setattr(self, name, np.concatenate((rows, np.empty_like(rows))))

@@ -38,8 +38,12 @@ def drive_in_threads(
     running: list[threading.Thread] = []
 
     def drive(number: int, future: Future[Arrays]) -> None:
+        done = 0
+
         def watch(ticks: int, worlds: int) -> None:
-            driven[number] += worlds * TICK
+            nonlocal done
+            driven[number] += worlds * (ticks - done) * TICK
+            done = ticks
 
         try:
             future.set_result(job.drive(number, stop=stopped.is_set, watch=watch))

@@ -111,8 +111,10 @@ all cars, the state after it, and the controls; in the row before the first stat
 NOTHING_KEPT = ArrayTable(KEPT, {}).rows
 
 DRIVEN, LATE, NO_NUMBERS = range(3)
-"""Ends of a whole tick: driven, or before the cars were driven, after a decision over its limit, or because the
-command of a car that runs is no number."""
+"""Ends of a whole tick: driven, or not: after a decision over its limit, or because the command of a car is no number.
+"""
+
+_TURNS = 64  # at most, in which worlds do their ticks: each looks through all worlds for those that run
 
 _TICKS, _KEPT_TELEMETRY, _KEPT_STATES, _KEPT_CONTROLS = range(len(KEPT))
 _STATE, _FIRST_BAD, _BEHIND_BAD = int(STATE), BAD_STATE.start, BAD_STATE.stop  # in kernels, numbers
@@ -591,26 +593,62 @@ def _keep(table: Table, kept: Table) -> None:
 
 
 @kernel
-def tick(table: Table, calls: NDArray[np.int64], limit: float, kept: Table) -> tuple[int, float]:
-    """Sense, decide, drive and judge, for worlds of one car; return how it ended, and how long the decision took [s].
+def _tick(
+    table: Table, calls: NDArray[np.int64], limit: float, kept: Table, took: FloatArray, waiting: Mask
+) -> int:  # fmt: skip
+    """Sense, decide, drive and judge; return how it ended. Arguments as of `ticks`, `took` of this tick, (1,)."""
+    running, commands, how = flags(table[_RUNNING]), matrix(table[_COMMANDS]), DRIVEN
+    sense(table, running)
+    began = seconds()
+    took[0] = -began
+    for place in range(len(calls)):
+        call_at(calls[place, 0], calls[place, 1])
+    took[0] = seconds() - began
+    if took[0] > limit:
+        return LATE
+    for row in range(len(running)):
+        if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):
+            running[row], waiting[row], how = False, True, NO_NUMBERS
+    drive(table)
+    end_failed(table)
+    if how == DRIVEN:
+        _keep(table, kept)
+    judge(table)
+    return how
+
+
+@kernel
+def ticks(
+    table: Table, calls: NDArray[np.int64], limit: float, kept: Table, took: FloatArray, waiting: Mask
+) -> tuple[int, int]:  # fmt: skip
+    """Do several ticks of worlds of one car; return how the worst of them ended, and how many the last world did.
+
+    A world does all its ticks before the next one, so that what it remembers stays near the processor. A car whose
+    command is no number is not driven, and does none of the ticks that follow.
 
     Args:
       table: of the worlds.
       calls: that decide, see ControllerBatch.
       limit: of a decision [s].
       kept: a table of KEPT.
+      took: (k,) [s] of each decision of the last world, written to: room for k ticks. Of one that raises, less the time
+        of the clock at which it began.
+      waiting: (r,) False; where a decision raises, the cars that run and are not marked as running are left there.
     """
-    sense(table, flags(table[_RUNNING]))
-    began = seconds()
-    for place in range(len(calls)):
-        call_at(calls[place, 0], calls[place, 1])
-    took = seconds() - began
-    if took > limit:
-        return LATE, took
-    if not_finite(flags(table[_RUNNING]), matrix(table[_COMMANDS])).any():
-        return NO_NUMBERS, took
-    drive(table)
-    end_failed(table)
-    _keep(table, kept)
-    judge(table)
-    return DRIVEN, took
+    running, how, count = flags(table[_RUNNING]), DRIVEN, 0
+    together = max(len(running) // _TURNS, 1)
+    for row in range(len(running)):
+        waiting[row], running[row] = running[row], False
+    for first in range(0, len(running), together):
+        end = min(first + together, len(running))
+        for row in range(first, end):
+            running[row], waiting[row] = waiting[row], False
+        count = 0
+        while count < len(took) and how != LATE and running[first:end].any():
+            how = max(how, _tick(table, calls, limit, kept, took[count : count + 1], waiting))
+            count += 1
+        for row in range(first, end):
+            waiting[row], running[row] = running[row] or waiting[row], False
+    for row in range(len(running)):
+        running[row], waiting[row] = waiting[row], False
+    return how, count

@@ -37,7 +37,6 @@ from ..vehicle.car import Car
 from ..vehicle.changes import CarChanges
 from ..vehicle.motion import ground_speed, point_motion
 from .compiled_tick import (
-    DRIVEN,
     NO_NUMBERS,
     NOTHING_KEPT,
     drive_all,
@@ -144,7 +143,7 @@ class Engine(Uncopied):
         self.after_substep: list[Hook] = []
         self.no_messages = np.zeros(cars, np.bool_)
         self._sensing: Sensing | None = None
-        self._driven = np.zeros(cars, np.bool_)
+        self._driven, self._waiting = np.zeros(cars, np.bool_), np.zeros(cars, np.bool_)
         self._calls: Calls | None = None
 
     def __repr__(self) -> str:
@@ -505,15 +504,16 @@ class Engine(Uncopied):
                 batch, place = self._place_of(row // self.cars_per_world)
                 batch.take_off(place, row % self.cars_per_world)
 
-    def tick(self, *, clock: Clock | None = None, history: Keeper | None = None) -> Mask:
+    def tick(self, *, clock: Clock | None = None, history: Keeper | None = None, most: int = 1) -> Mask:
         """Sense, decide, drive and judge; return which cars were driven, (r,).
 
         That is one compiled call for worlds of one car, where the planners are compiled and there are no hooks, no
         effects of the LiDAR, no sensors and no drift of the odometry, which happen in Python.
 
         Args:
-          clock: called with the time of the decision; where it raises, the cars stay as they are.
-          history: keeps the tick of world 0, once its cars are driven.
+          clock: called with the time of each decision; where it raises, the cars stay as they are.
+          history: keeps the ticks of world 0, once its cars are driven.
+          most: ticks that each world does in a compiled call, unless it ends before; without one it does a single one.
         """
         calls = self._compiled_calls()
         if calls is None:
@@ -522,8 +522,8 @@ class Engine(Uncopied):
                 self.decide()
             else:
                 clock.time(self.decide)
-        elif self._tick_at_once(calls, clock, history):
-            return self._driven
+        else:
+            return self._tick_at_once(calls, clock, history, most)
         driven = self.running.copy()
         if not driven.any():  # no planner is left
             return driven
@@ -544,30 +544,35 @@ class Engine(Uncopied):
                 self._calls = self.planners.compiled_calls(self)
         return self._calls
 
-    def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None) -> bool:
-        """Do a tick in one compiled call; return False where the planners have failed and the rest is still to be done.
+    def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None, most: int) -> Mask:
+        """Do up to `most` ticks in one compiled call; return which cars were driven, (r,).
 
         What `clock` raises, and planners that have failed, leave the cars as they are.
         """
         planners = self.planners
         assert isinstance(planners, BatchPlanners)
         self._driven[:] = self.running
-        kept = NOTHING_KEPT if history is None else history.room()
-        began = time.perf_counter()
+        kept = NOTHING_KEPT if history is None else history.room(most)
+        limit, took = math.inf if clock is None else clock.limit, np.zeros(most)
         try:
-            how, took = self._batches[0].tick(calls, math.inf if clock is None else clock.limit, kept)
+            how, count = self._batches[0].tick(calls, limit, kept, took, self._waiting)
         except BaseException as error:
             if not is_of_planner(error):
                 raise
-            if clock is not None:
-                clock.note(time.perf_counter() - began)
+            self.running |= self._waiting
+            self._waiting[:] = False
+            failed_at = int(took.argmin())  # the only one below 0
+            took[failed_at] += time.perf_counter()
+            _note(clock, took[: failed_at + 1])
             self._end(planners.failed(error, self))
-            return False
-        if clock is not None:
-            clock.note(took)
+            self._driven &= self.running
+            return self._driven
+        _note(clock, took[:count])
         if how == NO_NUMBERS:
-            self._end(planners.refused(self))
-        return how == DRIVEN
+            reasons = planners.refused(self)
+            self._end(reasons)
+            self._driven[reasons > 0] = False
+        return self._driven
 
     def _end(self, reasons: Reasons) -> None:
         """End the races of the cars whose planner has failed."""
@@ -618,3 +623,10 @@ class Engine(Uncopied):
             work(self.shares[0])
             for each in begun:
                 each.result()
+
+
+def _note(clock: Clock | None, seconds: FloatArray) -> None:
+    """Tell a clock how long decisions took."""
+    if clock is not None:
+        for each in seconds.tolist():
+            clock.note(each)

@@ -77,8 +77,8 @@ class Keeper(Protocol):
     def append(self) -> None:
         """Keep the tick that was driven."""
 
-    def room(self) -> Table:
-        """Return a table of compiled_tick.KEPT with room for another tick."""
+    def room(self, ticks: int) -> Table:
+        """Return a table of compiled_tick.KEPT with room for so many more ticks."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -487,13 +487,15 @@ class WorldBatch:
         """Whether `tick` can drive these worlds."""
         return self.drawn is not None and self.world.track is not None and self._cars_per_world == 1 and HAS_CLOCK
 
-    def tick(self, calls: Calls, limit: float, kept: Table) -> tuple[int, float]:
-        """Sense, decide, drive and judge in one compiled call, see compiled_tick.tick."""
-        return compiled_tick.tick(self._table.rows, calls, limit, kept)
+    def tick(self, calls: Calls, limit: float, kept: Table, took: FloatArray, waiting: Mask) -> tuple[int, int]:
+        """Sense, decide, drive and judge, several times in one compiled call, see compiled_tick.ticks."""
+        return compiled_tick.ticks(self._table.rows, calls, limit, kept, took, waiting)
 
     def compile_tick(self) -> None:
         """Compile `tick`, or load it."""
-        compiled_tick.tick.address(self._table.rows, np.empty((0, 2), np.int64), math.inf, compiled_tick.NOTHING_KEPT)  # type: ignore[attr-defined]
+        calls, running = np.empty((0, 2), np.int64), self._monitor.running
+        arguments = self._table.rows, calls, math.inf, compiled_tick.NOTHING_KEPT, np.empty(1), running
+        compiled_tick.ticks.address(*arguments)  # type: ignore[attr-defined]
 
     def judge(self) -> None:
         """Time the laps of the cars that race and end what is over."""
