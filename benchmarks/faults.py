@@ -609,6 +609,205 @@ FAULTS = {
         new="turned = 2.0 * self._odometry.yaw_rate * passed",
         tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",
     ),
+    # add-ons: ros
+    "a transform that is looked up the other way round": Fault(
+        file="addons/ros/node_host/transform_modules.py",
+        old="np.linalg.inv(to_root[0][1]) @ to_root[1][1]",
+        new="np.linalg.inv(to_root[1][1]) @ to_root[0][1]",
+        tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",
+    ),
+    "rotations that are multiplied in the other order": Fault(
+        file="addons/ros/node_host/transform_modules.py",
+        old="x0, y0, z0, w0 = other\n    x1, y1, z1, w1 = one",
+        new="x0, y0, z0, w0 = one\n    x1, y1, z1, w1 = other",
+        tests="test_ros_nodes.py test_ros_surroundings.py test_ros_tolerance.py",
+    ),
+    "a map for nodes that lies three cells off": Fault(
+        file="addons/ros/occupancy_grid.py",
+        old="Grid(cells=cells, resolution=resolution, origin=origin)",
+        new="Grid(cells=cells, resolution=resolution, origin=origin + 3.0 * resolution)",
+        tests="test_ros_nodes.py test_ros_surroundings.py test_bag_writer.py test_rosbridge.py",
+    ),
+    "a LiDAR upside down whose beams are not turned round": Fault(
+        file="addons/ros/bag_scans.py",
+        old="first, step = -first, -step",
+        new="first, step = -first, step",
+        tests="test_bag_scans.py test_bag_replay.py",
+    ),
+    "a servo's trim with the wrong sign": Fault(
+        file="addons/ros/composed_topics.py",
+        old="return (position - SERVO_OFFSET) / STEERING_TO_SERVO",
+        new="return (position + SERVO_OFFSET) / STEERING_TO_SERVO",
+        tests="test_bag_composed.py test_ros_nodes.py",
+    ),
+    # add-ons: servers
+    "a DevKit that steers to the other side": Fault(
+        file="addons/servers/autodrive/packets.py",
+        old="steering_angle=self.steering * STEERING",
+        new="steering_angle=-self.steering * STEERING",
+        tests="test_autodrive_bridge.py",
+    ),
+    "a DevKit's lap time that goes on after a lap": Fault(
+        file="addons/servers/autodrive/devkit.py",
+        old="time=odometry.stamp - sum(times)",
+        new="time=odometry.stamp",
+        tests="test_autodrive_bridge.py",
+    ),
+    "infinite ranges in JSON": Fault(
+        file="addons/servers/rosbridge/json_messages.py",
+        old="np.flatnonzero(~np.isfinite(numbers))",
+        new="np.flatnonzero(np.isnan(numbers))",
+        tests="test_rosbridge.py",
+    ),
+    "a car that drives on when its driver in Foxglove has gone": Fault(
+        file="addons/servers/foxglove_server.py",
+        old="if late and not self._step_on_drive and self.session.held_from_outside:",
+        new="if late and self._step_on_drive and self.session.held_from_outside:",
+        tests="test_foxglove_server.py test_rosbridge.py",
+    ),
+    "a lateral velocity with the wrong sign in Foxglove": Fault(
+        file="addons/servers/foxglove_server.py",
+        old="float(vy * math.cos(heading) - vx * math.sin(heading))",
+        new="float(vx * math.sin(heading) - vy * math.cos(heading))",
+        tests="test_foxglove_server.py",
+    ),
+    # add-ons: gym2d
+    "a car put at its rear axle with the speed of its centre": Fault(
+        file="addons/gym2d/gym_world.py",
+        old="left = speed * math.tan(slip) - self.ahead[agent] * yaw_rate",
+        new="left = speed * math.tan(slip)",
+        tests="test_f110.py test_f110_interfaces.py test_f110_scripts.py test_f110_lap_times.py",
+    ),
+    "laps that are not counted across the line": Fault(
+        file="addons/gym2d/gym_world.py",
+        old="math.remainder(place - self._place, track.length)",
+        new="(place - self._place)",
+        tests="test_f110.py test_f110_interfaces.py",
+    ),
+    "the gym's gains of a car that goes forward and back swapped": Fault(
+        file="addons/gym2d/speed_controller.py",
+        old="(_FORWARD if speed > 0.0 else _BACK)",
+        new="(_FORWARD if speed < 0.0 else _BACK)",
+        tests="test_f110.py test_f110_lap_times.py test_f110_interfaces.py",
+    ),
+    "one noise for the scans of all cars": Fault(
+        file="addons/gym2d/gym_world.py",
+        old="np.random.default_rng([self._seed, agent] if agent else self._seed)",
+        new="np.random.default_rng(self._seed)",
+        tests="test_f110.py",
+    ),
+    "a kinematic car as long as its front half": Fault(
+        file="addons/gym2d/gym_functions.py",
+        old="f[4] = x[3] / (lf + lr) * math.tan(x[2])",
+        new="f[4] = x[3] / lf * math.tan(x[2])",
+        tests="test_f110_interfaces.py test_f110.py",
+    ),
+    # add-ons: learn
+    "a pool that draws snapshots for the planners' share": Fault(
+        file="addons/learn/self_play.py",
+        old="if share < self.share or self.share == 1.0:",
+        new="if share >= self.share or self.share == 1.0:",
+        tests="test_self_play.py",
+    ),
+    "inputs that are multiplied by their deviation": Fault(
+        file="addons/learn/perceptron.py",
+        old="np.clip((values - self.mean) / self.std,",
+        new="np.clip((values - self.mean) * self.std,",
+        tests="test_policy_files.py",
+    ),
+    "a base planner that remembers the last episode": Fault(
+        file="addons/learn/residual.py",
+        old="            self._together.reset(which)\n",
+        new="",
+        tests="test_residual.py",
+    ),
+    "an episode that is terminated where its time was up": Fault(
+        file="addons/learn/dataset.py",
+        old="terminations=ended & final,",
+        new="terminations=ended,",
+        tests="test_dataset.py",
+    ),
+    "episodes in the order in which they ended": Fault(
+        file="addons/learn/dataset.py",
+        old='order = np.argsort(worlds["world"])',
+        new='order = np.argsort(-worlds["world"])',
+        tests="test_dataset.py",
+    ),
+    # add-ons: realcar
+    "a slip angle at the wrong end of the car": Fault(
+        file="addons/realcar/validation/agreement.py",
+        old="across = simulated[..., 4] + rear_axle_distance * yaw_rate",
+        new="across = simulated[..., 4] - rear_axle_distance * yaw_rate",
+        tests="test_validation.py",
+    ),
+    "a loop that turns the poses the other way": Fault(
+        file="addons/realcar/mapping/pose_graph.py",
+        old="by_first[:, 0, 2], by_first[:, 1, 2] = left, -ahead",
+        new="by_first[:, 0, 2], by_first[:, 1, 2] = -left, ahead",
+        tests="test_driven_map.py",
+    ),
+    "poses of the rear axle taken for the centre of gravity's": Fault(
+        file="addons/realcar/identification/smoothed_motion.py",
+        old="shift = ahead * np.interp(drive.pose.time, time, turn)",
+        new="shift = 0.0 * np.interp(drive.pose.time, time, turn)",
+        tests="test_identification.py",
+    ),
+    "an accelerometer whose axes turn the other way": Fault(
+        file="addons/realcar/identification/smoothed_motion.py",
+        old="enumerate(((cos, sin), (-sin, cos)))",
+        new="enumerate(((cos, -sin), (sin, cos)))",
+        tests="test_identification.py",
+    ),
+    # add-ons: look
+    "a key that steers to the other side": Fault(
+        file="addons/look/live/hand_driver.py",
+        old='(1.0 if name == "left" else -1.0)',
+        new='(-1.0 if name == "left" else 1.0)',
+        tests="test_live_view.py",
+    ),
+    "points of the LiDAR drawn at the rear axle": Fault(
+        file="addons/look/intermediate_values.py",
+        old="of_axle = points + mount if frame == LASER",
+        new="of_axle = points if frame == LASER",
+        tests="test_intermediate_values.py test_shown_values.py",
+    ),
+    "an acceleration to the wrong side in a report": Fault(
+        file="addons/look/report/recorded.py",
+        old="return np.append(ahead, ahead[-1]), speed * yaw_rate",
+        new="return np.append(ahead, ahead[-1]), -speed * yaw_rate",
+        tests="test_report.py test_report_pages.py",
+    ),
+    # add-ons: drivers
+    "headings averaged across half a turn": Fault(
+        file="addons/drivers/localisation/particle_filter.py",
+        old="off[2] -= 2.0 * math.pi * round(off[2] / (2.0 * math.pi))",
+        new="off[2] -= 0.0",
+        tests="test_localisation.py",
+    ),
+    "a step of odometry in the heading at its end": Fault(
+        file="addons/drivers/localisation/odometry.py",
+        old="heading = mean[2] + 0.5 * turn * (1.0 + mean[4])",
+        new="heading = mean[2] + turn * (1.0 + mean[4])",
+        tests="test_localisation.py",
+    ),
+    "a line whose braking takes all that cornering does": Fault(
+        file="addons/drivers/line_profile.py",
+        old="most * share * step",
+        new="most * step",
+        tests="test_line_profile.py",
+    ),
+    "a car that is passed where there is less room": Fault(
+        file="addons/drivers/passing.py",
+        old="(0.1 if across > 0.0 else 0.0) >= rooms[1]",
+        new="(0.1 if across > 0.0 else 0.0) < rooms[1]",
+        tests="test_passing.py test_overtaker.py test_other_cars.py",
+    ),
+    "a plan that begins where the car was when it was commanded": Fault(
+        file="addons/drivers/line_mpc.py",
+        old="if delay == 0.0 or not mpc.planned:",
+        new="if True:",
+        tests="test_line_mpc.py test_line_trackers.py",
+    ),
     # viz
     "pictures upside down": Fault(
         file="fg_mujoco/pictures/rendering/cameras.py",

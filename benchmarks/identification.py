@@ -200,7 +200,7 @@ def measured(case: Case, found: Identification, late: float) -> dict[str, float]
 
 def row_of(case: Case) -> dict[str, Any]:
     """Return the errors of both models with the drives of a case; a refusal in place of those of one that refused."""
-    drives, late = slaloms(case)
+    drives, late = slaloms(case, DRIVES)
     drives = with_noise(drives, case.seed)
     track, planner, speed = LAP
     lap = recorded(fg.race(track, planner, laps=1, max_speed=speed, vehicle=case.vehicle, tires=case.tires))

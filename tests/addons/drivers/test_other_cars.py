@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from case_loops import cases
 from fg_mujoco.addons.drivers.other_cars import (
     OTHER_CARS,
     TOLD,
@@ -78,33 +79,33 @@ def test_a_box_is_found_where_it_is():
         assert math.hypot(found[0, 0] - x, found[0, 1] - y) < 0.05
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.005, 0.01, 0.02, 0.03])
-def test_walls_are_no_boxes(noise):
-    rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
-    for _ in range(40):
-        walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
-        measured.append(noise_of(walls, WALLS.range_max))
-        assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
-    assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
-    assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
+def test_walls_are_no_boxes():
+    for noise in cases(0.0, 0.005, 0.01, 0.02, 0.03):
+        rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
+        for _ in range(40):
+            walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
+            measured.append(noise_of(walls, WALLS.range_max))
+            assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
+        assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
+        assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("noise", "off"), [(0.0, 0.2), (0.03, 0.4)])
-@pytest.mark.parametrize("own_speed", [0.0, 4.0])
-def test_velocity_of_a_car_is_measured(own_speed, noise, off):
-    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
-    assert seen
-    (car,) = [car for car in memory["cars"] if car["moves"]]
-    assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
-    assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
+def test_velocity_of_a_car_is_measured():
+    for own_speed in cases(0.0, 4.0):
+        for noise, off in cases((0.0, 0.2), (0.03, 0.4)):
+            memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
+            assert seen
+            (car,) = [car for car in memory["cars"] if car["moves"]]
+            assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
+            assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
-def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
-    memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
-    assert not seen
-    assert not memory["cars"]["moves"].any()
+def test_a_box_that_stands_is_no_car_however_the_planners_car_moves():
+    for noise in cases(0.0, 0.01, 0.03):
+        memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
+        assert not seen
+        assert not memory["cars"]["moves"].any()
 
 
 # -- cars whose odometry is told
@@ -147,20 +148,23 @@ def on_circle(time, radius=5.0, speed=2.0):
     return radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle, speed, speed / radius
 
 
-@pytest.mark.parametrize("late", [0.0, 0.1, 0.3])
-def test_a_car_that_is_told_is_where_it_has_come_since(late):
-    seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
-    there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
-    x, y, heading, speed, yaw_rate = on_circle(1.0)
-    middle = 0.5 * CAR.length - CAR.rear_overhang
-    dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
-    ahead, left = math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset, math.cos(0.1) * dy - math.sin(0.1) * dx
-    assert there
-    assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
-    car = seen["cars"][0]
-    assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
-    assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
-    assert car["moves"]
+def test_a_car_that_is_told_is_where_it_has_come_since():
+    for late in cases(0.0, 0.1, 0.3):
+        seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
+        there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
+        x, y, heading, speed, yaw_rate = on_circle(1.0)
+        middle = 0.5 * CAR.length - CAR.rear_overhang
+        dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
+        ahead, left = (
+            math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset,
+            math.cos(0.1) * dy - math.sin(0.1) * dx,
+        )
+        assert there
+        assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
+        car = seen["cars"][0]
+        assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
+        assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
+        assert car["moves"]
 
 
 def test_a_car_that_stands_is_known_at_once_and_one_behind_a_wall_is_not():

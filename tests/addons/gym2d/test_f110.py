@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from case_loops import cases
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.course.maps.map_track import read_map
@@ -14,7 +15,7 @@ from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
-from map_oracles import draw_map, real_map, ring
+from map_oracles import draw_map, ring
 
 KEYS = {
     "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
@@ -61,60 +62,37 @@ def drawn(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("backwards", [False, True])
-def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn, backwards):
-    waypoints = read_map(f"{drawn}.yaml").centreline
-    waypoints = waypoints[::-1] if backwards else waypoints
-    env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
-    observed, time, done, info = drive(env, waypoints, speed=4.0)
-    last = observed[-1]
-    assert done and info["checkpoint_done"].tolist() == [True]
-    assert last["lap_counts"].tolist() == [2.0]
-    assert last["collisions"].tolist() == [0.0]
-    assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
-    counts = [obs["lap_counts"][0] for obs in observed]
-    assert sorted(counts) == counts
+def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn):
+    for backwards in cases(False, True):
+        waypoints = read_map(f"{drawn}.yaml").centreline
+        waypoints = waypoints[::-1] if backwards else waypoints
+        env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
+        observed, time, done, info = drive(env, waypoints, speed=4.0)
+        last = observed[-1]
+        assert done and info["checkpoint_done"].tolist() == [True]
+        assert last["lap_counts"].tolist() == [2.0]
+        assert last["collisions"].tolist() == [0.0]
+        assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
+        counts = [obs["lap_counts"][0] for obs in observed]
+        assert sorted(counts) == counts
 
 
-@pytest.mark.slow
-def test_a_waypoint_follower_laps_a_real_map():
-    path = real_map("maps/aut")
-    waypoints = np.loadtxt(path.with_name("aut_centerline.csv"), delimiter=",")[:, :2]
-    env = f110.F110Env(map=str(path.with_suffix("")), map_ext=".png", num_agents=1, timestep=0.02)
-    observed, _, done, _ = drive(env, waypoints, speed=3.5)
-    assert done and observed[-1]["lap_counts"].tolist() == [2.0]
-    x, y, heading, across = (
-        np.array([obs[name][0] for obs in observed]) for name in ("poses_x", "poses_y", "poses_theta", "linear_vels_y")
-    )
-    middle, means = np.unwrap(heading)[:-1] + 0.5 * np.diff(np.unwrap(heading)), 0.5 * (across[:-1] + across[1:])
-    moved = (np.diff(y) * np.cos(middle) - np.diff(x) * np.sin(middle)) / 0.02
-    assert np.abs(moved).max() > 0.05  # which the 2D gym has at zero
-    assert np.corrcoef(means, moved)[0, 1] > 0.95 and np.abs(means - moved).max() < 0.02
-
-
-def test_a_scan_has_the_walls_where_they_are(drawn):
-    env = f110.make(map=str(drawn))
-    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.0]]))
-    bearings = np.linspace(-2.35, 2.35, 1080)
-    for bearing, wall in ((-0.5 * math.pi, 1.5), (0.5 * math.pi, 3.0)):  # the lower wall, and the infield's
-        index = int(np.argmin(np.abs(bearings - bearing)))
-        assert obs["scans"][0][index - 5 : index + 5].mean() == pytest.approx(abs(2.25 - wall), abs=0.03)
-
-
-@pytest.mark.parametrize(("name", "steps"), [("drawn", 60), ("scene:crossing_box:2", 60)])
-def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch, name, steps):
-    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
-    env = f110.make(map=str(drawn) if name == "drawn" else name)
-    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
-    bearings = np.linspace(-2.35, 2.35, 1080)
-    directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
-    lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
-    for step in range(steps):
-        obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
-        data = env.data
-        position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
-        ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
-        np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
+def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch):
+    for name, steps in cases(("drawn", 60), ("scene:crossing_box:2", 60)):
+        monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
+        env = f110.make(map=str(drawn) if name == "drawn" else name)
+        obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
+        bearings = np.linspace(-2.35, 2.35, 1080)
+        directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
+        lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
+        for step in range(steps):
+            obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
+            data = env.data
+            position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
+            ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
+            np.testing.assert_allclose(
+                obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9
+            )
 
 
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
@@ -152,24 +130,10 @@ def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
     assert not done and obs["collisions"].tolist() == [0.0]
 
 
-def test_parameters_of_the_car_are_taken_and_others_are_refused():
-    gym_defaults = {
-        "mu": 1.0489, "C_Sf": 4.718, "C_Sr": 5.4562, "lf": 0.15875, "lr": 0.17145, "h": 0.074, "m": 3.74,
-        "I": 0.04712, "s_min": -0.4189, "s_max": 0.4189, "sv_min": -3.2, "sv_max": 3.2, "v_switch": 7.319,
-        "a_max": 9.51, "v_min": -5.0, "v_max": 20.0, "width": 0.31, "length": 0.58,
-    }  # fmt: skip
-    env = f110.make(map="oval", params=gym_defaults)
-    env.update_params({**gym_defaults, "mu": 0.5})
-    assert env.world.car.mu == pytest.approx(0.5)
-    with pytest.raises(SettingsError, match=r"params\['m'\] is 'heavy'; accepted: a finite number"):
-        env.update_params({**gym_defaults, "m": "heavy"})
-    with pytest.raises(SettingsError, match=r"params\['mu'\] is 0.0; accepted: above 0, up to 3"):
-        f110.make(map="oval", params={"mu": 0.0})
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
+def test_settings_that_are_wrong_are_refused():
+    for settings, error, message in cases(
+        ({"params": {"m": "heavy"}}, SettingsError, r"params\['m'\] is 'heavy'; accepted: a finite number"),
+        ({"params": {"mu": 0.0}}, SettingsError, r"params\['mu'\] is 0.0; accepted: above 0, up to 3"),
         ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
         ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
         ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
@@ -177,19 +141,17 @@ def test_parameters_of_the_car_are_taken_and_others_are_refused():
         ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
         ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
         ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
-    ],
-)
-def test_settings_that_are_wrong_are_refused(settings, error, message):
-    with pytest.raises(error, match=message):
-        f110.make(**settings)
+    ):
+        with pytest.raises(error, match=message):
+            f110.make(**settings)
 
 
-@pytest.mark.parametrize("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
-def test_an_action_that_is_none_is_refused(action):
-    env = f110.make(map="oval")
-    env.reset(np.array([[0.0, 0.0, 0.0]]))
-    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
-        env.step(np.array(action))
+def test_an_action_that_is_none_is_refused():
+    for action in cases([[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]):
+        env = f110.make(map="oval")
+        env.reset(np.array([[0.0, 0.0, 0.0]]))
+        with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
+            env.step(np.array(action))
 
 
 def run(env, poses, actions):
@@ -276,20 +238,22 @@ def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_ow
     assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > gym_world.SCAN_NOISE
 
 
-@pytest.mark.parametrize("second", [(0.0, 0.0, 0.0), (0.2, 0.25, 1.5)])
-def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart(second):
-    env = f110.make(map="oval", num_agents=3)
-    poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
-    with pytest.warns(UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"):
-        observation, _, done, _ = env.reset(poses)
-    assert done
-    assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
-    for _ in range(100):
-        env.step(np.zeros((3, 2)))
-    ends = np.column_stack((env.poses_x, env.poses_y))
-    assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
-    assert np.abs(ends - poses[:, :2]).max() < 3.0
-    assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
+def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart():
+    for second in cases((0.0, 0.0, 0.0), (0.2, 0.25, 1.5)):
+        env = f110.make(map="oval", num_agents=3)
+        poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
+        with pytest.warns(
+            UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"
+        ):
+            observation, _, done, _ = env.reset(poses)
+        assert done
+        assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
+        for _ in range(100):
+            env.step(np.zeros((3, 2)))
+        ends = np.column_stack((env.poses_x, env.poses_y))
+        assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
+        assert np.abs(ends - poses[:, :2]).max() < 3.0
+        assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
 
 
 def test_footprints_touch_where_mujoco_finds_contacts():

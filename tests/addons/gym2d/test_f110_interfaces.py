@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
 from fg_mujoco.addons.gym2d.gym_world import LapCount
@@ -47,21 +48,22 @@ def test_a_blank_map_is_the_ground_of_the_map_without_its_walls(drawn):
 # Parameters
 
 
-@pytest.mark.parametrize(
-    "params",
-    [F1TENTH, F1FIFTH, {"m": 4.5, "h": 0.09}, {"lf": 0.19, "lr": 0.17, "I": 0.06}, {"width": 0.25, "length": 0.5},
-     {"s_min": -0.3, "s_max": 0.3, "sv_min": -2.0, "sv_max": 2.0}, {"a_max": 5.0, "v_switch": 4.0, "v_max": 6.0}],
-)  # fmt: skip
-def test_parameters_are_those_of_the_car_that_is_built(params):
+def test_parameters_are_those_of_the_car_that_is_built():
     """Read back off the compiled world, which knows nothing of the gym's names."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env = f110.make(map="oval", params=params)
-    car = own_params(env.world.vehicle)
-    for name, value in params.items():
-        if name in car:
-            assert car[name] == pytest.approx(value, rel=0.01), name
-    assert env.world.car.mu == pytest.approx(params.get("mu", 1.0489))
+    for params in cases(
+        F1TENTH, F1FIFTH, {"m": 4.5, "h": 0.09}, {"lf": 0.19, "lr": 0.17, "I": 0.06}, {"width": 0.25, "length": 0.5},
+     {"s_min": -0.3, "s_max": 0.3, "sv_min": -2.0, "sv_max": 2.0}, {"a_max": 5.0, "v_switch": 4.0, "v_max": 6.0},
+    ):  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            env = f110.make(map="oval", params=params)
+        car = own_params(env.world.vehicle)
+        for name, value in params.items():
+            if name in car:
+                assert car[name] == pytest.approx(value, rel=0.01), name
+        assert env.world.car.mu == pytest.approx(params.get("mu", 1.0489))
+    env.update_params({**F1TENTH, "mu": 0.5})
+    assert env.world.car.mu == pytest.approx(0.5)
 
 
 def test_cornering_stiffnesses_are_those_of_linear_tires():
@@ -72,13 +74,13 @@ def test_cornering_stiffnesses_are_those_of_linear_tires():
     assert (tires.front.lateral.stiffness, tires.rear.lateral.stiffness) == (4.0, 6.0)
 
 
-@pytest.mark.parametrize("acceleration", [2.0, 5.0])
-def test_the_car_accelerates_as_its_parameters_say(drawn, acceleration):
-    env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
-    env.reset(POSE)
-    for _ in range(10):
-        obs, *_ = env.step(np.array([[0.0, 20.0]]))
-    assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
+def test_the_car_accelerates_as_its_parameters_say(drawn):
+    for acceleration in cases(2.0, 5.0):
+        env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
+        env.reset(POSE)
+        for _ in range(10):
+            obs, *_ = env.step(np.array([[0.0, 20.0]]))
+        assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
 
 
 # What scripts read and write
@@ -115,6 +117,11 @@ def test_a_state_that_a_script_writes_is_where_the_car_goes_on(drawn):
     env.sim.agents[0].state = np.array([8.0, 2.0, 0.0, 0.0, 0.5, 0.0, 0.0])
     obs, *_ = env.step(np.array([[0.0, 0.0]]))
     assert [obs[name][0] for name in ("poses_x", "poses_y", "poses_theta")] == pytest.approx([8.0, 2.0, 0.5], abs=1e-3)
+    env = f110.make(map=str(drawn), tires="f1tenth_gym")  # whose poses are of the centre of gravity
+    env.reset(POSE)
+    written = [8.0, 2.0, 0.1, 3.0, 0.5, 1.2, 0.05]
+    env.driving.put(0, written)
+    assert env.driving.state(0).tolist() == pytest.approx(written, abs=1e-6)
 
 
 def test_a_reset_without_poses_is_at_the_start_of_the_course(drawn):
@@ -159,32 +166,29 @@ def test_the_interface_is_gymnasiums(drawn):
     assert env.render() is None and env.metadata["render_fps"] == 100
 
 
-@pytest.mark.parametrize(
-    ("kind", "features"),
-    [
+def test_observations_of_each_car_by_name(drawn):
+    for kind, features in cases(
         ("kinematic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta"]),
         ("dynamic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta", "ang_vel_z", "beta"]),
         ("direct", ["scan", "std_state", "state", "collision", "lap_time", "lap_count", "sim_time", "frenet_pose"]),
-    ],
-)
-def test_observations_of_each_car_by_name(drawn, kind, features):
-    env = new_env(drawn, num_agents=2, observation_config={"type": kind})
-    obs, _ = env.reset(options={"poses": np.array([[8.0, 2.1, 0.1], [7.0, 2.4, 0.0]])})
-    assert list(obs) == env.agent_ids == ["agent_0", "agent_1"]
-    assert list(obs["agent_1"]) == features
-    assert all(each.dtype == np.float32 for each in obs["agent_0"].values())
-    if "pose_x" in features:
-        assert obs["agent_0"]["pose_x"] == pytest.approx(8.0, abs=1e-3)
-        assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
+    ):
+        env = new_env(drawn, num_agents=2, observation_config={"type": kind})
+        obs, _ = env.reset(options={"poses": np.array([[8.0, 2.1, 0.1], [7.0, 2.4, 0.0]])})
+        assert list(obs) == env.agent_ids == ["agent_0", "agent_1"]
+        assert list(obs["agent_1"]) == features
+        assert all(each.dtype == np.float32 for each in obs["agent_0"].values())
+        if "pose_x" in features:
+            assert obs["agent_0"]["pose_x"] == pytest.approx(8.0, abs=1e-3)
+            assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
 
 
-@pytest.mark.parametrize("kind", [None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"])
-def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn, kind):
-    env = new_env(drawn, num_agents=3, reset_config={"type": kind})
-    first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
-    assert not np.array_equal(first["poses_x"], other["poses_x"])
-    assert not first["collisions"].any()
+def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn):
+    for kind in cases(None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"):
+        env = new_env(drawn, num_agents=3, reset_config={"type": kind})
+        first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
+        np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
+        assert not np.array_equal(first["poses_x"], other["poses_x"])
+        assert not first["collisions"].any()
 
 
 def test_configuration_objects_are_the_settings(drawn):
@@ -206,9 +210,8 @@ def test_configuration_objects_are_the_settings(drawn):
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
 
 
-@pytest.mark.parametrize(
-    ("kind", "named", "said"),
-    [
+def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name():
+    for kind, named, said in cases(
         ("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
         ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
         ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
@@ -216,33 +219,31 @@ def test_configuration_objects_are_the_settings(drawn):
         ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
         ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
         ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
-    ],
-)
-def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
-    from fg_mujoco.addons.gym2d import gym_config
+    ):
+        from fg_mujoco.addons.gym2d import gym_config
 
-    with pytest.raises(SettingsError, match=said):
-        getattr(gym_config, kind)(**named)
+        with pytest.raises(SettingsError, match=said):
+            getattr(gym_config, kind)(**named)
 
 
-@pytest.mark.parametrize("way", [1, -1])
-def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
+def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last():
     """Driven by hand: a lap in 10 s, then one in 5 s."""
-    from fg_mujoco.addons.gym2d import gym_config
+    for way in cases(1, -1):
+        from fg_mujoco.addons.gym2d import gym_config
 
-    env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
-    _, info = env.reset()
-    assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
-    course = env.world.track
-    x, y, heading = course.start_pose(0.0)
-    laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
-    found = {}
-    for tick in range(1, 1650):
-        time = 0.01 * tick
-        lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
-        laps.count(time, *course.start_pose(way * course.length * lap)[:2])
-        found.setdefault(laps.completed, laps.last)
-    assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
+        env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
+        _, info = env.reset()
+        assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
+        course = env.world.track
+        x, y, heading = course.start_pose(0.0)
+        laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
+        found = {}
+        for tick in range(1, 1650):
+            time = 0.01 * tick
+            lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
+            laps.count(time, *course.start_pose(way * course.length * lap)[:2])
+            found.setdefault(laps.completed, laps.last)
+        assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
 
 
 def test_a_course_of_ours_is_scaled_with_its_lines_and_one_without_laps_is_refused():
@@ -269,6 +270,8 @@ def test_the_single_track_model_turns_as_a_steady_circle_does():
     mu, front, rear, wheelbase = F1TENTH["mu"], F1TENTH["C_Sf"], F1TENTH["C_Sr"], 0.3302
     understeer = (1.0 / front - 1.0 / rear) / (mu * 9.81)
     assert x[5] == pytest.approx(4.0 * 0.1 / (wheelbase + understeer * 16.0), rel=0.01)
+    turning = gym_functions.vehicle_dynamics_ks(np.array([0.0, 0.0, 0.1, 4.0, 0.0]), np.zeros(2), *numbers)[4]
+    assert turning == pytest.approx(4.0 * math.tan(0.1) / wheelbase, rel=1e-3)
 
 
 def test_footprints_and_servos_are_the_gyms():

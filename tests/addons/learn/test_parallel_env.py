@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.errors import MessageError
 
 pytest.importorskip("pettingzoo", reason="the extra pettingzoo is not installed; make test installs it")
@@ -19,26 +20,21 @@ STAND = np.zeros(2)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"agents": 2},
+def test_api_test_of_pettingzoo_passes_without_a_warning(capsys):
+    for settings in cases(
         {"agents": 4, "track": "hairpins", "grid": "side_by_side", "normalised_actions": True},
         {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"},
-        {"agents": 1},
-    ],
-)
-def test_api_test_of_pettingzoo_passes_without_a_warning(settings, capsys):
-    env = fg.parallel_env(beam_step=60, **settings)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        parallel_api_test(env, num_cycles=200)
-    assert "Passed Parallel API test" in capsys.readouterr().out
+    ):
+        env = fg.parallel_env(beam_step=60, **settings)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            parallel_api_test(env, num_cycles=100)
+        assert "Passed Parallel API test" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("settings", [{}, {"agents": 3, "effects": {"range_noise_std": 0.01}, "grid_order": "random"}])
-def test_seed_test_of_pettingzoo_passes(settings):
-    parallel_seed_test(lambda: fg.parallel_env(beam_step=60, **settings), num_cycles=50)
+def test_seed_test_of_pettingzoo_passes():
+    settings = {"agents": 3, "effects": {"range_noise_std": 0.01}, "grid_order": "random"}
+    parallel_seed_test(lambda: fg.parallel_env(beam_step=60, **settings), num_cycles=30)
 
 
 def test_agents_are_the_learning_car_and_a_policy_of_the_gymnasium_environment():
@@ -105,20 +101,17 @@ def test_who_finishes_sees_the_end_and_is_off_the_course():
     assert infos["car_1"]["position"] == 2
 
 
-@pytest.mark.parametrize(
-    ("actions", "message"),
-    [
+def test_actions_that_are_none_are_refused_and_nothing_is_driven():
+    for actions, message in cases(
         ({"car_0": STAND}, r"actions are of \['car_0'\]; accepted: one of each of \['car_0', 'car_1'\]"),
         ({"car_0": STAND, "car_1": STAND, "car_2": STAND}, "actions are of .*car_2"),
         (STAND, "actions are of .*accepted"),
         ({"car_0": STAND, "car_1": [0.0]}, "the action of car_1 is .*accepted: an action"),
         ({"car_0": STAND, "car_1": [np.nan, 0.0]}, "steering_angle is nan in world 1 of 2"),
-    ],
-)
-def test_actions_that_are_none_are_refused_and_nothing_is_driven(actions, message):
-    env = fg.parallel_env(beam_step=540)
-    env.reset(seed=0)
-    with pytest.raises(MessageError, match=message):
-        env.step(actions)
-    *_, infos = env.step({"car_0": STAND, "car_1": STAND})
-    assert infos["car_0"]["time_s"] == pytest.approx(0.025)
+    ):
+        env = fg.parallel_env(beam_step=540)
+        env.reset(seed=0)
+        with pytest.raises(MessageError, match=message):
+            env.step(actions)
+        *_, infos = env.step({"car_0": STAND, "car_1": STAND})
+        assert infos["car_0"]["time_s"] == pytest.approx(0.025)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from driven_environments import commands_of_ticks
 from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
@@ -27,23 +28,23 @@ def written(path, settings=FLAT, **network):
     return str(write(network_for(interface, **network), path, interface, trained={"steps": 3}))
 
 
-@pytest.mark.parametrize("activation", ACTIVATIONS)
-def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits(activation):
-    rng = np.random.default_rng(1)
-    weights, bias = rng.normal(size=(5, 7)), rng.normal(size=5)
-    layers = Layer(weights=weights, bias=bias, activation=activation), Layer(weights=np.eye(5), bias=np.zeros(5))
-    normaliser = Normaliser(mean=np.full(7, 0.5), std=np.full(7, 2.0), clip=1.0)
-    network = Perceptron(layers=layers, normaliser=normaliser)
-    values = rng.normal(size=7).astype(np.float32) * 3.0
-    inner = weights @ np.clip((values - 0.5) / 2.0, -1.0, 1.0) + bias
-    by_hand = {
-        "none": inner, "relu": np.where(inner > 0, inner, 0), "tanh": np.tanh(inner),
-        "sigmoid": 1 / (1 + np.exp(-inner)), "elu": np.where(inner > 0, inner, np.exp(inner) - 1),
-        "silu": inner / (1 + np.exp(-inner)),
-    }  # fmt: skip
-    np.testing.assert_allclose(network(values), by_hand[activation], rtol=1e-5, atol=1e-6)
-    again = Perceptron.read(json.loads(json.dumps(network.described())))
-    assert again(values).tobytes() == network(values).tobytes()
+def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits():
+    for activation in cases(*ACTIVATIONS):
+        rng = np.random.default_rng(1)
+        weights, bias = rng.normal(size=(5, 7)), rng.normal(size=5)
+        layers = Layer(weights=weights, bias=bias, activation=activation), Layer(weights=np.eye(5), bias=np.zeros(5))
+        normaliser = Normaliser(mean=np.full(7, 0.5), std=np.full(7, 2.0), clip=1.0)
+        network = Perceptron(layers=layers, normaliser=normaliser)
+        values = rng.normal(size=7).astype(np.float32) * 3.0
+        inner = weights @ np.clip((values - 0.5) / 2.0, -1.0, 1.0) + bias
+        by_hand = {
+            "none": inner, "relu": np.where(inner > 0, inner, 0), "tanh": np.tanh(inner),
+            "sigmoid": 1 / (1 + np.exp(-inner)), "elu": np.where(inner > 0, inner, np.exp(inner) - 1),
+            "silu": inner / (1 + np.exp(-inner)),
+        }  # fmt: skip
+        np.testing.assert_allclose(network(values), by_hand[activation], rtol=1e-5, atol=1e-6)
+        again = Perceptron.read(json.loads(json.dumps(network.described())))
+        assert again(values).tobytes() == network(values).tobytes()
 
 
 def test_estimates_are_inputs_besides():
@@ -92,32 +93,32 @@ def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
     assert result.car.end_reason == "planner_failed" and result.car.end_time_s > 0.0
 
 
-@pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
-def test_the_forms_hold_the_same_policy(settings, tmp_path):
-    texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
-    policies = [read_policy(text) for text in texts]
-    shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
-    parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-    actions = [policy.act(parts if settings is PARTS else parts["observation"]) for policy in policies]
-    np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
-    for policy in policies:
-        assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
+def test_the_forms_hold_the_same_policy(tmp_path):
+    for settings in cases(FLAT, PARTS):
+        texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
+        policies = [read_policy(text) for text in texts]
+        shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
+        parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+        actions = [policy.act(parts if settings is PARTS else parts["observation"]) for policy in policies]
+        np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
+        for policy in policies:
+            assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
 
 
-@pytest.mark.parametrize("settings", [FLAT, PARTS], ids=["flat", "parts"])
-@pytest.mark.parametrize("form", ["policy", "policy.onnx"])
-def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, settings, tmp_path):
-    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
-    controller, ticks = written(tmp_path / form, settings), 40
-    env = gym_environment.F1TenthEnv(track="hairpins", start="line", **settings)
-    commands, policy = commands_of_ticks(env), read_policy(controller)
-    observation, _ = env.reset(seed=0)
-    while len(commands) < ticks:
-        observation, _, terminated, _, _ = env.step(policy.act(observation))
-        assert not terminated
-    result = fg.race("hairpins", controller, time_limit=0.025 * ticks - 0.01)
-    column = fg.TELEMETRY.index("command_steering_rad")
-    assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+def test_it_commands_in_a_race_what_it_commands_in_the_environment(tmp_path):
+    for form in cases("policy", "policy.onnx"):
+        for settings in cases(FLAT, PARTS):
+            gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+            controller, ticks = written(tmp_path / form, settings), 40
+            env = gym_environment.F1TenthEnv(track="hairpins", start="line", **settings)
+            commands, policy = commands_of_ticks(env), read_policy(controller)
+            observation, _ = env.reset(seed=0)
+            while len(commands) < ticks:
+                observation, _, terminated, _, _ = env.step(policy.act(observation))
+                assert not terminated
+            result = fg.race("hairpins", controller, time_limit=0.025 * ticks - 0.01)
+            column = fg.TELEMETRY.index("command_steering_rad")
+            assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
 
 
 def changed(path, **changes):
@@ -132,9 +133,8 @@ def changed(path, **changes):
     path.write_text(json.dumps(found))
 
 
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
+def test_what_does_not_fit_is_refused_before_the_race(tmp_path, capsys):
+    for changes, said in cases(
         ({"interface__beams__count": 541}, "trained with 541 beams from -135.0 to 135.0 deg, the car's LiDAR has 1081"),
         ({"interface__beams__count": 10**12}, "beams.count is 1000000000000; accepted: a whole number"),
         ({"interface__sensors": [{"name": "pose", "values": 10**12}]}, "sensors.values is 1000000000000; accepted"),
@@ -149,29 +149,24 @@ def changed(path, **changes):
         ({"interface__car__gravity": "g"}, "its interface is damaged"),
         ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan"),
         ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate"),
-    ],
-)  # fmt: skip
-def test_what_does_not_fit_is_refused_before_the_race(changes, said, tmp_path, capsys):
-    path = tmp_path / "policy" / "policy.json"
-    written(path, PARTS)
-    changed(path, **changes)
-    assert said in refused(tmp_path, capsys, "race", "--controller", str(path))
+    ):  # fmt: skip
+        path = tmp_path / "policy" / "policy.json"
+        written(path, PARTS)
+        changed(path, **changes)
+        assert said in refused(tmp_path, capsys, "race", "--controller", str(path))
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
+def test_what_is_no_policy_file_is_refused(tmp_path, capsys):
+    for name, content, said in cases(
         ("policy.json", b"{", "is no JSON"),
         ("policy.json", b"[]", "its format is None"),
         ("policy.onnx", b"not one", "is no ONNX model"),
         ("policy.zip", b"not one", "is no zip file of Stable-Baselines3"),
-    ],
-)
-def test_what_is_no_policy_file_is_refused(name, content, said, tmp_path, capsys):
-    if name.endswith(".onnx"):
-        pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-    (tmp_path / name).write_bytes(content)
-    assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
+    ):
+        if name.endswith(".onnx"):
+            pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+        (tmp_path / name).write_bytes(content)
+        assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
 
 
 def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_path):

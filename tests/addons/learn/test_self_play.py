@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.policy_planner import PolicyPlanner, find_policy
@@ -51,9 +52,8 @@ def test_the_last_snapshots_are_kept_and_later_ones_than_the_checkpoint_forgotte
     assert [path.name for path in (tmp_path / "opponents").iterdir()] == ["0000000256.json"]
 
 
-@pytest.mark.parametrize(
-    ("own", "environment", "said"),
-    [
+def test_what_cannot_be_played_is_refused():
+    for own, environment, said in cases(
         ({"share": 1.5}, {}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
         ({"planners": []}, {}, "self_play.planners is []; accepted: one or more planners"),
         ({"planners": "gap_findr"}, {}, "did you mean 'gap_finder'?"),
@@ -62,12 +62,10 @@ def test_the_last_snapshots_are_kept_and_later_ones_than_the_checkpoint_forgotte
         ({}, {"opponents": []}, "self_play, in an environment without opponents; accepted:"),
         ({}, {"randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
         ({}, {"opponents": [lambda seen: (0.0, 1.0)]}, "in an environment of self_play; accepted: a planner's name"),
-    ],
-)
-def test_what_cannot_be_played_is_refused(own, environment, said):
-    with pytest.raises(FgMujocoError) as error:
-        TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
-    assert said in str(error.value) and "\n" not in str(error.value)
+    ):
+        with pytest.raises(FgMujocoError) as error:
+            TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
+        assert said in str(error.value) and "\n" not in str(error.value)
 
 
 TICKS, COUNT = 30, 3
@@ -93,17 +91,17 @@ def drive(settings, pool, count=COUNT, seed=3):
     return told, drawn
 
 
-@pytest.mark.parametrize("other", [{}, {"action": "steering,speed", "smoothing": 0.0, "action_repeat": 1}])
-def test_snapshots_asked_together_drive_as_planners_do(other, tmp_path, monkeypatch):
-    seen = {**FLAT, "observation": "beams:54:max=10:delay=0.05,speed,command,history:2,normalised,flat", **other}
-    files = [snapshot(tmp_path / f"{i}.json", seen, i, normalised=True) for i in range(2)]
-    randomize = {"opponents": (1, 2), "opponent": ["gap_finder"], "opponent_speed": (1.0, 7.0)}
-    settings = {**seen, "track": "oval", "grid_order": "random", "randomize": randomize}
-    pool = SelfPlay(share=0.8).pool(files)
-    together = drive(settings, pool)
-    assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
-    monkeypatch.setattr(PolicyPlanner, "batch_key", None)
-    assert drive(settings, pool) == together
+def test_snapshots_asked_together_drive_as_planners_do(tmp_path, monkeypatch):
+    for other in cases({}, {"action": "steering,speed", "smoothing": 0.0, "action_repeat": 1}):
+        seen = {**FLAT, "observation": "beams:54:max=10:delay=0.05,speed,command,history:2,normalised,flat", **other}
+        files = [snapshot(tmp_path / f"{i}.json", seen, i, normalised=True) for i in range(2)]
+        randomize = {"opponents": (1, 2), "opponent": ["gap_finder"], "opponent_speed": (1.0, 7.0)}
+        settings = {**seen, "track": "oval", "grid_order": "random", "randomize": randomize}
+        pool = SelfPlay(share=0.8).pool(files)
+        together = drive(settings, pool)
+        assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
+        monkeypatch.setattr(PolicyPlanner, "batch_key", None)
+        assert drive(settings, pool) == together
 
 
 def test_policies_asked_together_learn_the_friction_between_their_steps_as_planners_do(tmp_path):
@@ -127,34 +125,6 @@ def test_policies_asked_together_learn_the_friction_between_their_steps_as_plann
         alone(cars[1])
         assert cars[0].commands.tobytes() == cars[1].commands.tobytes(), tick
     assert cars[0].odometry["speed"][0] > 3.0
-
-
-def test_world_i_draws_and_races_as_the_single_environment_of_seed_plus_i(tmp_path):
-    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
-    from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
-
-    files = [snapshot(tmp_path / f"{i}.json", FLAT, i) for i in range(2)]
-    pool = SelfPlay(share=0.8).pool(files)
-    settings = {**FLAT, "track": "oval", "grid_order": "random", "opponents": ["gap_finder"],
-                "randomize": {"opponent": pool}}  # fmt: skip
-    action = np.float32([0.1, 0.5])
-    envs = F1TenthVectorEnv(COUNT, threads=2, **settings)
-    seen, info = envs.reset(seed=7)
-    told = [[seen]], [list(info["drawn_opponent"])]
-    for _ in range(TICKS):
-        told[0].append([envs.step(np.tile(action, (COUNT, 1)))[0]])
-    envs.close()
-    for i in range(COUNT):
-        env = gym_environment.F1TenthEnv(**settings)
-        seen, info = env.reset(seed=7 + i)
-        assert info["drawn_opponent"] == told[1][0][i]
-        for tick in range(TICKS + 1):
-            assert seen.tobytes() == told[0][tick][0][i].tobytes(), tick
-            seen, _, terminated, *_ = env.step(action)
-            if terminated:
-                break
-        assert tick > 5
-        env.close()
 
 
 SMALL = {

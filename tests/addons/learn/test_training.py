@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
@@ -20,9 +21,8 @@ SMALL = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
+def test_what_cannot_be_trained_is_refused_before_it_begins(tmp_path, capsys):
+    for options, said in cases(
         (["--env", "trak=oval"], "an environment has no setting 'trak'; accepted:"),
         (["--ppo", "gama=.9"], "did you mean 'gamma'?"),
         (["--ppo", "gamma=2"], "PPO.gamma is 2; accepted: a number from 0 to 1"),
@@ -33,10 +33,8 @@ SMALL = {
         (["--estimate", "slpi"], "estimate has 'slpi'; accepted: mu, slip"),
         (["--estimate", "mu", "--env", "observation=speed"], "estimate with the observation 'speed'; accepted:"),
         (["nothing.toml"], "nothing.toml: there is no such file"),
-    ],
-)
-def test_what_cannot_be_trained_is_refused_before_it_begins(options, said, tmp_path, capsys):
-    assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
+    ):
+        assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
 
 
 @pytest.fixture
@@ -120,20 +118,20 @@ def test_the_estimator_finds_the_mean_and_the_spread_of_what_it_is_fitted_to():
     assert abs(float(error) - 0.2) < 0.02
 
 
-@pytest.mark.parametrize("door", ["out", "folder", "file"])
-def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
+def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(tmp_path, capsys):
     """Loading it runs the code in it: it is refused before anything reads it."""
-    folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
-    checkpoint.parent.mkdir(parents=True)
-    checkpoint.write_bytes(b"theirs")
-    settings = TrainingSettings().described()
-    (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
-    out = folder if door == "out" else tmp_path / "mine"
-    start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
-    said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
-    assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
-    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-    assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
+    for door in cases("out", "folder", "file"):
+        folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
+        checkpoint.parent.mkdir(parents=True)
+        checkpoint.write_bytes(b"theirs")
+        settings = TrainingSettings().described()
+        (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
+        out = folder if door == "out" else tmp_path / "mine"
+        start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
+        said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
+        assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
+        pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+        assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
 
 
 def test_the_same_training_has_the_same_bits(train, tmp_path):

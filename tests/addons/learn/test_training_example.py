@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 
 pytest.importorskip("gymnasium")
 pytest.importorskip("cma")
@@ -73,13 +74,13 @@ def gym_environment(example):
     )
 
 
-@pytest.mark.parametrize("page", ["environments.md", "addons/learn/training.md", "addons/learn/policies.md"])
-def test_python_in_the_docs_runs(page, capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    text = (EXAMPLE.parent.parent / "docs" / page).read_text("utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    assert len(blocks) >= 2
-    needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
-    for block in blocks:  # ```py is not run, and says so
-        if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
-            exec(block, {})
+def test_python_in_the_docs_runs(capsys, tmp_path, monkeypatch):
+    for page in cases("environments.md", "addons/learn/training.md", "addons/learn/policies.md"):
+        monkeypatch.chdir(tmp_path)
+        text = (EXAMPLE.parent.parent / "docs" / page).read_text("utf-8")
+        blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+        assert len(blocks) >= 2
+        needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
+        for block in blocks:  # ```py is not run, and says so
+            if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
+                exec(block, {})

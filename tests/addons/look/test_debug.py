@@ -1,18 +1,16 @@
 """The reasons that planners tell are right, and `fg-mujoco debug` shows recorded decisions to the bit, and safely."""
 
-import base64
-import hashlib
 import json
 import math
 import re
 import shutil
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from browsers import WRITTEN, outside_or_over_another, page_of  # noqa: F401 - a fixture
+from browsers import page_of  # noqa: F401 - a fixture
+from case_loops import cases
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.steering import pursue
@@ -23,9 +21,9 @@ from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
+from pages import MARKUP, Page
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
-MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
 LAW = {"assist": "safe"}
 
 
@@ -48,18 +46,18 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
     assert f"{by_hand:.2f} m/s, held by sight" in seen.why_speed
 
 
-@pytest.mark.parametrize("mu", [0.15, 0.3])
-def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
-    ranges = np.full(1081, 2.5)
-    ranges[720:880] = 9.0  # the opening is to the left
-    seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter", method="refined")
-    steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
-    bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
-    assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
-    law = math.sqrt(CAR.gravity * mu * 0.95 * CAR.wheelbase / math.tan(abs(steering)))
-    assert seen.speed_step.name == "friction limiter"
-    assert seen.speed_step.speed == pytest.approx(law, rel=1e-12)
-    assert law < 3.0
+def test_a_bend_on_little_grip_is_held_by_the_friction_limiter():
+    for mu in cases(0.15, 0.3):
+        ranges = np.full(1081, 2.5)
+        ranges[720:880] = 9.0  # the opening is to the left
+        seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter", method="refined")
+        steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
+        bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
+        assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
+        law = math.sqrt(CAR.gravity * mu * 0.95 * CAR.wheelbase / math.tan(abs(steering)))
+        assert seen.speed_step.name == "friction limiter"
+        assert seen.speed_step.speed == pytest.approx(law, rel=1e-12)
+        assert law < 3.0
 
 
 def test_the_safety_filter_brakes_where_no_stop_is_free_and_is_told():
@@ -94,26 +92,23 @@ def test_a_command_beyond_the_car_s_limits_is_held_by_the_car():
     assert (seen.steering_step.steering_angle, seen.speed_step.speed) == (-CAR.max_steering_angle, CAR.max_speed)
 
 
-@pytest.mark.parametrize(
-    ("course", "planner", "seconds"),
-    [
-        ("scene:u_turn_trap:3", "gap_finder", 8.0), ("spiral", "follow_the_gap", 6.0),
-        ("serpentine", "follow_the_gap[assist=safe]", 9.0), ("hairpins", "pure_pursuit", 4.0),
-        ("oval", "wall_follow[assist=sight]", 3.0),
-    ],
-)  # fmt: skip
-def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, seconds):
-    race = fg.race(course, planner, laps=1, time_limit=seconds)
-    seen = fg.debug(race, window=seconds)
-    assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
-    commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
-    shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
-    answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
-    told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
-    assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
-    times = race.car.telemetry[:, 0]
-    assert [d.time for d in seen.decisions] == times.tolist()
-    assert [d.tick for d in seen.decisions] == list(range(len(times)))
+def test_the_last_step_is_the_recorded_command_to_the_bit():
+    for course, planner, seconds in cases(
+        ("scene:u_turn_trap:3", "gap_finder", 8.0),
+        ("serpentine", "follow_the_gap[assist=safe]", 9.0),
+        ("hairpins", "pure_pursuit", 4.0),
+    ):
+        race = fg.race(course, planner, laps=1, time_limit=seconds)
+        seen = fg.debug(race, window=seconds)
+        assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
+        commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
+        shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
+        answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
+        told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
+        assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
+        times = race.car.telemetry[:, 0]
+        assert [d.time for d in seen.decisions] == times.tolist()
+        assert [d.tick for d in seen.decisions] == list(range(len(times)))
 
 
 RAISES = """
@@ -184,50 +179,17 @@ def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(fold
     assert "no_such_planner" in note
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_what_cannot_be_shown_is_refused_in_a_line(folder, tmp_path, monkeypatch, capsys):
+    for arguments, said in cases(
         (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
         (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
         (["--out", "no/folder/page.html"], "cannot be written"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_shown_is_refused_in_a_line(folder, arguments, said, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["debug", str(folder), *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert said in err and err.count("\n") == 1 and out == ""
-    assert list(tmp_path.iterdir()) == [] and not (folder / "debug.html").exists()
-
-
-class Parsed(HTMLParser):
-    """A page's own scripts, the hashes that its policy allows, what it loads, and what else could run in it."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.scripts, self.hashes, self.policy, self.others, self._inside = [], [], "", [], False
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        values = dict(attributes)
-        self._inside = tag == "script" and values.get("type") != "application/json"
-        self.scripts += [""] if self._inside else []
-        self.others += [name for name in values if name.startswith("on") or name in ("src", "href")]
-        self.others += [tag] if tag in ("img", "iframe", "object", "embed", "base", "form", "link") else []
-        if values.get("http-equiv") == "Content-Security-Policy":
-            self.policy = values["content"]
-            self.hashes = re.findall(r"'sha256-([^']+)'", self.policy)
-
-    def handle_endtag(self, tag):
-        self._inside = False
-
-    def handle_data(self, data):
-        if self._inside:
-            self.scripts[-1] += data
-
-    @property
-    def own(self):
-        return [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in self.scripts]
+    ):  # fmt: skip
+        monkeypatch.chdir(tmp_path)
+        assert main(["debug", str(folder), *arguments]) == 2
+        out, err = capsys.readouterr()
+        assert said in err and err.count("\n") == 1 and out == ""
+        assert list(tmp_path.iterdir()) == [] and not (folder / "debug.html").exists()
 
 
 def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
@@ -236,9 +198,9 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
     (failed / "summary.json").write_text(json.dumps(summary))
     seen = fg.debug(failed, trust=True)
     page = seen.write_page(failed / "page.html").read_text("utf-8")
-    parsed = Parsed(page)
-    assert "<script>alert" not in page and "<img" not in page
-    assert len(parsed.scripts) == 2 and parsed.own == parsed.hashes and parsed.others == []
+    parsed = Page(page)
+    assert "<script>alert" not in page and "<img" not in page and parsed.loads == []
+    assert len(parsed.scripts) == 2 and parsed.runs_its_own_scripts_alone()
     assert "default-src 'none'" in parsed.policy and "unsafe-eval" not in parsed.policy
     assert page.count("&lt;script&gt;alert(1)") >= 2
 
@@ -304,32 +266,31 @@ def in_page(path):
     return json.loads(re.search(r'id="report-data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)[1])
 
 
-@pytest.mark.parametrize("planner", [Skids, "gap_finder"])
-def test_for_every_planner_the_page_has_how_the_car_moves(planner, tmp_path, page_of):  # noqa: F811
-    race = fg.race("oval", planner() if isinstance(planner, type) else planner, laps=1, time_limit=1.6, mu=0.4)
-    path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
-    data, column = in_page(path), race.car.column
-    for place, told in enumerate(data["decisions"]):
-        tick, (ground, sideslip, tires) = told["tick"], told["motion_of_car"]
-        assert ground == pytest.approx(math.hypot(column("vx_m_s")[tick], column("vy_m_s")[tick]), abs=1e-4)
-        assert sideslip == pytest.approx(column("sideslip_rad")[tick], abs=1e-5)
-        for (slide, use), wheel in zip(tires, WHEELS, strict=True):
-            assert slide == pytest.approx(column(f"slide_{wheel}_m_s")[tick], abs=1e-4)
-            assert use == pytest.approx(column(f"friction_use_{wheel}")[tick], abs=1e-3)
-        now = data["before"] + place
-        driven = np.array(data["driven"][now - data["ahead"] : now + data["ahead"] + 1])
-        there = slice(tick - 20, tick + 21)
-        assert driven == pytest.approx(np.column_stack((column("x_m")[there], column("y_m")[there])), abs=1e-3)
+def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):  # noqa: F811
+    for planner in cases("gap_finder", Skids()):  # whose page is opened, too
+        race = fg.race("oval", planner, laps=1, time_limit=1.6, mu=0.4)
+        path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
+        data, column = in_page(path), race.car.column
+        for place, told in enumerate(data["decisions"]):
+            tick, (ground, sideslip, tires) = told["tick"], told["motion_of_car"]
+            assert ground == pytest.approx(math.hypot(column("vx_m_s")[tick], column("vy_m_s")[tick]), abs=1e-4)
+            assert sideslip == pytest.approx(column("sideslip_rad")[tick], abs=1e-5)
+            for (slide, use), wheel in zip(tires, WHEELS, strict=True):
+                assert slide == pytest.approx(column(f"slide_{wheel}_m_s")[tick], abs=1e-4)
+                assert use == pytest.approx(column(f"friction_use_{wheel}")[tick], abs=1e-3)
+            now = data["before"] + place
+            driven = np.array(data["driven"][now - data["ahead"] : now + data["ahead"] + 1])
+            there = slice(tick - 20, tick + 21)
+            assert driven == pytest.approx(np.column_stack((column("x_m")[there], column("y_m")[there])), abs=1e-3)
     tick = data["decisions"][data["at"]]["tick"]
-    with page_of(viewport={"width": 1280, "height": 1500}) as page:
+    with page_of(viewport={"width": 1280, "height": 900}) as page:
         page.goto(path.as_uri())
         page.wait_for_selector("html[data-ready=yes]")
         rows = dict(page.eval_on_selector_all("table.motion tbody tr", "r => r.map(e => e.innerText.split('\\t'))"))
         assert rows["speed of the odometry"] == f"{data['decisions'][data['at']]['speed']:.2f} m/s"
         assert rows["sideslip"] == f"{math.degrees(column('sideslip_rad')[tick]):.1f}°"
         slides = page.locator("table.tires td.slides").count()
-    assert slides == sum(column(f"slide_{wheel}_m_s")[tick] > 0.01 for wheel in WHEELS)
-    assert (slides > 0) == (planner is Skids)
+    assert slides == sum(column(f"slide_{wheel}_m_s")[tick] > 0.01 for wheel in WHEELS) > 0
 
 
 def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):  # noqa: F811

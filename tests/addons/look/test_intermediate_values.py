@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.look.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved
 from fg_mujoco.simulation.showing import show
 from scan_worlds import CAR, corridor
@@ -18,6 +19,7 @@ from shown_values import SHOWS, file_of_shows
 SCAN = corridor(1.0, 1.0, 5.0)
 BEAMS = len(SCAN.ranges)
 POSE = np.array((3.0, -2.0, 0.7))
+
 
 def shown(*arguments, scan=SCAN, **settings):
     """What is collected of one call of `show`: the values, and the remarks."""
@@ -55,31 +57,27 @@ def test_a_race_with_a_planner_that_shows_values_has_the_bits_of_the_same_withou
     assert looked.states.tobytes() == plain.states.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("value", "kind", "shape"),
-    [
+def test_a_value_is_what_its_shape_says():
+    for value, kind, shape in cases(
         (3, "number", ()), (np.float32(0.5), "number", ()), (True, "number", ()), (np.array(2), "number", ()),
         (math.inf, "number", ()), ((1.0, 2.0), "points", (1, 2)), ([(0, 0), (1, 0), (1, 1)], "points", (3, 2)),
         (np.zeros(BEAMS, np.float32), "scan", (BEAMS,)), ([1.0] * BEAMS, "scan", (BEAMS,)),
         ([(math.nan, 0.0), (1.0, 2.0)], "points", (1, 2)),
-    ],
-)  # fmt: skip
-def test_a_value_is_what_its_shape_says(value, kind, shape):
-    now, remarks = shown("mine", value)
-    assert remarks == []
-    assert (now["mine"].kind, now["mine"].array.shape) == (kind, shape)
-    assert not now["mine"].array.flags.writeable
+    ):  # fmt: skip
+        now, remarks = shown("mine", value)
+        assert remarks == []
+        assert (now["mine"].kind, now["mine"].array.shape) == (kind, shape)
+        assert not now["mine"].array.flags.writeable
 
 
-@pytest.mark.parametrize("value", [None, [], np.empty((0, 2))])
-def test_what_is_empty_shows_nothing_and_is_no_mistake(value):
-    now, remarks = shown("mine", value)
-    assert all(not each.array.size for each in now.values()) and remarks == []
+def test_what_is_empty_shows_nothing_and_is_no_mistake():
+    for value in cases(None, [], np.empty((0, 2))):
+        now, remarks = shown("mine", value)
+        assert all(not each.array.size for each in now.values()) and remarks == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "settings", "said"),
-    [
+def test_a_value_that_cannot_be_shown_is_left_out_and_told_once():
+    for arguments, settings, said in cases(
         (("mine", "text"), {}, "of type str"),
         (("mine", np.zeros(7)), {}, r"shape \(7,\)"),
         (("mine", np.zeros((2, 3))), {}, r"accepted: a number, a point \(2,\), points \(m, 2\)"),
@@ -93,18 +91,16 @@ def test_what_is_empty_shows_nothing_and_is_no_mistake(value):
         (("mine", (1.0, 2.0)), {"draw": "poligon"}, "did you mean 'polygon'"),
         (("mine", (1.0, 2.0)), {"frame": "lazer"}, "did you mean 'laser'"),
         (("mine", 1.0), {"draw": "points"}, "accepted"),
-    ],
-)
-def test_a_value_that_cannot_be_shown_is_left_out_and_told_once(arguments, settings, said):
-    values = IntermediateValues()
-    for _ in range(3):
-        with values.of(SCAN):
-            show(*arguments, **settings)
-            show("good", 1.0)
-        assert list(values.now) == ["good"]
-    (remark,) = values.remarks
+    ):
+        values = IntermediateValues()
+        for _ in range(3):
+            with values.of(SCAN):
+                show(*arguments, **settings)
+                show("good", 1.0)
+            assert list(values.now) == ["good"]
+        (remark,) = values.remarks
 
-    assert re.search(said, remark)
+        assert re.search(said, remark)
 
 
 def test_a_name_has_one_kind_and_names_have_an_end():

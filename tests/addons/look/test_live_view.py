@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from browsers import page_of  # noqa: F401 - a fixture
+from case_loops import cases
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
@@ -30,14 +31,6 @@ def drive(session, seconds):
 @pytest.fixture
 def session():
     return LiveSession(Setup.of(track="oval"))
-
-
-def test_session_drives_as_a_race_does(session, lap):
-    drive(session, 4.0)
-    row = round(4.0 / TICK)
-    assert session.simulation.time == pytest.approx(4.0)
-    assert session.simulation.pose == tuple(lap.car.telemetry[row, 4:7])
-    assert (session.simulation.state == lap.states[row]).all()
 
 
 def test_planner_that_does_not_know_of_wet_ground_slides_and_one_that_does_holds(session):
@@ -122,9 +115,8 @@ def free():
     return port
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_what_cannot_be_is_refused_in_one_line(taken, free, monkeypatch, capsys):
+    for arguments, said in cases(
         (["--web", "--port", "{taken}"], "in use"),
         (["--web", "--port", "0"], "1 to 65535"),
         (["--web", "--host", "203.0.113.7"], "cannot be listened on"),
@@ -133,16 +125,14 @@ def free():
         (["--web", "--port", "{free}", "--track", "nowhere"], "nowhere"),
         (["--web", "--port", "{free}", "--controller", "nobody"], "nobody"),
         (["--web", "--port", "{free}", "--max-speed", "-1"], "--max-speed is -1"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, monkeypatch, capsys):
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr("platform.system", lambda: "Linux")
-    assert main(["view", *(text.format(taken=taken, free=free) for text in arguments)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert said in line
+    ):
+        pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+        monkeypatch.delenv("DISPLAY", raising=False)
+        monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+        monkeypatch.setattr("platform.system", lambda: "Linux")
+        assert main(["view", *(text.format(taken=taken, free=free) for text in arguments)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert said in line
 
 
 @contextlib.contextmanager
@@ -167,21 +157,8 @@ def wait_until(holds, seconds=30.0):
         time.sleep(0.05)
 
 
-def test_view_listens_on_this_machine_alone_and_ends(session, free):
-    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    with served(session, free) as view:
-        assert view.url == f"http://localhost:{free}"
-        wait_until(lambda: session.simulation.time > 0.2)
-        socket.create_connection(("127.0.0.1", free), 5.0).close()
-        own = socket.gethostbyname(socket.gethostname())
-        if not own.startswith("127."):
-            with pytest.raises(OSError):
-                socket.create_connection((own, free), 2.0)
-
-
-@pytest.mark.parametrize(
-    ("hosts", "origins", "own"),
-    [
+def test_a_request_is_of_the_views_own_page_or_of_none():
+    for hosts, origins, own in cases(
         (["localhost:8080"], [], True),
         (["LOCALHOST:8080"], ["http://localhost:8080"], True),
         (["127.0.0.1:8080"], ["http://127.0.0.1:8080"], True),
@@ -202,10 +179,8 @@ def test_view_listens_on_this_machine_alone_and_ends(session, free):
         ([], [], False),
         (["localhost:8080", "evil.example"], [], False),
         (["localhost:8080"], ["http://localhost:8080", "http://evil.example"], False),
-    ],
-)
-def test_a_request_is_of_the_views_own_page_or_of_none(hosts, origins, own):
-    assert is_own(hosts, origins, frozenset({"box"})) is own
+    ):
+        assert is_own(hosts, origins, frozenset({"box"})) is own
 
 
 def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free):
@@ -222,7 +197,13 @@ def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free
             return int(connection.recv(64).split()[1])
 
     own = f"localhost:{free}"
-    with served(session, free):
+    with served(session, free) as view:
+        assert view.url == f"http://localhost:{free}"
+        wait_until(lambda: session.simulation.time > 0.2)
+        here = socket.gethostbyname(socket.gethostname())
+        if not here.startswith("127."):  # it listens on this machine alone
+            with pytest.raises(OSError):
+                socket.create_connection((here, free), 2.0)
         assert (status(own), status(own, more=upgrade), status(own, f"http://{own}", upgrade)) == (200, 101, 101)
         for host, origin in ((own, "http://evil.example"), (f"evil.example:{free}", f"http://evil.example:{free}")):
             assert (status(host, origin), status(host, origin, upgrade)) == (403, 403)
@@ -266,7 +247,7 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
 def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
     pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     asked = []
-    with served(session, free, wait=True) as view, page_of(viewport={"width": 700, "height": 400}) as page:
+    with served(session, free, wait=True) as view, page_of(viewport={"width": 500, "height": 300}) as page:
         page.on("request", lambda request: asked.append(request.url))
         assert session.simulation.time == 0.0  # it waits for its first browser
         page.goto(view.url)

@@ -1,19 +1,17 @@
 """The pages of reports: whole, self-contained, refused where they cannot be; in a browser, cursor and switches."""
 
-import base64
-import hashlib
 import json
 import re
 import shutil
-from html.parser import HTMLParser
 
 import pytest
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
+from case_loops import cases
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
-from fg_mujoco.racing.run_folder import summary_json
+from pages import MARKUP, Page
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
@@ -27,20 +25,6 @@ _SCALES = """(() => {
     const scale = (s) => Math.abs(s.compute(1) - s.compute(0));
     return [scale(frame.x_scale), scale(frame.y_scale)];
 })()"""
-
-
-class Loads(HTMLParser):
-    """What a page loads, or links to; scripts' and styles' own text is not looked at."""
-
-    def __init__(self):
-        super().__init__()
-        self.found, self.policy = [], ""
-
-    def handle_starttag(self, tag, attributes):
-        values = dict(attributes)
-        self.found += [values[name] for name in ("src", "href", "srcset", "data", "poster") if values.get(name)]
-        if values.get("http-equiv") == "Content-Security-Policy":
-            self.policy = values["content"]
 
 
 @pytest.fixture(scope="module")
@@ -67,36 +51,26 @@ def complaint(capsys):
     return line
 
 
-def test_page_loads_nothing_from_anywhere(report):
-    text = report.read_text()
-    loads = Loads()
-    loads.feed(text)
-    assert loads.found == []
-    assert loads.policy.startswith("default-src 'none'; script-src 'sha256-")
+def test_page_says_how_the_race_went_runs_its_own_scripts_by_hash_and_loads_nothing(report, lap):
+    text = report.read_text("utf-8")
+    page = Page(text)
+    assert page.loads == [] and page.policy.startswith("default-src 'none'; script-src 'sha256-")
     assert not re.search(r"@import|url\(\s*['\"]?https?:", text[: text.index("<script>")])
-
-
-def test_page_says_how_the_race_went(report, lap):
-    text = report.read_text()
-    assert "oval, gap_finder" in text
+    assert len(page.scripts) == 4 and page.runs_its_own_scripts_alone()
+    assert "oval, gap_finder" in text and lap.trajectory_sha256 in text
     assert f"1 of 1 laps, best {lap.car.lap_times_s[0]:.3f} s; no tire slid." in text
-    assert lap.trajectory_sha256 in text
-    for name, value in (
-        ("mu", lap.car.mu),
-        ("seed", 0),
-        ("mujoco_version", json.loads(summary_json(lap))["mujoco_version"]),
-    ):
-        assert f"<td>{name}</td><td><code>{value}</code></td>" in text
+    assert f"<td>mu</td><td><code>{lap.car.mu}</code></td>" in text
 
 
-@pytest.mark.parametrize(("begins", "at"), ((0.0, "0.000"), (0.09, "0.100")))
-def test_page_says_that_the_planner_did_not_answer(here, begins, at):
-    (here / "planner.py").write_text(
-        "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
-        f"    def __call__(self, scan, odometry):\n        while scan.stamp >= {begins}: pass\n        return STOP\n"
-    )
-    assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run"]) == 1
-    assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
+def test_page_says_that_the_planner_did_not_answer(here):
+    for begins, at in cases((0.0, "0.000"), (0.09, "0.100")):
+        (here / "planner.py").write_text(
+            "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+            "    def __call__(self, scan, odometry):\n"
+            f"        while scan.stamp >= {begins}: pass\n        return STOP\n"
+        )
+        assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run", "--force"]) == 1
+        assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
 
 
 def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_path):
@@ -105,27 +79,22 @@ def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_pat
     assert body.search(other).group() == body.search(report.read_text()).group()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_what_cannot_be_is_refused_in_one_line(folder, here, capsys):
+    for arguments, said in cases(
         (["nowhere"], "summary.json"),
         (["{run}", "--clip", "0"], "--clip"),
         (["{run}", "--out", "page.txt"], ".html"),
         (["{run}", "--out", "no/such/folder/page.html", "--no-clip"], "cannot be written"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(folder, arguments, said, here, capsys):
-    assert main(["report", *(text.format(run=folder) for text in arguments)]) == 2
-    assert said in complaint(capsys)
-    assert list(here.iterdir()) == []
+    ):
+        assert main(["report", *(text.format(run=folder) for text in arguments)]) == 2
+        assert said in complaint(capsys)
+        assert list(here.iterdir()) == []
 
 
 def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
-    assert (
-        f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
-    )
+    assert f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
     assert not (here / "run" / "report.html").exists()
     assert main(["report", "run"]) == 2
     assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
@@ -162,16 +131,12 @@ def comparison(tmp_path_factory):
 def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch):
     monkeypatch.chdir(comparison)
     index = write_comparison_report("out", trust=True)
-    loads = Loads()
-    loads.feed(index.read_text())
     pages = sorted(path.name for path in index.parent.glob("*.html") if path != index)
-    assert sorted(loads.found) == pages
+    assert sorted(Page(index.read_text()).loads) == pages
     assert len(pages) == 4
     for name in pages:
         text = (index.parent / name).read_text()
-        page = Loads()
-        page.feed(text)
-        assert sorted(page.found) == ["bokeh.min.js", "index.html"]
+        assert sorted(Page(text).loads) == ["bokeh.min.js", "index.html"]
         assert "the same run, bit for bit" in text
     before = {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")}
     write_comparison_report("out", trust=True)  # goes on where it was: nothing is left to do
@@ -229,20 +194,18 @@ _LEGENDS = """(() => {
 })()"""  # noqa: E501
 
 
-@pytest.mark.parametrize("width", [390, 1280])
-def test_page_fits_the_screen_and_no_legend_is_cut(report, width, page_of):  # noqa: F811
-    with page_of(viewport={"width": width, "height": 900}) as page:
+def test_page_fits_the_screen_and_no_legend_is_cut(report, page_of):  # noqa: F811
+    with page_of(viewport={"width": 390, "height": 900}) as page:
         page.goto(report.as_uri())
         page.wait_for_selector("html[data-ready=yes]")
-        page.wait_for_timeout(500)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        legends = page.evaluate(_LEGENDS)
-    assert len(legends) == 4
-    for left, right, room, names in legends:
-        assert 0.0 <= left < right <= room, names
-
-
-MARKUP = "<script>alert(1)</script><img src=x onerror=alert(1)>'\"&"
+        for width in cases(390, 1280):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.wait_for_timeout(500)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            legends = page.evaluate(_LEGENDS)
+            assert len(legends) == 4
+            for left, right, room, names in legends:
+                assert 0.0 <= left < right <= room, names
 
 
 def leaves(value, path=()):
@@ -264,44 +227,6 @@ def with_markup(value, path):
     copy = dict(value) if isinstance(value, dict) else list(value)
     copy[path[0]] = with_markup(copy[path[0]], path[1:])
     return copy
-
-
-class Scripts(HTMLParser):
-    """The scripts of a page, and whatever else could run in it."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.scripts, self.others, self.hashes, self._inside = [], [], [], False
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        values = dict(attributes)
-        self._inside = tag == "script" and values.get("type") != "application/json" and "src" not in values
-        if self._inside:
-            self.scripts.append("")
-        self.others += [f"{tag} {name}" for name in values if name.startswith("on")]
-        self.others += [tag] if tag in ("img", "iframe", "object", "embed", "base", "form", "link") else []
-        if values.get("http-equiv") == "Content-Security-Policy":
-            self.hashes = re.findall(r"'sha256-([^']+)'", values["content"])
-            self.others += re.findall(r"script-src[^;]*'unsafe-[a-z]+'", values["content"])
-
-    def handle_endtag(self, tag):
-        self._inside = False
-
-    def handle_data(self, data):
-        if self._inside:
-            self.scripts[-1] += data
-
-    @property
-    def own(self):
-        return [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in self.scripts]
-
-
-def test_a_page_runs_its_own_scripts_by_hash_and_no_other(report):
-    page = Scripts(report.read_text("utf-8"))
-    assert len(page.scripts) == 4
-    assert page.own == page.hashes
-    assert page.others == []
 
 
 def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
@@ -327,8 +252,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0
     text = (copy / "report.html").read_text("utf-8")
-    page = Scripts(text)
-    assert "<script>alert" not in text and "<img" not in text and page.others == [] and page.own == page.hashes
+    assert "<script>alert" not in text and "<img" not in text and Page(text).runs_its_own_scripts_alone()
     assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - refused
 
 
@@ -355,6 +279,5 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     place, setup = dict.fromkeys(row["place"], MARKUP), dict.fromkeys(row["setup"], MARKUP)
     assert report_with(cars=[car | said], place=place, setup=setup, **of_row) != 2  # all at once: pages are made once
     text = (out / "report" / "index.html").read_text("utf-8")
-    page = Scripts(text)
-    assert "<script" not in text and page.others == [] and page.hashes == []
+    assert "<script" not in text and Page(text).runs_its_own_scripts_alone()
     assert text.count("&lt;script&gt;alert(1)") >= 4

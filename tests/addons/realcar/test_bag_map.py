@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 import fg_mujoco as fg
 from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from case_loops import cases, fresh
 from fg_mujoco.addons.realcar.mapping import recorded_map
 from fg_mujoco.addons.realcar.mapping.bag_sweeps import read_sweeps
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map, write_map
@@ -158,7 +159,7 @@ def in_a_room(tmp_path, *, links=(), source="odom", child="base_link", frame="ma
         ranges = seen(x, y, heading, mounted=mounted)
         scan = robot_scan(ranges, first=-math.pi, step=math.tau / 360, time=time)
         entries.append(("/scan", time, scan))
-    return write_bag(tmp_path / "bag", entries)
+    return write_bag(fresh(tmp_path) / "bag", entries)
 
 
 def room_of(bag, **options):
@@ -178,37 +179,33 @@ EXPECTED = np.array((-ROOM, ROOM, -ROOM, ROOM))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize("source", ["odom", "tf"])
-@pytest.mark.parametrize("mounted", [(0.0, 0.0, 0.0), (0.3, -0.1, 0.0), (0.2, 0.0, 1.0), (-0.2, 0.1, math.pi)])
-def test_the_room_is_where_it_is_wherever_the_lidar_is_on_the_car(tmp_path, mounted, source):
-    links = [("base_link", "laser", vector(mounted[0], mounted[1]), rotation(mounted[2]))]
-    bag = in_a_room(tmp_path, links=links, source=source, mounted=mounted)
-    assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
+def test_the_room_is_where_it_is_wherever_the_lidar_is_on_the_car(tmp_path):
+    for mounted in cases((0.0, 0.0, 0.0), (0.3, -0.1, 0.0), (0.2, 0.0, 1.0), (-0.2, 0.1, math.pi)):
+        for source in cases("odom", "tf"):
+            links = [("base_link", "laser", vector(mounted[0], mounted[1]), rotation(mounted[2]))]
+            bag = in_a_room(tmp_path, links=links, source=source, mounted=mounted)
+            assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize(("frame", "drifts"), [("map", False), ("odom", True)])
-def test_odometry_drifts_unless_it_is_on_the_map(tmp_path, frame, drifts):
-    with Recording(in_a_room(tmp_path, frame=frame)) as bag:
-        assert read_sweeps(bag, CAR).drifts is drifts
+def test_odometry_drifts_unless_it_is_on_the_map(tmp_path):
+    for frame, drifts in cases(("map", False), ("odom", True)):
+        with Recording(in_a_room(tmp_path, frame=frame)) as bag:
+            assert read_sweeps(bag, CAR).drifts is drifts
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
+def test_what_cannot_be_mapped_is_refused_in_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    bag = in_a_room(tmp_path, links=[("base_link", "laser", vector(), rotation())])
+    (tmp_path / "there.yaml").write_text("")
+    for arguments, said in cases(
         (("--map", "map.png"), "map.png: is no name for a map; accepted: one that ends in .yaml or .yml"),
         (("--map", "nowhere/map.yaml"), "cannot be written"),
         (("--map", "map.yaml", "--resolution", "0"), "resolution is 0.0 m; accepted: from 0.01 to 1"),
         (("--map", "map.yaml", "--pose-topic", "/pose"), "on /pose; accepted: /odom"),
         (("--map", "there.yaml"), "there.yaml: exists; accepted: a new file, or --force"),
-    ],
-)
-def test_what_cannot_be_mapped_is_refused_in_one_line(tmp_path, monkeypatch, capsys, arguments, said):
-    monkeypatch.chdir(tmp_path)
-    links = [("base_link", "laser", vector(), rotation())]
-    in_a_room(tmp_path, links=links)
-    (tmp_path / "there.yaml").write_text("")
-    assert main(["bag", "bag", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "there.yaml"]
+    ):
+        assert main(["bag", str(bag), *arguments]) == 2
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == ["", ".yaml"]

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import gymnasium
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.realcar.floors import Floor, floor_names
-from fg_mujoco.cli.main import main
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.simulation.settings import friction_text
@@ -68,20 +66,8 @@ def test_rollouts_and_environments_have_it_too(tmp_path) -> None:
         EnvironmentSettings.of({"floor": "ipz8", "randomize": {"mu": (0.5, 0.9)}})
 
 
-def test_floors_and_those_of_tires_are_listed(capsys) -> None:
-    assert main(["vehicles", "--floors"]) == 0
-    said = capsys.readouterr().out
-    assert all(f"\n{name} " in f"\n{said}" for name in floor_names())
-    assert all(f"  {name} " in said for name in tire_names())
-    assert main(["vehicles", "--floors", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)
-    assert [Floor.load(floor) for floor in listed["floors"]] == [Floor.load(name) for name in floor_names()]
-    assert listed["tires"]["f1tenth_gym"] == "f1tenth_gym"
-
-
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
+def test_what_is_no_floor_is_refused():
+    for given, words in cases(
         ({"floor": "ipz9"}, "did you mean 'ipz8'"),
         ({"floor": "ipz8", "mu": 0.5}, "floor is 'ipz8' and mu 0.5; accepted: one of them"),
         ({"floor": {"name": "ice"}}, "has no mu; accepted: name, mu"),
@@ -89,8 +75,6 @@ def test_floors_and_those_of_tires_are_listed(capsys) -> None:
         ({"floor": {"name": "x", "mu": 0.5, "least": 0.6}}, "accepted: a range that holds mu"),
         ({"floor": {"name": "x", "mu": 0.5, "frictoin": 1}}, "has 'frictoin'; accepted: name"),
         ({"floor": 3}, "floor is 3; accepted: a bundled name"),
-    ],
-)
-def test_what_is_no_floor_is_refused(given, words) -> None:
-    with pytest.raises(SettingsError, match=words):
-        fg.Setup.of("oval", **given)
+    ):
+        with pytest.raises(SettingsError, match=words):
+            fg.Setup.of("oval", **given)

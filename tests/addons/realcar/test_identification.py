@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from refusals import refused
 
 pytest.importorskip("scipy")
@@ -211,19 +212,19 @@ def test_the_steering_follows_a_step_late_by_lag_and_delay():
     assert slow == pytest.approx(np.clip(0.2 * (time - 0.5), 0.0, 0.1), abs=1e-3 + 1e-9)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.0013, 0.0025, 0.0041, 0.0172])
-def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes(delay):
+def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes():
     """Against ten thousand small steps a second, at the greatest rate and below it."""
-    time, lag, rate, fine = np.arange(0.0, 1.0, STEP), 0.014, 3.2, 1e-4
-    ticks = np.arange(0.0, 1.0, 0.025)
-    commands = Channel(name="commands", time=ticks, values=0.3 * np.sin(12.0 * ticks)[:, np.newaxis])
-    angles = Steering(commands, time, limit=0.4, rate=rate, held=True).angles(1.0, 0.0, lag, delay)
-    slow, angle = [], 0.0
-    for moment in np.arange(0.0, 1.0, fine):
-        slow.append(angle)
-        last = max(int(np.floor((moment - delay) / 0.025 + 1e-9)), 0)
-        angle += np.clip((commands.values[last, 0] - angle) / lag, -rate, rate) * fine
-    assert angles == pytest.approx(np.interp(time, np.arange(0.0, 1.0, fine), slow), abs=1e-3)
+    for delay in cases(0.0, 0.0013, 0.0025, 0.0041, 0.0172):
+        time, lag, rate, fine = np.arange(0.0, 1.0, STEP), 0.014, 3.2, 1e-4
+        ticks = np.arange(0.0, 1.0, 0.025)
+        commands = Channel(name="commands", time=ticks, values=0.3 * np.sin(12.0 * ticks)[:, np.newaxis])
+        angles = Steering(commands, time, limit=0.4, rate=rate, held=True).angles(1.0, 0.0, lag, delay)
+        slow, angle = [], 0.0
+        for moment in np.arange(0.0, 1.0, fine):
+            slow.append(angle)
+            last = max(int(np.floor((moment - delay) / 0.025 + 1e-9)), 0)
+            angle += np.clip((commands.values[last, 0] - angle) / lag, -rate, rate) * fine
+        assert angles == pytest.approx(np.interp(time, np.arange(0.0, 1.0, fine), slow), abs=1e-3)
 
 
 def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks(gentle_drive, gently_found):
@@ -336,9 +337,8 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
     assert asked == [report.as_uri()]
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
+def test_the_command_refuses_in_one_line(tmp_path, monkeypatch, capsys):
+    for words, said in cases(
         (("nothing", "--out", "tires.toml"), "nothing: cannot be read"),
         ((".", "--out", "tires.toml"), "has no summary.json"),
         (("run", "--out", "tires.txt"), "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
@@ -346,12 +346,10 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
         (("run", "--out", "tires.toml", "--report", "page.pdf"), "page.pdf: is no name for a page"),
         (("run", "--out", "tires.toml", "--vehicle", "nuc"), "did you mean 'nuc2'?"),
         (("run",), "--out"),
-    ],
-)
-def test_the_command_refuses_in_one_line(tmp_path, monkeypatch, capsys, words, said):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "there.toml").write_text("")
-    assert said in refused(tmp_path, capsys, "identify", *words)
+    ):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "there.toml").write_text("")
+        assert said in refused(tmp_path, capsys, "identify", *words)
 
 
 def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
@@ -385,47 +383,47 @@ def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_dr
         identify_drives([gentle_drive], hold_out=[turned], budget=1.0, **options)
 
 
-@pytest.mark.parametrize(("accelerations", "brakes"), [(False, True), (True, True), (True, False)])
-def test_the_response_of_the_speed_is_found(exciting_drive, accelerations, brakes):
+def test_the_response_of_the_speed_is_found(exciting_drive):
     """Against a speed that is integrated finely; the car goes straight, so nothing but the drive changes it."""
-    time, late, step = np.arange(0.0, 60.0, 0.04), 0.08, 0.001
-    rng = np.random.default_rng(4)
-    wanted = np.repeat(rng.uniform(2.0, 5.0, len(time) // 25), 25)
-    fine = np.arange(0.0, 60.0, step)
-    speed, speeds, commands = 3.0, [], []
-    for moment in time:
-        row = int(moment / 0.04 + 0.5)
-        # an acceleration is what a driver without a speed servo would command towards the wanted speed
-        commands.append(1.5 * (wanted[row] - speed) + 0.8 if accelerations else wanted[row])
-        for _ in range(round(0.04 / step)):
-            speeds.append(speed)
-            u = commands[max(row - round(late / 0.04), 0)]
-            push = 1.2 * (u if brakes else max(u, 0.0)) - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
-            speed += step * (push - 0.03 * 9.81)
-    speeds = np.array(speeds)[: len(fine)]
+    for accelerations, brakes in cases((False, True), (True, True), (True, False)):
+        time, late, step = np.arange(0.0, 60.0, 0.04), 0.08, 0.001
+        rng = np.random.default_rng(4)
+        wanted = np.repeat(rng.uniform(2.0, 5.0, len(time) // 25), 25)
+        fine = np.arange(0.0, 60.0, step)
+        speed, speeds, commands = 3.0, [], []
+        for moment in time:
+            row = int(moment / 0.04 + 0.5)
+            # an acceleration is what a driver without a speed servo would command towards the wanted speed
+            commands.append(1.5 * (wanted[row] - speed) + 0.8 if accelerations else wanted[row])
+            for _ in range(round(0.04 / step)):
+                speeds.append(speed)
+                u = commands[max(row - round(late / 0.04), 0)]
+                push = 1.2 * (u if brakes else max(u, 0.0)) - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
+                speed += step * (push - 0.03 * 9.81)
+        speeds = np.array(speeds)[: len(fine)]
 
-    def channel(name, at, values):
-        return Channel(name=name, time=at, values=np.asarray(values, float).reshape(len(at), -1))
+        def channel(name, at, values):
+            return Channel(name=name, time=at, values=np.asarray(values, float).reshape(len(at), -1))
 
-    x = np.cumsum(speeds) * step
-    poses = np.column_stack((np.interp(time, fine, x), 0 * time, 0 * time))
-    drive = replace(
-        exciting_drive, steering=channel("commands", time, 0 * time), yaw_rate=channel("gyro", time, 0 * time),
-        speed=channel("speed", time, np.interp(time, fine, speeds)), pose=channel("pose", time, poses),
-        acceleration=None, speed_command=channel("speed commands", time, commands),
-    )  # fmt: skip
-    problem = DriveProblem(drive, front_drive=0.5)
-    parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
-    found = speed_response([problem], parameters)
-    assert (found.accelerations, found.braking) == (accelerations, brakes)
-    assert found.delay[0] == pytest.approx(late, abs=0.024)
-    assert found.gain[0] == pytest.approx(1.2 if accelerations else 1.05, rel=0.05)
-    if accelerations:
-        assert found.drag[0] == pytest.approx(0.2, abs=0.05)
-    else:
-        assert found.time_constant[0] == pytest.approx(0.3, rel=0.15)
-    silent = replace(drive, speed_command=None)
-    assert speed_response([DriveProblem(silent, front_drive=0.5)], parameters) == "no speed commands are recorded"
+        x = np.cumsum(speeds) * step
+        poses = np.column_stack((np.interp(time, fine, x), 0 * time, 0 * time))
+        drive = replace(
+            exciting_drive, steering=channel("commands", time, 0 * time), yaw_rate=channel("gyro", time, 0 * time),
+            speed=channel("speed", time, np.interp(time, fine, speeds)), pose=channel("pose", time, poses),
+            acceleration=None, speed_command=channel("speed commands", time, commands),
+        )  # fmt: skip
+        problem = DriveProblem(drive, front_drive=0.5)
+        parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
+        found = speed_response([problem], parameters)
+        assert (found.accelerations, found.braking) == (accelerations, brakes)
+        assert found.delay[0] == pytest.approx(late, abs=0.024)
+        assert found.gain[0] == pytest.approx(1.2 if accelerations else 1.05, rel=0.05)
+        if accelerations:
+            assert found.drag[0] == pytest.approx(0.2, abs=0.05)
+        else:
+            assert found.time_constant[0] == pytest.approx(0.3, rel=0.15)
+        silent = replace(drive, speed_command=None)
+        assert speed_response([DriveProblem(silent, front_drive=0.5)], parameters) == "no speed commands are recorded"
 
 
 def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, tmp_path):

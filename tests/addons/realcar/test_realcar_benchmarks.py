@@ -12,6 +12,7 @@ import pytest
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.addons.realcar.validation.agreement import of_center
@@ -119,8 +120,8 @@ def test_the_gyms_model_is_the_gyms():
     assert planar[-1, 3] == pytest.approx(5.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("vehicle", ["f1tenth", "ipz"])
-def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which(vehicle):
-    names = {model.name for model in models_of(Vehicle.load(vehicle))}
-    assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
-    assert len(names) == 9 + 1 + 5
+def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which():
+    for vehicle in cases("f1tenth", "ipz"):
+        names = {model.name for model in models_of(Vehicle.load(vehicle))}
+        assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
+        assert len(names) == 9 + 1 + 5

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from car_worlds import flat_world
+from case_loops import cases
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, linear_rates
 from fg_mujoco.lab.steady_circle import SteadyCircle
 from fg_mujoco.vehicle.tires import Tires
@@ -50,15 +51,15 @@ def test_rates_are_the_published_equations(x6, x7, x3, x4, u2, mu):
     assert rates(x6, x7, x3, x4, u2, mu=mu) == pytest.approx((yaw, slip), rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("steering", [0.05, 0.4])
-@pytest.mark.parametrize("k", [0.3, 1.0, 2.0])
-def test_a_held_circle_is_the_closed_form_of_understeer(steering, k):
-    speed = k * math.sqrt(MU_G * OWN.wheelbase / math.tan(steering))
-    gradient = (1.0 / FRONT_STIFFNESS - 1.0 / REAR_STIFFNESS) / MU_G
-    assert settled(steering, speed) == pytest.approx(
-        speed * steering / (OWN.wheelbase + gradient * speed**2), rel=1e-6
-    )
-    assert settled(steering, speed, 3.0, 3.0) == pytest.approx(speed * steering / OWN.wheelbase, rel=1e-6)
+def test_a_held_circle_is_the_closed_form_of_understeer():
+    for k in cases(0.3, 1.0, 2.0):
+        for steering in cases(0.05, 0.4):
+            speed = k * math.sqrt(MU_G * OWN.wheelbase / math.tan(steering))
+            gradient = (1.0 / FRONT_STIFFNESS - 1.0 / REAR_STIFFNESS) / MU_G
+            assert settled(steering, speed) == pytest.approx(
+                speed * steering / (OWN.wheelbase + gradient * speed**2), rel=1e-6
+            )
+            assert settled(steering, speed, 3.0, 3.0) == pytest.approx(speed * steering / OWN.wheelbase, rel=1e-6)
 
 
 def test_braking_loads_the_front_axle_and_turns_the_car_in():

@@ -11,6 +11,7 @@ from refusals import refused
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.realcar.drives.reading import read_drive
 from fg_mujoco.addons.realcar.validation.car_model import CarModel
 from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
@@ -80,15 +81,15 @@ def test_windows_follow_each_other_where_the_car_moves(circle):
     assert all(state.speed > 1.0 and abs(state.yaw_rate) > 0.3 for state in steady_states_of([motion]))
 
 
-@pytest.mark.parametrize(("vehicle", "asked"), [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
-def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance(vehicle, asked):
+def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance():
     """Newton: of ipz .238 m/s^2 for each m/s and .0422 g, which also turn the wheels: 4.283 kg for 4.0 kg."""
-    car = Vehicle.load(vehicle)
-    model = CarModel(vehicle=car, tires=car.tires)
-    start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
-    speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
-    resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
-    assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
+    for vehicle, asked in cases(("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)):
+        car = Vehicle.load(vehicle)
+        model = CarModel(vehicle=car, tires=car.tires)
+        start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
+        speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
+        resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
+        assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
 
 
 def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_path):

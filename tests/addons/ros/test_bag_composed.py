@@ -8,6 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
+from case_loops import cases, fresh
 from fg_mujoco.addons.realcar.bag_drive import read_drives
 from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, USUAL, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
@@ -65,19 +66,19 @@ def entries(car, count=60, still=0):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("car", ["f1tenth_1", "f1tenth_2", "roboracer_1", "our_car"])
-def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(tmp_path, car):
-    (drive,) = read_drives(write_bag(tmp_path / "bag", entries(car, 120)))
-    assert drive.commanded
-    assert drive.steering.values[:, 0] == pytest.approx((0.2 + 0.001 * np.arange(120)) * STEERING, rel=1e-6)
-    assert drive.speed.values[5:, 0] == pytest.approx(1.01 * SPEED, rel=1e-6)  # the mean of both encoders
-    assert drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
-    assert drive.acceleration.values[:, 1] == pytest.approx(SPEED * YAW_RATE)
-    x, y, heading = drive.pose.values[-1]
-    assert heading == pytest.approx(
-        YAW_RATE * 118 * STEP / SECOND, rel=1e-6
-    )  # the heading last heard: of one tick before
-    assert math.hypot(x, y - SPEED / YAW_RATE) == pytest.approx(SPEED / YAW_RATE)
+def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(tmp_path):
+    for car in cases("f1tenth_1", "our_car"):
+        (drive,) = read_drives(write_bag(tmp_path / car, entries(car, 120)))
+        assert drive.commanded
+        assert drive.steering.values[:, 0] == pytest.approx((0.2 + 0.001 * np.arange(120)) * STEERING, rel=1e-6)
+        assert drive.speed.values[5:, 0] == pytest.approx(1.01 * SPEED, rel=1e-6)  # the mean of both encoders
+        assert drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
+        assert drive.acceleration.values[:, 1] == pytest.approx(SPEED * YAW_RATE)
+        x, y, heading = drive.pose.values[-1]
+        assert heading == pytest.approx(
+            YAW_RATE * 118 * STEP / SECOND, rel=1e-6
+        )  # the heading last heard: of one tick before
+        assert math.hypot(x, y - SPEED / YAW_RATE) == pytest.approx(SPEED / YAW_RATE)
 
 
 def test_a_planner_over_the_scans_gets_pose_speed_and_commands(tmp_path):
@@ -114,20 +115,22 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
     assert [each.time for each in heard] == [EPOCH + 1, EPOCH + 4]
 
 
-@pytest.mark.parametrize(("driver", "bits", "storage"), [("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")])
-def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys, driver, bits, storage):
-    bag = write_bag(tmp_path / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
-    (drive,) = read_drives(bag)
-    angles = 0.001 * np.arange(120)
-    assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
-    assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
-    assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
-    with ScanBag(bag, CAR) as scans:
-        assert scans.topics[DRIVE] == f"{driver}/commands"
-        last = list(scans)[-1].odometry
-    assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
-    assert main(["bag", str(bag)]) == 0
-    assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
+def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys):
+    for driver, bits, storage in cases(("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")):
+        bag = write_bag(fresh(tmp_path) / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
+        (drive,) = read_drives(bag)
+        angles = 0.001 * np.arange(120)
+        assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
+        assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
+        assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(
+            YAW_RATE
+        )
+        with ScanBag(bag, CAR) as scans:
+            assert scans.topics[DRIVE] == f"{driver}/commands"
+            last = list(scans)[-1].odometry
+        assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
+        assert main(["bag", str(bag)]) == 0
+        assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_what_an_ackermann_topic_commands_goes_before_the_vescs(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bag_worlds import SECOND, make, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from case_loops import cases
 from fg_mujoco.addons.ros.bag_messages import drive_message
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
@@ -29,15 +30,15 @@ def scans(count, topic="/scan", start=EPOCH):
     ]
 
 
-@pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])
-def test_bags_of_another_library_are_read_as_folder_and_as_file(tmp_path, storage):
-    folder = write_bag(tmp_path / "drive", scans(3), storage=storage)
-    (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
-    for path in (folder, file):
-        heard = deliveries(path)
-        assert [d.scan.ranges.tolist() for d in heard] == [[1.0, 2.0], [2.0, 2.0], [3.0, 2.0]]
-        assert [d.measured for d in heard] == [EPOCH, EPOCH + SECOND // 10, EPOCH + SECOND // 5]
-        assert [d.received for d in heard] == [d.measured for d in heard]
+def test_bags_of_another_library_are_read_as_folder_and_as_file(tmp_path):
+    for storage in cases("MCAP", "SQLITE3"):
+        folder = write_bag(tmp_path / storage, scans(3), storage=storage)
+        (file,) = [path for path in folder.iterdir() if path.suffix in (".mcap", ".db3")]
+        for path in (folder, file):
+            heard = deliveries(path)
+            assert [d.scan.ranges.tolist() for d in heard] == [[1.0, 2.0], [2.0, 2.0], [3.0, 2.0]]
+            assert [d.measured for d in heard] == [EPOCH, EPOCH + SECOND // 10, EPOCH + SECOND // 5]
+            assert [d.received for d in heard] == [d.measured for d in heard]
 
 
 def test_without_odometry_the_car_does_what_was_commanded_before_the_scan(tmp_path):
@@ -124,13 +125,13 @@ def test_a_bag_without_scans_is_refused_with_what_it_has(tmp_path, capsys):
     assert not (tmp_path / "out.csv").exists()
 
 
-@pytest.mark.parametrize("content", [None, b"", b"not a bag at all"])
-def test_what_is_no_bag_is_refused_in_one_line(tmp_path, capsys, content):
-    path = tmp_path / "drive.mcap"
-    if content is not None:
-        path.write_bytes(content)
-    assert main(["replay-scans", str(path), "--out", str(tmp_path / "out.csv")]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert "drive.mcap" in error and "accepted: an .mcap or .db3 file" in error
-    assert not (tmp_path / "out.csv").exists()
+def test_what_is_no_bag_is_refused_in_one_line(tmp_path, capsys):
+    for content in cases(None, b"", b"not a bag at all"):
+        path = tmp_path / "drive.mcap"
+        if content is not None:
+            path.write_bytes(content)
+        assert main(["replay-scans", str(path), "--out", str(tmp_path / "out.csv")]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert "drive.mcap" in error and "accepted: an .mcap or .db3 file" in error
+        assert not (tmp_path / "out.csv").exists()

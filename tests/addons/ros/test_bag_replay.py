@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import fg_mujoco as fg
 from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from case_loops import cases, fresh
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_replay import COLUMNS
 from fg_mujoco.addons.ros.bag_writer import export_bag
@@ -47,12 +49,12 @@ def assert_same_commands(rows, result):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", controller_names())
-def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(name, tmp_path):
-    result, bag = race_and_bag(tmp_path, controller=name)
-    out = tmp_path / "commands.csv"
-    assert main(["replay-scans", str(bag), "--controller", name, "--track", "hairpins", "--out", str(out)]) == 0
-    assert_same_commands(read_commands(out), result)
+def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(tmp_path):
+    for name in cases(*controller_names()):
+        result, bag = race_and_bag(fresh(tmp_path), controller=name)
+        out = tmp_path / f"{name}.csv"
+        assert main(["replay-scans", str(bag), "--controller", name, "--track", "hairpins", "--out", str(out)]) == 0
+        assert_same_commands(read_commands(out), result)
 
 
 @pytest.mark.slow
@@ -78,24 +80,22 @@ def robot_bag(folder, ranges, **geometry):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(controller_names()) - {"pure_pursuit"}))
-@pytest.mark.parametrize(
-    ("first", "turn", "beams"),
-    [(-0.75 * math.pi, 1.5 * math.pi, 1081), (0.0, math.tau, 360), (math.pi, -math.tau, 720)],
-)
-def test_planners_drive_on_whatever_a_robots_lidar_sends(name, first, turn, beams, tmp_path):
-    step = turn / (beams - 1) if abs(turn) < 6.0 else turn / beams
-    bearings = first + step * np.arange(beams)
-    ranges = np.minimum(1.0 / np.maximum(np.abs(np.sin(bearings)), 1e-3), 14.0)  # a corridor 2 m wide
-    ranges[::7], ranges[1::50], ranges[2::50] = 0.0, math.nan, math.inf
-    bag = robot_bag(tmp_path / "bag", ranges, first=first, step=step)
-    out = tmp_path / "commands.csv"
-    assert main(["replay-scans", str(bag), "--controller", name, "--out", str(out)]) == 0
-    rows = read_commands(out)
-    assert len(rows) == 5
-    assert np.isfinite(rows).all()
-    assert np.abs(rows[:, 2]).max() < 0.2  # nothing to steer for
-    assert (rows[:, 3] > 0.5).all()  # and nothing in the way
+def test_planners_drive_on_whatever_a_robots_lidar_sends(tmp_path):
+    for first, turn, beams in cases(
+        (-0.75 * math.pi, 1.5 * math.pi, 1081), (0.0, math.tau, 360), (math.pi, -math.tau, 720)
+    ):
+        step = turn / (beams - 1) if abs(turn) < 6.0 else turn / beams
+        bearings = first + step * np.arange(beams)
+        ranges = np.minimum(1.0 / np.maximum(np.abs(np.sin(bearings)), 1e-3), 14.0)  # a corridor 2 m wide
+        ranges[::7], ranges[1::50], ranges[2::50] = 0.0, math.nan, math.inf
+        bag, out = robot_bag(fresh(tmp_path) / "bag", ranges, first=first, step=step), tmp_path / "commands.csv"
+        for name in cases("gap_finder", "follow_the_gap", "disparity_extender", "wall_follow"):
+            assert main(["replay-scans", str(bag), "--controller", name, "--out", str(out), "--force"]) == 0
+            rows = read_commands(out)
+            assert len(rows) == 5
+            assert np.isfinite(rows).all()
+            assert np.abs(rows[:, 2]).max() < 0.2  # nothing to steer for
+            assert (rows[:, 3] > 0.5).all()  # and nothing in the way
 
 
 def test_a_planner_of_ones_own_is_run_and_what_it_was_told_without_odometry_is_said(tmp_path, monkeypatch, capsys):
@@ -132,20 +132,17 @@ def test_commands_up_to_a_planners_failure_are_on_disk(tmp_path, monkeypatch, ca
     assert len(read_commands(tmp_path / "out.csv")) == 3
 
 
-@pytest.mark.parametrize("name", ["out.csv", "out.mcap"])
-def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(tmp_path, monkeypatch, capsys, name):
+def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     robot_bag(tmp_path / "bag", np.full(41, 3.0))
-    before = sorted(tmp_path.rglob("*"))
-    deliver = ScanBag.__iter__
+    before, deliver = sorted(tmp_path.rglob("*")), ScanBag.__iter__
 
     def damaged(self):
-        for count, delivery in enumerate(deliver(self)):
-            if count == 2:
-                raise fg.BagError("bag: is damaged")
-            yield delivery
+        yield from itertools.islice(deliver(self), 2)
+        raise fg.BagError("bag: is damaged")
 
     monkeypatch.setattr(ScanBag, "__iter__", damaged)
-    assert main(["replay-scans", "bag", "--out", name]) == 2
-    assert "bag: is damaged" in capsys.readouterr().err
-    assert sorted(tmp_path.rglob("*")) == before
+    for name in cases("out.csv", "out.mcap"):
+        assert main(["replay-scans", "bag", "--out", name]) == 2
+        assert "bag: is damaged" in capsys.readouterr().err
+        assert sorted(tmp_path.rglob("*")) == before

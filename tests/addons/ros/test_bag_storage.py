@@ -10,6 +10,7 @@ import warnings
 import pytest
 
 from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
+from case_loops import cases, fresh
 from fg_mujoco.addons.ros.bag_messages import type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
@@ -42,14 +43,12 @@ def nearest(path, **options):
 EXPECTED = [1.0 + 0.125 * number for number in range(40)]
 
 
-def of_ros1(path, found, *, compression=None, chunk=None, old_transforms=False):
+def of_ros1(path, found, *, compression=None, chunk=None):
     """Write entries as a .bag, by the library's own writer and types."""
     from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_typestore
 
     ros1 = get_typestore(Stores.ROS1_NOETIC)
-    for name in ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"):
-        ros1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", name))
     writer = Writer(path)
     if compression:
         writer.set_compression(getattr(Writer.CompressionFormat, compression))
@@ -59,8 +58,6 @@ def of_ros1(path, found, *, compression=None, chunk=None, old_transforms=False):
         connections = {}
         for topic, time, message in found:
             kind = message.__msgtype__
-            if old_transforms and kind.endswith("TFMessage"):
-                kind = "tf/msg/tfMessage"
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=ros1)
             writer.write(connections[topic], time, ros1.serialize_ros1(as_ros1(message, ros1), kind))
@@ -133,77 +130,67 @@ def split(folder, *, storage="MCAP", compression=None, mode="FILE", metadata=Tru
     return folder
 
 
-@pytest.mark.parametrize("metadata", [True, False])
-@pytest.mark.parametrize(
-    ("storage", "compression", "mode"),
-    [("MCAP", None, ""), ("SQLITE3", None, ""), ("SQLITE3", "zstd", "FILE"), ("SQLITE3", "zstd", "MESSAGE")],
-)
-def test_files_that_follow_each_other_are_one_bag(tmp_path, storage, compression, mode, metadata):
-    folder = split(tmp_path / "drive", storage=storage, compression=compression, mode=mode, metadata=metadata)
-    assert nearest(folder) == EXPECTED
+def test_files_that_follow_each_other_are_one_bag(tmp_path):
+    for storage, compression, mode in cases(
+        ("MCAP", None, ""), ("SQLITE3", None, ""), ("SQLITE3", "zstd", "FILE"), ("SQLITE3", "zstd", "MESSAGE")
+    ):
+        for metadata in cases(True, False):
+            folder = split(
+                fresh(tmp_path) / "drive", storage=storage, compression=compression, mode=mode, metadata=metadata
+            )
+            assert nearest(folder) == EXPECTED
 
 
-@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_chunks_of_mcap_are_read_however_compressed(tmp_path, compression):
-    assert nearest(of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)) == EXPECTED
+def test_a_bag_is_read_however_compressed_and_in_the_order_of_time(tmp_path):
+    found = sorted(entries(), key=lambda entry: entry[0])
+    for compression in cases("NONE", "LZ4", "ZSTD"):
+        assert nearest(of_mcap(tmp_path / "drive.mcap", found, compression=compression)) == EXPECTED
+    for compression in cases(None, "BZ2", "LZ4"):
+        assert nearest(of_ros1(fresh(tmp_path) / "drive.bag", entries(), compression=compression)) == EXPECTED
 
 
-@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
-def test_a_bag_of_ros_1_is_read_as_it_is(tmp_path, compression):
-    assert nearest(of_ros1(tmp_path / "drive.bag", entries(), compression=compression)) == EXPECTED
+def test_a_bag_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
+    def refused(path, file, command, *contents):
+        for data in contents:
+            file.write_bytes(data)
+            assert main(["replay-scans", str(path), "--out", str(tmp_path / "out.csv")]) == 2
+            said = capsys.readouterr().err
+            assert said.count("\n") == 1 and f"{file}: is unfinished or damaged" in said and command in said
 
-
-def refused(path, folder, capsys):
-    """What a command says in its one line of a bag that it refuses."""
-    assert main(["replay-scans", str(path), "--out", str(folder / "out.csv")]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert "Traceback" not in said
-    return said
-
-
-@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
-def test_an_mcap_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, compression, capsys):
-    path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)
-    whole = path.read_bytes()
-    unfinished = of_mcap(tmp_path / "other.mcap", entries(), compression=compression, finish=False, chunk=600)
-    for data in (whole[: len(whole) // 3], whole[: 4 * len(whole) // 5], whole[:-1], unfinished.read_bytes()):
-        path.write_bytes(data)
-        said = refused(path, tmp_path, capsys)
-        assert f"{path}: is unfinished or damaged" in said
-        assert "`mcap recover drive.mcap -o drive_whole.mcap`" in said
-
-
-@pytest.mark.parametrize("compression", ["NONE", "ZSTD"])
-def test_a_bit_that_is_wrong_is_said_and_never_read_as_a_range(tmp_path, compression):
-    path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression, chunk=2000)
-    whole = bytearray(path.read_bytes())
-    for place in range(400, len(whole), 97 * (1 + len(whole) // 4000)):
-        damaged = bytearray(whole)
-        damaged[place] ^= 0x40
-        path.write_bytes(damaged)
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            try:
-                read = nearest(path)
-            except BagError as error:
-                assert str(path) in str(error)
-                continue
-        assert set(read) <= set(EXPECTED)
-        assert read == EXPECTED or said
-
-
-def test_a_bag_of_ros_1_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
+    for compression in cases("NONE", "ZSTD"):
+        path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)
+        unfinished = of_mcap(tmp_path / "other.mcap", entries(), compression=compression, finish=False, chunk=600)
+        whole, recover = path.read_bytes(), "`mcap recover drive.mcap -o drive_whole.mcap`"
+        refused(path, path, recover, whole[: len(whole) // 3], whole[:-1], unfinished.read_bytes())
     path = of_ros1(tmp_path / "drive.bag", entries(), chunk=2000)
     whole = path.read_bytes()
     at = whole.index(b"index_pos=") + len(b"index_pos=")
     (index,) = struct.unpack_from("<Q", whole, at)
     unfinished = whole[:at] + bytes(8) + whole[at + 8 : index]  # as `rosbag record` leaves it where it is killed
-    for data in (unfinished, whole[: len(whole) // 2]):
-        path.write_bytes(data)
-        said = refused(path, tmp_path, capsys)
-        assert f"{path}: is unfinished or damaged" in said
-        assert "`rosbag reindex drive.bag`" in said
+    refused(path, path, "`rosbag reindex drive.bag`", unfinished, whole[: len(whole) // 2])
+    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
+    (file,) = folder.glob("*.db3")
+    whole, recover = file.read_bytes(), "`sqlite3 drive.db3 .recover | sqlite3 drive_whole.db3`"
+    refused(folder, file, recover, whole[: len(whole) // 3], whole[: 9 * len(whole) // 10])
+
+
+def test_a_bit_that_is_wrong_is_said_and_never_read_as_a_range(tmp_path):
+    for compression in cases("NONE", "ZSTD"):
+        path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression, chunk=2000)
+        whole = bytearray(path.read_bytes())
+        for place in range(400, len(whole), 197 * (1 + len(whole) // 4000)):
+            damaged = bytearray(whole)
+            damaged[place] ^= 0x40
+            path.write_bytes(damaged)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                try:
+                    read = nearest(path)
+                except BagError as error:
+                    assert str(path) in str(error)
+                    continue
+            assert set(read) <= set(EXPECTED)
+            assert read == EXPECTED or said
 
 
 def test_messages_that_are_in_the_log_of_a_database_are_read_and_the_files_stay_as_they_are(tmp_path):
@@ -226,17 +213,6 @@ def test_messages_that_are_in_the_log_of_a_database_are_read_and_the_files_stay_
     assert nearest(folder) == EXPECTED
     assert {path.name: path.read_bytes() for path in folder.iterdir() if "shm" not in path.name} == before
     base.close()
-
-
-def test_a_database_that_was_cut_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
-    folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
-    (file,) = folder.glob("*.db3")
-    whole = file.read_bytes()
-    for kept in (0.3, 0.6, 0.9):
-        file.write_bytes(whole[: int(kept * len(whole))])
-        said = refused(folder, tmp_path, capsys)
-        assert f"{file}: is unfinished or damaged" in said
-        assert "`sqlite3 drive.db3 .recover | sqlite3 drive_whole.db3`" in said
 
 
 def test_an_old_database_has_the_types_of_its_distribution(tmp_path):
@@ -275,11 +251,6 @@ def test_a_message_of_ones_own_type_beside_is_no_obstacle(tmp_path):
                 writer.add_message(scans, time, store.serialize_cdr(message, SCAN), time)
         writer.finish()
     assert nearest(path) == EXPECTED
-
-
-def test_topics_that_were_written_one_after_the_other_are_read_in_the_order_of_time(tmp_path):
-    found = sorted(entries(), key=lambda entry: entry[0])
-    assert nearest(of_mcap(tmp_path / "drive.mcap", found)) == EXPECTED
 
 
 def test_a_part_that_is_missing_is_said_and_the_others_are_read(tmp_path, recwarn):

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 import fg_mujoco as fg
+from case_loops import cases, fresh
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.cli.main import main
@@ -69,32 +70,29 @@ def test_bag_opens_with_a_summary_a_schema_a_topic_and_the_run_itself(bag, folde
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("track", "effects", "lidar"),
-    [
+def test_a_run_is_sensed_again_bit_for_bit(tmp_path):
+    for track, effects, lidar in cases(
         ("oval", LidarEffects(), "raycast"),
         ("oval", ALL_EFFECTS, "raycast"),
         ("scene:crossing_box:1", LidarEffects(no_return="range_max"), "raycast"),
         ("oval", LidarEffects(range_noise_std=0.02), "rangefinder"),
-    ],
-)
-def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
-    planner = Listener()
-    fg.write_run(
-        fg.race(track, planner, laps=1, time_limit=0.49, effects=effects, lidar=lidar, seed=3), tmp_path / "run",
-        picture=False,
-    )  # fmt: skip
-    run = fg.read_run(tmp_path / "run")
-    ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
-    assert len(ticks) == len(planner.heard) == 20
-    for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
-        assert tick.scan.stamp == scan.stamp
-        np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
-        assert tick.odometry.stamp == run.time[index]
-        for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
-            np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
-        # at the start the sensor is read with a solver that is warm already
-        np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
+    ):
+        planner, here = Listener(), fresh(tmp_path) / "run"
+        fg.write_run(
+            fg.race(track, planner, laps=1, time_limit=0.49, effects=effects, lidar=lidar, seed=3), here,
+            picture=False,
+        )  # fmt: skip
+        run = fg.read_run(here)
+        ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
+        assert len(ticks) == len(planner.heard) == 20
+        for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
+            assert tick.scan.stamp == scan.stamp
+            np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
+            assert tick.odometry.stamp == run.time[index]
+            for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
+                np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
+            # at the start the sensor is read with a solver that is warm already
+            np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
 
 
 def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
@@ -178,17 +176,14 @@ def test_same_run_same_bytes(folder, bag, tmp_path):
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
+def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypatch, capsys):
+    for arguments, named in cases(
         (("--format", "rosbag"), "'rosbag'; accepted: mcap"),
         (("--out", "run.bag"), "ends in .mcap"),
         (("--out", "nowhere/run.mcap"), "cannot be written"),
-    ],
-)
-def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypatch, capsys, arguments, named):
-    monkeypatch.chdir(tmp_path)
-    assert main(["export", str(folder), *arguments]) == 2
-    error = capsys.readouterr().err
-    assert named in error and error.count("\n") == 1
-    assert not list(tmp_path.iterdir())
+    ):
+        monkeypatch.chdir(tmp_path)
+        assert main(["export", str(folder), *arguments]) == 2
+        error = capsys.readouterr().err
+        assert named in error and error.count("\n") == 1
+        assert not list(tmp_path.iterdir())

@@ -1,16 +1,14 @@
 """Nodes of ROS 1 as people write them: names of other simulators, the course's drive_param, arguments, .cfg files."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import ros_planners
+from case_loops import cases
 from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planners import make_controller
-from scan_worlds import CAR, corridor, odometry_of
 
-SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 HEAD = """
 import rospy
 from sensor_msgs.msg import LaserScan
@@ -34,10 +32,7 @@ def write(folder, text, name="mine.py"):
 
 
 def commands(source, count=2, **settings):
-    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
-    planner = make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
-    found = [planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i)) for i in range(count)]
-    return [(command.speed, command.steering_angle) for command in found]
+    return ros_planners.commands(ros_planners.make(source, **settings), count)
 
 
 def test_the_only_scan_and_the_only_odometry_of_another_name_are_taken(tmp_path):
@@ -70,20 +65,17 @@ def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(tmp_
     )
 
 
-@pytest.mark.parametrize(
-    "start",
-    [
+def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(tmp_path):
+    for start in cases(
         "from car import run\nrun()",
         "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
         "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
         "import runpy\ntry:\n    runpy.run_path(__file__.replace('start', 'mine'))\nexcept ImportError:\n    pass",
-    ],
-)  # fmt: skip
-def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(tmp_path, start):
-    write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
-    write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
-    write(tmp_path / "lib", "from car import run\n", "car_again.py")
-    assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
+    ):  # fmt: skip
+        write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
+        write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
+        write(tmp_path / "lib", "from car import run\n", "car_again.py")
+        assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
 
 
 def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
@@ -91,16 +83,16 @@ def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
     assert commands(write(tmp_path, HEAD + loop + "    drive(1.0)\n"))[-1][0] == 1.0
 
 
-@pytest.mark.parametrize("value", ["'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"])
-def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path, value):
-    old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
-    source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
-    if old:
-        assert commands(source)[-1][1] == 1.0
-        return
-    said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
-    with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
-        commands(source, 202)
+def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path):
+    for value in cases("'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"):
+        old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
+        source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
+        if old:
+            assert commands(source)[-1][1] == 1.0
+            continue
+        said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
+        with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
+            commands(source, 202)
 
 
 def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path):
@@ -152,7 +144,7 @@ exit(gen.generate("wall", "wall", "Wall"))
         commands(source)
 
 
-@pytest.mark.parametrize("line", ['print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"])
-def test_python_2_is_refused_with_its_line(tmp_path, line):
-    with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
-        commands(write(tmp_path, HEAD + line + "\n"))
+def test_python_2_is_refused_with_its_line(tmp_path):
+    for line in cases('print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"):
+        with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
+            commands(write(tmp_path, HEAD + line + "\n"))

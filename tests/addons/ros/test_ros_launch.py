@@ -2,18 +2,16 @@
 
 import hashlib
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from case_loops import cases
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.racing.trust import require_trusted, source_code
-from scan_worlds import CAR, corridor, odometry_of
+from ros_planners import commands, make
 
-SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 DRIVE = """
 import sys
 import rclpy
@@ -104,14 +102,12 @@ def workspace(tmp_path):
 
 def speeds(source, count=2, **settings):
     """Return the speed of the last command, and its steering angle in hundredths: the number of arguments."""
-    planner = make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
-    found = [planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i)) for i in range(count)]
-    return found[-1].speed, round(100 * found[-1].steering_angle)
+    speed, angle = commands(make(source, **settings), count)[-1]
+    return speed, round(100 * angle)
 
 
-@pytest.mark.parametrize(
-    ("body", "speed"),
-    [
+def test_a_launch_file_in_python_starts_its_nodes(workspace):
+    for body, speed in cases(
         ("return LaunchDescription([drive(parameters=[{'speed': 2.5}])])", 2.5),
         ("ld = LaunchDescription()\nld.add_action(drive(parameters=[{'speed': 3}]))\nreturn ld", 3.0),
         (
@@ -164,10 +160,8 @@ def speeds(source, count=2, **settings):
             "    drive(remappings=[('out', TextSubstitution(text='/drive')), ('/car/scan', '/scan')])])])",
             1.0,
         ),
-    ],
-)  # fmt: skip
-def test_a_launch_file_in_python_starts_its_nodes(workspace, body, speed):
-    assert speeds(workspace(body))[0] == speed
+    ):  # fmt: skip
+        assert speeds(workspace(body))[0] == speed
 
 
 def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
@@ -203,24 +197,21 @@ def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
     assert "package 'nav2' is not here" in said
 
 
-@pytest.mark.parametrize(
-    ("fails", "said"),
-    [
-        ("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
-        (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
-        ("print 'python 2'", "it is Python 2"),
-        (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero"),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("first", [True, False])
-def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(workspace, fails, said, first):
-    nodes = ["Node(package='my_car', executable='board')", "drive()"]
-    source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
-    board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
-    board.parent.mkdir()
-    board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
-    with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
-        assert speeds(source, 4)[0] == 1.0
+def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(workspace):
+    for first in cases(True, False):
+        for fails, said in cases(
+            ("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
+            (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
+            ("print 'python 2'", "it is Python 2"),
+            (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero"),
+        ):  # fmt: skip
+            nodes = ["Node(package='my_car', executable='board')", "drive()"]
+            source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
+            board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
+            board.parent.mkdir(exist_ok=True)
+            board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
+            with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
+                assert speeds(source, 4)[0] == 1.0
 
 
 def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
@@ -241,9 +232,8 @@ def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(work
         speeds(source)
 
 
-@pytest.mark.parametrize(
-    ("body", "said"),
-    [
+def test_what_a_launch_file_fails_of_is_named_with_its_line(workspace):
+    for body, said in cases(
         ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"'guess' is not .*, line 20\)"),
         ("n = xacro.process('a').toxml()\nreturn LaunchDescription([drive(executable=n)])", "'xacro' .*, line 17"),
         ("if xacro.process('a'):\n    pass\nreturn LaunchDescription([drive()])", r"named 'xacro'.*, line 20\)"),
@@ -257,17 +247,15 @@ def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(work
         ("x = PythonExpression('1 / 0')\nreturn [drive(name=x)]", r"ZeroDivisionError: .* \(.*, line 20\)"),
         ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "has failed: RecursionError"),
         ("return LaunchDescription([Node(package='my_' + 'lib', executable='tool')])", "starts .*tool, of a package"),
-    ],
-)  # fmt: skip
-def test_what_a_launch_file_fails_of_is_named_with_its_line(workspace, body, said):
-    source = workspace(body)
-    scripts = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib" / "scripts"
-    scripts.mkdir()
-    (scripts / "tool").write_text("#!/usr/bin/env python3\n")
-    node = scripts.parents[2] / "my_car" / "my_car" / "drive_node.py"
-    node.write_text(node.read_text().replace("from my_lib.numbers import gain", "gain = float"))
-    with pytest.raises(ControllerError, match=said):
-        speeds(source, **{"host.wall_limit": 0.5})
+    ):  # fmt: skip
+        source = workspace(body)
+        scripts = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib" / "scripts"
+        scripts.mkdir(exist_ok=True)
+        (scripts / "tool").write_text("#!/usr/bin/env python3\n")
+        node = scripts.parents[2] / "my_car" / "my_car" / "drive_node.py"
+        node.write_text(node.read_text().replace("from my_lib.numbers import gain", "gain = float"))
+        with pytest.raises(ControllerError, match=said):
+            speeds(source, **{"host.wall_limit": 0.5})
 
 
 def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(workspace, tmp_path):
@@ -330,6 +318,6 @@ def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     (helpers / "__init__.py").write_text("LIMIT = 7\n")
     lib = helpers.parents[1] / "tools" / "my_lib" / "my_lib" / "more.py"
     lib.write_text(lib.read_text() + "from helpers import LIMIT\n")
-    text = source_code(type(make_controller(source, car=CAR, mu=1.0, max_speed=5.0)))
+    text = source_code(type(make(source)))
     for part in ("def start(args=None)", "HALF = 0.5", "return 2 * HALF", "LIMIT = 7", "generate_launch_description"):
         assert part.encode() in text

@@ -3,13 +3,14 @@
 
 import numpy as np
 import pytest
-from test_ros_surroundings import DRIVES, NODE, commands, make
+from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
+from ros_planners import commands, make
 
 SHOWS = """
         from visualization_msgs.msg import Marker, MarkerArray

@@ -6,6 +6,7 @@ import gc
 import math
 import random
 import re
+import shutil
 import sys
 import threading
 import time
@@ -16,17 +17,22 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_class
-from fg_mujoco.addons.ros.node_host.transform_modules import euler_from_quaternion, quaternion_from_euler
+from fg_mujoco.addons.ros.node_host.transform_modules import (
+    euler_from_quaternion,
+    quaternion_from_euler,
+    quaternion_matrix,
+    quaternion_multiply,
+)
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing import planners
-from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.racing.trust import require_trusted, source_code
-from scan_worlds import CAR, corridor, odometry_of
+from ros_planners import ODOMETRY, commands, make, speeds
+from scan_worlds import CAR
 
 NODES = Path(__file__).parent / "ros_nodes"
-SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 HEAD = """
 import rclpy
 import time
@@ -62,38 +68,18 @@ def node(tmp_path):
     return write
 
 
-def make(source, **settings):
-    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
-
-
-def ticks(planner, count, first=0):
-    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
-    found = []
-    for i in range(first, first + count):
-        command = planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i))
-        found.append((command.speed, command.steering_angle))
-    return found
-
-
-def speeds(planner, count, first=0):
-    return [speed for speed, _ in ticks(planner, count, first)]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("source", "speed"),
-    [
+def test_a_node_of_a_course_laps_the_oval_unedited():
+    for source, speed in cases(
         ("follow_the_gap.py:ReactiveFollowGap", 3.0),
         ("follow_the_gap.py", 3.0),
         ("wall_follow.py", 2.0),
         ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0),
         ("pure_pursuit_ros1.py", 2.5),
-    ],
-)
-def test_a_node_of_a_course_laps_the_oval_unedited(source, speed):
-    result = fg.race("oval", f"ros:{NODES / source}", laps=1)
-    assert result.car.end_reason == "finished"
-    assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.1)
+    ):
+        result = fg.race("oval", f"ros:{NODES / source}", laps=1)
+        assert result.car.end_reason == "finished"
+        assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.1)
 
 
 def test_the_safety_node_brakes_before_the_wall():
@@ -109,15 +95,15 @@ def test_two_races_have_the_same_bits_and_the_second_forgets_the_first():
     one, other = (fg.race("oval", source, laps=1) for _ in range(2))
     assert one.trajectory_sha256 == other.trajectory_sha256
     planner = make(source)
-    first = ticks(planner, 20)
+    first = commands(planner, 20)
     planner.reset()
-    assert ticks(planner, 20) == first
+    assert commands(planner, 20) == first
 
 
 def test_nothing_of_ros_is_left_in_sys_modules(node):
     before = set(sys.modules)
-    ticks(make(f"ros:{NODES / 'wall_follow.py'}"), 2)
-    ticks(make(node("self.drive(1)")), 2)
+    commands(make(f"ros:{NODES / 'wall_follow.py'}"), 2)
+    commands(make(node("self.drive(1)")), 2)
     left = {name.partition(".")[0] for name in set(sys.modules) - before}
     assert not left & {"rclpy", "rospy", "sensor_msgs", "ackermann_msgs", "tf", "tf2_ros"}
 
@@ -264,15 +250,13 @@ _TELLS_ODOMETRY = """
 """
 
 
-@pytest.mark.parametrize(
-    "more",
-    [_ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")],
-    ids=["another car's", "two"],
-)
-def test_a_topic_that_may_be_something_else_stays_silent(node, more):
-    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
-    with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
-        assert speeds(make(source), 2) == [0.0, 0.0]
+def test_a_topic_that_may_be_something_else_stays_silent(node):
+    for more in cases(
+        _ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")
+    ):
+        source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
+        with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
+            assert speeds(make(source), 2) == [0.0, 0.0]
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):
@@ -291,10 +275,8 @@ assert abs(laser.translation.x - 3.0) < 1e-9 and abs(laser.rotation.z - 0.5 ** 0
 self.drive(laser.translation.y)
 """
     planner = make(node("if not hasattr(self, 'pose'): return\n" + body, more, head))
-    odometry = replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2)))
-    for stamp in (0.0, 0.025):  # a scan comes before the pose of its tick
-        command = planner(replace(SCAN, stamp=stamp), replace(odometry, stamp=stamp))
-    assert command.speed == pytest.approx(4.0 + CAR.lidar_offset, abs=1e-6)
+    found = commands(planner, 2, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
+    assert found[1][0] == pytest.approx(4.0 + CAR.lidar_offset, abs=1e-6)  # a scan comes before the pose of its tick
 
 
 def test_messages_of_ones_own_package_are_read(node, tmp_path):
@@ -306,28 +288,30 @@ def test_messages_of_ones_own_package_are_read(node, tmp_path):
     assert speeds(make(node(body)), 1) == [3.5]
 
 
-@pytest.mark.parametrize("above", ["libs/deep", "../other/libs/deep"])
-def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch, above):
-    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
-    package = tmp_path / above / "race_msgs"
-    (package / "msg").mkdir(parents=True)
-    (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
-    (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
-    (package / "msg" / "Goal.msg").write_text("float64 gain\n")
-    assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
+def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch):
+    for above in cases("libs/deep", "../other/libs/deep"):
+        monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
+        package = tmp_path / above / "race_msgs"
+        (package / "msg").mkdir(parents=True)
+        (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
+        (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
+        (package / "msg" / "Goal.msg").write_text("float64 gain\n")
+        assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
+        shutil.rmtree(package)
 
 
-@pytest.mark.parametrize("module", ["car.py", "car/__init__.py"])
-def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(node, tmp_path, module):
-    for path, text in {
-        "package.xml": "<package><name>car</name></package>", "msg/Goal.msg": "float64 gain\n",
-        module: "def gain():\n    return 0.5\n",
-    }.items():  # fmt: skip
-        (tmp_path / path).parent.mkdir(exist_ok=True)
-        (tmp_path / path).write_text(text)
-    body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
-    body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
-    assert speeds(make(node(body)), 1) == [2.0]
+def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(node, tmp_path):
+    for module in cases("car.py", "car/__init__.py"):
+        for path, text in {
+            "package.xml": "<package><name>car</name></package>", "msg/Goal.msg": "float64 gain\n",
+            module: "def gain():\n    return 0.5\n",
+        }.items():  # fmt: skip
+            (tmp_path / path).parent.mkdir(exist_ok=True)
+            (tmp_path / path).write_text(text)
+        body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
+        body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
+        assert speeds(make(node(body)), 1) == [2.0]
+        (tmp_path / module).unlink()
 
 
 def test_modules_are_imported_by_their_names(node, tmp_path):
@@ -404,9 +388,8 @@ class Driver(Node):
         make(source)
 
 
-@pytest.mark.parametrize(
-    ("head", "said"),
-    [
+def test_a_node_that_cannot_drive_is_refused_in_one_line(node, capsys):
+    for head, said in cases(
         (
             HEAD,
             r"node 'Mine' publishes on no drive topic; accepted: AckermannDriveStamped on /drive; .*mine.py, line 9\)",
@@ -423,18 +406,15 @@ class Driver(Node):
             r"'qos_profile' .*mine.py, line 13\)",
         ),
         (HEAD + "        print 'hello'\n", r"Missing parentheses .*mine.py, line 13\); it is Python 2"),
-    ],
-)
-def test_a_node_that_cannot_drive_is_refused_in_one_line(node, capsys, head, said):
-    assert main(["race", "--controller", node("pass", head=head)]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert re.search(said, error), error
+    ):
+        assert main(["race", "--controller", node("pass", head=head)]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert re.search(said, error), error
 
 
-@pytest.mark.parametrize(
-    ("body", "said", "line"),
-    [
+def test_a_mistake_in_a_callback_is_told_with_its_line(node):
+    for body, said, line in cases(
         (
             "AckermannDriveStamped().speed = 1.0",
             "has no field 'speed'; accepted: header, drive; did you mean drive.speed?",
@@ -449,14 +429,12 @@ def test_a_node_that_cannot_drive_is_refused_in_one_line(node, capsys, head, sai
         ("self.publisher.publish(message)", "publish of a LaserScan on /drive; accepted: a AckermannDriveStamped", 16),
         ("self.get_parameter('gain')", "node 'mine' has declared no parameter 'gain'", 16),
         ("rclpy.spinn(self)", "rclpy has no 'spinn' here, where no ROS is installed", 16),
-    ],
-)
-def test_a_mistake_in_a_callback_is_told_with_its_line(node, body, said, line):
-    with pytest.warns(UserWarning) as warned:
-        failure = fg.race("oval", node(body), laps=1).car.planner_failure
-    assert said in str(warned[-1].message) and said in str(failure)
-    assert failure.line == line
-    assert failure.file.endswith("mine.py")
+    ):
+        with pytest.warns(UserWarning) as warned:
+            failure = fg.race("oval", node(body), laps=1).car.planner_failure
+        assert said in str(warned[-1].message) and said in str(failure)
+        assert failure.line == line
+        assert failure.file.endswith("mine.py")
 
 
 def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(node):
@@ -469,7 +447,7 @@ def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(nod
 def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
     planner = make(node("while True:\n    x = 1"), **{"host.wall_limit": 1.0})
     with pytest.raises(Exception, match=r"'Mine' has not come back within 1 s of wall time \(.*mine.py, line 1[67]\)"):
-        ticks(planner, 1)
+        commands(planner, 1)
     del planner
     gc.collect()
     for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
@@ -485,7 +463,7 @@ def test_the_limit_of_wall_time_does_not_count_imports_of_other_libraries(node, 
     assert speeds(make(source, **{"host.wall_limit": 0.4}), 1) == [1.5]
     planner = make(node("import slow_library\nwhile True: pass"), **{"host.wall_limit": 0.4})
     with pytest.raises(Exception, match=r"has not come back within 0.4 s .*\[host.wall_limit=SECONDS\]"):
-        ticks(planner, 1)
+        commands(planner, 1)
 
 
 @pytest.mark.slow
@@ -573,24 +551,23 @@ self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
     assert speeds(make(seeded), 1) == [float(np.float32(random.Random(5).random()))]
 
 
-@pytest.mark.parametrize(
-    "read",
-    [
+def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(node, tmp_path):
+    for read in cases(
         "open(os.path.join('/home/me/ws', 'src', name + '.csv')).read()",
         "open(file=f'src/{name}.csv', mode='r').read()",
         "np.loadtxt(os.path.abspath('src') + '/' + name + '.csv')",
         "np.genfromtxt(Path('~') / 'ws' / 'src' / f'{name}.csv')",
-    ],
-)
-def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(node, tmp_path, read):
-    (tmp_path / "src").mkdir()
-    (tmp_path / "src" / "levine.csv").write_text("1.5\n")
-    head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
-    source = node(
-        "self.drive(self.speed)", head=head + f"        name = 'levine'\n        self.speed = float({read})\n"
-    )
-    with pytest.warns(UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"):
-        assert speeds(make(source), 1) == [1.5]
+    ):
+        (tmp_path / "src").mkdir(exist_ok=True)
+        (tmp_path / "src" / "levine.csv").write_text("1.5\n")
+        head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
+        source = node(
+            "self.drive(self.speed)", head=head + f"        name = 'levine'\n        self.speed = float({read})\n"
+        )
+        with pytest.warns(
+            UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"
+        ):
+            assert speeds(make(source), 1) == [1.5]
 
 
 def test_locks_events_and_threads_wait_in_simulated_time(node):
@@ -638,3 +615,6 @@ def test_euler_angles_and_quaternions_are_each_others_inverse():
     for angles in ((0.1, -0.2, 3.0), (0.0, 0.0, -1.5), (-3.0, 1.2, 0.4)):
         assert euler_from_quaternion(quaternion_from_euler(*angles)) == pytest.approx(angles, abs=1e-12)
     assert quaternion_from_euler(0.0, 0.0, math.pi / 2) == pytest.approx((0.0, 0.0, 0.5**0.5, 0.5**0.5))
+    one, two = quaternion_from_euler(0.3, -0.5, 1.0), quaternion_from_euler(-1.0, 0.2, 0.4)
+    product = quaternion_matrix(one) @ quaternion_matrix(two)
+    np.testing.assert_allclose(quaternion_matrix(quaternion_multiply(one, two)), product, atol=1e-12)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
-from fg_mujoco.racing.planners import make_controller
-from scan_worlds import CAR, corridor, odometry_of
+from ros_planners import ODOMETRY, commands, make, speeds
+from scan_worlds import odometry_of
 
-SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 NODE = """
 import rclpy
 from rclpy.node import Node
@@ -47,18 +47,6 @@ def written(tmp_path):
         return f"ros:{path}:Mine"
 
     return write
-
-
-def make(source, **settings):
-    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
-
-
-def commands(planner, count):
-    found = []
-    for i in range(count):
-        command = planner(replace(SCAN, stamp=0.025 * i), replace(ODOMETRY, stamp=0.025 * i))
-        found.append((command.speed, command.steering_angle))
-    return found
 
 
 MAP = """
@@ -184,35 +172,30 @@ class Mine(Node):
 """
 
 
-@pytest.mark.parametrize(
-    ("asked", "expected"),
-    [
+def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written):
+    """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
+    for asked, expected in cases(
         ("at.position.x", 2.0 * math.sin(1.0)),
         ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
         ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0),
-    ],
-)
-def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written, asked, expected):
-    """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
-    init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
-    body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
-    body += f"self.drive({asked})"
-    planner = make(written(init, body))
-    turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
-    for i in range(42):  # the scan of a tick is heard before its odometry
-        command = planner(replace(SCAN, stamp=0.025 * i), replace(turning, stamp=0.025 * i))
-    assert command.speed == pytest.approx(expected, abs=1e-3)
+    ):
+        init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
+        body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
+        body += f"self.drive({asked})"
+        planner = make(written(init, body))
+        turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
+        # the scan of a tick is heard before its odometry
+        assert commands(planner, 42, turning)[-1][0] == pytest.approx(expected, abs=1e-3)
 
 
-@pytest.mark.parametrize("car", ["f1tenth_1", "roboracer_1"])
-def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path, car):
-    path = tmp_path / "racer.py"
-    path.write_text(AUTODRIVE.replace("CAR", car))
-    planner = make(f"ros:{path}:Mine")
-    odometry = replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2)))
-    found = [planner(replace(SCAN, stamp=0.025 * i), replace(odometry, stamp=0.025 * i)) for i in range(2)]
-    assert [command.speed for command in found] == pytest.approx([0.1 * THROTTLE] * 2, rel=1e-6)
-    assert [command.steering_angle for command in found] == pytest.approx([0.25 * STEERING, 0.5 * STEERING], rel=1e-6)
+def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path):
+    for car in cases("f1tenth_1", "roboracer_1"):
+        path = tmp_path / "racer.py"
+        path.write_text(AUTODRIVE.replace("CAR", car))
+        planner = make(f"ros:{path}:Mine")
+        found = commands(planner, 2, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
+        expected = [0.1 * THROTTLE, 0.25 * STEERING, 0.1 * THROTTLE, 0.5 * STEERING]
+        assert np.ravel(found).tolist() == pytest.approx(expected, rel=1e-6)
 
 
 def test_nodes_answer_each_others_services_and_actions(tmp_path):
@@ -304,7 +287,7 @@ def main():
     )
     launch = tmp_path / "launch.yaml"
     launch.write_text("nodes:\n- {file: client.py}\n- {file: server.py}\n")
-    assert [speed for speed, _ in commands(make(f"ros:{launch}"), 4)][-1] == 1.5 + 1.0 + 0.75
+    assert speeds(make(f"ros:{launch}"), 4)[-1] == 1.5 + 1.0 + 0.75
 
 
 def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(written):

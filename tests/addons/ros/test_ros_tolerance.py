@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from case_loops import cases
 from fg_mujoco.addons.ros.node_host.graph import NodeError
-from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.planner_failure import one_line
-from scan_worlds import CAR, corridor, odometry_of
+from ros_planners import ODOMETRY, commands, make, speeds
 
-SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
 HEAD1 = """
 import rospy
 from sensor_msgs.msg import LaserScan
@@ -83,24 +82,6 @@ def node2(tmp_path):
     return write
 
 
-def make(source, **settings):
-    return make_controller(source, car=CAR, mu=1.0, max_speed=5.0, settings=settings)
-
-
-def commands(planner, count, pose=None):
-    """Return the commands to scans 25 ms apart, as (speed, steering angle)."""
-    odometry = ODOMETRY if pose is None else replace(ODOMETRY, pose=np.array(pose))
-    found = []
-    for i in range(count):
-        command = planner(replace(SCAN, stamp=0.025 * i), replace(odometry, stamp=0.025 * i))
-        found.append((command.speed, command.steering_angle))
-    return found
-
-
-def speeds(planner, count):
-    return [speed for speed, _ in commands(planner, count)]
-
-
 # Callbacks of rospy
 
 
@@ -127,15 +108,15 @@ def test_a_node_whose_callbacks_only_fail_is_told_why_it_is_silent(node1):
 # Commands that are no numbers
 
 
-@pytest.mark.parametrize("bad", ["float('nan')", "2.0, float('nan')", "2.0, float('inf')", "2.0, 1e300"])
-def test_one_command_that_is_no_number_holds_the_last_with_a_warning(node2, bad):
-    planner = make(node2(f"self.drive({bad}) if self.count == 3 else self.drive(1.0 + self.count / 10, 0.1)"))
-    with pytest.warns(
-        UserWarning, match=r"has published \w+ .* on /drive \(.*mine.py, line 15\).*last command is held"
-    ):
-        found = commands(planner, 4)
-    assert found[2] == found[1] == pytest.approx((1.2, 0.1), abs=1e-6)
-    assert found[3][0] == pytest.approx(1.4, abs=1e-6)
+def test_one_command_that_is_no_number_holds_the_last_with_a_warning(node2):
+    for bad in cases("float('nan')", "2.0, float('nan')", "2.0, float('inf')", "2.0, 1e300"):
+        planner = make(node2(f"self.drive({bad}) if self.count == 3 else self.drive(1.0 + self.count / 10, 0.1)"))
+        with pytest.warns(
+            UserWarning, match=r"has published \w+ .* on /drive \(.*mine.py, line 15\).*last command is held"
+        ):
+            found = commands(planner, 4)
+        assert found[2] == found[1] == pytest.approx((1.2, 0.1), abs=1e-6)
+        assert found[3][0] == pytest.approx(1.4, abs=1e-6)
 
 
 def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
@@ -168,15 +149,15 @@ assert list(Float32MultiArray(data=[np.float32(1.0), 2.0]).data) == [1.0, 2.0]
 # Brakes
 
 
-@pytest.mark.parametrize("topic", ["/brake_bool", "/emergency_brake"])
-def test_a_switch_of_a_brake_overrides_the_drive_topic_from_true_to_false(node2, topic):
-    source = node2(
-        "self.drive(2.0, 0.2)\nself.brake.publish(Bool(data=3 <= self.count < 6))",
-        f"self.brake = self.create_publisher(Bool, '{topic}', 1)",
-    )
-    found = commands(make(source), 7)
-    assert [speed for speed, _ in found] == [2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0]
-    assert {round(angle, 6) for _, angle in found} == {0.2}
+def test_a_switch_of_a_brake_overrides_the_drive_topic_from_true_to_false(node2):
+    for topic in cases("/brake_bool", "/emergency_brake"):
+        source = node2(
+            "self.drive(2.0, 0.2)\nself.brake.publish(Bool(data=3 <= self.count < 6))",
+            f"self.brake = self.create_publisher(Bool, '{topic}', 1)",
+        )
+        found = commands(make(source), 7)
+        assert [speed for speed, _ in found] == [2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0]
+        assert {round(angle, 6) for _, angle in found} == {0.2}
 
 
 def test_a_command_on_brake_overrides_the_drive_topic_for_a_fifth_of_a_second(node2):
@@ -200,22 +181,21 @@ def test_scans_are_delivered_before_odometry_and_poses(node2):
     assert speeds(make(node2(body, init)), 3) == [1.0] * 3
 
 
-@pytest.mark.parametrize("topic", ["/my_localization", "/pf/estimate", "/pf/viz/inferred_pose", "/odom"])
-def test_poses_with_covariance_come_on_a_topic_of_any_name(node2, topic):
-    init = f"self.create_subscription(PoseWithCovarianceStamped, '{topic}', self.pose, 1)\n"
-    init += "self.create_subscription(PoseWithCovarianceStamped, '/initialpose', lambda m: 1 / 0, 1)"
-    more = "\n    def pose(self, message):\n        self.drive(message.pose.pose.position.x)\n"
-    planner = make(node2("pass", init, more))
-    with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
-        assert commands(planner, 1, (3.0, 4.0, math.pi / 2))[0][0] == 3.0
+def test_poses_with_covariance_come_on_a_topic_of_any_name(node2):
+    for topic in cases("/my_localization", "/pf/estimate", "/pf/viz/inferred_pose", "/odom"):
+        init = f"self.create_subscription(PoseWithCovarianceStamped, '{topic}', self.pose, 1)\n"
+        init += "self.create_subscription(PoseWithCovarianceStamped, '/initialpose', lambda m: 1 / 0, 1)"
+        more = "\n    def pose(self, message):\n        self.drive(message.pose.pose.position.x)\n"
+        planner = make(node2("pass", init, more))
+        with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
+            assert commands(planner, 1, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))[0][0] == 3.0
 
 
 # Names that NumPy has no longer
 
 
-@pytest.mark.parametrize(
-    ("code", "said"),
-    [
+def test_what_dies_of_numpy_2_is_told_which_version_to_install():
+    for code, said in cases(
         ("np.product([1])", r"install an older one: pip install 'numpy<2'$"),
         ("np.in1d([1], [1])", r"pip install 'numpy<2'$"),
         ("np.cast", r"`np.cast` was removed in the NumPy 2.0 release.*pip install 'numpy<2'$"),
@@ -223,22 +203,20 @@ def test_poses_with_covariance_come_on_a_topic_of_any_name(node2, topic):
         ("np.zeros(2).__setitem__(0, np.ones(1))", r"pip install 'numpy<2.4'$"),
         ("np.float(1)", r"np.float went with NumPy 1.24, .*: write float in its place"),
         ("exec('from numpy import product')", r"cannot import name 'product'.*pip install 'numpy<2'$"),
-    ],
-)
-def test_what_dies_of_numpy_2_is_told_which_version_to_install(code, said):
-    if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
-        pytest.skip("this NumPy takes an array of one element as a number")
-    with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
-        eval(code, {"np": np})
-    assert re.search(said, one_line(raised.value)), one_line(raised.value)
+    ):
+        if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
+            continue  # this NumPy takes an array of one element as a number
+        with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
+            eval(code, {"np": np})
+        assert re.search(said, one_line(raised.value)), one_line(raised.value)
 
 
 # Points and images
 
 
-@pytest.mark.parametrize("flavour", [1, 2])
-def test_messages_of_sensors_are_converted_as_their_packages_do(node1, node2, flavour):
-    body = """
+def test_messages_of_sensors_are_converted_as_their_packages_do(node1, node2):
+    for flavour in cases(1, 2):
+        body = """
 import numpy as np
 from PACKAGE import point_cloud2 as pc2
 from control_msgs.msg import JointControllerState, JointTrajectoryControllerState
@@ -266,10 +244,10 @@ assert bridge.cv2_to_imgmsg(np.ones((2, 2), np.float32)).encoding == "32FC1"
 assert JointControllerState().set_point == 0.0 and JointTrajectoryControllerState().desired.positions is not None
 DRIVE(1.0)
 """
-    names = ("sensor_msgs", "scan", "drive") if flavour == 1 else ("sensor_msgs_py", "message", "self.drive")
-    for name, put in zip(("PACKAGE", "MESSAGE", "DRIVE"), names, strict=True):
-        body = body.replace(name, put)
-    assert speeds(make(node1(body) if flavour == 1 else node2(body)), 2) == [1.0, 1.0]
+        names = ("sensor_msgs", "scan", "drive") if flavour == 1 else ("sensor_msgs_py", "message", "self.drive")
+        for name, put in zip(("PACKAGE", "MESSAGE", "DRIVE"), names, strict=True):
+            body = body.replace(name, put)
+        assert speeds(make(node1(body) if flavour == 1 else node2(body)), 2) == [1.0, 1.0]
 
 
 # Lifecycle nodes

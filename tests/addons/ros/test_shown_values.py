@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from test_ros_surroundings import DRIVES, NODE, make
+from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
-from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.addons.look.intermediate_values import IntermediateValues
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.showing import show
-from scan_worlds import CAR, corridor, odometry_of
+from ros_planners import make
+from scan_worlds import corridor, odometry_of
 from shown_values import SHOWS, file_of_shows
 
 SCAN = corridor(1.0, 1.0, 5.0)
@@ -45,16 +44,6 @@ def test_debug_has_the_values_of_each_decision(shows):
         np.testing.assert_allclose(drawn["start"], [back])
     (note,) = seen.notes
     assert note.startswith("Value '<b>bad</b>' is not shown: it is of type str; accepted: a number")
-
-
-def test_a_planner_that_fails_has_shown_what_it_had_until_then(tmp_path):
-    path = tmp_path / "fails.py"
-    path.write_text(SHOWS.replace("        return Drive", "        fg.show('last', self.count / (9 - self.count))\n"
-                                  "        return Drive"))  # fmt: skip
-    with pytest.warns(UserWarning, match="ZeroDivisionError: "):
-        result = fg.race("oval", f"{path}:Shows", time_limit=0.5)
-    seen = fg.debug(result, window=0.5)
-    assert seen.chosen.failure and seen.chosen.numbers["count"] == 9.0 and "last" not in seen.chosen.numbers
 
 
 @pytest.mark.slow
@@ -93,11 +82,6 @@ def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows
             before = pixels()
         assert page.locator("img, b >> text=bad").count() == 0
     assert errors == []
-
-
-def test_a_page_without_values_has_no_table_of_them(tmp_path):
-    seen = fg.debug(fg.race("oval", "wall_follow", time_limit=0.1))
-    assert "Values that the planner shows" not in seen.write_page(tmp_path / "page.html").read_text()
 
 
 def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_path):
@@ -180,16 +164,6 @@ def test_a_node_on_this_simulator_shows_values_as_any_planner_does(node):
     assert values.now is before
 
 
-def test_two_nodes_at_the_same_time_have_their_own_values(node):
-    one, two = (make(node), IntermediateValues()), (make(node), IntermediateValues())
-    near = corridor(1.0, 1.0, 3.0)
-    for planner, values in (one, two):
-        scan = SCAN if planner is one[0] else near
-        with values.of(scan):
-            planner(scan, odometry_of(1.0))
-    assert [float(values.now["ahead"].array) for _, values in (one, two)] == pytest.approx([5.0, 3.0], abs=1e-3)
-
-
 def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
     race = fg.race("oval", node, time_limit=0.5)
     seen = fg.debug(race, window=0.2)
@@ -205,15 +179,6 @@ def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
         np.testing.assert_allclose(drawn["corner"].points, [[offset + 1.0, 2.0]])
         assert decision.numbers["ahead"] == np.float32(decision.scan.ranges[BEAMS // 2])
         assert "halved" in decision.scans
-
-
-def test_the_live_view_has_the_values_and_the_markers_of_a_node_alike(node):
-    session = LiveSession(Setup.of(track="oval", controller=node))
-    session.drawings()
-    for _ in range(3):
-        session.tick()
-    assert {sketch.name for sketch in session.drawings()} == {"halved", "corner", "/goal", "/plan"}
-    assert session.values.now["ahead"].kind == "number"
 
 
 def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
@@ -236,17 +201,3 @@ def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
         told[1:], others[: len(told) - 1], atol=0.2
     )  # the message of that tick, or the one before
     assert told[-1] > told[1]
-
-
-def test_a_witness_of_a_planner_of_its_own_object_has_its_values():
-    class Own:
-        def reset(self):
-            pass
-
-        def __call__(self, scan, odometry):
-            show("speed", odometry.speed)
-            return fg.STOP
-
-    witness = Witness(Own(), CAR)
-    answer = witness.decide(SCAN, odometry_of(1.5), None)
-    assert witness.look(0, SCAN, odometry_of(1.5), answer, answer).numbers == {"speed": 1.5}

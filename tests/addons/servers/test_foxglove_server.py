@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from case_loops import cases
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.addons.ros.bag_messages import drive_message, from_cdr, to_cdr
+from fg_mujoco.addons.ros.bag_messages import drive_message, from_cdr, heading_of, to_cdr
 from fg_mujoco.addons.ros.bag_writer import TOPICS
 from fg_mujoco.messages import DriveCommand
 
@@ -103,6 +104,15 @@ def test_topics_have_the_types_of_a_bag_and_messages_are_what_the_car_senses():
         assert odometry.twist.twist.linear.x == session.odometry.speed
         numbers = json.loads(client.messages["/car"][-1])
         assert numbers["speed_m_s"] == session.simulation.speed and numbers["laps"] == 0
+        session.hold(DriveCommand(steering_angle=0.3, speed=3.5))
+        for _ in range(20):
+            server.tick()
+        client.wait_for(lambda: len(client.messages["/odom"]) >= 21)
+        told = [from_cdr(each, "nav_msgs/msg/Odometry") for each in client.messages["/odom"][-3:]]
+        before, after = (told[k].pose.pose.position for k in (0, 2))
+        heading = heading_of(told[1].pose.pose.orientation)
+        left = (after.y - before.y) * math.cos(heading) - (after.x - before.x) * math.sin(heading)
+        assert told[1].twist.twist.linear.y == pytest.approx(left / 0.05, abs=0.005) and abs(left) > 4e-4
 
 
 def test_each_command_is_one_tick_with_the_bits_of_a_simulation_stepped_by_hand():
@@ -192,9 +202,8 @@ def test_parameters_are_read_and_set_and_bad_values_are_said():
             client.wait_for(lambda name=name: any(name in said and "accepted" in said for said in client.said))
 
 
-@pytest.mark.parametrize(
-    ("topic", "encoding", "content", "said"),
-    [
+def test_a_message_that_cannot_be_used_is_said_and_the_race_goes_on(shared_server):
+    for topic, encoding, content, said in cases(
         ("/nonsense", "json", b"{}", "nobody listens to /nonsense; accepted: /drive, /cmd_vel, /initialpose"),
         ("/drive", "json", b"{", "a message on /drive cannot be read as json"),
         ("/drive", "json", b"[1]", "a message on /drive cannot be read as json"),
@@ -206,32 +215,30 @@ def test_parameters_are_read_and_set_and_bad_values_are_said():
         ("/drive", "json", b'{"drive": {"speed": 1' + b"0" * 400 + b"}}", "a message on /drive: "),
         ("/cmd_vel", "json", b'{"linear": 3}', "a message on /cmd_vel: "),
         ("/initialpose", "json", b'{"pose": {"pose": {"position": {"x": Infinity}}}}', "a message on /initialpose: "),
-    ],
-)
-def test_a_message_that_cannot_be_used_is_said_and_the_race_goes_on(shared_server, topic, encoding, content, said):
-    session, server, client = shared_server
-    client.said.clear()
-    client.advertise(1, topic, encoding)
-    client.publish(1, content)
-    client.wait_for(lambda: any(said in each for each in client.said))
-    client.send(op="unadvertise", channelIds=[1])
-    assert not session.held_from_outside
-    server.tick()
+    ):
+        session, server, client = shared_server
+        client.said.clear()
+        client.advertise(1, topic, encoding)
+        client.publish(1, content)
+        client.wait_for(lambda: any(said in each for each in client.said))
+        client.send(op="unadvertise", channelIds=[1])
+        assert not session.held_from_outside
+        server.tick()
 
 
-@pytest.mark.parametrize("protocols", [["foxglove.websocket.v1"], ["else"], None])
-def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_versions_connect(protocols):
-    lines = []
-    with FoxgloveServer(LiveSession(fg.Setup.of("oval")), port=0, log=lines.append) as server:
-        with pytest.raises(InvalidStatus):
-            connect(server.url, subprotocols=protocols, proxy=None)
-        until = time.monotonic() + _PATIENCE
-        while not lines:
-            assert time.monotonic() < until
-            time.sleep(0.01)
-        Client(server.url)
-    (line,) = lines
-    assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
+def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_versions_connect():
+    for protocols in cases(["foxglove.websocket.v1"], ["else"], None):
+        lines = []
+        with FoxgloveServer(LiveSession(fg.Setup.of("oval")), port=0, log=lines.append) as server:
+            with pytest.raises(InvalidStatus):
+                connect(server.url, subprotocols=protocols, proxy=None)
+            until = time.monotonic() + _PATIENCE
+            while not lines:
+                assert time.monotonic() < until
+                time.sleep(0.01)
+            Client(server.url)
+        (line,) = lines
+        assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
 
 
 @pytest.fixture(scope="module")
