@@ -1,7 +1,5 @@
 """Bags for the tests: messages as a robot's driver would fill them, and files of them by a library of their own."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The interface of f1tenth_gym v0.2: a script written to it laps a map here."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

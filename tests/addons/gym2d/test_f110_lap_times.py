@@ -6,8 +6,6 @@ a gain times what the speed lacks. Below 0.5 m/s it is the kinematic model. Both
 pure pursuit, and their laps are timed alike.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """What benchmarks/f1tenth_gym.py makes of a checkout: here a stand-in whose step takes a known time."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

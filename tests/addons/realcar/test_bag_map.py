@@ -1,7 +1,5 @@
 """Maps from bags: a race here, its bag, the map of it and a race on that; against the true walls and the true lap."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -25,6 +25,7 @@ SCRIPTS = Path(__file__).parents[3] / "benchmarks"
 if not SCRIPTS.is_dir():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
 sys.path.insert(0, str(SCRIPTS))
+import identification  # noqa: E402
 from lidar_errors import LidarMount, MapWalls, RecordedBeams, cast_beams, compare_beams  # noqa: E402
 from scoreboard import PlanarModel, models_of  # noqa: E402
 
@@ -125,3 +126,15 @@ def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_s
         names = {model.name for model in models_of(Vehicle.load(vehicle))}
         assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
         assert len(names) == 9 + 1 + 5
+
+
+def test_the_tires_of_a_car_are_found_in_three_dimensions(monkeypatch):
+    """Of every other slalom; of the four hardest alone the rear's peak is 4.5 % off."""
+    monkeypatch.setattr(identification, "MODELS", ("two_track",))
+    monkeypatch.setattr(identification, "DRIVES", identification.DRIVES[1::2])
+    row = identification.row_of(next(case for case in identification.cases(0) if case.name == "nuc6"))
+    errors, goals = row["two_track"], identification.GOALS
+    for axle in ("front", "rear"):
+        assert abs(errors[f"{axle}_stiffness"]) < goals["stiffness"] and abs(errors[f"{axle}_peak"]) < goals["peak"]
+    assert abs(errors["lag"]) < goals["lag"] and errors["lap"] < goals["lap"]
+    assert "| nuc6 | f1tenth |" in identification.tables([row])

@@ -1,7 +1,5 @@
 """What is wrong with the bags of real cars: each fault is said in a line and lived with, or refused in a line."""
 
-from __future__ import annotations
-
 import math
 import warnings
 

@@ -1,7 +1,5 @@
 """A car's recording: which messages are read, and what a planner is told when a scan comes in."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A robot's scans as planners read them: what drivers do must not change what is seen where."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The files of bags, whole, split, compressed, unfinished and damaged, of ROS 1 and ROS 2."""
 
-from __future__ import annotations
-
 import shutil
 import sqlite3
 import struct

@@ -1,7 +1,5 @@
 """A run as a bag: the scans are those that the planner got, and other libraries read what was written."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -78,11 +78,6 @@ def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(t
         assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
 
 
-def test_a_loop_asks_rospys_core_whether_it_is_over(tmp_path):
-    loop = "while not rospy.core.is_shutdown_requested():\n    rospy.client.wait_for_message('scan', LaserScan)\n"
-    assert commands(write(tmp_path, HEAD + loop + "    drive(1.0)\n"))[-1][0] == 1.0
-
-
 def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path):
     for value in cases("'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"):
         old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"

@@ -296,20 +296,6 @@ return LaunchDescription(nodes)
     )
 
 
-def test_a_launch_argument_starts_a_node_of_another_package(workspace):
-    source = workspace(
-        "package = LaunchConfiguration('package')\n"
-        "return LaunchDescription([DeclareLaunchArgument('package', default_value='my_car'),\n"
-        "    drive(package=package, executable='drive')])  # or my_lib"
-    )
-    lib = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib"
-    (lib / "scripts").mkdir()
-    text = "#!/usr/bin/env python3\n" + DRIVE.replace("speed = min", "speed = 2 * min") + "start()\n"
-    (lib / "scripts" / "drive").write_text(text)
-    assert [speeds(source, **{"launch.package": name})[0] for name in ("my_car", "my_lib")] == [1.0, 2.0]
-    assert b"speed = 2 * min" in read_program(source).text
-
-
 def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):
     source = workspace("return LaunchDescription([drive(condition=IfCondition('true'))])")
     helpers = Path(source.removeprefix("ros:")).parents[2] / "others" / "helpers"  # of a package of another name

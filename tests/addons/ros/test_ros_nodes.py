@@ -314,22 +314,6 @@ def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(n
         (tmp_path / module).unlink()
 
 
-def test_modules_are_imported_by_their_names(node, tmp_path):
-    (tmp_path / "beside.py").write_text("from sensor_msgs.msg import LaserScan\nspeed = 1.5\n")
-    body = """
-import importlib, importlib.util as util, math
-from rosidl_runtime_py.utilities import get_message
-assert importlib.import_module("sensor_msgs.msg").LaserScan is LaserScan is get_message("sensor_msgs/msg/LaserScan")
-assert importlib.import_module("math") is math and util.find_spec("rclpy") and not util.find_spec("no_such_module")
-spec = util.spec_from_file_location("other", __file__.replace("mine", "beside"))
-other = util.module_from_spec(spec)
-spec.loader.exec_module(other)
-assert importlib.import_module("beside").speed == other.speed
-self.drive(other.speed)
-"""
-    assert speeds(make(node(body)), 1) == [1.5]
-
-
 def test_two_nodes_of_a_launch_file_talk_and_drive(tmp_path):
     (tmp_path / "thinker.py").write_text(
         """
@@ -455,30 +439,6 @@ def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
         assert not thread.is_alive()
 
 
-def test_the_limit_of_wall_time_does_not_count_imports_of_other_libraries(node, tmp_path, monkeypatch):
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "elsewhere" / "slow_library.py").write_text("import time\ntime.sleep(0.8)\nspeed = 1.5\n")
-    monkeypatch.syspath_prepend(tmp_path / "elsewhere")
-    source = node("from slow_library import speed\nself.drive(speed)")
-    assert speeds(make(source, **{"host.wall_limit": 0.4}), 1) == [1.5]
-    planner = make(node("import slow_library\nwhile True: pass"), **{"host.wall_limit": 0.4})
-    with pytest.raises(Exception, match=r"has not come back within 0.4 s .*\[host.wall_limit=SECONDS\]"):
-        commands(planner, 1)
-
-
-@pytest.mark.slow
-def test_topics_that_nobody_publishes_on_are_told_in_one_line_below_the_results(
-    node, tmp_path, capsys, without_pictures
-):
-    head = HEAD.replace('"/scan"', '"/my_scan"') + PUBLISHER
-    head += "".join(f"        self.create_subscription(Bool, '{each}', print, 1)\n" for each in ("/odom", "/none"))
-    source = node("self.drive(1)", head="from std_msgs.msg import Bool" + head)
-    assert main(["race", "--controller", source, "--time-limit", "0.1", "--out", str(tmp_path / "run")]) == 1
-    first, last = capsys.readouterr().err.splitlines()
-    assert "/my_scan has no publisher here, and is taken for /scan" in first
-    assert re.search(r"/odom is nav_msgs.* here; .*line 14\); /none has no publisher here; node 'mine' listens", last)
-
-
 def test_a_run_keeps_the_node_and_its_hash(node, tmp_path, capsys, without_pictures):
     source, folder = node("self.drive(1)"), tmp_path / "run"
     assert main(["race", "--controller", source, "--time-limit", "1", "--out", str(folder)]) == 1
@@ -514,15 +474,6 @@ def test_the_hash_of_a_node_covers_the_modules_of_its_own(tmp_path, capsys, with
     hashed = planners.ControllerChoice.of(source).sha256
     module.write_text("SPEED = 1.0\n")
     assert planners.ControllerChoice.of(source).sha256 != hashed
-
-
-def test_nodes_race_each_other_and_in_rollouts(node):
-    source = node("self.drive(1)")
-    entries = [fg.Entry(controller=f"ros:{NODES / 'wall_follow.py'}"), fg.Entry(controller=source)]
-    result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
-    assert [round(car.max_speed_m_s) for car in result.cars] == [2, 1]
-    worlds = fg.rollout("oval", source, n=2, laps=1, time_limit=1.0)
-    assert len(worlds) == 2
 
 
 def test_unseeded_random_numbers_are_the_same_in_each_race_and_nobody_elses(node):

@@ -198,64 +198,44 @@ def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path):
         assert np.ravel(found).tolist() == pytest.approx(expected, rel=1e-6)
 
 
-def test_nodes_answer_each_others_services_and_actions(tmp_path):
-    (tmp_path / "srv").mkdir()
-    (tmp_path / "package.xml").write_text("<package><name>team</name></package>")
-    (tmp_path / "srv" / "Plan.srv").write_text("float64 wish\n---\nfloat64 speed\nstring why\n")
-    (tmp_path / "server.py").write_text(
-        """
+TEAM = """
 import rclpy
-from rclpy.action import ActionServer
-from rclpy.node import Node
-from nav2_msgs.action import NavigateToPose
-from std_srvs.srv import SetBool
-from team.srv import Plan
-
-
-class Server(Node):
-    def __init__(self):
-        super().__init__("server")
-        self.create_service(Plan, "plan", self.plan)
-        self.create_service(SetBool, "/enable", self.enable)
-        self.actions = ActionServer(self, NavigateToPose, "go", self.go)
-
-    def plan(self, request, response):
-        response.speed, response.why = 2.0 * request.wish, "because"
-        return response
-
-    async def enable(self, request, response):
-        response.success = request.data
-        return response
-
-    def go(self, handle):
-        handle.publish_feedback(NavigateToPose.Feedback(left=1.0))
-        handle.succeed()
-        return NavigateToPose.Result(reached=handle.request.far)
-
-
-def main():
-    rclpy.init()
-    rclpy.spin(Server())
-"""
-    )
-    (tmp_path / "client.py").write_text(
-        """
-import rclpy
-from rclpy.action import ActionClient
+from rclpy.action import ActionClient, ActionServer
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from ackermann_msgs.msg import AckermannDriveStamped
 from nav2_msgs.action import NavigateToPose
 from std_srvs.srv import SetBool
 from team.srv import Plan
+"""
+SERVER = """
+class Server(Node):
+    def __init__(self):
+        super().__init__("server")
+        self.create_service(Plan, "plan", self.plan)
+        self.create_service(SetBool, "/enable", self.enable)
+        self.actions = ActionServer(self, NavigateToPose, "go", self.go)
+    def plan(self, request, response):
+        response.speed, response.why = 2.0 * request.wish, "because"
+        return response
+    async def enable(self, request, response):
+        response.success = request.data
+        return response
+    def go(self, handle):
+        handle.publish_feedback(NavigateToPose.Feedback(left=1.0))
+        handle.succeed()
+        return NavigateToPose.Result(reached=handle.request.far)
 
-
+def main():
+    rclpy.init()
+    rclpy.spin(Server())
+"""
+CLIENT = """
 class Client(Node):
     def __init__(self):
         super().__init__("client")
         self.publisher = self.create_publisher(AckermannDriveStamped, "drive", 1)
-        self.plan = self.create_client(Plan, "plan")
-        self.enable = self.create_client(SetBool, "enable")
+        self.plan, self.enable = self.create_client(Plan, "plan"), self.create_client(SetBool, "enable")
         self.go = ActionClient(self, NavigateToPose, "go")
         assert self.plan.wait_for_service(timeout_sec=1.0) and self.go.wait_for_server(timeout_sec=1.0)
         assert not self.create_client(Plan, "nothing").wait_for_service(timeout_sec=0.01)
@@ -264,19 +244,15 @@ class Client(Node):
         assert future.result().why == "because"
         self.speed, self.left = future.result().speed, 0.0
         self.create_timer(0.02, self.timer)
-
     async def timer(self):
-        answer = await self.enable.call_async(SetBool.Request(data=True))
-        assert answer.success
+        assert (await self.enable.call_async(SetBool.Request(data=True))).success
         handle = await self.go.send_goal_async(NavigateToPose.Goal(far=3.0), feedback_callback=self.feedback)
         result = await handle.get_result_async()
         message = AckermannDriveStamped()
         message.drive.speed = self.speed + self.left + result.result.reached / 4.0
         self.publisher.publish(message)
-
     def feedback(self, message):
         self.left = message.feedback.left
-
 
 def main():
     rclpy.init()
@@ -284,10 +260,17 @@ def main():
     executor.add_node(Client())
     executor.spin()
 """
-    )
-    launch = tmp_path / "launch.yaml"
-    launch.write_text("nodes:\n- {file: client.py}\n- {file: server.py}\n")
-    assert speeds(make(f"ros:{launch}"), 4)[-1] == 1.5 + 1.0 + 0.75
+
+
+def test_nodes_answer_each_others_services_and_actions(tmp_path):
+    (tmp_path / "srv").mkdir()
+    for name, text in {
+        "package.xml": "<package><name>team</name></package>", "server.py": TEAM + SERVER, "client.py": TEAM + CLIENT,
+        "srv/Plan.srv": "float64 wish\n---\nfloat64 speed\nstring why\n",
+        "launch.yaml": "nodes:\n- {file: client.py}\n- {file: server.py}\n",
+    }.items():  # fmt: skip
+        (tmp_path / name).write_text(text)
+    assert speeds(make(f"ros:{tmp_path / 'launch.yaml'}"), 4)[-1] == 1.5 + 1.0 + 0.75
 
 
 def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(written):

@@ -8,11 +8,9 @@ from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture
-from fg_mujoco.addons.look.intermediate_values import IntermediateValues
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
-from ros_planners import make
-from scan_worlds import corridor, odometry_of
+from scan_worlds import corridor
 from shown_values import SHOWS, file_of_shows
 
 SCAN = corridor(1.0, 1.0, 5.0)
@@ -147,21 +145,6 @@ def node(tmp_path):
     """A node of ROS that shows values, and publishes a marker and a path."""
     (tmp_path / "mine.py").write_text(f"{NODE}{NODE_SHOWS}{NODE_CALLBACK}{DRIVES}")
     return f"ros:{tmp_path / 'mine.py'}:Mine"
-
-
-def test_a_node_on_this_simulator_shows_values_as_any_planner_does(node):
-    planner, values = make(node), IntermediateValues()
-    odometry = odometry_of(1.0)
-    planner(SCAN, odometry)  # nobody looks
-    with values.of(SCAN):
-        planner(SCAN, odometry)
-    assert {name: value.kind for name, value in values.now.items()} == {
-        "ahead": "number", "halved": "scan", "corner": "points",
-    }  # fmt: skip
-    assert float(values.now["ahead"].array) == np.float32(SCAN.ranges[BEAMS // 2])
-    before = values.now
-    planner(SCAN, odometry)
-    assert values.now is before
 
 
 def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
