@@ -218,6 +218,6 @@ def study_command(options: argparse.Namespace) -> int:
         )  # fmt: skip
     if suite.kind != "checks":
         return _print(found, options)
-    passed = [each["points"] >= suite.passing for each in found.summary()["table"]]
+    passed = [each["points"] >= suite.passing for each in found.cells]
     _print(found, options, f"{suite.name}: {sum(passed)} of {len(passed)} passed")
     return _DONE if all(passed) else _NOT_DONE

@@ -202,7 +202,7 @@ class Run:
                 if any(car.end_reason == "interrupted" for car in result.cars):
                     raise KeyboardInterrupt
                 if self.keep:
-                    folder = Path(self.keep) / self._row().name
+                    folder = Path(self.keep) / self._row(cars=()).name
                     shutil.rmtree(folder, ignore_errors=True)  # of a call that ended before it kept the row
                     write_run(result, folder)
                 return self.row(result)
@@ -218,10 +218,9 @@ class Run:
     def row(self, result: RaceResult, **others: Any) -> RunRow:
         """Return the row of a race that was driven; `others` are fields of it."""
         poses = driven_poses(result)
+        of_way = poses if len(self.planners) == 1 else None
         cars = tuple(
-            car_figures(result, place, planner, poses if alone else None, timed=self.timed)
-            for place, planner in enumerate(self.planners)
-            for alone in [len(self.planners) == 1]
+            car_figures(result, place, planner, of_way, timed=self.timed) for place, planner in enumerate(self.planners)
         )
         trace = np.concatenate((poses[:-1:TRACE_STEP], poses[-1:])) if self.traced else np.empty((0, 3))
         return self._row(
@@ -234,30 +233,21 @@ class Run:
         """Return the row of a run that a car's planner has ended for all; culprit None: it is not known whose."""
         several = len(self.planners) > 1
         culprit = culprit if several else 0
-        won = culprit is not None and len(self.planners) == 2
-        cars = tuple(
-            CarFigures(
-                planner=planner, end_reason=reason if place == culprit else "",
-                message=message if place == culprit else None, finished=won and place != culprit,
-            )
-            if not several
-            else CarFigures(
-                planner=planner, started=place + 1, end_reason=reason if place == culprit else "",
-                message=message if place == culprit else None, finished=culprit not in (None, place),
-                position=len(self.planners) if culprit in (None, place) else 1,
-                points=0 if culprit in (None, place) else 1, overtakes=0, contacts=0, at_fault=0, warnings=0,
-            )
-            for place, planner in enumerate(self.planners)
-        )  # fmt: skip
-        winner = next((car.planner for car in cars if car.finished), None) if won else None
+        cars = []
+        for place, planner in enumerate(self.planners):
+            ended = {"end_reason": reason, "message": message} if place == culprit else {"end_reason": ""}
+            won = several and culprit not in (None, place)
+            among = {"started": place + 1, "position": 1 if won else len(self.planners), "points": int(won),
+                     "overtakes": 0, "contacts": 0, "at_fault": 0, "warnings": 0}  # fmt: skip
+            cars.append(CarFigures(planner=planner, finished=won, **ended, **(among if several else {})))
+        winner = next((car.planner for car in cars if car.finished), None) if len(cars) == 2 else None
         said = message if culprit is None or not several else f"{self.planners[culprit]}: {message}"
-        return self._row(cars=cars, message=said, winner=winner, **others)
+        return self._row(cars=tuple(cars), message=said, winner=winner, **others)
 
     def _row(self, **others: Any) -> RunRow:
-        fields = {"cars": ()} | others
         return RunRow(
             key=self.key, place=self.place, setup=self.setup.described(), course_sha256=self.course_sha256,
-            origins=self.origins, **fields,
+            origins=self.origins, **others,
         )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ _BODY = """<h1>{title}</h1>{result}{figures}{reason}
 
 
 def write_grade_page(found: Study, grade: Mapping[str, Any], checks: Table, path: Path) -> Path:
-    """Write the page of a planner's grade, of `Grades.grades`, with the table of its checks, and return its path.
+    """Write the page of a planner's grade, a cell of Grades, with the table of its checks, and return its path.
 
     Raises:
       RunFolderError: it cannot be written.

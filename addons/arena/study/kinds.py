@@ -18,12 +18,12 @@ from fg_mujoco.racing.entries import BOTH
 from fg_mujoco.rollouts.store import as_json
 
 from ..runs.duels import SAFE
-from ..runs.run import FAILURES, Run
+from ..runs.run import FAILURES, Checked, Run, RunRow
 from .grade_page import write_grade_page
 from .intervals import ALL, Differences
 from .league_page import write_league_page
 from .ratings import ratings
-from .store import Study
+from .store import Study, lines_of
 from .tables import (
     Cell,
     Line,
@@ -38,7 +38,6 @@ from .tables import (
     share_of,
     spread,
     table_of,
-    values_of,
     varying,
 )
 
@@ -86,8 +85,9 @@ class Comparison(Study):
     )
 
     @staticmethod
-    def make_cells(lines: Sequence[Line]) -> tuple[Cell, ...]:
+    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
         """See Study."""
+        lines = lines_of(rows)
         names = varying(lines, CONDITIONS)
         return cells_of(lines, [("planner", *names, *([] if "course" in names else ["course"]))], _alone)
 
@@ -153,8 +153,9 @@ class Overtaking(Study):
     )
 
     @staticmethod
-    def make_cells(lines: Sequence[Line]) -> tuple[Cell, ...]:
+    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
         """See Study. Cells are by opponent, by its speed and by course, and over all."""
+        lines = lines_of(rows)
         own = varying(lines, ("assist", "group"))
         parts = [name for name in _PARTS if any(name in line for line in lines)]
         groupings = [(*own, *of_part) for of_part in ([*parts], *([name] for name in parts), [])]
@@ -194,8 +195,9 @@ class League(Study):
     """How planners fared in heats. A cell is a planner's standing: by points, then by wins, then by rating."""
 
     @staticmethod
-    def make_cells(lines: Sequence[Line]) -> tuple[Cell, ...]:
+    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
         """See Study."""
+        lines = lines_of(rows)
         planners = list(dict.fromkeys(line["planner"] for line in lines))
         found, wins = ratings(wins_of(lines, planners)), []
         for number, planner in enumerate(planners):
@@ -305,33 +307,23 @@ class Grades(Study):
     """The points of planners in checks. A cell is a planner's grade."""
 
     @staticmethod
-    def make_cells(lines: Sequence[Line]) -> tuple[Cell, ...]:
-        """See Study; the points are in the rows."""
-        return cells_of(
-            lines, [("planner",)], lambda runs: {"reason": "; ".join(dict.fromkeys(values_of(runs, "failed")))}
-        )
-
-    def checks_of(self, planner: str) -> list[Any]:
-        """Return the checks of a planner, in the order of the suite."""
-        found = [check for row in self.rows if row.car.planner == planner for check in row.checks]
-        return sorted(found, key=lambda check: check.number)
-
-    @property
-    def grades(self) -> list[Cell]:
-        """For each planner its points, all that there are, how many checks it passed, and why it failed, if it did."""
+    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
+        """See Study: points, all that there are, checks that were passed, why it failed, and each check's points."""
         grades = []
-        for cell in self.cells:
-            checks = self.checks_of(cell["planner"])
+        for planner in dict.fromkeys(row.car.planner for row in rows):
+            checks = checks_of(rows, planner)
+            failed = dict.fromkeys(row.figures["failed"] for row in rows if row.car.planner == planner)
             grades.append(
-                {"planner": cell["planner"], "points": sum(each.points for each in checks),
+                {"planner": planner, "points": sum(each.points for each in checks),
                  "of": sum(each.of for each in checks), "passed": sum(each.passed for each in checks),
-                 "reason": cell["reason"] or None} | {each.name: each.points for each in checks}
+                 "reason": "; ".join(filter(None, failed)) or None}
+                | {each.name: each.points for each in checks}
             )  # fmt: skip
-        return grades
+        return tuple(grades)
 
     def table_of_checks(self, planner: str) -> Table:
         """Return a row for each check of a planner."""
-        checks = self.checks_of(planner)
+        checks = checks_of(self.rows, planner)
         rows = [
             (each.name, each.asked, each.measured, "yes" if each.passed else "no", f"{each.points:g} of {each.of:g}")
             for each in checks
@@ -341,31 +333,33 @@ class Grades(Study):
         return Table(header=header, rows=rows, left=header[:4])
 
     def _tables(self) -> list[Table]:
-        grades = self.grades
-        if len(grades) == 1:
-            return [self.table_of_checks(grades[0]["planner"])]
-        names = list(grades[0])[5:]
+        if len(self.cells) == 1:
+            return [self.table_of_checks(self.cells[0]["planner"])]
+        names = list(self.cells[0])[5:]
         rows = [
             (each["planner"], f"{each['points']:g} of {each['of']:g}", *(f"{each[n]:g}" for n in names), each["reason"])
-            for each in grades
+            for each in self.cells
         ]
         header = ("planner", "points", *names, "why it failed")
         return [Table(header=header, rows=rows, left=(header[0], header[-1]))]
 
-    def summary(self) -> dict[str, Any]:
-        """See Study."""
-        return super().summary() | {"table": self.grades}
-
     def texts(self) -> dict[str, str]:
         """See Study."""
-        found = [each | {"checks": [vars(check) for check in self.checks_of(each["planner"])]} for each in self.grades]
-        own = {"table.csv": Table.of(self.grades).csv(), "grades.json": as_json({"grades": found}) + "\n"}
-        return super().texts() | own
+        found = [
+            each | {"checks": [vars(check) for check in checks_of(self.rows, each["planner"])]} for each in self.cells
+        ]
+        return super().texts() | {"grades.json": as_json({"grades": found}) + "\n"}
 
     def draw(self, runs: Sequence[Run]) -> None:
         """Write the page of each planner."""
-        for name, grade in zip(page_names([cell["planner"] for cell in self.cells]), self.grades, strict=True):
+        for name, grade in zip(page_names([cell["planner"] for cell in self.cells]), self.cells, strict=True):
             write_grade_page(self, grade, self.table_of_checks(grade["planner"]), self.folder / name)
+
+
+def checks_of(rows: Sequence[RunRow], planner: str) -> list[Checked]:
+    """Return the checks of a planner, in the order of the suite."""
+    found = [check for row in rows if row.car.planner == planner for check in row.checks]
+    return sorted(found, key=lambda check: check.number)
 
 
 def page_names(planners: Sequence[str]) -> list[str]:

@@ -143,9 +143,8 @@ def _require_same(row: RunRow, setup: Setup, loaded: Loaded, *, trust: bool) -> 
 
 def _write_index(folder: Path, path: Path, rows: Sequence[RunRow], pages: Mapping[str, _Page]) -> None:
     told, name = _told_apart(rows), folder.resolve().name
-    lines = [line for row in told for line in row.lines()]
     found = Comparison(
-        suite=None, rows=tuple(told), cells=Comparison.make_cells(lines), folder=folder, runs_driven=0, wall_time_s=0.0
+        suite=None, rows=tuple(told), cells=Comparison.make_cells(told), folder=folder, runs_driven=0, wall_time_s=0.0
     )  # fmt: skip
     table, *differences = found.tables()
     links: list[object] = []

@@ -75,8 +75,8 @@ class Study(Shown):
     wall_time_s: float
 
     @staticmethod
-    def make_cells(lines: Sequence[Mapping[str, Any]]) -> tuple[Cell, ...]:
-        """Return the cells of some lines."""
+    def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
+        """Return the cells of some rows."""
         raise NotImplementedError
 
     def _tables(self) -> list[Table]:
@@ -86,7 +86,7 @@ class Study(Shown):
     @property
     def lines(self) -> list[dict[str, Any]]:
         """What the tables are made of: for each planner of each run what it is of, and its figures."""
-        return [line for row in self.rows for line in row.lines()]
+        return lines_of(self.rows)
 
     @property
     def differences(self) -> tuple[dict[str, Any], ...]:
@@ -133,6 +133,11 @@ class Study(Shown):
 
     def draw(self, runs: Sequence[Run]) -> None:
         """Write the pictures and pages of the study to its folder."""
+
+
+def lines_of(rows: Sequence[RunRow]) -> list[dict[str, Any]]:
+    """Return the lines of some rows."""
+    return [line for row in rows for line in row.lines()]
 
 
 class RunsFolder(StudyFolder):
@@ -218,9 +223,8 @@ def drive_study(
         taken = work_through(_drive, missing, folder.keep, workers=workers, watch=tell, died=_died)
         keys = [run.key for run in runs]
         rows = tuple(folder.runs[key] for key in keys)
-        lines = [line for row in rows for line in row.lines()]
         results = study(
-            suite=suite, rows=rows, cells=study.make_cells(lines), folder=folder.folder, runs_driven=len(missing),
+            suite=suite, rows=rows, cells=study.make_cells(rows), folder=folder.folder, runs_driven=len(missing),
             wall_time_s=taken,
         )  # fmt: skip
         folder.runs.sort(keys)

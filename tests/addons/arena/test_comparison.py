@@ -254,10 +254,6 @@ def row(planner="a", course="oval", speed=8.0, seed=0, sha256=None, **figures):
     )  # fmt: skip
 
 
-def cells_of(rows):
-    return Comparison.make_cells([line for each in rows for line in each.lines()])
-
-
 CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "mean_lap_s": None, "collisions": 1,
          "laps_completed": 0}  # fmt: skip
 
@@ -267,7 +263,7 @@ def test_a_cell_sums_up_the_runs_of_a_planner_on_a_course():
         "best_lap_s": 2.0, "mean_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None,
         "slide_time_fraction": None,
     }  # fmt: skip
-    (cell, other) = cells_of([
+    (cell, other) = Comparison.make_cells([
         row(best_lap_s=9.0, mean_lap_s=12.0, wrong_way_time_s=1.0, slide_time_fraction=0.5), row("b", **CRASH),
         row(seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4),
         row(seed=2, **last), row(seed=3, best_lap_s=14.0, mean_lap_s=15.0),
@@ -289,7 +285,7 @@ def test_of_one_run_or_of_copies_of_it_there_are_no_intervals_and_no_quartiles()
     """Twelve runs that are alike are one: ten of ten is no interval from 72 to 100 %."""
     copies = [row(each, seed=seed, sha256="same") for each in ("a", "b") for seed in range(12)]
     for rows in (copies[::12], copies):
-        for cell in cells_of(rows):
+        for cell in Comparison.make_cells(rows):
             assert (cell["successes_low"], cell["successes_high"]) == (None, None)
             assert (cell["best_lap_s"], cell["best_lap_s_q25"], cell["best_lap_s_q75"]) == (9.0, None, None)
         (found,) = Comparison.differences_of.of(rows)

@@ -221,7 +221,7 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
     (here / "lab.toml").write_text(ONE.replace("least_progress_m = 0", "least_progress_m = 0.05"))
     planners = ["mine.py:Steady", "changes.py", "mine.py:Steady[speed=1]"]
     found = study("lab.toml", planners, out="out", workers=1)
-    assert [each["points"] for each in found.grades] == [2, 0, 2]
+    assert [each["points"] for each in found.cells] == [2, 0, 2]
     assert "mine" not in {check.measured for check in found.rows[1].checks}
     raced = fg.race("oval", "mine.py:Steady", laps=1, time_limit=0.2)
     assert found.rows[0].trajectory_sha256 == raced.trajectory_sha256
@@ -233,7 +233,7 @@ def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeyp
     text, said = HOSTILE[name]
     (here / name).write_text(text)
     (here / "lab.toml").write_text(ONE)
-    bad, good = study("lab.toml", [name, "good.py"], out="out", workers=1).grades
+    bad, good = study("lab.toml", [name, "good.py"], out="out", workers=1).cells
     assert (bad["points"], good["points"]) == (0, 2) and said in bad["reason"]
 
 
@@ -241,14 +241,14 @@ def test_a_record_that_a_planner_wrote_itself_has_no_points(here):
     for name, text in RECORDS.items():
         (here / f"{name}.py").write_text(WRITES.format(record=f"{text}; os.replace('aside.npz', 'record.npz')"))
     (here / "lab.toml").write_text(ONE)
-    found = study("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).grades
+    found = study("lab.toml", [f"{name}.py" for name in RECORDS], out="out", workers=1).cells
     assert [each["points"] for each in found] == [0] * len(RECORDS) and all(each["reason"] for each in found)
 
 
 def test_an_error_in_a_check_fails_that_drive(here, monkeypatch):
     monkeypatch.setattr(CHECKS["finishes"], "judge", lambda self, drive: {}["steering"])
     (here / "lab.toml").write_text(LAB)
-    (found,) = study("lab.toml", "good.py", out="out", workers=1).grades
+    (found,) = study("lab.toml", "good.py", out="out", workers=1).cells
     assert found["points"] == 2 and found["reason"] == "the drive cannot be judged: KeyError: 'steering'"
 
 
@@ -258,9 +258,9 @@ def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
     assert study("lab.toml", ["good.py", "raises.py"], out="out", workers=1).runs_driven == 0
     (here / "raises.py").write_text(FILES["good.py"])
     again = study("lab.toml", ["good.py", "raises.py"], out="out", workers=1)
-    assert again.runs_driven == 2 and [each["points"] for each in again.grades] == [2, 2]
+    assert again.runs_driven == 2 and [each["points"] for each in again.cells] == [2, 2]
     (here / "lab.toml").write_text(LAB.replace("points = 2", "points = 4"))
-    assert study("lab.toml", ["good.py"], out="out", workers=1).grades[0]["points"] == 4
+    assert study("lab.toml", ["good.py"], out="out", workers=1).cells[0]["points"] == 4
 
 
 @pytest.mark.parametrize(

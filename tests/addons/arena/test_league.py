@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from comparison_worlds import files
-from fg_mujoco.addons.arena.runs.run import car_figures
+from fg_mujoco.addons.arena.runs.run import CarFigures, RunRow, car_figures
 from fg_mujoco.addons.arena.runs.turn import read_turn
 from fg_mujoco.addons.arena.study.functions import league
 from fg_mujoco.addons.arena.study.kinds import League
@@ -114,18 +114,21 @@ def test_who_won_all_heats_has_a_finite_rating_and_who_met_nobody_has_none():
 
 
 def test_the_standings_are_by_points_and_then_by_wins():
-    def car(heat, planner, position, **given):
-        plain = {"run": heat, "planner": planner, "position": position or 9, "finished": bool(position), "points": 0,
-                 "end_reason": "finished" if position else "crash", "overtakes": 0, "contacts": 0,
-                 "at_fault": 0}  # fmt: skip
-        return plain | given
+    def car(planner, position, **given):
+        plain = {"position": position or 9, "finished": bool(position), "points": 0, "overtakes": 0, "contacts": 0,
+                 "at_fault": 0, "end_reason": "finished" if position else "crash"}  # fmt: skip
+        return CarFigures(planner=planner, **plain | given)
 
-    lines = [
-        car("1", "a", 2), car("1", "b", 1, points=1), car("2", "b", None),
-        car("2", "a", 1, points=1, contacts=2, at_fault=1), car("3", "c", None), car("3", "a", 1, points=1),
-        car("4", "c", None), car("4", "b", None, end_reason="planner_failed"),
-    ]  # fmt: skip
-    first, second, third = League.make_cells(lines)
+    def heat(*cars):
+        place = {"planner": " | ".join(car.planner for car in cars)}
+        return RunRow(key="", place=place, setup={}, course_sha256="", origins=(), cars=cars)
+
+    first, second, third = League.make_cells([
+        heat(car("a", 2), car("b", 1, points=1)),
+        heat(car("b", None), car("a", 1, points=1, contacts=2, at_fault=1)),
+        heat(car("c", None), car("a", 1, points=1)),
+        heat(car("c", None), car("b", None, end_reason="planner_failed")),
+    ])  # fmt: skip
     assert [(each["planner"], each["place"], each["points"]) for each in (first, second, third)] == [
         ("a", 1, 2), ("b", 2, 1), ("c", 3, 0),
     ]  # fmt: skip
