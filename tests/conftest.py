@@ -22,6 +22,7 @@ import pytest
 from hypothesis import settings
 
 import fg_mujoco as fg
+from browsers import page_of  # noqa: F401 - a fixture of all tests
 from case_loops import NOW
 from fg_mujoco.rollouts.workers import usable_cores
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 import fg_mujoco as fg
-from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.errors import MissingExtraError
 from rendered import needs_gl
@@ -295,7 +294,7 @@ def test_site_builds_without_a_warning_and_fetches_nothing(site):
 
 
 @pytest.mark.slow
-def test_search_of_the_site_works_from_the_disk_without_network(site, page_of):  # noqa: F811
+def test_search_of_the_site_works_from_the_disk_without_network(site, page_of):
     with page_of() as page:
         page.context.set_offline(True)
         page.goto((site / "howto" / "own_map.html").as_uri())

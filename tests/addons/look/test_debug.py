@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from browsers import page_of  # noqa: F401 - a fixture
 from case_loops import cases
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.cli.main import main
@@ -205,7 +204,7 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
     assert page.count("&lt;script&gt;alert(1)") >= 2
 
 
-def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):  # noqa: F811
+def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):
     seen = fg.debug(folder, at=1.0, window=1.0)
     path, asked, errors = seen.write_page(tmp_path / "debug.html"), [], []
     with page_of(viewport={"width": 1280, "height": 1100}) as page:
@@ -266,7 +265,7 @@ def in_page(path):
     return json.loads(re.search(r'id="report-data">(.*?)</script>', path.read_text("utf-8"), re.DOTALL)[1])
 
 
-def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):  # noqa: F811
+def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
     for planner in cases("gap_finder", Skids()):  # whose page is opened, too
         race = fg.race("oval", planner, laps=1, time_limit=1.6, mu=0.4)
         path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
@@ -293,7 +292,7 @@ def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):  #
     assert slides == sum(column(f"slide_{wheel}_m_s")[tick] > 0.01 for wheel in WHEELS) > 0
 
 
-def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):  # noqa: F811
+def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):
     path = fg.debug(failed, trust=True).write_page(failed / "debug.html")
     dialogs = []
     with page_of() as page:

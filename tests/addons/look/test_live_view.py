@@ -10,7 +10,6 @@ import urllib.request
 import numpy as np
 import pytest
 
-from browsers import page_of  # noqa: F401 - a fixture
 from case_loops import cases
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.addons.look.live.handshake import is_own
@@ -244,7 +243,7 @@ def test_a_server_that_cannot_be_guarded_is_not_used(session, free, monkeypatch)
     assert len(stopped) == 1
 
 
-def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):  # noqa: F811
+def test_in_a_browser_the_car_moves_and_pause_and_knobs_and_keys_do_what_they_say(session, free, page_of):
     pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
     asked = []
     with served(session, free, wait=True) as view, page_of(viewport={"width": 500, "height": 300}) as page:

@@ -7,7 +7,6 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
-from browsers import page_of  # noqa: F401 - a fixture
 from case_loops import cases
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
@@ -143,7 +142,7 @@ def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch
     assert {path: path.stat().st_mtime_ns for path in index.parent.glob("*-*.html")} == before
 
 
-def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):  # noqa: F811
+def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):
     asked = []
     with page_of(viewport={"width": 1280, "height": 1000}) as page:
         page.on("request", lambda request: asked.append(request.url))
@@ -194,7 +193,7 @@ _LEGENDS = """(() => {
 })()"""  # noqa: E501
 
 
-def test_page_fits_the_screen_and_no_legend_is_cut(report, page_of):  # noqa: F811
+def test_page_fits_the_screen_and_no_legend_is_cut(report, page_of):
     with page_of(viewport={"width": 390, "height": 900}) as page:
         page.goto(report.as_uri())
         page.wait_for_selector("html[data-ready=yes]")

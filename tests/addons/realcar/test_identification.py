@@ -14,7 +14,6 @@ pytest.importorskip("scipy")
 
 import single_track_drives as car
 from bag_worlds import SECOND, header, make, robot_odometry, vector, write_bag
-from browsers import page_of  # noqa: F401
 from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.addons.realcar.identification.fit import fitted_starts
@@ -317,7 +316,7 @@ def test_a_bag_has_the_channels_that_were_recorded(bag, short_drive):
     assert len(drive.sha256) == 64
 
 
-def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, page_of):  # noqa: F811
+def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, page_of):
     pytest.importorskip("bokeh")
     out, report = tmp_path / "tires.toml", tmp_path / "page.html"
     words = ["identify", str(bag), "--out", str(out), "--report", str(report), "--vehicle", "nuc2"]

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from browsers import page_of  # noqa: F401
 from refusals import refused
 
 pytest.importorskip("scipy")
@@ -118,7 +117,7 @@ def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_pat
         read_drive(tmp_path / "drive.csv", columns=columns | {"speed_command": "v"})
 
 
-def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, capsys, page_of):  # noqa: F811
+def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, capsys, page_of):
     monkeypatch.chdir(tmp_path)
     words = ["validate", circle.name, "--mu", "0.7"]
     assert main([*words, "--report", "page.html", "--csv", "figures.csv"]) == 0

@@ -6,7 +6,6 @@ import pytest
 from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
-from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
@@ -74,7 +73,7 @@ def test_drawings_are_those_of_rviz_in_the_frame_of_the_map(source):
 
 
 @pytest.mark.slow
-def test_the_live_view_draws_what_a_node_shows(source, page_of):  # noqa: F811
+def test_the_live_view_draws_what_a_node_shows(source, page_of):
     session = LiveSession(Setup.of(track="oval", controller=source))
     assert session.drawings() == []
     for _ in range(3):

@@ -7,7 +7,6 @@ import pytest
 from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
-from browsers import page_of  # noqa: F401 - a fixture
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
 from scan_worlds import corridor
@@ -45,7 +44,7 @@ def test_debug_has_the_values_of_each_decision(shows):
 
 
 @pytest.mark.slow
-def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows, tmp_path, page_of):  # noqa: F811
+def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows, tmp_path, page_of):
     seen = fg.debug(fg.race("oval", shows, time_limit=1.0), window=1.0)
     path, errors = seen.write_page(tmp_path / "debug.html"), []
     with page_of(viewport={"width": 1280, "height": 1100}) as page:
