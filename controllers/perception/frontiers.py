@@ -1,6 +1,8 @@
 """Selects the frontier to drive to, and computes each free cell's distance to it.
 
-1. The path driven is closed like a wall, across the corridor, over its last 15 m.
+0. Where the car was a lap ago where it is now, its frontier is on the path of that lap, 10 m ahead, or 3 m behind the
+   car on a shorter lap. All of the ground is known there, and nothing else would lead on.
+1. Else the path driven is closed like a wall, across the corridor, over its last 15 m.
 2. From the car, distances spread over the free ground of the local map. Where they reach ground that nobody has
    seen is a frontier, unless that ground is only the shadow of a box or lies behind a crack in a wall. The frontier
    that is far and wide is selected. A pocket that was seen to its end has none.
@@ -31,6 +33,7 @@ from .cell_distances import FAR, LAST, UNIT, cell_at, flood, neighbours, place_o
 from .cell_marks import AT_WALL, HOLE, NEAR_WALL, OPEN, UNSEEN, WAY_BACK, mark_cells
 from .local_map import (
     ALONG,
+    BEFORE,
     CELL,
     COS,
     LEFT,
@@ -74,6 +77,10 @@ _LEAST_FRONTIER_BACK = 10  # cells, where the car has to leave a pocket for it
 _WIDE = 3.0  # [m] of a frontier; more counts as this
 _ROOM = 150  # cells that nobody has seen behind a frontier, or it is a shadow or a crack in a wall
 _SAME = 1.0  # [m] from the last frontier: another one counts as the same, and as 1 m farther
+_AHEAD_ON_LAP = 10.0  # [m] at most ahead on the path of a lap ago, to which the car goes,
+_LEFT_OF_LAP = (3.0, 5.0, 7.0)  # [m] from behind the car at least
+_APART = 1.0  # [m] of the path that stay open behind it
+_SAME_PLACE = 0.8  # [m] within which the car is where it was a lap ago
 _LEAST_LOOP = 3.0  # [m] to the far side of a closed path
 _LEAST_AGE = 5.0  # [m] of the part of the path that the car comes upon there
 
@@ -87,6 +94,7 @@ FRONTIER_SEARCH = np.dtype(
         ("searched", np.int64),  # tick of the last search,
         ("searched_driven", np.float64),  # [m] and how far the car had driven then
         ("found", np.bool_),
+        ("on_lap", np.bool_),  # the car drives where it drove a lap ago, which is its frontier
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
         ("x", np.float64),  # [m] of the middle of the frontier
         ("y", np.float64),
@@ -224,7 +232,28 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
     )
     loop, count, closings = False, 0, 0
     open_ground = False
-    for attempt in range(len(_ATTEMPTS)):
+    a_lap_ago = _lap_ago(world)
+    lap = world.along - world.path[a_lap_ago, ALONG]
+    for left in _LEFT_OF_LAP:
+        ahead = min(lap - left, _AHEAD_ON_LAP)
+        if lap > 0.0 and count == 0 and ahead > 0.0:
+            if closings > 0:
+                _open_path(bits)
+            closings += 1
+            _close_path(world, bits, _OPENED, lap - ahead - _APART, False)
+            distance[:] = FAR
+            distance[queue[0]] = 0
+            flood(world, bits, distance, queue, edge, AT_WALL | HOLE)
+            place = a_lap_ago
+            while world.path[place, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
+                place = (place + 1) % PATH
+            cell = cell_at(world.path[place, 0], world.path[place, 1])
+            if distance[cell] != FAR:
+                goal[0], count, loop = cell, 1, True
+                memory.x, memory.y = world.path[place, 0], world.path[place, 1]
+    memory.on_lap = count > 0
+    impassable = AT_WALL | HOLE
+    for attempt in range(len(_ATTEMPTS) if count == 0 else 0):
         opened, closed, impassable = _ATTEMPTS[attempt]
         for _ in range(2):
             if closings > 0:
@@ -265,6 +294,29 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
         _find_edge(memory, bits, goal[:count])
     memory.to_go[:] = FAR
     spread(bits, memory.to_go.reshape(SIZE * SIZE), goal[:count], free, AT_WALL | impassable & HOLE)
+
+
+@kernel
+def _lap_ago(world: Record) -> int:
+    """Return the place on the path at which the car was a lap ago; the newest: it has driven none, or a longer one.
+
+    It was where it is now, and has turned once round since then. So it has not, where it has driven back and forth.
+    """
+    found, nearest = world.newest, _SAME_PLACE
+    for back in range(world.known):
+        place = (world.newest - back) % PATH
+        point = world.path[place]
+        apart = math.hypot(point[0] - world.x, point[1] - world.y)
+        if point[ALONG] < BEFORE or (nearest < _SAME_PLACE < apart):  # two laps ago it was there, too
+            break
+        if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and _is_a_turn(world.heading - point[2]):
+            found, nearest = place, apart
+    return found
+
+
+@kernel
+def _is_a_turn(angle: float) -> bool:
+    return bool(abs(abs(angle) - 2.0 * math.pi) < 0.65)
 
 
 @kernel

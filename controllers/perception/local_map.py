@@ -51,7 +51,7 @@ _WIDENS = 0.3  # [m/m] by which the room along the path may grow: at a barrier's
 _WIDEST = 3.0  # [m] of the room to one side
 _BESIDE = math.radians(15.0)  # to either side of square to the car: beams that measure the room to its sides
 _KEPT = 15  # cells round the car that are kept when the rest is forgotten
-_BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
+BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
 _CLOSE = 2.0  # [m] from the LiDAR within which the ends of beams are kept as they are
 _VERY_CLOSE = 0.6  # [m] the same, all of them; between, every second
 _ENDS = 600
@@ -132,9 +132,9 @@ def forget(memory: Record) -> None:
 
 @kernel
 def _begin_path(memory: Record) -> None:
-    """Take the car to have come straight to where it is, for the length _BEFORE."""
+    """Take the car to have come straight to where it is, for the length BEFORE."""
     memory.known = 0
-    memory.along = memory.furthest = _BEFORE
+    memory.along = memory.furthest = BEFORE
 
 
 @kernel
@@ -229,7 +229,7 @@ def extend_path(memory: Record, scan: Record, ranges: FloatArray) -> None:
         point[RIGHT], point[LEFT] = min(right, _WIDEST), min(left, _WIDEST)
         point[SIN], point[COS] = math.sin(memory.heading), math.cos(memory.heading)
         point[ALONG] = memory.known - 1.0 if begins else memory.along
-        if not begins or point[ALONG] >= _BEFORE:
+        if not begins or point[ALONG] >= BEFORE:
             break
 
 

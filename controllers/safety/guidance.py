@@ -14,6 +14,9 @@ Guidance knows the frontier (perception.frontiers), and lets the planner drive a
    and in reverse (turning). From then on it is careful: it comes to the edge of what it sees no faster than that it
    could turn there at full lock.
 
+On a lap as short as its memory (frontiers) the planner has found its way once: there it drives as long as its goal
+leads on at all, and a car that is slow does not turn in moves.
+
 Where there is no frontier, as in a dead end, it is no faster than it can stop ahead of what it sees. Where it has
 stood there for 4 s it forgets its path, which on a course as short as its memory may have been wrong.
 
@@ -137,7 +140,8 @@ def guide(
         return
     led = memory.follows or memory.turning.active or memory.careful
     search_frontier(scan, ranges, odometry, car.lidar_offset, way, settings.every, settings.every_plain, led)
-    turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
+    if memory.turning.active or not way.on_lap:  # a car that creeps on a lap that it has driven gets through
+        turn_in_moves(way, limiter, memory.turning, odometry.steering_angle, speed)
     if memory.turning.active:
         memory.careful = True
         return
@@ -205,7 +209,8 @@ def _planner_drives(
     least, _ = least_to_go_along(way, x, y, way.map.heading + reference.bearing, ranges[beam])
     gain = here - least
     tight = way.hidden and here < settings.tight_distance
-    if gain >= settings.as_good * best_gain and gain > -0.5 and not (bend > _BENDS or tight):
+    as_good = 0.0 if way.on_lap else settings.as_good * best_gain  # there the planner has found its way once
+    if gain >= as_good and gain > -0.5 and not (bend > _BENDS or tight):
         memory.follows = False
         return True
     if (memory.careful and bend > _BENDS_SHARPLY) or not gain > settings.worth_simulating * best_gain:

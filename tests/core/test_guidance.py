@@ -94,3 +94,14 @@ def test_without_a_frontier_the_speed_is_that_from_which_the_car_stops_ahead_of_
     expected = math.sqrt(2.0 * own.profile_braking * limiter["braking"] * room)
     scan_row, limiter, settings = (np.rec.array(row)[()] for row in (scan_record(scan)[0], limiter, settings))
     assert _speed_to_stop(scan_row, scan.ranges, limiter, settings) == pytest.approx(expected, rel=1e-3)
+
+
+@each("way_round", [1, -1])
+def test_on_a_lap_as_short_as_its_memory_it_is_no_slower_than_without_guidance(way_round, tmp_path):
+    """A ring of 12 m, of which the map has all after a lap: nothing is unseen, and there is no frontier."""
+    angles = way_round * np.linspace(0.0, 2.0 * np.pi, 150, endpoint=False)
+    rows = [f"{2.2 * math.cos(a):.5f}, {1.6 * math.sin(a):.5f}, 0.62, 0.62" for a in angles]
+    path = tmp_path / "ring.csv"
+    path.write_text("# x_m, y_m, w_tr_right_m, w_tr_left_m\n" + "\n".join(rows) + "\n")
+    laps, alone = (fg.race(path, laps=4, assist=each).car.lap_times_s for each in ("full", "full-guidance"))
+    assert len(laps) == len(alone) == 4 and sum(laps[1:]) < 1.02 * sum(alone[1:])
