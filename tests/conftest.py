@@ -205,6 +205,13 @@ def lap():
     return fg.race("oval", laps=1)
 
 
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder, which is the present one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 @contextlib.contextmanager
 def plain_runs():
     """Let `race --out` leave out the picture and the page, which take longer to draw than a short race to drive."""

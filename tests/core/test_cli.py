@@ -20,6 +20,8 @@ from fg_mujoco.racing.setup import SETUP_KEYWORDS
 from refusals import contents, refused
 from terminals import read_to_the_end
 
+pytestmark = pytest.mark.usefixtures("here")
+
 STRAIGHT = """
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
@@ -35,12 +37,6 @@ class Straight:
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=self.speed)
 """
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def planner(answer):

@@ -28,12 +28,6 @@ TOLD = {"planner_mu": 0.75, "max_speed": 4.0, "planner_settings": {"lookahead": 
 NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 # -- the same bits
 
 PATCH = {"x": 4.0, "y": 0.0, "length": 4.0, "width": 4.0, "mu": 0.3}

@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -19,7 +18,6 @@ from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import run_lab
 from lab_experiments import COUNT, DIES, FAILS, SLOW
 from refusals import refused
-from terminals import read_to_the_end
 
 SAID = """\
 Squares of <numbers>
@@ -147,17 +145,3 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here, workers):
     assert 0 < found < COUNT
     settings = LabSettings(seed=SLOW)
     assert run_lab(["squares"], out="out", settings=settings, pictures=False).cells_measured == COUNT - found
-
-
-def test_progress_is_shown_on_a_terminal(here):
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        command("squares", "--seed", str(SLOW), "--workers", "1"), env=ENVIRONMENT, stdout=subprocess.PIPE,
-        stderr=theirs, text=True,
-    )  # fmt: skip
-    os.close(theirs)
-    shown = read_to_the_end(ours).decode()
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0 and out == SAID
-    assert "/6 cells  0:00:0" in shown and "to go" in shown
-    assert shown.endswith("\r\x1b[K")

@@ -225,8 +225,8 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
     assert 0 < len(experiment.cells(LabSettings(quick=True))) <= len(cells)
 
 
-ODD, EVEN = slice(1, None, 2), slice(0, None, 2)
-SOME = {"braking": ODD, "transient": ODD, "skidpad": EVEN}
+ODD = slice(1, None, 2)
+SOME = {"braking": ODD, "transient": ODD, "skidpad": slice(3, None, 4)}
 """Cells of a quick experiment whose rows are all kinds that its report needs, where it has many."""
 
 

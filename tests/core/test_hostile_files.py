@@ -23,12 +23,6 @@ free_thresh: 0.196
 """
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def csv_of(first=None, width=1.0, shift=0.0):
     points = [first, *LINE[1:]] if first else LINE
     return "".join(f"{x + shift!r}, {y!r}, {width!r}, {width!r}\n" for x, y in points)

@@ -19,6 +19,8 @@ from fg_mujoco.simulation.planner_adapter import plan
 from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
 from fg_mujoco.simulation.settings import Scenario
 
+pytestmark = pytest.mark.usefixtures("here")
+
 PLANNER = """import ctypes, os, signal, sys, time
 import numpy as np
 import fg_mujoco as fg
@@ -106,12 +108,6 @@ RAISING = (
     "exit", "os_exit", "generator", "base", "ctrl_c", "mute", "masked", "nameless", "long", "memory", "deep",
 )  # fmt: skip
 ANSWERING = ("nan", "array", "text", "two", "bare", "changing", "none", "unwritable", "huge")
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def planner(folder=".", **when):

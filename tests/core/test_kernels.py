@@ -6,7 +6,6 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -73,18 +72,6 @@ def test_division_by_zero_is_numpys():
     values, out = np.array([1.0, -1.0, 0.0]), np.empty(3)
     quotients(values, 0.0, out)
     assert out[0] == np.inf and out[1] == -np.inf and np.isnan(out[2])
-
-
-def test_threads_get_the_same_bits():
-    values = np.random.default_rng(0).normal(size=10_000)
-    outs = [np.empty_like(values) for _ in range(4)]
-    threads = [threading.Thread(target=quotients, args=(values, 0.3, out)) for out in outs]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len({out.tobytes() for out in outs}) == 1
-    assert outs[0].tobytes() == (values / 0.3).tobytes()
 
 
 def test_what_is_kept_is_found_again(cache):
@@ -453,16 +440,6 @@ def test_the_first_compilation_is_announced_once(tmp_path):
     assert (done.returncode, done.stdout) == (0, CRASH)
     assert done.stderr.count(ANNOUNCEMENT) == 1 and done.stderr.count("\n") == 1
     assert run(both, XDG_CACHE_HOME=str(tmp_path)).stderr == ""
-
-
-def test_kernels_on_disk_are_loaded_without_scipy_and_others_find_it_all_the_same():
-    assert run(f"{REASON}; print(1)").returncode == 0  # on disk now
-    code = (
-        f"import sys; {REASON}; print('scipy.linalg' in sys.modules); import numba, numpy;"
-        "print(numba.njit(lambda a: numpy.dot(a, a))(numpy.ones(2)), 'scipy.linalg' in sys.modules)"
-    )
-    pytest.importorskip("scipy")
-    assert run(code).stdout == f"{CRASH}False\n2.0 True\n"
 
 
 def test_without_stderr_kernels_are_compiled_all_the_same(tmp_path):

@@ -8,13 +8,20 @@ import fg_mujoco as fg
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.registry import Registry
 
-CENTRELINE = "x_m,y_m\n" + "".join(f"{x},{y}\n" for x, y in ((0, 0), (20, 0), (20, 10), (0, 10)))
 MODULE = '''
 from pathlib import Path
 
 import fg_mujoco as fg
+import fg_mujoco.vehicle.sensors
 from fg_mujoco.course.formats import CourseFormat
 from fg_mujoco.addons.arena.random_courses.generator import generate_track
+
+class Sonar(fg.vehicle.sensors.Sensor):
+    columns = ("ahead_m",)
+
+    def measure(self, car):
+        return car.ranges[540:541]
+
 
 HERE = Path(__file__).parent
 CAR, RUBBER, TEXT = HERE / "lorry.xml", HERE / "rubber.toml", "lorry.xml"
@@ -70,6 +77,12 @@ def test_tires_of_another_package_are_known_by_their_name(package, tmp_path):
     text = (Path(fg.models.__file__).parent / "tires" / "forzaeth_nuc2.toml").read_text()
     (tmp_path / "rubber.toml").write_text(text)
     assert "rubber" in fg.tire_names() and fg.Tires.load("rubber") == fg.Tires.load("forzaeth_nuc2")
+
+
+def test_a_sensor_of_another_package_is_known_by_its_name(package):
+    package("sensors", "sonar = yard:Sonar")
+    scan, odometry = fg.Simulation(fg.World("oval"), sensors=["sonar"]).reset()
+    assert odometry.readings["sonar"]["ahead"] == scan.ranges[540]
 
 
 def test_a_vehicle_that_is_no_path_is_refused_with_its_package(package):

@@ -22,16 +22,12 @@ from fg_mujoco.racing.run_folder import write_run
 from rendered import needs_gl
 from terminals import read_to_the_end
 
+pytestmark = pytest.mark.usefixtures("here")
+
 Image = pytest.importorskip("PIL.Image", reason="pip install -e '.[render]'")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install -e '.[render]'")
 
 SMALL = ["--size", "64x48", "--quality", "draft"]
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture(scope="module")

@@ -138,15 +138,6 @@ def test_a_lap_is_proved_but_for_what_no_simulation_tells(raced):
     assert {"wall_time_s", "mujoco_version", "controller", "settings", "clamped_commands"} <= keys
 
 
-def test_the_command_prints_what_is_proved_and_exits_0(raced, capsys):
-    assert main(["replay", str(raced)]) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
-    assert "bit-identical: " in first
-    assert "  proved: telemetry.csv: all 47 columns" in lines
-    assert any(line.startswith("  proved: summary.json: ") and "lap_times_s" in line for line in lines)
-    assert any(line.startswith("  not proved: ") and "wall_time_s" in line for line in lines)
-
-
 @each(
     ("steering", "said"),
     [

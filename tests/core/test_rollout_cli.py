@@ -20,6 +20,8 @@ from refusals import refused
 from rollout_worlds import stand_in
 from terminals import read_to_the_end
 
+pytestmark = pytest.mark.usefixtures("here")
+
 SLOW = """
 import time
 from fg_mujoco.messages import DriveCommand
@@ -33,12 +35,6 @@ class Planner:
         time.sleep(0.005)
         return DriveCommand(steering_angle=0.0, speed=0.1)
 """
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture

@@ -464,27 +464,3 @@ def test_what_is_late_or_no_number_is_observed_within_the_space(face, shape):
         assert space.contains(observation)
         parts = observation.values() if isinstance(observation, dict) else [observation]
         assert all(np.isfinite(part).all() for part in parts)
-
-
-def test_an_installed_package_registers_a_sensor(tmp_path, monkeypatch):
-    (tmp_path / "my_sonar.py").write_text(
-        "from fg_mujoco.vehicle.sensors import Sensor\n\n\n"
-        "class Sonar(Sensor):\n"
-        "    columns = ('ahead_m',)\n\n"
-        "    def measure(self, car):\n"
-        "        return car.ranges[540:541]\n"
-    )
-    folder = tmp_path / "my_sonar-1.0.dist-info"
-    folder.mkdir()
-    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: my-sonar\nVersion: 1.0\n")
-    (folder / "entry_points.txt").write_text("[fg_mujoco.sensors]\nsonar = my_sonar:Sonar\nspoon = my_sonar:Spoon\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    simulation = fg.Simulation(fg.World("oval"), sensors=["sonar"])
-    scan, odometry = simulation.reset()
-    assert odometry.readings["sonar"]["ahead"] == scan.ranges[540]
-    (sensor,) = as_sensors(["sonar"])
-    assert sensor.name == "sonar" and as_sensors([sensor.described()]) == (sensor,)
-    with pytest.raises(fg.SettingsError, match=r"'spoons'; accepted: odometry, .*sonar, spoon; did you mean 'spoon'"):
-        as_sensors(["spoons"])
-    with pytest.raises(fg.SettingsError, match="spoon"):
-        as_sensors(["spoon"])

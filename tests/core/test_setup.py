@@ -33,12 +33,6 @@ VALUES = {
 AMONG = {"opponents": ["pure_pursuit", fg.Entry(controller="wall_follow", max_speed=3.0)], "grid": "side_by_side"}
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 # -- one spelling
 
 

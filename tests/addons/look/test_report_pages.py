@@ -38,12 +38,6 @@ def report(folder):
     return write_report(folder, folder / "report.html", clip_seconds=None)
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def complaint(capsys):
     """What the command line said, which must be one line."""
     (line,) = capsys.readouterr().err.splitlines()
