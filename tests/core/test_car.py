@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from car_worlds import flat_world, run
 from cases import each
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import Car
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -117,12 +116,6 @@ def test_whole_car_inertia_agrees_with_the_engine(flat):
     assert about_center[2] == pytest.approx(car.parameters.yaw_inertia, rel=1e-6)
     assert about_center == pytest.approx([0.013587, 0.039767, 0.04712], rel=1e-4)  # as derived in the MJCF
     assert center[1] == pytest.approx(0.0, abs=1e-12)
-
-
-@each("mu", [-1.0, 0.0, math.nan, math.inf])
-def test_friction_that_is_no_positive_number_is_refused(mu):
-    with pytest.raises(SettingsError, match=r"mu.*accepted: a positive number up to 3"):
-        Vehicle.load().spec(mu)
 
 
 @settings(max_examples=30, deadline=None)

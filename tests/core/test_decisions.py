@@ -95,12 +95,6 @@ def test_a_race_leaves_signals_and_timers_as_they_were():
         signal.signal(signal.SIGALRM, before)
 
 
-@each("limit", (0.0, -1.0, float("nan"), float("inf"), "1"))
-def test_a_limit_that_is_no_positive_number_is_refused(limit):
-    with pytest.raises(fg.SettingsError, match=r"decision_limit is .*; accepted: a positive number"):
-        race(lambda now: None, decision_limit=limit)
-
-
 # What is counted
 
 

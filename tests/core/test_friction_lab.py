@@ -15,7 +15,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import EXPERIMENTS, load_experiment, run_lab
@@ -97,14 +96,6 @@ def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage
     ] == [True] * len(named)
     assert again.cells_measured == len(named)
     assert files(tmp_path) == before
-
-
-def test_a_second_process_on_the_same_folder_is_refused(tmp_path):
-    with (
-        claimed_folder(tmp_path / "out"),
-        pytest.raises(fg.RunFolderError, match="another process is writing to it; accepted: "),
-    ):
-        run_lab(["squares"], out=tmp_path / "out", workers=1, pictures=False)
 
 
 def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import math
 import warnings
 
 import numpy as np
@@ -72,24 +71,3 @@ def test_the_folder_has_numbers_only_and_replays(runs, folder, capsys):
     assert (runs / folder / "trace.png").stat().st_size > 10_000
     assert main(["replay", str(runs / folder)]) == 0
     assert "bit-identical" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-def test_debug_shows_it_and_says_what_was_asked_and_what_the_car_holds(runs, capsys):
-    seen = fg.debug(runs / "one", trust=True)
-    assert seen.notes == ()  # the planner answers what was recorded
-    for tick, angle, speed in ((5, "+57295.8°", "-1000.00 m/s"), (8, "-57295.8°", "1000.00 m/s")):
-        decision = seen.decisions[tick]
-        limit = CAR.min_speed if tick == 5 else CAR.max_speed
-        held = (f"{math.degrees(math.copysign(LOCK, float(angle[:-1]))):+.1f}°", f"{limit:.2f} m/s")
-        beyond = "which is beyond the car's limits: the car holds"
-        assert decision.why_steering == f"The planner asked for {angle}, {beyond} {held[0]}."
-        assert decision.why_speed == f"The planner asked for {speed}, {beyond} {held[1]}."
-    degrees = seen.decisions[9]
-    assert (
-        degrees.why_steering == "The planner asked for +825.1°, which is beyond the car's limits: the car holds +24.0°."
-    )
-    assert degrees.why_speed == "2.00 m/s, held by planner."
-    page = runs / "debug.html"
-    assert main(["debug", str(runs / "one"), "--trust", "--at", "0.2", "--out", str(page)]) == 0
-    assert "NaN" not in page.read_text().split('id="report-data"')[1].split("</script>")[0]

@@ -114,17 +114,6 @@ def test_the_scan_that_did_it_is_the_one_that_the_car_sensed_there(here):
         planner(scan, odometry)
 
 
-def test_in_python_the_race_has_its_result_up_to_there():
-    result = failing("Late")
-    failure = result.car.planner_failure
-    assert failure.error.startswith("TypeError: ") and str(failure).endswith("(mine.py, line 15), t = 0.500 s")
-    assert (result.car.end_reason, result.car.finished, len(result.ctrl)) == ("planner_failed", False, 20)
-    assert (failure.file, failure.line) == ("mine.py", 15)
-    own = failure.traceback.removeprefix("Traceback of the planner:\n")
-    assert own != failure.traceback and failure.whole_traceback.endswith(own)
-    assert "planner_adapter.py" in failure.whole_traceback
-
-
 @pytest.mark.slow
 def test_the_line_in_a_compiled_goal_is_told():
     failure = failing("Goal").car.planner_failure

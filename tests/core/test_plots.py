@@ -1,4 +1,3 @@
-import importlib.util
 import io
 from dataclasses import replace
 
@@ -8,8 +7,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.errors import install_command
-from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 
 
 def pixels(draw):
@@ -78,17 +75,3 @@ def test_trace_picture_of_a_race_of_no_tick(lap):
     """As of a planner that does not answer its first scan."""
     result = replace(with_car(lap, telemetry=lap.car.telemetry[:0], lap_times_s=()), sim_time_s=0.0)
     assert pixels(lambda file: fg.trace_picture(result, file)).shape[1] == 1080
-
-
-def test_without_matplotlib_the_message_is_the_install_command(monkeypatch, short_race, tmp_path):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    for draw in (
-        require_matplotlib,
-        lambda: fg.track_picture(fg.load_track("oval"), tmp_path / "a.png"),
-        lambda: fg.trace_picture(short_race, tmp_path / "b.png"),
-        lambda: fg.write_run(short_race, tmp_path / "run"),
-    ):
-        with pytest.raises(fg.MissingExtraError) as refusal:
-            draw()
-        assert str(refusal.value) == f"pictures need matplotlib: {install_command('plot')}"
-    assert list(tmp_path.iterdir()) == []

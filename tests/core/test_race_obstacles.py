@@ -2,7 +2,6 @@
 
 
 import numpy as np
-import pytest
 
 import fg_mujoco as fg
 from cases import each
@@ -32,39 +31,6 @@ def test_the_start_is_clear_of_them_wherever_it_is():
         stations, _ = track.project([(box.x, box.y) for box in result.world.obstacles])
         assert ((stations - s) % track.length).min() >= CLEAR_AHEAD - 0.1
         assert not result.car.collisions_wall
-
-
-@each(
-    "settings",
-    (
-        {"obstacles": -1},
-        {"obstacles": True},
-        {"obstacles": 1000},
-        {"obstacles": 2, "obstacle_seed": -1},
-        {"obstacles": 2, "obstacle_seed": 0.5},
-    ),
-)
-def test_what_cannot_be_placed_is_refused(settings):
-    with pytest.raises(fg.SettingsError, match=r"obstacle.*accepted"):
-        race(**settings)
-
-
-def test_a_race_with_obstacles_is_replayed_bit_for_bit(tmp_path):
-    fg.write_run(race(obstacles=5, obstacle_seed=2), tmp_path / "run", picture=False)
-    assert fg.replay(tmp_path / "run").identical
-    assert fg.read_run(tmp_path / "run").summary["obstacle_seed"] == 2
-
-
-# On the command line
-
-
-@pytest.mark.slow
-def test_race_drives_a_scene_and_leaves_a_whole_folder(capsys, tmp_path):
-    assert main(["race", "--track", "scene:crossing_box:3", "--time-limit", "1", "--out", str(tmp_path / "run")]) == 1
-    assert "0 of 1, time limit" in capsys.readouterr().out
-    assert (tmp_path / "run" / "trace.png").stat().st_size > 10_000
-    assert main(["replay", str(tmp_path / "run")]) == 0
-    assert fg.read_run(tmp_path / "run").summary["track"] == "scene:crossing_box:3"
 
 
 @each(

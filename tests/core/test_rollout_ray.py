@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -11,7 +10,7 @@ import time
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.errors import ControllerError, EngineError, MissingExtraError, install_command
+from fg_mujoco.errors import ControllerError, EngineError
 
 pytestmark = pytest.mark.slow
 
@@ -101,14 +100,6 @@ def test_without_a_cluster_the_command_starts_its_own_and_stops_it(ray, tmp_path
     assert "8: 8 time limit" in done.stdout
     assert_same(fg.read_rollout(tmp_path / "ray"), fg.rollout("oval", n=8, time_limit=0.5))
     assert not ray.is_initialized()
-
-
-def test_without_ray_the_command_that_installs_it_is_said(monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(
-        MissingExtraError, match=rf"^rollouts on a cluster need Ray: {re.escape(install_command('cluster'))}$"
-    ):
-        fg.rollout("oval", executor="ray", n=1)
 
 
 # -- on one cluster, which is up from here on
