@@ -172,15 +172,6 @@ def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(her
     assert "bit-identical" in capsys.readouterr().out
 
 
-def test_ctrl_c_twice_ends_a_planner_that_never_answers(here, capsys):
-    (here / "planner.py").write_text(
-        "import os, signal\nclass P:\n    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
-        "        while True: os.kill(os.getpid(), signal.SIGINT)\n"
-    )
-    assert main(["race", "--controller", "planner.py:P", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["end_reason"] == "interrupted"
-
-
 def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here, capsys):
     (here / "planner.py").write_text(
         "import os, signal\nclass P:\n    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
