@@ -293,7 +293,7 @@ def test_a_planner_that_hangs_ends_its_world_by_the_decision_limit(capfd, honest
 def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(capfd):
     grid = ["compare", "--controller", planner(v4="killed"), "--track", "oval", "--max-speed", "3,4,5", "--laps", "1"]
     assert main([*grid, "--time-limit", "0.3", "--workers", "2", "--out", "out"]) == 1
-    assert "warning: mine.py:Planner on oval: the worker ended by SIGKILL" in capfd.readouterr().err
+    assert "warning: mine.py:Planner on oval, max_speed 4.0: the worker ended by SIGKILL" in capfd.readouterr().err
     rows = fg.compare(
         ["mine.py:Planner"], track=["oval"], max_speed=[3, 4, 5], laps=1, time_limit=0.3, workers=1, out="out",
         pictures=False,

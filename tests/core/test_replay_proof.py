@@ -332,16 +332,17 @@ def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, 
 
     owners = {"History.append": (History, "append"), "judge": (Engine, "judge"), "tick": (WorldBatch, "tick")}
     owner, name = owners[ended]
-    whole, calls = getattr(owner, name), []
+    whole, driven = getattr(owner, name), []
 
     def interrupted(self, *arguments):
-        calls.append(None)
         if name == "tick":
             found = whole(self, *arguments)
-            if len(calls) == 10:
+            driven.extend(range(found[1]))  # several ticks are one call
+            if len(driven) >= 10:
                 signal.raise_signal(signal.SIGINT)  # it came in while compiled code ran
             return found
-        if len(calls) == 10:
+        driven.append(None)
+        if len(driven) == 10:
             raise KeyboardInterrupt
         whole(self)
 
@@ -349,6 +350,7 @@ def test_ctrl_c_between_two_parts_of_a_tick_leaves_whole_ticks(ended, tmp_path, 
     drift = 0.0 if name == "tick" else 1e-3  # with a drift, what a tick consists of is called one by one
     result = race.race("oval", laps=1, odometry_drift=drift)
     monkeypatch.undo()
-    assert result.car.end_reason == "interrupted" and len(result.ctrl) == 10
+    assert result.car.end_reason == "interrupted"
+    assert len(result.ctrl) == (len(driven) if name == "tick" else 10) < 300
     report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
     assert report.holds, report.lines
