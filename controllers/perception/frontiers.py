@@ -302,7 +302,8 @@ def _lap_ago(world: Record) -> int:
 
     It was where it is now, and has turned once round since then. So it has not, where it has driven back and forth.
     """
-    found, nearest = world.newest, _SAME_PLACE
+    found: int = world.newest
+    nearest = _SAME_PLACE
     for back in range(world.known):
         place = (world.newest - back) % PATH
         point = world.path[place]
