@@ -314,7 +314,7 @@ class History:
       capacity: of how many ticks at first; it doubles when it is full.
     """
 
-    def __init__(self, engine: Engine, capacity: int = 512) -> None:
+    def __init__(self, engine: Engine, capacity: int = 4096) -> None:
         self._ticks = np.zeros(1, np.int64)
         state, ctrl = engine.state(0), engine.ctrl(0)
         self._now = (engine.telemetry, state, ctrl)  # live

@@ -594,9 +594,12 @@ def _keep(table: Table, kept: Table) -> None:
 
 @kernel
 def _tick(
-    table: Table, calls: NDArray[np.int64], limit: float, kept: Table, took: FloatArray, waiting: Mask
+    table: Table, calls: NDArray[np.int64], limit: float, kept: Table, took: FloatArray, waiting: Mask, goes_on: bool
 ) -> int:  # fmt: skip
-    """Sense, decide, drive and judge; return how it ended. Arguments as of `ticks`, `took` of this tick, (1,)."""
+    """Sense, decide, drive and judge; return how it ended. Arguments as of `ticks`, `took` of this tick, (1,).
+
+    `goes_on`: where the command of a car is no number, it waits, and the others are driven; else none is.
+    """
     running, commands, how = flags(table[_RUNNING]), matrix(table[_COMMANDS]), DRIVEN
     sense(table, running)
     began = seconds()
@@ -608,7 +611,9 @@ def _tick(
         return LATE
     for row in range(len(running)):
         if running[row] and not (math.isfinite(commands[row, 0]) and math.isfinite(commands[row, 1])):
-            running[row], waiting[row], how = False, True, NO_NUMBERS
+            running[row], waiting[row], how = not goes_on, goes_on, NO_NUMBERS
+    if how != DRIVEN and not goes_on:
+        return how
     drive(table)
     end_failed(table)
     if how == DRIVEN:
@@ -624,19 +629,20 @@ def ticks(
     """Do several ticks of worlds of one car; return how the worst of them ended, and how many the last world did.
 
     A world does all its ticks before the next one, so that what it remembers stays near the processor. A car whose
-    command is no number is not driven, and does none of the ticks that follow.
+    command is no number is not driven, and does none of the ticks that follow. A single tick all worlds do together,
+    and none is driven then.
 
     Args:
       table: of the worlds.
       calls: that decide, see ControllerBatch.
       limit: of a decision [s].
-      kept: a table of KEPT.
+      kept: a table of KEPT; for more than a tick, of one world.
       took: (k,) [s] of each decision of the last world, written to: room for k ticks. Of one that raises, less the time
         of the clock at which it began.
       waiting: (r,) False; where a decision raises, the cars that run and are not marked as running are left there.
     """
-    running, how, count = flags(table[_RUNNING]), DRIVEN, 0
-    together = max(len(running) // _TURNS, 1)
+    running, how, count, several = flags(table[_RUNNING]), DRIVEN, 0, len(took) > 1
+    together = max(len(running) // _TURNS, 1) if several else len(running)
     for row in range(len(running)):
         waiting[row], running[row] = running[row], False
     for first in range(0, len(running), together):
@@ -645,7 +651,7 @@ def ticks(
             running[row], waiting[row] = waiting[row], False
         count = 0
         while count < len(took) and how != LATE and running[first:end].any():
-            how = max(how, _tick(table, calls, limit, kept, took[count : count + 1], waiting))
+            how = max(how, _tick(table, calls, limit, kept, took[count : count + 1], waiting, several))
             count += 1
         for row in range(first, end):
             waiting[row], running[row] = running[row] or waiting[row], False

@@ -522,8 +522,8 @@ class Engine(Uncopied):
                 self.decide()
             else:
                 clock.time(self.decide)
-        else:
-            return self._tick_at_once(calls, clock, history, most)
+        elif self._tick_at_once(calls, clock, history, most):
+            return self._driven
         driven = self.running.copy()
         if not driven.any():  # no planner is left
             return driven
@@ -544,9 +544,10 @@ class Engine(Uncopied):
                 self._calls = self.planners.compiled_calls(self)
         return self._calls
 
-    def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None, most: int) -> Mask:
-        """Do up to `most` ticks in one compiled call; return which cars were driven, (r,).
+    def _tick_at_once(self, calls: Calls, clock: Clock | None, history: Keeper | None, most: int) -> bool:
+        """Do up to `most` ticks in one compiled call; return False where the planners have failed in the only one.
 
+        Then the rest of it is still to be done.
         What `clock` raises, and planners that have failed, leave the cars as they are.
         """
         planners = self.planners
@@ -565,14 +566,13 @@ class Engine(Uncopied):
             took[failed_at] += time.perf_counter()
             _note(clock, took[: failed_at + 1])
             self._end(planners.failed(error, self))
-            self._driven &= self.running
-            return self._driven
+            return False
         _note(clock, took[:count])
         if how == NO_NUMBERS:
             reasons = planners.refused(self)
             self._end(reasons)
             self._driven[reasons > 0] = False
-        return self._driven
+        return how != NO_NUMBERS or most > 1
 
     def _end(self, reasons: Reasons) -> None:
         """End the races of the cars whose planner has failed."""

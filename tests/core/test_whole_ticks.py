@@ -157,6 +157,16 @@ def test_a_command_that_is_no_number_ends_the_race_of_its_car_alone(raises):
     assert found[0] == found[1] and found[0][2:4] == ((4, 5) if raises else (7, 7))
 
 
+def test_several_ticks_in_a_call_leave_what_single_ones_do():
+    one, other = failing_engine(3, False, False), failing_engine(3, False, False)
+    for _ in range(7):
+        one.tick()
+    assert other.tick(most=7).tolist() == [False, True, True]
+    for of in (lambda engine: engine.times, lambda engine: engine.telemetry, lambda engine: engine.monitor.reasons):
+        assert of(one).tobytes() == of(other).tobytes()
+    assert other.running.tolist() == [False, True, True] and list(other.planners.failures) == [0]
+
+
 @kernel
 def refuses_odd_numbers(number):
     if number % 2:
