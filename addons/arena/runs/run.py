@@ -236,14 +236,13 @@ class Run:
         cars = []
         for place, planner in enumerate(self.planners):
             won = several and culprit not in (None, place)
-            among: dict[str, Any] = {"started": place + 1, "position": 1 if won else len(self.planners), "points": int(won),
-                     "overtakes": 0, "contacts": 0, "at_fault": 0, "warnings": 0}  # fmt: skip
-            own = reason if place == culprit else "", message if place == culprit else None
-            cars.append(
-                CarFigures(
-                    planner=planner, end_reason=own[0], message=own[1], finished=won, **(among if several else {})
-                )
-            )  # fmt: skip
+            among: dict[str, Any] = {
+                "started": place + 1, "position": 1 if won else len(self.planners), "points": int(won), "overtakes": 0,
+                "contacts": 0, "at_fault": 0, "warnings": 0,
+            }  # fmt: skip
+            ended, why = (reason, message) if place == culprit else ("", None)
+            own = among if several else {}
+            cars.append(CarFigures(planner=planner, end_reason=ended, message=why, finished=won, **own))
         winner = next((car.planner for car in cars if car.finished), None) if len(cars) == 2 else None
         said = message if culprit is None or not several else f"{self.planners[culprit]}: {message}"
         return self._row(cars=tuple(cars), message=said, winner=winner, **others)
