@@ -294,9 +294,9 @@ def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(cap
     grid = ["compare", "--controller", planner(v4="killed"), "--track", "oval", "--max-speed", "3,4,5", "--laps", "1"]
     assert main([*grid, "--time-limit", "0.3", "--workers", "2", "--out", "out"]) == 1
     assert "warning: mine.py:Planner on oval, max_speed 4.0: the worker ended by SIGKILL" in capfd.readouterr().err
-    rows = fg.compare(
-        ["mine.py:Planner"], track=["oval"], max_speed=[3, 4, 5], laps=1, time_limit=0.3, workers=1, out="out",
+    again = fg.compare(
+        ["mine.py:Planner"], track=["oval"], max_speed=[3.0, 4.0, 5.0], laps=1, time_limit=0.3, workers=2, out="out",
         pictures=False,
     )  # fmt: skip
-    assert rows.runs_driven == 0
-    assert [row.figures.end_reason for row in rows.rows] == ["time_limit", "worker_died", "time_limit"]
+    assert again.runs_driven == 0
+    assert [row.cars[0].end_reason for row in again.rows] == ["time_limit", "worker_died", "time_limit"]
