@@ -295,7 +295,7 @@ def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(cap
     assert main([*grid, "--time-limit", "0.3", "--workers", "2", "--out", "out"]) == 1
     assert "warning: mine.py:Planner on oval, max_speed 4.0: the worker ended by SIGKILL" in capfd.readouterr().err
     again = fg.compare(
-        ["mine.py:Planner"], track=["oval"], max_speed=[3.0, 4.0, 5.0], laps=1, time_limit=0.3, workers=2, out="out",
+        ["mine.py:Planner"], track=["oval"], max_speed=[3, 4, 5], laps=1, time_limit=0.3, workers=2, out="out",
         pictures=False,
     )  # fmt: skip
     assert again.runs_driven == 0

@@ -129,6 +129,7 @@ def compare(  # type: ignore[misc]  # mu is an axis here
     )  # fmt: skip
     axes = {"track": [_by_name("track", each) for each in courses], "max_speed": speeds}
     axes |= {} if mu is None else {"mu": as_axis(mu)}
+    axes = {name: [float(each) if type(each) is int else each for each in values] for name, values in axes.items()}
     suite = Suite(name="comparison", groups=(Group(name="all", base=base, axes=axes, seeds=_seeds(seed)),))
     found = drive_suite(
         suite, planners, _settings(base), out=out, command="comparison", workers=workers, watch=watch, traced=pictures
