@@ -245,10 +245,10 @@ def _find_frontier(memory: Record, lidar_offset: float) -> None:
             distance[queue[0]] = 0
             flood(world, bits, distance, queue, edge, AT_WALL | HOLE)
             place = a_lap_ago
-            while world.path[place, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
+            while place != world.newest and world.path[place, ALONG] < world.path[a_lap_ago, ALONG] + ahead:
                 place = (place + 1) % PATH
             cell = cell_at(world.path[place, 0], world.path[place, 1])
-            if distance[cell] != FAR:
+            if place != world.newest and distance[cell] != FAR:
                 goal[0], count, loop = cell, 1, True
                 memory.x, memory.y = world.path[place, 0], world.path[place, 1]
     memory.on_lap = count > 0
