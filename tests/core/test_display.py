@@ -79,7 +79,7 @@ def texts(tree):
 def test_what_a_notebook_shows_is_well_formed_and_escaped(lap, crashed, comparison, worlds):
     hostile = "<script>alert(1)</script>&\"'"
     track = replace(lap.world.track, name=hostile)
-    cells = tuple(replace(cell, controller=hostile) for cell in comparison.cells)
+    cells = tuple(cell | {"planner": hostile} for cell in comparison.cells)
     shown = [
         track,
         replace(lap, track=hostile, cars=(replace(lap.car, controller=hostile),)),

@@ -159,7 +159,7 @@ def test_a_comparison_drives_a_planner_with_other_weights_again(here, change):
     (here / "policy.txt").write_text("3.0" if change == "weights" else "1.0")
     again = compare()
     assert again.runs_driven == (change == "weights")
-    faster = again.rows[0].figures.mean_speed_m_s > 1.1 * first.rows[0].figures.mean_speed_m_s
+    faster = again.rows[0].car.mean_speed_m_s > 1.1 * first.rows[0].car.mean_speed_m_s
     assert faster == (change == "weights")
 
 

@@ -25,6 +25,7 @@ from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import shown
 from fg_mujoco.pictures.pages.figure_kit import require_matplotlib
 from fg_mujoco.racing.entries import Entry
+from fg_mujoco.racing.opponents import Opponents
 from fg_mujoco.racing.planners import controller_names
 from fg_mujoco.racing.rules import find_rules
 from fg_mujoco.racing.setup import OF_A_CAR, OF_A_CONTEXT, Setup, StudyKeywords
@@ -116,6 +117,7 @@ def compare(  # type: ignore[misc]  # mu is an axis here
     """
     base = Setup.of(setup, caller="compare", **keywords)
     base.require_usable("a comparison", *_COMPARED)
+    Opponents.of(base)  # refuses those that no study can have
     usual: tuple[Any, ...] = (base.first.controller, base.track, base.first.max_speed)
     if setup is None:
         usual = (controller_names(), [f"{PREFIX}{name}" for name in scene_names()], FASTEST)

@@ -121,7 +121,7 @@ def _alone(
         runs.append(
             Run(
                 place=place | values, setup=setup, planners=(choice.label,), course_sha256=course_sha256(course),
-                origins=tuple(loaded.origin(entry, course) for entry in setup.entries),
+                origins=tuple(loaded.origin(entry, course, place) for place, entry in enumerate(setup.entries)),
             )
         )  # fmt: skip
     return runs
@@ -271,8 +271,8 @@ class Loaded:
                 raise SettingsError(f"{placed} obstacles on track {course.name!r}; accepted: at most {most}")
         return course
 
-    def origin(self, entry: Entry, course: Course) -> Origin:
-        """Return where the planner of an entry comes from; it is built once for that.
+    def origin(self, entry: Entry, course: Course, place: int = 0) -> Origin:
+        """Return where the planner of an entry, on a place of the grid, comes from; it is built once for that.
 
         Raises:
           ControllerError: it is an object, or cannot be built.
@@ -285,5 +285,10 @@ class Loaded:
         key = Setup(entries=(replace(entry, seed=0, start=None),)), course.name
         if key not in self._origins:
             choice = ControllerChoice.of(entry.controller)
-            self._origins[key] = Origin(sha256=choice.sha256, files=by_name(check_planner(choice, course, entry)))
+            try:
+                self._origins[key] = Origin(sha256=choice.sha256, files=by_name(check_planner(choice, course, entry)))
+            except ControllerError as error:
+                if place == 0:
+                    raise
+                raise ControllerError(f"{entry.name or f'car_{place}'}: {error}") from error
         return self._origins[key]
