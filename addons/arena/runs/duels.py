@@ -86,6 +86,8 @@ class Duels:
         if isinstance(self.starts, int):
             require_whole("starts", self.starts, 1, _MOST_STARTS, why="or a list of metres")
         known = LANES if self.speed else OPPONENTS
+        if not self.opponent:
+            raise SettingsError(f"opponent is empty; {accepted_names('', known)}")
         for name in self.opponent:
             if not isinstance(name, str) or name not in known:
                 raise SettingsError(f"opponent {shown(name)}; {accepted_names(name, known)}")

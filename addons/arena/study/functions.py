@@ -72,7 +72,7 @@ def study(
 
     Args:
       suite: or the path of its file.
-      planners: one or more, as `race` takes them; for a suite with checks a file with one planner is enough.
+      planners: one or more, as `race` takes them; of a file with one planner the file is enough.
       out: a new or empty folder, or one of the same suite.
       every: drive only one in so many runs of each planner, drawn by lot, always the same.
       workers: processes; None: as many as there are cores; one: no other than this.

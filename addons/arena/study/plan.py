@@ -19,7 +19,7 @@ from fg_mujoco.errors import ControllerError, FgMujocoError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 from fg_mujoco.racing.entries import Entry, check_starts, grid_starts
 from fg_mujoco.racing.opponents import opponent_seed
-from fg_mujoco.racing.planners import ControllerChoice
+from fg_mujoco.racing.planners import ControllerChoice, only_planner
 from fg_mujoco.racing.resolved import Resolved, ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.racing.trust import by_name, check_planner
@@ -53,7 +53,8 @@ def plan(
 
     Args:
       suite: what is driven.
-      planners: each as `race` takes it; of heats also an Entry with a car of its own.
+      planners: each as `race` takes it, of a file with one planner the file is enough; of heats also an Entry with a
+        car of its own.
       every: only one in so many runs of each planner, drawn by lot, always the same.
       marks: folder for files that say whose turn it is.
       keep: folder for run folders; empty: none are kept.
@@ -75,7 +76,7 @@ def plan(
     if suite.kind == "heats":
         heats = [heat for group in suite.groups for heat in _heats(group, planners, keep, loaded)]
         return [replace(heat, mark=f"{marks}/{heat.key[:24]}" if marks else "") for heat in heats]
-    choices = [ControllerChoice.of(_text(each)) for each in planners]
+    choices = [ControllerChoice.of(only_planner(_text(each))) for each in planners]
     require_axis("planner", [choice.label for choice in choices])
     find = _duels if suite.kind == "duels" else _alone
     runs: list[Run] = []
@@ -187,7 +188,7 @@ def _heats(group: Group, planners: Sequence[Planner], keep: str, loaded: Loaded)
 
 
 def _entry(planner: Planner, first: Entry) -> Entry:
-    return planner if isinstance(planner, Entry) else first.like(_text(planner))
+    return planner if isinstance(planner, Entry) else first.like(only_planner(_text(planner)))
 
 
 def _named(entries: Sequence[Entry]) -> tuple[Entry, ...]:
@@ -286,7 +287,8 @@ class Loaded:
         if key not in self._origins:
             choice = ControllerChoice.of(entry.controller)
             try:
-                self._origins[key] = Origin(sha256=choice.sha256, files=by_name(check_planner(choice, course, entry)))
+                files = by_name(check_planner(choice, course, entry))
+                self._origins[key] = Origin(sha256=choice.sha256, files=files)
             except ControllerError as error:
                 if place == 0:
                     raise

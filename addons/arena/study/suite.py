@@ -188,8 +188,13 @@ def _suite(given: Mapping[str, Any], stem: str, sha256: str) -> Suite:
     total = sum(check.points for _, check in found)
     assists, number = values.get("assists", []), values.get("version", 1)
     require_whole("version", number, 1)
-    if not isinstance(assists, list) or not isinstance(values.get("name", stem), str):
-        raise SettingsError(f"assists is {shown(assists)}; accepted: a list of names, and a name that is a text")
+    for key, value, kind, accepted in (
+        ("assists", assists, list, "a list of names"), ("name", values.get("name", stem), str, "a text"),
+    ):  # fmt: skip
+        if not isinstance(value, kind):
+            raise SettingsError(f"{key} is {shown(value)}; accepted: {accepted}")
+    if "passing" in values and not found:
+        raise SettingsError(f"passing is {shown(values['passing'])} without checks; accepted: with [[checks]]")
     return Suite(
         name=values.get("name", stem), groups=tuple(made), assists=tuple(assists), sha256=sha256,
         version=number,

@@ -217,6 +217,8 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         ({"controller": []}, "no planner is given"),
         ({"controller": ["gap_finder", "gap_finder"]}, "planner gap_finder is given twice"),
         ({"controller": ["nobody"]}, "'nobody' is not known"),
+        ({"controller": ["nothing.py"]}, "there is no file nothing.py"),
+        ({"controller": ["nothing.py:Mine"]}, "there is no file nothing.py"),
         ({"controller": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
         ({"track": ["nowhere"]}, "unknown track 'nowhere'"),
         ({"seed": []}, "no seed is given"),

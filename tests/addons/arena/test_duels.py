@@ -211,6 +211,8 @@ GROUP = '[[groups]]\nname = "a"\ntrack = "oval"\nopponent = "middle"\nspeed = 0.
         (f"{GROUP}starts = 1000\nheadway = [1, 1, 1]\noffset = {[0] * 99}\n", "make 297000"),
         (GROUP.replace('"middle"', "[1]"), "opponent 1; accepted: "),
         (GROUP.replace('"oval"', "[]"), "no track is given"),
+        (GROUP.replace('"middle"', "[]"), "opponent is empty; accepted: right"),
+        (f"passing = 3\n{GROUP}", "passing is 3 without checks"), (f"name = 5\n{GROUP}", "name is 5; accepted: a text"),
         (f'{GROUP}starts = ["a"]\n', "starts has 'a'; accepted"),
         (GROUP.replace("middle", "midle"), "did you mean 'middle'?"),
         (f"{GROUP}speeds = [0.5]\n", "speeds is no setting of a group"),
