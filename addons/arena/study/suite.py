@@ -99,6 +99,8 @@ class Group:
             of_race = {name: value for name, value in chosen.items() if name not in of_car}
             first = alone.replace(**of_car).first
             setup = replace(self.base.replace(**of_race), entries=(first, *self.base.entries[1:]))
+            if is_scene(setup) and isinstance(setup.obstacles, int):  # it has its own
+                setup = replace(setup, obstacles=())
             place = {"course": course_name(str(setup.track)) if isinstance(setup.track, str) else setup.track.name}
             place |= {name: value for name, value in chosen.items() if name != "track"}
             for seed in (self.seeds if is_drawn(setup) else (None,)) if self.seeds else ():
@@ -315,8 +317,12 @@ def is_drawn(setup: Setup) -> bool:
     """Return whether anything of a setup is drawn from a seed."""
     placed, moving = setup.obstacles, setup.moving
     on_course = (isinstance(placed, int) and placed > 0) or (isinstance(moving, str) and moving != "")
-    scene = isinstance(setup.track, str) and setup.track.startswith(PREFIX)
-    return on_course or scene or any(map(draws, setup.entries))
+    return on_course or is_scene(setup) or any(map(draws, setup.entries))
+
+
+def is_scene(setup: Setup) -> bool:
+    """Return whether a setup is raced through a scene."""
+    return isinstance(setup.track, str) and setup.track.startswith(PREFIX)
 
 
 def draws(entry: Entry) -> bool:
@@ -328,9 +334,7 @@ def draws(entry: Entry) -> bool:
 
 def seeded(setup: Setup, seed: int) -> Setup:
     """Return a setup in which all that is drawn is drawn from a seed."""
-    track = setup.track
-    if isinstance(track, str) and track.startswith(PREFIX) and track.count(":") == 1:
-        track = f"{track}:{seed}"
+    track = f"{setup.track}:{seed}" if is_scene(setup) and str(setup.track).count(":") == 1 else setup.track
     first, *others = setup.entries
     cars = [replace(entry, seed=opponent_seed(seed, place, entry.seed)) for place, entry in enumerate(others, start=1)]
     return replace(setup, track=track, obstacle_seed=seed, entries=(replace(first, seed=seed), *cars))

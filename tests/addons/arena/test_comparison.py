@@ -347,7 +347,7 @@ def test_each_friction_is_a_run_and_that_of_the_race(here):
 
 
 def test_a_scene_is_driven_once_with_each_seed():
-    comparison = compare(["gap_finder"], track="scene:corridor_sparse", obstacles=0, laps=3, pictures=True)
+    comparison = compare(["gap_finder"], track="scene:corridor_sparse", obstacles=2, laps=3, pictures=True)
     assert [row.place["course"] for row in comparison.rows] == ["scene:corridor_sparse"] * 2
     assert [row.place["seed"] for row in comparison.rows] == [0, 4]
     assert all(row.car.laps_requested == 1 for row in comparison.rows)
