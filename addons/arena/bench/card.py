@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -130,7 +130,7 @@ def bench(
     staged = hasattr(choice.load(), "source_laws")
     with TemporaryDirectory(prefix="fg_mujoco-card-") as folder:
         found = drive_suite(
-            suite if staged else suite.with_assists("none"), [source], out=folder, workers=workers, watch=watch,
+            suite if staged else replace(suite, assists=("none",)), [source], out=folder, workers=workers, watch=watch,
             timed=True,
         )  # fmt: skip
     rows: dict[str, list[dict[str, Any]]] = {}

@@ -35,12 +35,13 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.course.course import Course
 from fg_mujoco.course.track import Track
 from fg_mujoco.errors import ControllerError, SettingsError, TrackError, accepted_names
 from fg_mujoco.messages import Controller, require_whole, shown
 from fg_mujoco.racing.entries import Entry
 from fg_mujoco.racing.race import RaceProgress, race_setup
-from fg_mujoco.racing.result import CarResult, RaceResult
+from fg_mujoco.racing.result import RaceResult
 from fg_mujoco.racing.setup import OF_A_CAR, Setup
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.settings import Start
@@ -172,8 +173,8 @@ class Duel(Run):
         """See Run."""
         return self.failed("worker_died", how, figures={"outcome": "failed"})
 
-    def race(self) -> tuple[RaceResult, float, float]:
-        """Race until it is decided, and return the result, the share of the speed and the planner's start [m].
+    def race(self) -> tuple[RaceResult, _Watch, float, float]:
+        """Race until it is decided; return the result, its watch, the share of the speed and the planner's start [m].
 
         Raises:
           ControllerError: the planner cannot be built, or does not drive two laps alone.
@@ -197,15 +198,12 @@ class Duel(Run):
             result = race_setup(setup, watch=watch)
         if not watch.decided and any(car.end_reason == "interrupted" for car in result.cars):
             raise KeyboardInterrupt
-        return result, share, start
+        return result, watch, share, start
 
-    def _judge(self, result: RaceResult, share: float, start: float) -> RunRow:
+    def _judge(self, result: RaceResult, watch: _Watch, share: float, start: float) -> RunRow:
         planner, opponent = result.cars
         touch = result.contacts[0] if result.contacts else None
-        ahead = _lead(planner, opponent)
         crashed = planner.end_reason == "crash" or (self.placed and opponent.end_reason == "crash")
-        driven = float(planner.column("progress_m")[-1])
-        since = _leads_since(planner, opponent, 0.5 * result.world.parameters.length)
         taken = result.sim_time_s
         if touch is not None:
             outcome = "touch"
@@ -214,16 +212,16 @@ class Duel(Run):
         elif planner.end_reason not in ("interrupted", "finished", "time_limit" if self.placed else ""):
             outcome = "stopped"
         elif self.placed:
-            outcome = "overtaken" if ahead[-1] > 0.0 else "behind"
+            outcome = "overtaken" if watch.ahead > 0.0 else "behind"
         else:
-            outcome = "overtaken" if taken - since >= AHEAD_FOR - 1e-9 else "behind"
+            outcome = "overtaken" if watch.led else "behind"
         lost = None
         if outcome == "overtaken" and not self.placed:
-            lost = taken - time_alone(self.setup, start, driven)
+            lost = taken - time_alone(self.setup, start, watch.driven)
         usual = ("interrupted", "time_limit")
         said = "; ".join(f"{car.name}: {car.end_reason}" for car in result.cars if car.end_reason not in usual)
         figures = {
-            "outcome": outcome, "share": share, "start_s_m": start, "taken_s": taken, "ahead_m": float(ahead[-1]),
+            "outcome": outcome, "share": share, "start_s_m": start, "taken_s": taken, "ahead_m": watch.ahead,
             "time_lost_s": lost, "to_blame": touch.at_fault if touch else None,
             "blame_reason": touch.reason if touch else None,
             "closing_speed_m_s": touch.closing_speed_m_s if touch else None,
@@ -234,35 +232,31 @@ class Duel(Run):
 
 
 class _Watch:
-    """Ends a duel, by an interrupt as of Ctrl-C, when it is decided."""
+    """Ends a duel, by an interrupt as of Ctrl-C, when it is decided.
+
+    Attributes:
+      decided: whether it is.
+      driven: progress of the planner's car [m].
+      ahead: by how much it is ahead of the opponent along the centreline [m], negative behind.
+      led: whether it has been ahead for AHEAD_FOR.
+    """
 
     def __init__(self, duel: Duel) -> None:
-        self.decided = False
+        self.decided = self.led = False
+        self.driven = self.ahead = 0.0
         self._duel, self._since, self._half = duel, math.nan, 0.5 * duel.setup.first.car.parameters.length
         self._least = math.inf if duel.placed else duel.laps * closed_track(duel.setup).length
 
     def __call__(self, progress: RaceProgress) -> None:
-        own, other = progress.progress_m
-        if math.isnan(self._since) or own - other < self._half:
-            self._since = progress.time if own - other >= self._half else math.nan
-        led = not self._duel.placed and progress.time - self._since >= AHEAD_FOR - 1e-9
+        self.driven, other = progress.progress_m
+        self.ahead = self.driven - other
+        if math.isnan(self._since) or self.ahead < self._half:
+            self._since = progress.time if self.ahead >= self._half else math.nan
+        self.led = not self._duel.placed and progress.time - self._since >= AHEAD_FOR - 1e-9
         over = not progress.running[0] or (self._duel.placed and not progress.running[1])
-        self.decided = progress.last_touch_s > 0.0 or led or over or own >= self._least
+        self.decided = progress.last_touch_s > 0.0 or self.led or over or self.driven >= self._least
         if self.decided:
             raise KeyboardInterrupt
-
-
-def _lead(planner: CarResult, opponent: CarResult) -> np.ndarray:
-    """Return how far the planner's car is ahead along the centreline at the start of each tick (n,) [m]."""
-    return planner.column("progress_m") - opponent.column("progress_m")
-
-
-def _leads_since(planner: CarResult, opponent: CarResult, least: float) -> float:
-    """Return since when the planner's car is ahead by so much without a pause, at the end [s]; inf: it is not."""
-    leads = _lead(planner, opponent) >= least
-    behind = np.flatnonzero(~leads)
-    first = int(behind[-1]) + 1 if len(behind) else 0
-    return float(planner.column("time_s")[first]) if first < len(leads) else math.inf
 
 
 def opponent_entry(first: Entry, opponent: Controller, start: Start | None) -> Entry:
@@ -278,10 +272,18 @@ def closed_track(setup: Setup) -> Track:
     Raises:
       TrackError: no closed track, or one that cannot be loaded.
     """
-    track = load_track(setup.track, car=setup.first.car.parameters)
-    if not (isinstance(track, Track) and track.closed):
-        raise TrackError(f"track {track.name!r} is no circuit; accepted: a closed track")
-    return track
+    return require_circuit(load_track(setup.track, car=setup.first.car.parameters))
+
+
+def require_circuit(course: Course) -> Track:
+    """Return a course that is a closed track.
+
+    Raises:
+      TrackError: it is none.
+    """
+    if not (isinstance(course, Track) and course.closed):
+        raise TrackError(f"track {course.name!r} is no circuit; accepted: a closed track")
+    return course
 
 
 def alone(setup: Setup) -> Setup:

@@ -50,7 +50,7 @@ class GradedDrive(Run):
             drive = Drive(result=result, ground=ground_of(self.setup))
             verdicts = [(each, each.check.judge(drive)) for each in self.checks]
             checks = [self._checked(each, verdict.measured, bool(verdict.passed)) for each, verdict in verdicts]
-            return self.row(result, checks=tuple(checks), picture=self._picture(result), figures={"failed": None})
+            return self.row(result, checks=tuple(checks), picture=self._picture(result))
         except Exception as error:
             return self._without_points("not_judged", f"the drive cannot be judged: {why_failed(error)}")
 
@@ -70,7 +70,7 @@ class GradedDrive(Run):
             "picture": self._picture(result), "sim_time_s": result.sim_time_s,
             "trajectory_sha256": result.trajectory_sha256,
         }  # fmt: skip
-        return self.failed(reason, said, checks=checks, figures={"failed": said}, **driven)
+        return self.failed(reason, said, checks=checks, **driven)
 
     def _picture(self, result: RaceResult) -> str:
         car = result.car

@@ -28,6 +28,7 @@ from .tables import (
     Cell,
     Line,
     cells_of,
+    conditions,
     count,
     ends,
     fixed,
@@ -38,11 +39,7 @@ from .tables import (
     share_of,
     spread,
     table_of,
-    varying,
 )
-
-CONDITIONS = ("assist", "group", "course", "max_speed", "mu", "planner_mu")
-"""Names of what runs alone are grouped by, where a study has several values of them."""
 
 
 def _alone(runs: Sequence[Line]) -> Cell:
@@ -87,12 +84,10 @@ class Comparison(Study):
     @staticmethod
     def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
         """See Study."""
-        lines = lines_of(rows)
-        names = varying(lines, CONDITIONS)
-        return cells_of(lines, [("planner", *names, *([] if "course" in names else ["course"]))], _alone)
+        return cells_of(lines_of(rows), [("planner", *conditions(rows, always=("course",)))], _alone)
 
     def _tables(self) -> list[Table]:
-        places = [name for name in ("planner", *CONDITIONS) if name in self.cells[0]]
+        places = ("planner", *conditions(self.rows, always=("course",)))
         legend = (
             "A success has finished and touched nothing but other cars; the interval of its share is Wilson's at 95 %. "
             'Lap times are of the successes alone, "of runs" says of how many: the median of their best laps with its '
@@ -156,13 +151,13 @@ class Overtaking(Study):
     def make_cells(rows: Sequence[RunRow]) -> tuple[Cell, ...]:
         """See Study. Cells are by opponent, by its speed and by course, and over all."""
         lines = lines_of(rows)
-        own = varying(lines, ("assist", "group"))
+        own = conditions(rows, but=(*_PARTS, "start_m", "headway_m", "offset_m"))
         parts = [name for name in _PARTS if any(name in line for line in lines)]
         groupings = [(*own, *of_part) for of_part in ([*parts], *([name] for name in parts), [])]
         return cells_of(lines, [("planner", *grouping) for grouping in groupings], _duels)
 
     def _tables(self) -> list[Table]:
-        places = [name for name in self.cells[0] if name in ("planner", "assist", "group", *_PARTS)]
+        places = list(self.cells[0])[: list(self.cells[0]).index("runs")]
         parts = [name for name in places if name in _PARTS]
         few = [cell for cell in self.cells if sum(cell[name] != ALL for name in parts) <= 1]
         legend = (
@@ -312,7 +307,7 @@ class Grades(Study):
         grades = []
         for planner in dict.fromkeys(row.car.planner for row in rows):
             checks = checks_of(rows, planner)
-            failed = dict.fromkeys(row.figures["failed"] for row in rows if row.car.planner == planner)
+            failed = dict.fromkeys(row.message for row in rows if row.car.planner == planner)
             grades.append(
                 {"planner": planner, "points": sum(each.points for each in checks),
                  "of": sum(each.of for each in checks), "passed": sum(each.passed for each in checks),

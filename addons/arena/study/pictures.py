@@ -17,7 +17,7 @@ from fg_mujoco.rollouts.rollout_result import wilson
 from fg_mujoco.simulation.cars import footprint
 
 from ..runs.run import Run, RunRow
-from .tables import Cell, Line, interval, varying
+from .tables import Cell, Line, conditions, interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +101,7 @@ def trace_pictures(runs: Sequence[Run], rows: Sequence[RunRow], out: Path) -> No
       MissingExtraError: matplotlib is not installed.
       OSError: a file cannot be written.
     """
-    several = varying([row.place for row in rows], ("max_speed", "mu", "assist", "group"))
+    several = conditions(rows, but=("course",))
     groups: dict[str, dict[str, list[tuple[Run, RunRow]]]] = {}
     for run, row in zip(runs, rows, strict=True):
         words = [row.place["course"].removeprefix("scene:"), *(f"{name} {row.place[name]}" for name in several)]

@@ -27,7 +27,7 @@ from fg_mujoco.simulation.cars import GREATEST_CARS
 from fg_mujoco.simulation.course_loading import load_track
 from fg_mujoco.simulation.settings import Start
 
-from ..runs.duels import Duel, closed_track
+from ..runs.duels import Duel, require_circuit
 from ..runs.graded_drive import GradedDrive
 from ..runs.run import Origin, Run
 from .suite import DECISION_LIMIT, Group, Suite, draws, require_axis
@@ -113,12 +113,11 @@ def _alone(
         course = loaded.course(setup)
         if setup.laps is not None and course.most_laps is not None:  # a scene is driven once
             setup = replace(setup, laps=min(setup.laps, course.most_laps))
-        ground = ground_of(setup, course) if len(setup.entries) > 1 or setup.obstacles else None
         if len(setup.entries) > 1:
             cars, names = [entry.car.parameters for entry in setup.entries], [str(each.name) for each in setup.named]
             places = grid_starts(course, cars, setup.grid)
             starts = [entry.start or own for entry, own in zip(setup.entries, places, strict=True)]
-            check_starts(course, starts, cars, names, ground.boxes if ground else ())
+            check_starts(course, starts, cars, names, ground_of(setup, course).boxes)
         runs.append(
             Run(
                 place=place | values, setup=setup, planners=(choice.label,), course_sha256=course_sha256(course),
@@ -136,8 +135,7 @@ def _duels(
     for values, setup in replace(group, seeds=()).setups():
         first = replace(setup.first, controller=choice.source, planner_settings=dict(choice.settings))
         setup = replace(setup, entries=(first if assist is None else replace(first, assist=assist),))
-        course = closed_track(replace(setup, entries=group.base.entries))
-        course.check_car(first.car.parameters)
+        course = require_circuit(loaded.course(setup))
         for found in group.duels.places(course.length):
             for seed in [{}] if group.duels.speed else [{"seed": seed} for seed in group.seeds or (0,)]:
                 runs.append(

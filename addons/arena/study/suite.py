@@ -87,8 +87,8 @@ class Group:
             require_whole("seed", seed, 0)
         require_whole("heats", self.heats, 1)
         if self.duels is not None and self.duels.speed:
-            _require_unset({"seeds": self.seeds} if self.seeds else {}, ("seeds",), "duels from given places")
-            _require_unset({"laps": self.base.laps} if self.base.laps else {}, ("laps",), "duels from given places")
+            given = {name: value for name, value in (("seeds", self.seeds), ("laps", self.base.laps)) if value}
+            _require_unset(given, tuple(given), "duels from given places")
 
     def setups(self) -> Iterator[tuple[dict[str, Any], Setup]]:
         """Yield each combination with its values by keyword, `course` in place of `track`, and the seed."""
@@ -103,10 +103,11 @@ class Group:
                 setup = replace(setup, obstacles=())
             place = {"course": course_name(str(setup.track)) if isinstance(setup.track, str) else setup.track.name}
             place |= {name: value for name, value in chosen.items() if name != "track"}
-            for seed in (self.seeds if is_drawn(setup) else (None,)) if self.seeds else ():
-                yield place | {"seed": seed}, seeded(setup, seed or 0)
             if not self.seeds:
                 yield place, setup
+                continue
+            for seed in self.seeds if is_drawn(setup) else (None,):
+                yield place | {"seed": seed}, seeded(setup, seed or 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,15 +147,6 @@ class Suite:
     def kind(self) -> str:
         """Of its runs: "alone", "heats", "duels", "checks"."""
         return _kind_of(self.groups[0])
-
-    @property
-    def points(self) -> float:
-        """All points of its checks."""
-        return sum(each.points for group in self.groups for each in group.checks)
-
-    def with_assists(self, *assists: str) -> Suite:
-        """Return it with other assists."""
-        return replace(self, assists=assists)
 
 
 def _kind_of(group: Group) -> str:
@@ -198,8 +190,7 @@ def _suite(given: Mapping[str, Any], stem: str, sha256: str) -> Suite:
     if "passing" in values and not found:
         raise SettingsError(f"passing is {shown(values['passing'])} without checks; accepted: with [[checks]]")
     return Suite(
-        name=values.get("name", stem), groups=tuple(made), assists=tuple(assists), sha256=sha256,
-        version=number,
+        name=values.get("name", stem), groups=tuple(made), assists=tuple(assists), sha256=sha256, version=number,
         passing=_number(values.get("passing", total), "passing", most=total) if found else 0.0,
     )  # fmt: skip
 

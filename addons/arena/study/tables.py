@@ -18,7 +18,10 @@ import numpy as np
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.rollouts.rollout_result import wilson
 
+from ..runs.run import RunRow
 from .intervals import ALL, varied
+
+_SEEDS = ("seed", "obstacle_seed")  # what runs of a cell differ in
 
 Line = Mapping[str, Any]
 Cell = dict[str, Any]
@@ -40,9 +43,10 @@ def cells_of(
     return tuple(cells)
 
 
-def varying(lines: Sequence[Line], names: Iterable[str]) -> list[str]:
-    """Return the names of which lines have several values."""
-    return [name for name in names if varied(line.get(name) for line in lines)]
+def conditions(rows: Sequence[RunRow], *, always: Sequence[str] = (), but: Sequence[str] = ()) -> list[str]:
+    """Return the names of what runs differ in, besides planner, seeds and `but`; `always` are among them."""
+    names = dict.fromkeys(name for row in rows for name in row.place if name not in ("planner", *_SEEDS, *but))
+    return [name for name in names if name in always or varied(row.place.get(name) for row in rows)]
 
 
 def values_of(lines: Iterable[Line], name: str) -> list[Any]:
@@ -72,9 +76,9 @@ def spread(name: str, lines: Sequence[Line], figure: str) -> Cell:
     return {name: median, f"{name}_of": len(values), f"{name}_q25": low, f"{name}_q75": high}
 
 
-def ends(lines: Iterable[Line], name: str = "end_reason", but: str = "") -> str:
-    """Return how runs ended, as "8 finished, 2 crash", without those that ended as `but`."""
-    reasons = Counter(str(line[name]) for line in lines if line[name] != but)
+def ends(lines: Iterable[Line]) -> str:
+    """Return how runs ended, as "2 crash, 8 finished"."""
+    reasons = Counter(str(line["end_reason"]) for line in lines)
     return ", ".join(f"{number} {reason}" for reason, number in sorted(reasons.items()))
 
 

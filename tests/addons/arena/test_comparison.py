@@ -1,6 +1,7 @@
 """A comparison drives each run of its grid once, says how it went, and keeps it."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -281,6 +282,12 @@ def test_a_cell_sums_up_the_runs_of_a_planner_on_a_course():
     assert (cell["successes_low"], cell["successes_high"]) == wilson(3, 4)
     found = [other[name] for name in ("planner", "best_lap_s", "best_lap_s_of", "best_lap_s_q25")]
     assert found == ["b", None, 0, None]
+
+
+def test_runs_in_other_conditions_are_other_cells_whatever_the_conditions_are():
+    rows = [row(seed=seed) for seed in range(4)]
+    rows = [replace(each, place={**each.place, "lidar_noise": 0.01 * (seed % 2)}) for seed, each in enumerate(rows)]
+    assert [(cell["lidar_noise"], cell["runs"]) for cell in Comparison.make_cells(rows)] == [(0.0, 2), (0.01, 2)]
 
 
 def test_of_one_run_or_of_copies_of_it_there_are_no_intervals_and_no_quartiles():

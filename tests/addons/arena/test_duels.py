@@ -118,7 +118,7 @@ def test_all_planners_meet_the_same_opponents():
 def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
     """The lead is worked out once more, from where the cars stand on the map."""
     driven = duel(opponent=kind, ratio=(0.4, 0.5))
-    result, _, start = driven.race()
+    result, watch, _, start = driven.race()
     row, track = driven.drive(), result.world.track
     assert row.figures["outcome"] == "overtaken" and row.trajectory_sha256 == result.trajectory_sha256
     places = [track.project(np.stack([car.column("x_m"), car.column("y_m")], axis=1))[0] for car in result.cars]
@@ -130,7 +130,9 @@ def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
     assert row.figures["taken_s"] - AHEAD_FOR == pytest.approx(led_from, abs=0.03)
     assert leads[-1] < 2.0 + 8.0 * AHEAD_FOR  # not by a headway besides
     alone = fg.race("oval", "overtaker", start_s=start, laps=3).car
-    taken = np.interp(result.car.column("progress_m")[-1], alone.column("progress_m"), alone.column("time_s"))
+    in_last_tick = watch.driven - result.car.column("progress_m")[-1]
+    assert 0.0 < in_last_tick < 8.0 * result.world.lidar.beams.period
+    taken = np.interp(watch.driven, alone.column("progress_m"), alone.column("time_s"))
     assert row.figures["time_lost_s"] == pytest.approx(row.figures["taken_s"] - taken, abs=1e-6)
 
 
@@ -154,7 +156,7 @@ def test_a_planner_that_knows_its_opponent_is_told_where_it_is(tmp_path):
         "def plan(scan, odometry):\n    x, y = odometry.readings['opponents'].values[:2]\n"
         "    return DriveCommand(steering_angle=0.0, speed=float(x == x))\n"
     )
-    result, _, _ = duel(f"{told}:plan", seconds=0.5, knows="opponents", start_m=5.0, opponent="middle").race()
+    result, *_ = duel(f"{told}:plan", seconds=0.5, knows="opponents", start_m=5.0, opponent="middle").race()
     assert result.car.column("command_speed_m_s")[1:].all() and result.car.planner_failure is None
 
 
