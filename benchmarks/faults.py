@@ -844,7 +844,7 @@ FAULTS = {
         file="fg_mujoco/cli/options.py",
         old='return math.inf if text == "off" else number(text)',
         new='return 0.0 if text == "off" else number(text)',
-        tests="test_cli.py test_told_friction.py test_doors.py",
+        tests="test_cli.py test_planner_context.py test_doors.py",
     ),
     "opponents with the same seed": Fault(
         file="fg_mujoco/cli/options.py",

@@ -13,7 +13,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from ..errors import SettingsError
-from ..messages import require_whole
+from ..messages import require_whole, shown
 from ..pictures.pages.figure_kit import render
 from ..vehicle.changes import GREATEST_MU
 from ..vehicle.tires import CONTACT, DEFAULT_TIRES
@@ -53,9 +53,12 @@ class LabSettings:
 
     def __post_init__(self) -> None:
         require_whole("seed", self.seed, 0)
+        if not isinstance(self.quick, bool):
+            raise SettingsError(f"quick is {shown(self.quick)}; accepted: True or False")
         for name, values in (("mu", self.mus), ("steering", self.steerings)):
-            if values is not None and (not values or len(set(values)) < len(values)):
-                raise SettingsError(f"{name} is {values!r}; accepted: one value or more, each once")
+            numbers = isinstance(values, (tuple, list)) and all(isinstance(each, (int, float)) for each in values)
+            if values is not None and (not numbers or not values or len(set(values)) < len(values)):
+                raise SettingsError(f"{name} is {shown(values)}; accepted: one number or more, each once")
         for mu in self.mus or ():
             if not 0.0 < mu <= GREATEST_MU:
                 raise SettingsError(

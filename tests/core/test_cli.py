@@ -25,15 +25,11 @@ pytestmark = pytest.mark.usefixtures("here")
 STRAIGHT = """
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.setup import SETUP_KEYWORDS
-
-
 class Straight:
     def __init__(self, max_speed):
         self.speed = max_speed
-
     def reset(self):
         print("ready")
-
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=self.speed)
 """
@@ -62,11 +58,6 @@ def command(*arguments, **options):
 def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
     (here / "planner.py").write_text(text)
     assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
-
-
-def test_distortion_of_sensors_that_fire_at_once_is_refused(here, capsys):
-    line = refused(here, capsys, "race", "--lidar", "rangefinder", "--motion-distortion", "--out", "run")
-    assert "raycast" in line
 
 
 @each("form", ["table", "json"])
@@ -101,25 +92,6 @@ def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(her
     shown = capsys.readouterr()
     assert shown.err == "fg-mujoco: a.mp4: cannot be written: No space left on device\n"
     assert "written to" in shown.out and (here / "run" / "report.html").exists()
-
-
-@each(
-    ("arguments", "said"),
-    [
-        ((), "race, replay, drive, track, controllers"),
-        (("fly",), "race"),
-        (("track",), "new, show, from-image, list"),
-        (("replay",), "DIR"),
-        (("replay", "nowhere"), "summary.json"),
-        (("track", "new", "out.csv"), "--seed"),
-        (("track", "new", "--seed", "x", "out.csv"), "SEED"),
-        (("track", "new", "--seed", "1", "nowhere/out.csv"), "cannot be written"),
-        (("track", "show", "oval", "--out", "oval.csv"), ".png"),
-        (("track", "show", "oval", "--out", "nowhere/oval.png"), "cannot be written"),
-    ],
-)
-def test_a_command_that_makes_no_sense_is_refused(here, capsys, arguments, said):
-    assert said in refused(here, capsys, *arguments)
 
 
 @pytest.mark.slow

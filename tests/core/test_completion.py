@@ -25,7 +25,6 @@ OFFERED = {
 ASKED = """
 import os, sys
 from fg_mujoco.cli.main import main
-
 lines, sys.argv = sys.argv[1:], ["fg-mujoco"]
 for number, line in enumerate(lines):
     if os.fork() == 0:

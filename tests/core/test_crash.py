@@ -17,14 +17,11 @@ from fg_mujoco.vehicle.car import WHEELS
 
 PLANNER = """
 import fg_mujoco as fg
-
 class Steady:
     def __init__(self, max_speed):
         self.speed = max_speed
-
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return fg.DriveCommand(steering_angle=0.0, speed=self.speed)
 """

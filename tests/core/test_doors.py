@@ -1,6 +1,7 @@
 """One spelling of settings: races, rollouts, the live view, environments and comparisons mean the same by it."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,56 +12,69 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons import gym2d as f110
-from fg_mujoco.addons.arena.study.functions import overtake
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import _parser, main
 from fg_mujoco.cli.options import CAR as CAR_OPTIONS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Scenario, Start
+from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Start
 from refusals import refused
 from vehicle_worlds import F1TENTH, made_file
 
 START = Start(s=2.0, offset=0.15, heading=0.1, speed=1.0)
 CAR = {"vehicle": "nuc2", "mu": 0.8, "changes": fg.CarChanges(mass=4.8)}
-TOLD = {"planner_mu": 0.75, "max_speed": 4.0, "planner_settings": {"lookahead": 6.0}}
 NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
 
 
 # -- the same bits
 
 PATCH = {"x": 4.0, "y": 0.0, "length": 4.0, "width": 4.0, "mu": 0.3}
+CHANGES = fg.CarChanges(mass=4.2, center_of_gravity_height=0.08, steering_gain=0.9, command_delay=0.0223)
+SENSORS = ("imu", {"sensor": "pose", "rate": 50, "delay": 0.013, "noise_std": 0.02, "dropout_probability": 0.2})
 PHYSICS = {
-    **CAR, "tires": "forzaeth_nuc6", "obstacles": 2, "obstacle_seed": 3, "moving": "pedestrian:1", "patches": [PATCH],
-    "effects": NOISE,
+    "vehicle": st.just("nuc2"), "mu": st.sampled_from([0.8, 0.9123456]), "changes": st.just(CHANGES),
+    "tires": st.sampled_from(["forzaeth_nuc6", "slipx_reference", "contact"]), "obstacles": st.integers(1, 3),
+    "obstacle_seed": st.integers(0, 5), "moving": st.just("pedestrian:1"), "patches": st.just([PATCH]),
+    "effects": st.sampled_from([NOISE, fg.LidarEffects(dropout_probability=0.1, no_return="range_max")]),
+    "sensors": st.just(SENSORS), "start": st.sampled_from([START, Start(s=7.0, heading=-0.1)]),
 }  # fmt: skip
-PLANNED = {**TOLD, "odometry_drift": 0.1, "controller": "disparity_extender"}
+PLANNED = {
+    "planner_mu": st.sampled_from([0.75, math.inf]), "max_speed": st.just(4.0), "odometry_drift": st.just(0.1),
+    "controller": st.sampled_from(["disparity_extender", "gap_finder[lookahead=6]", "pure_pursuit"]),
+    "opponents": st.sampled_from([["wall_follow"], [fg.Entry(max_speed=2.0, mu=0.8), "pure_pursuit"]]),
+}  # fmt: skip
+SCENE = {"obstacles", "obstacle_seed", "moving", "start"}  # which a scene has, of its own
 
 
 @given(
-    physics=st.sets(st.sampled_from(sorted(PHYSICS))), planned=st.sets(st.sampled_from(sorted(PLANNED))),
-    seed=st.integers(0, 9),
+    track=st.sampled_from(["oval", "hairpins", "random:4", "scene:crossing_box:1"]), seed=st.integers(0, 9),
+    world=st.fixed_dictionaries({}, optional=PHYSICS), planned=st.fixed_dictionaries({}, optional=PLANNED),
 )  # fmt: skip
 @settings(max_examples=8, deadline=None)
-def test_a_setup_is_the_same_drive_at_every_door(tmp_path_factory, physics, planned, seed):
-    if "controller" in planned:
-        planned = planned - {"planner_settings"}  # which are those of another planner
-    world = {name: PHYSICS[name] for name in physics} | {"start": START}
-    setup = Setup.of("oval", time_limit=0.49, seed=seed, **world, **{name: PLANNED[name] for name in planned})
+def test_a_setup_is_the_same_drive_at_every_door(tmp_path_factory, track, world, planned, seed):
+    """A race is its rollout, beside another world, too; its live view; its environment; and its replay."""
+    if track.startswith("scene") or "opponents" in planned:
+        world = {name: value for name, value in world.items() if name not in SCENE}
+    setup = Setup.of(track, time_limit=0.49, seed=seed, **world, **planned)
     raced = fg.race(setup)
-    rolled = fg.rollout(setup, seeds=[seed], record="states")
-    assert (rolled.states(0) == raced.states).all() and (rolled.ctrl(0) == raced.ctrl).all()
+    rolled = fg.rollout(setup, seeds=[seed + 1, seed], record="states")
+    assert (rolled.states(1) == raced.states).all() and (rolled.ctrl(1) == raced.ctrl).all()
+    assert np.array_equal(rolled.telemetry(1), raced.car.telemetry, equal_nan=True)
+    for name in ("end_reason", "sim_time_s", "collisions", "max_slide_m_s", "mean_speed_m_s", "laps_completed"):
+        assert rolled[name][1] == raced.summary()[name], name
     session = LiveSession(setup.replace(time_limit=None))
     assert session.world.xml == raced.world.xml
-    worlds = Worlds(EnvironmentSettings.of({"setup": Setup.of("oval", **world)}), 2)
-    worlds.begin(np.ones(2, np.bool_), [START] * 2, [seed, 0])
-    commands = np.column_stack([raced.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
-    for command, state in zip(commands, raced.states[1:], strict=True):
+    for state in raced.states[1:]:
         session.tick()
-        worlds.drive(np.tile(command, (2, 1)))
         assert (session.simulation.state == state).all()
-        assert (worlds.state(0) == state).all() and (worlds.state(1) == state).all()
+    if "opponents" not in planned:
+        worlds, start = Worlds(EnvironmentSettings.of({"setup": Setup.of(track, **world)}), 2), setup.first.start
+        worlds.begin(np.ones(2, np.bool_), [start or Start()] * 2, [seed, 0])
+        commands = np.column_stack([raced.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
+        for command, state in zip(commands, raced.states[1:], strict=True):
+            worlds.drive(np.tile(command, (2, 1)))
+            assert (worlds.state(0) == state).all() and (worlds.state(1) == state).all()
     run = fg.write_run(raced, tmp_path_factory.mktemp("doors") / "run", picture=False)
     assert fg.replay(run).holds
     assert fg.race(Setup.read(fg.read_run(run).summary["settings"])).trajectory_sha256 == raced.trajectory_sha256
@@ -100,23 +114,6 @@ def test_the_f110_environment_drives_the_vehicle():
 # -- the same names
 
 
-DOORS = {
-    "race": lambda **keywords: fg.race("oval", **keywords),
-    "rollout": lambda **keywords: fg.rollout("oval", n=1, **keywords),
-    "compare": lambda **keywords: fg.compare("gap_finder", track="oval", out="nowhere", **keywords),
-    "overtake": lambda **keywords: overtake("overtaker", track="oval", out="nowhere", **keywords),
-    "drive": lambda **keywords: fg.drive("brake", **keywords),
-}
-
-
-@each("name", DOORS)
-def test_a_keyword_that_no_setup_has_is_refused_with_the_one_that_was_meant(here, name):
-    said = rf"^{name} has no argument 'time_limt'; .* did you mean 'time_limit'\?$"
-    with pytest.raises(fg.SettingsError, match=said):
-        DOORS[name](time_limt=2.0)
-    assert not list(here.iterdir())
-
-
 @each("command", ["race", "rollout", "view", "compare"])
 def test_commands_have_the_options_of_a_car_with_the_same_help(command):
     commands = _parser()._subparsers._group_actions[0].choices
@@ -127,38 +124,6 @@ def test_commands_have_the_options_of_a_car_with_the_same_help(command):
     lists = ("max_speed", "mu") if command == "compare" else ()  # axes there
     same = [name for name in CAR_OPTIONS if name not in lists]
     assert {name: helps.get(name) for name in same} == {name: race[name] for name in same}
-
-
-# -- what is refused
-
-
-@each(
-    "door", [*(DOORS[name] for name in ("race", "rollout", "compare")), Scenario, Setup.of, EnvironmentSettings]
-)
-def test_a_friction_that_is_given_twice_is_refused(here, door):
-    with pytest.raises(fg.SettingsError, match=r"mu is 0\.8 and CarChanges\.mu is 0\.5; accepted: one of them"):
-        door(mu=0.8, changes=fg.CarChanges(mu=0.5))
-    assert not list(here.iterdir())
-
-
-@each("door", [DOORS["race"], DOORS["rollout"], lambda **given: LiveSession(Setup.of(**given))])
-def test_a_setting_of_the_planner_that_is_given_twice_is_refused(door):
-    with pytest.raises(fg.SettingsError, match=r"lookahead is given in the brackets of .* and in planner_settings"):
-        door(controller="gap_finder[lookahead=6]", planner_settings={"lookahead": 6.0})
-
-
-@each(
-    ("fixed", "drawn"),
-    [
-        ({"mu": 0.8}, "mu"), ({"changes": fg.CarChanges(mass=4.0)}, "mass"), ({"planner_mu": 1.0}, "planner_mu"),
-        ({"max_speed": 5.0}, "max_speed"), ({"start": Start(speed=1.0)}, "start_speed"),
-        ({"effects": NOISE}, "lidar_noise"), ({"planner_settings": {"lookahead": 6.0}}, "planner.lookahead"),
-        ({"controller": "gap_finder[lookahead=6]"}, "planner.lookahead"),
-    ],
-)  # fmt: skip
-def test_a_setting_that_is_fixed_and_randomised_is_refused(fixed, drawn):
-    with pytest.raises(fg.SettingsError, match=f"{drawn} is given for all worlds and in randomize"):
-        fg.rollout("oval", n=1, randomize={drawn: (0.9, 1.0)}, **fixed)
 
 
 # -- what is written down

@@ -116,7 +116,6 @@ def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
 PLANNERS = '''
 import math
 from fg_mujoco.messages import DriveCommand, STOP
-
 class Straight:
     def __init__(self, max_speed):
         self.speed = max_speed
@@ -127,13 +126,11 @@ class Straight:
         return self.answer(scan)
     def answer(self, scan):
         return DriveCommand(steering_angle=0.0, speed=self.speed)
-
 class Raises(Straight):
     def answer(self, scan):
         if self.speed > 2.0 and self.ticks > 3:
             raise RuntimeError("no idea")
         return DriveCommand(steering_angle=0.0, speed=1.0)
-
 class Together(Straight):
     """Decides for many worlds at once; one command is no number."""
     @classmethod

@@ -46,13 +46,11 @@ import gymnasium, mujoco.viewer
 from fg_mujoco.envs import rendering
 from fg_mujoco.envs.dm_environment import load
 from fg_mujoco.envs.gym_environment import ID, RENDER_MODES
-
 class StandIn:  # for a window
     shown, cam = 0, mujoco.MjvCamera()
     def is_running(self): return True
     def sync(self): StandIn.shown += 1
     def close(self): pass
-
 mujoco.viewer.launch_passive = lambda *args, **settings: StandIn()
 rendering.can_open_window = lambda: True  # on a machine without a display, too
 env = load("oval", beam_step=540)

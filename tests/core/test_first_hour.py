@@ -12,9 +12,8 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from conftest import Straight
-from fg_mujoco.errors import ArgumentError, MessageError
+from fg_mujoco.errors import MessageError
 from fg_mujoco.simulation.telemetry import TELEMETRY
-from refusals import refused
 
 SHORT = {"laps": 1, "time_limit": 0.1}
 
@@ -61,46 +60,6 @@ def test_an_attribute_that_python_itself_looks_for_is_no_matter_of_names(scan):
 
 
 # arguments
-
-
-def test_wrong_arguments_of_all_that_is_public_are_refused_in_one_line():
-    refused_by = set()
-    for name in fg.__all__:
-        found = getattr(fg, name)
-        if not callable(found) or getattr(found, "_is_protocol", False) or name.endswith("Error"):
-            continue
-        kind, said = (ArgumentError, f"^{name} has no argument 'nonsense'")
-        if name == "parallel_env":  # whose settings are those of environments
-            kind, said = fg.SettingsError, "^an environment has no setting 'nonsense'"
-        with pytest.raises(kind, match=said) as caught:
-            found(nonsense=1)
-        assert "\n" not in str(caught.value)
-        refused_by.add(name)
-    assert issubclass(ArgumentError, TypeError)
-    assert {"race", "rollout", "compare", "load_track", "DriveCommand", "Patch", "World", "Entry"} <= refused_by
-
-
-@each(
-    ("call", "said"),
-    [
-        (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'?"),
-        (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'?"),
-        (lambda: fg.race("oval", gui=True), "`fg-mujoco view` shows a race as it goes"),
-        (lambda: fg.race("oval", out="x"), "fg_mujoco.write_run(result, DIR) writes a run folder"),
-        (lambda: fg.race("oval", "gap_finder", 3), "accepted: 2 at most, as in race(track, controller)"),
-        (lambda: fg.race(), "race lacks track; accepted: race(track, controller)"),
-        (lambda: fg.rollout("oval", worlds=2), "did you mean 'n'?"),
-        (lambda: fg.load_track("oval", cars=3), "did you mean 'car'?"),
-        (lambda: fg.LidarEffects(noise=0.1), "did you mean 'range_noise_std'?"),
-        (lambda: fg.DriveCommand(0.1, 1.0), "accepted: none, as in DriveCommand(steering_angle=..., speed=...)"),
-        (lambda: fg.DriveCommand(speed=1.0), "lacks steering_angle; accepted: DriveCommand(steering_angle=..., speed"),
-        (lambda: fg.Patch(x=1.0), "Patch lacks y, length, width, mu; accepted: Patch(x=..., y=..., length=..., "),
-    ],
-)
-def test_a_wrong_argument_is_answered_with_the_one_that_was_meant(call, said):
-    with pytest.raises(fg.FgMujocoError) as caught:
-        call()
-    assert said in str(caught.value)
 
 
 @each(
@@ -218,11 +177,6 @@ def test_what_is_no_planner_in_a_file_says_what_to_add(planner_file, name, said)
         fg.race("oval", f"{planner_file}{name}", **SHORT)
 
 
-def test_a_class_in_place_of_a_planner_says_how_one_is_made():
-    with pytest.raises(fg.ControllerError, match=r"accepted: an object of it, such as Straight\(\)"):
-        fg.race("oval", Straight, **SHORT)
-
-
 def test_a_planner_that_writes_to_a_scan_by_numpy_is_told_to_copy(planner_file):
     with pytest.warns(UserWarning, match=r"read-only; .* ranges = scan.ranges.copy\(\) \(.*mine.py, line 9\)"):
         result = fg.race("oval", f"{planner_file}:fails", **SHORT)
@@ -282,25 +236,3 @@ def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):
 
 
 # commands
-
-COMMANDS = {
-    "race --map my.yaml": "did you mean '--track'?",
-    "race --speed 4": "did you mean '--max-speed'?",
-    "race --planner gap_finder": "did you mean '--controller'?",
-    "race --gui": "`fg-mujoco view` shows a race as it goes",
-    "race oval": "did you mean '--track oval'?",
-    "race mine.py:Planner": "did you mean '--controller mine.py:Planner'?",
-    "race --laps=abc": "'abc'; accepted: a whole number",
-    "replay --seed 3 runs/x": "'--seed' is no option here;",
-    "--map my.yaml": "'--map' stands before the command; accepted: fg-mujoco COMMAND --map",
-    "tracks": "`fg-mujoco track list` lists the circuits",
-    "train": "the following arguments are required: --out",
-    "run oval": "`fg-mujoco race` runs a race",
-    "track ls": "did you mean 'list'?",
-}
-
-
-@each(("line", "said"), COMMANDS.items(), ids=COMMANDS)
-def test_the_command_line_names_the_option_or_the_command_that_does_it(tmp_path, monkeypatch, capsys, line, said):
-    monkeypatch.chdir(tmp_path)
-    assert said in refused(tmp_path, capsys, *line.split())

@@ -18,17 +18,12 @@ from fg_mujoco.racing.trust import require_trusted
 PLANNER = """
 from pathlib import Path
 from fg_mujoco.messages import DriveCommand
-
 Path({marker!r}).write_text("this file was imported")
-
-
 class Slow:
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=1.0)
-
     def intermediate_scans(self, scan):
         return {{"gap": scan.ranges}}
 """

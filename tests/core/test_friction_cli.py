@@ -87,24 +87,6 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
     assert everything == list(lab.EXPERIMENTS) and others["settings"] == LabSettings(mus=(0.7,))
 
 
-@each(
-    ("arguments", "said"),
-    [
-        (("skidpad", "--mu", "0"), "--mu is 0.0; accepted: friction coefficients"),
-        (("skidpad", "--mu", "0.5,0.5"), "each once"),
-        (("skidpad", "--mu", "0.5,"), "accepted: a number"),
-        (("skidpad", "--steering", "0"), "infinite; accepted: angles above 0"),
-        (("skidpad", "--steering", "0.1,0.5"), "the car's lock of 0.4189 rad"),
-        (("skidpad", "--steering=-0.1"), "accepted: angles above 0"),
-        (("laps", "--mu", "0.5"), "--mu with laps; accepted: with skidpad, or all"),
-        (("laps", "--steering", "0.1"), "--steering with laps"),
-        (("squares", "--redraw"), "accepted: the folder of an earlier run"),
-    ],
-)
-def test_what_cannot_be_measured_is_refused_in_one_line(here, capsys, arguments, said):
-    assert said in refusal(here, capsys, *arguments, *(() if "--redraw" in arguments else ("--out", "out")))
-
-
 def test_a_folder_of_something_else_is_refused(here, capsys):
     run_lab(["squares"], out="out", workers=1, pictures=False)
     assert "quick is false there and true here" in refusal(here, capsys, "squares", "--quick", "--out", "out")

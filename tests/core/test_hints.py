@@ -173,12 +173,9 @@ def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, sp
 PLANNER = """
 import math
 from fg_mujoco.messages import DriveCommand
-
-
 class Degrees:
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=20.0 * math.sin(20.0 * scan.stamp), speed=1.0)
 """

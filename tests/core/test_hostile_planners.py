@@ -24,29 +24,22 @@ pytestmark = pytest.mark.usefixtures("here")
 PLANNER = """import ctypes, os, signal, sys, time
 import numpy as np
 import fg_mujoco as fg
-
 class Mute(Exception):
     def __str__(self): raise RuntimeError("no text")
     __repr__ = __str__
-
 class Masked(Exception):
     __class__ = property(lambda self: 1 / 0)
     __traceback__ = property(lambda self: 1 / 0)
     __cause__ = property(lambda self: 1 / 0)
-
 class Meta(type):
     __name__ = property(lambda self: 1 / 0)
     __module__ = property(lambda self: 1 / 0)
-
 class Nameless(Exception, metaclass=Meta):
     pass
-
 class Two(float):
     def __float__(self): return float("nan")
-
 class Changing(fg.DriveCommand):
     speed = property(lambda self: 1 / 0)
-
 class Drifting(fg.DriveCommand):
     seen = 0
     @property
@@ -56,19 +49,15 @@ class Drifting(fg.DriveCommand):
     @speed.setter
     def speed(self, value): pass
     def __init__(self): object.__setattr__(self, "steering_angle", 0.0)
-
 class Unwritable:
     def __repr__(self): raise ValueError("no")
-
 def forged(**values):
     command = object.__new__(fg.DriveCommand)
     for name, value in values.items():
         object.__setattr__(command, name, value)
     return command
-
 def die(how):
     raise how
-
 DO = {
     "exit": lambda: sys.exit(0),
     "os_exit": lambda: os._exit(0),
@@ -95,7 +84,6 @@ DO = {
     "segfault": lambda: ctypes.string_at(0),
     "c_exit": lambda: ctypes.CDLL(None)._exit(0),
 }
-
 class Planner:
     def __init__(self, max_speed): self.how = WHEN.get(max_speed)
     def reset(self): pass

@@ -15,14 +15,10 @@ from fg_mujoco.simulation.telemetry import COMMAND, GREATEST_COMMAND
 
 HUGE = """
 from fg_mujoco.messages import DriveCommand
-
 ASKED = {5: (1e300, -1e300), 8: (-1.7e308, 1.7e308), 9: (14.4, 2.0)}
-
-
 class Huge:
     def reset(self):
         self.count = -1
-
     def __call__(self, scan, odometry):
         self.count += 1
         steering_angle, speed = ASKED.get(self.count, (0.0, 1.0))

@@ -10,19 +10,12 @@ from fg_mujoco.compiled.kernel_keys import identity
 
 OTHER = """
 from fg_mujoco.compiled.kernels import kernel, inlined
-
 SCALE = 2.0
-
-
 def unused(x):
     return x
-
-
 @inlined
 def half(x):
     return 0.5 * x
-
-
 @kernel
 def scaled(x):
     return SCALE * half(x)
@@ -32,79 +25,52 @@ SOURCE = '''
 import enum
 import math
 from typing import NamedTuple
-
 import numpy as np
 from numba import njit
-
 import other_module
 from fg_mujoco.compiled.kernels import inlined, kernel, numbas
 from other_module import scaled
-
 GAIN = 3.0
 UNUSED = 1.0
 TABLE = np.array([1.0, 2.0])
 PAIR = (1, 2.0)
 ROW = np.dtype([("a", np.float64), ("b", np.int64)])
-
-
 class Pair(NamedTuple):
     first: float
     second: float
-
-
 class Side(enum.IntEnum):
     LEFT = 1
     RIGHT = 2
-
-
 @numbas(None)
 def array_at():
     from numba import carray
-
     return carray
-
-
 @njit
 def of_others(x):
     return x + 1.0
-
-
 def maker(factor):
     @kernel
     def product(x):
         return factor * x
-
     return product
-
-
 doubled = maker(2.0)
-
-
 def plain(x):
     """Not compiled."""
     return 2 * x
-
-
 @kernel
 def refuses(x):
     if x < 0.0:
         raise ValueError("negative")
     return x
-
-
 @kernel
 def turns(x, share=0.5):
     """Return something."""
     if x < share:
         return odd(x)
     return x
-
-
 @kernel
 def odd(x):
     return turns(x - 1.0)
-
-
 @kernel
 def found(x):
     """Return a number."""
@@ -114,8 +80,6 @@ def found(x):
     if x == Side.LEFT:
         total += np.empty(2, ROW)[0].a + math.sqrt(pair.first)
     return total + array_at(x)
-
-
 @kernel
 def raises(x):
     return refuses(x)

@@ -243,76 +243,59 @@ def test_every_source_is_hashed_once_under_its_path_in_the_package():
 CALLS = """
 import numba
 from fg_mujoco.compiled.kernels import inlined, kernel
-
 @kernel
 def refuses(x):
     if x > 1.0:
         raise ValueError("too large", x)
     return x
-
 @kernel
 def passes_on(x):
     return refuses(x) + 1.0
-
 @kernel
 def prints(x):
     print("x is", x)
     return x
-
 @kernel
 def through(function, x):
     return function(x) + prints(x)
-
 @kernel
 def to(exponent, x):
     return x ** numba.literally(exponent)
-
 @kernel
 def cube(x):
     return to(3, x)
-
 @kernel
 def fibonacci(n):
     return n if n < 2 else fibonacci(n - 1) + fibonacci(n - 2)
-
 @kernel
 def next_fibonacci(n):
     return fibonacci(n + 1)
-
 @kernel
 def even(n):
     return True if n == 0 else odd(n - 1)
-
 @kernel
 def odd(n):
     return False if n == 0 else even(n - 1)
-
 @inlined
 def half(x):
     return 0.5 * x
-
 @kernel
 def quarter(x, y=0.0):
     return half(half(x)) + y
-
 @kernel
 def quarters(x):
     return quarter(x) + quarter(x, 1.0) + quarter(x, y=2.0)
-
 @numba.njit
 def of_others(x):
     return passes_on(x)
-
 @kernel
 def through_others(x):
     return of_others(x) + refuses(x)
-
 def answer(function, *arguments):
     try:
         return function(*arguments)
     except ValueError as error:
         return error.args
-
 for function, *arguments in (
     (passes_on, 0.5), (passes_on, 2.0), (through, quarter, 4.0), (through, refuses, 3.0), (cube, 2.0), (fibonacci, 10),
     (next_fibonacci, 10), (even, 7), (odd, 7), (quarters, 4.0), (of_others, 2.0), (through_others, 0.5),
@@ -355,27 +338,21 @@ def test_kernels_that_call_each_other_answer_as_python_does_compiled_and_from_di
 MADE = """
 import sys
 from fg_mujoco.compiled.kernels import kernel
-
 def made(number):
     @kernel
     def adds(x):
         return x + number
     return adds
-
 one, twenty = made(1.0), made(20.0)
-
 @kernel
 def first(x):
     return one(x)
-
 @kernel
 def second(x):
     return twenty(x)
-
 @kernel
 def both(x):
     return one(x) + 100.0 * twenty(x)
-
 print(globals()[sys.argv[1]](0.0))
 """
 
@@ -452,11 +429,9 @@ from pathlib import Path
 from fg_mujoco.compiled.beside import beside
 from fg_mujoco.compiled.kernels import cache_folder, kernel
 from fg_mujoco.controllers.control.speed import share_of_way
-
 @kernel
 def sum_of(a, b):
     return a + b
-
 with beside(share_of_way, 0.1, 0.2):  # a kernel: the other process compiles it
     print(any(cache_folder().glob("share_of_way-*")))
     sum_of(1, 2)

@@ -25,36 +25,29 @@ import json, sys
 import numpy as np
 from collections import namedtuple
 from fg_mujoco.compiled.kernels import kernel
-
 Pair = namedtuple("Pair", ["first", "second"])
 ROW = np.dtype([("a", float), ("b", np.int64)])
-
 @kernel
 def total(values):
     found = 0.0
     for value in values:
         found += value
     return found
-
 @kernel
 def halves(values, share=0.5):
     return share * values, values[0]
-
 @kernel
 def both(pair):
     return pair.first[0] + pair.second
-
 @kernel
 def rows(of):
     of[0].a += 1.0
     return of[0].a
-
 @kernel
 def refuses(x):
     if x > 1.0:
         raise ValueError("too large", x)
     return x
-
 square, table = np.arange(6.0).reshape(2, 3), np.zeros(2, ROW)
 answers = [
     total(np.arange(3.0)), total(np.arange(6.0)[::2]), total(np.arange(3)), total((1.0, 2.0)),

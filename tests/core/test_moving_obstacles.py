@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
-from fg_mujoco.simulation.settings import Scenario
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)
@@ -116,16 +114,3 @@ def test_it_runs_into_a_standing_car_when_the_closed_form_says():
 
 
 # The same again
-
-
-@pytest.mark.slow
-def test_a_batch_is_the_race_to_the_last_bit():
-    name = "scene:crossing_box:0"
-    scenarios = [Scenario(track=name, max_speed=speed) for speed in (2.0, 4.0, 6.0)]
-    scenarios.append(Scenario(track=name, max_speed=4.0, changes=fg.CarChanges(command_delay=0.02)))
-    results = drive_worlds(scenarios, "gap_finder", laps=1, record="states")
-    for i, scenario in enumerate(scenarios):
-        alone = fg.race(name, max_speed=scenario.max_speed, changes=scenario.changes)
-        assert results.rows["end_reason"][i] == alone.car.end_reason
-        np.testing.assert_array_equal(results.states[i], alone.states)
-        np.testing.assert_array_equal(results.telemetry[i], alone.car.telemetry)

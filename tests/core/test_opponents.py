@@ -161,22 +161,6 @@ def test_touches_are_told_and_end_nothing():
 
 
 @each(
-    ("settings", "error", "message"),
-    [
-        ({"opponents": [Parked()]}, fg.SettingsError, "opponent 1 is .*Parked.*accepted: a planner's name"),
-        ({"opponents": [steady, "no.py:No"]}, fg.ControllerError, "opponent 2: .*there is no file no.py"),
-        ({"opponents": ["gap_finder[lookahed=3]"]}, fg.ControllerError, "opponent 1: .*did you mean 'lookahead'"),
-        ({"opponents": [{"controler": "gap_finder"}]}, fg.SettingsError, "opponent 1 has no setting 'controler'"),
-        ({"opponents": [steady] * 16}, fg.SettingsError, "17 cars in a world; accepted: up to 16"),
-    ],
-)  # fmt: skip
-def test_bad_opponents_are_refused_in_one_line(settings, error, message):
-    with pytest.raises(error, match=message) as refused:
-        F1TenthEnv(beam_step=540, **settings)
-    assert "\n" not in str(refused.value)
-
-
-@each(
     ("answer", "message"),
     [
         (None, "the policy of opponent 1.*accepted"),

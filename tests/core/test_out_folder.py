@@ -16,11 +16,9 @@ from fg_mujoco.racing.run_folder import read_summary, was_raced_here
 RACE = ("race", "--time-limit", "0.2")
 PLANNER = """
 from fg_mujoco.messages import DriveCommand
-
 class P:
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=1.0)
-
     def reset(self):
         pass
 """
@@ -46,18 +44,14 @@ def run(raced, tmp_path, monkeypatch):
 WALKS = """
 import os
 from fg_mujoco.messages import DriveCommand
-
 os.chdir("walked")
 READ = open("weights").read()
-
 class P:
     def __init__(self):
         os.chdir(os.path.abspath(os.sep + "tmp"))
-
     def __call__(self, scan, odometry):
         os.chdir("/")
         return DriveCommand(steering_angle=0.0, speed=1.0)
-
     def reset(self):
         pass
 """

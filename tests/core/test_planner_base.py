@@ -217,20 +217,3 @@ def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
     assert len(PlannerBatch(GapFinder, [remembers, plain]).kept["remember"]) == 2
     with pytest.raises(KeyError):
         plain.kept("remember")
-
-
-@each(
-    ("assist", "message"),
-    [
-        ("fulll", "is 'fulll'; accepted: none, grip, .*did you mean 'full'"),
-        ("full,creeep", "there is no stage 'creeep'; accepted: none, grip"),
-        ("full,", "there is no stage ''"),
-        ("sight+sight", "has sight twice"),
-        ("prediction", "has prediction, which needs safety_filter; accepted: prediction.safety_filter"),
-        ("full-limiter", "has guidance, which needs limiter"),
-        (3, "is 3; accepted: none"),
-    ],
-)
-def test_an_assist_that_cannot_be_is_refused_with_what_can(assist, message):
-    with pytest.raises(SettingsError, match=message):
-        GapFinder(CAR, MU, assist=assist)

@@ -20,32 +20,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 from fg_mujoco.messages import DriveCommand
-
-
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     weights: str = "policy"
     mode: Literal["fast", "slow"] = "fast"
-
-
 class Learned:
     Settings = Settings
-
     def __init__(self, settings):
         place = Path(settings.weights)
         found = place / "speed" if place.is_dir() else place if place.is_file() else place.with_suffix(".txt")
         self.speed = float(found.read_text())
-
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=self.speed)
-
-
 class Told(Learned):
     files = None
-
     def __init__(self, settings):
         super().__init__(settings)
         self.files = [Path("line.csv"), Path("policy").with_suffix(".txt")]
@@ -225,8 +215,6 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 from ackermann_msgs.msg import AckermannDriveStamped
-
-
 class Mine(Node):
     def __init__(self):
         super().__init__("mine")

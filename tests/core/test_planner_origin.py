@@ -16,14 +16,10 @@ from scan_worlds import CAR, MU
 PLANNER = """
 \"\"\"A planner of another package.\"\"\"
 from fg_mujoco.messages import DriveCommand
-
-
 class Crawler:
     \"\"\"Crawls.\"\"\"
-
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return DriveCommand(steering_angle=0.0, speed=0.2)
 """
@@ -132,11 +128,8 @@ def test_a_kernel_of_a_file_that_was_edited_is_compiled_anew(tmp_path):
     text = """
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner
-
-
 class Fixed(GoalPlanner):
     Settings = DrivingSettings
-
     @staticmethod
     def goal(scan, ranges, car, settings, shown):
         return 0.25, 1.0

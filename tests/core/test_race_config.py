@@ -187,8 +187,6 @@ def test_settings_of_a_folder_that_were_changed_are_checked_as_any_file(tmp_path
 
 PLANNER = """
 from fg_mujoco.messages import DriveCommand
-
-
 class Slow:
     def reset(self): pass
     def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.1, speed=SPEED)

@@ -4,9 +4,7 @@
 import numpy as np
 
 import fg_mujoco as fg
-from cases import each
 from conftest import Straight
-from fg_mujoco.cli.main import main
 from fg_mujoco.course.random_obstacles import CLEAR_AHEAD
 from fg_mujoco.simulation.course_loading import default_car
 
@@ -31,20 +29,3 @@ def test_the_start_is_clear_of_them_wherever_it_is():
         stations, _ = track.project([(box.x, box.y) for box in result.world.obstacles])
         assert ((stations - s) % track.length).min() >= CLEAR_AHEAD - 0.1
         assert not result.car.collisions_wall
-
-
-@each(
-    ("arguments", "text"),
-    (
-        (["--track", "scene:nowhere"], "unknown scene 'scene:nowhere'; accepted: corridor_sparse,"),
-        (["--track", "scene:nowhere"], ", as scene:NAME or scene:NAME:SEED"),
-        (["--track", "scene:dead_end:x"], "accepted: scene:NAME:SEED"),
-        (["--track", "scene:dead_end", "--laps", "3"], "accepted: 1"),
-        (["--track", "scene:dead_end", "--obstacles", "3"], "accepted: on a track"),
-        (["--obstacles", "-1"], "accepted: a whole number from 0"),
-    ),
-)
-def test_what_a_scene_cannot_is_refused_in_one_line(arguments, text, capsys):
-    assert main(["race", *arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and text in err and err.count("\n") == 1

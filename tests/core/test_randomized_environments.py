@@ -11,7 +11,6 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.envs.builds import BuildPlan
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
-from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.racing.randomization import PARAMETERS
 
 gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
@@ -154,25 +153,6 @@ def test_terms_of_the_course_are_those_of_each_worlds_own():
         state = one._world.tick_state
         own = state.ground.distances(np.zeros(1), np.array([[x, y, heading]]), state.car)
         assert distances[i] == own[0]
-
-
-@each(
-    ("settings", "match"),
-    [
-        ({"randomize": {"mu": (0.5, 9.0)}}, "randomize mu=0.5:9.0: CarChanges.mu is 9.0; accepted: a positive number"),
-        ({"randomize": {"mue": (0.5, 1.0)}}, "randomize mue: no parameter; accepted: mu, .*did you mean 'mu'"),
-        ({"randomize": {"planner_mu": (0.5, 1.0)}}, "a policy drives in the planner's place"),
-        ({"randomize": {"opponent": ["gap_finder"]}}, "it has no opponents"),
-        ({"randomize": {"patches": (0, 3)}}, "without patch_mu"),
-        ({"randomize": {"mu": (0.5, 1.0)}, "mu": 0.7}, "mu is given for all worlds and in randomize"),
-        ({"track": ["oval", "ovall"]}, "unknown track 'ovall'; accepted: .*did you mean 'oval'"),
-        ({"track": ["oval", "random:9:9"]}, "'random:9:9'; accepted: random:A:B with A below B"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused_in_one_line(settings, match):
-    with pytest.raises(FgMujocoError, match=match) as error:
-        F1TenthEnv(**settings)
-    assert "\n" not in str(error.value)
 
 
 def test_a_build_of_one_episode_goes_with_it():

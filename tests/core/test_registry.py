@@ -10,19 +10,14 @@ from fg_mujoco.registry import Registry
 
 MODULE = '''
 from pathlib import Path
-
 import fg_mujoco as fg
 import fg_mujoco.vehicle.sensors
 from fg_mujoco.course.formats import CourseFormat
 from fg_mujoco.addons.arena.random_courses.generator import generate_track
-
 class Sonar(fg.vehicle.sensors.Sensor):
     columns = ("ahead_m",)
-
     def measure(self, car):
         return car.ranges[540:541]
-
-
 HERE = Path(__file__).parent
 CAR, RUBBER, TEXT = HERE / "lorry.xml", HERE / "rubber.toml", "lorry.xml"
 SEEDS = CourseFormat(

@@ -31,45 +31,29 @@ TELLTALE = (
 PLANNER = """
 import os
 import signal
-
 from fg_mujoco.messages import DriveCommand
-
-
 class Mine:
     def reset(self):
         pass
-
     def __call__(self, scan, odometry):
         return self.answer(odometry.stamp)
-
-
 class Crasher(Mine):
     def answer(self, time):
         return DriveCommand(steering_angle=0.3, speed=6.0)
-
-
 class Reverser(Mine):
     def answer(self, time):
         return DriveCommand(steering_angle=0.0, speed=1.5 if time < 1.5 else -2.5)
-
-
 class Beyond(Mine):
     def answer(self, time):
         return DriveCommand(steering_angle=0.9 if time < 0.1 else 0.0, speed=1.0)
-
-
 class Failing(Mine):
     def answer(self, time):
         return DriveCommand(steering_angle=0.0, speed=1.0 / (time < 0.2))
-
-
 class Interrupted(Mine):
     def answer(self, time):
         if time > 0.2:
             os.kill(os.getpid(), signal.SIGINT)
         return DriveCommand(steering_angle=0.0, speed=1.0)
-
-
 class Standing(Mine):
     def answer(self, time):
         return DriveCommand(steering_angle=0.0, speed=0.0)

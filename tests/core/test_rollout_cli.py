@@ -11,12 +11,10 @@ import time
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
 from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.rollout_result import wilson
-from refusals import refused
 from rollout_worlds import stand_in
 from terminals import read_to_the_end
 
@@ -25,12 +23,9 @@ pytestmark = pytest.mark.usefixtures("here")
 SLOW = """
 import time
 from fg_mujoco.messages import DriveCommand
-
-
 class Planner:
     def reset(self):
         print("ready")
-
     def __call__(self, scan, odometry):
         time.sleep(0.005)
         return DriveCommand(steering_angle=0.0, speed=0.1)
@@ -79,19 +74,6 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["first_lap_s"]["count"] == summary["best_lap_s"]["count"] == finished  # the others drove no lap
     assert summary["max_slide_m_s"]["count"] == 20
     assert summary["world_seconds_per_second"] > 0
-
-
-@each(
-    ("arguments", "said"),
-    [
-        (("--record", "states"), "--record states is kept nowhere; accepted: with --out DIR"),
-        (("--randomize", "mu"), "--randomize 'mu'; accepted: NAME=RANGE, as mu=0.6:1.2"),
-        (("--randomize", "mu=1", "--randomize", "mu=2"), "accepted: mu once"),
-        (("--randomize", "obstacles=500"), "accepted: at most"),
-    ],
-)
-def test_a_bad_option_is_refused_with_what_is_accepted(here, capsys, arguments, said):
-    assert said in refused(here, capsys, "rollout", *arguments)
 
 
 def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):

@@ -6,9 +6,8 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from comparison_worlds import PLANNERS, files
-from fg_mujoco.errors import ControllerError, SettingsError
+from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.entries import Entry
-from fg_mujoco.racing.result import trajectory_sha256
 
 TRACKS = ["oval", "hairpins"]
 MIXED = [
@@ -65,20 +64,6 @@ def test_chunks_and_workers_change_nothing(some, options):
     assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
 
 
-@pytest.mark.slow
-def test_a_world_is_the_race_of_its_entries(some):
-    result, opponents = some
-    for world in (0, 5):
-        setup = result.setup(world)
-        assert len(setup.entries) == len(opponents) + 1
-        race = fg.race(setup)
-        assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
-        assert same(result.telemetry(world), race.car.telemetry)
-        for name in ("end_reason", "laps_completed", "collisions", "max_slide_m_s", "mean_speed_m_s", "sim_time_s"):
-            assert result[name][world] == race.summary()[name], name
-        assert result["position"][world] == race.car.position
-
-
 def test_the_whole_grid_moves_with_the_start_of_car_0():
     options = {"time_limit": 0.1, "opponents": ["gap_finder"]}
     placed = fg.rollout("oval", n=1, start=fg.Start(s=7.0, offset=0.2, speed=1.0), **options).setup(0).entries
@@ -128,30 +113,6 @@ def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(her
 
 
 # -- what is refused
-
-
-@each(
-    "options, error, said",
-    [
-        ({"opponents": ["nope"]}, ControllerError, "car_1: controller 'nope' is not known; accepted: "),
-        ({"opponents": ["gap_finder[nope=1]"]}, ControllerError, "car_1: .* has no setting 'nope'; accepted: "),
-        ({"opponents": [Entry(controller=lambda scan, odometry: None)]}, ControllerError, "is an object; accepted: "),
-        ({"opponents": ["gap_finder"] * 16}, SettingsError, "17 entries; accepted: 1 to 16"),
-        ({"opponents": [Entry(name="a"), Entry(name="a")]}, SettingsError, "two entries are called 'a'; accepted: "),
-        ({"grid": "side_by_side"}, SettingsError, "grid is 'side_by_side' without opponents; accepted: "),
-        ({"opponents": [Entry(start=fg.Start(s=0.1))]}, SettingsError, "'car_1' and 'car_0' start in one place"),
-        ({"opponents": [Entry(start=fg.Start(s=5.0, offset=2.0))]}, SettingsError, "'car_1' does not fit on 'oval'"),
-    ],
-)  # fmt: skip
-@each("door", ["rollout", "compare"])
-def test_opponents_that_cannot_be_are_refused_before_anything_is_driven(here, door, options, error, said):
-    with pytest.raises(error, match=said) as refusal:
-        if door == "rollout":
-            fg.rollout("oval", n=1, time_limit=0.1, out="out", **options)
-        else:
-            fg.compare(["gap_finder"], track=["oval"], laps=1, out="out", pictures=False, **options)
-    assert "\n" not in str(refusal.value)
-    assert not (here / "out").exists()
 
 
 def test_a_world_in_which_a_box_stands_on_the_grid_is_named(here):

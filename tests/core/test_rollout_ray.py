@@ -20,17 +20,12 @@ PLANNER = """
 import os, time
 from pathlib import Path
 from fg_mujoco.messages import DriveCommand
-
 MARKS = Path({marks!r})
-
-
 class Planner:
     def __init__(self, mu, max_speed):
         self.speed = min(mu, 1.0)
-
     def reset(self):
         {reset}
-
     def __call__(self, scan, odometry):
         {call}
         return DriveCommand(steering_angle=0.3 * float(scan.bearings[scan.ranges.argmax()]), speed=self.speed)

@@ -151,21 +151,4 @@ def test_a_batch_keeps_the_scenes_rules():
     assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
 
 
-@each(
-    ("settings", "said"),
-    (
-        ({"laps": 2}, "laps is 2 on 'scene:dead_end:0'.*accepted: 1"),
-        (
-            {"randomize": {"obstacles": 2}},
-            "random obstacles on 'scene:dead_end:0', which has its own; accepted: on a tr",
-        ),
-        ({"randomize": {"start_s": (0.0, 90.0)}}, "start_s=0.0:90.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
-        ({"randomize": {"start_s": [-1.0]}}, "start_s=-1.0 on 'scene:dead_end:0'; accepted: from 0 to less"),
-    ),
-)
-def test_a_rollout_refuses_what_a_scene_has_not(settings, said):
-    with pytest.raises(fg.SettingsError, match=said):
-        fg.rollout("scene:dead_end", n=2, **settings)
-
-
 # By name

@@ -14,10 +14,7 @@ from fg_mujoco.vehicle.vehicle import Vehicle
 
 MODULE = '''
     import numpy as np
-
     import fg_mujoco as fg
-
-
     def doorway(name, seed, car):
         """A wall with a door of 2 car widths.
 
@@ -31,16 +28,10 @@ MODULE = '''
             name=name, way=np.array([[-2.5, 0.0], [15.0, 0.0]]), start=2.5, goal=12.5, walls=walls, obstacles=boxes,
             time_limit=20.0,
         )
-
-
     def nothing(name, seed, car):
         return None
-
-
     def misnamed(name, seed, car):
         return doorway("door", seed, car)
-
-
     def raises(name, seed, car):
         return 1 / 0
 '''

@@ -1,6 +1,5 @@
 """Sensors with a rate, delay, noise and dropouts of their own: what they deliver, and who sees it."""
 
-import json
 import math
 from dataclasses import dataclass
 
@@ -9,11 +8,8 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.resimulation import load_world, resimulate
 from fg_mujoco.racing.run_folder import read_failed_scan
-from fg_mujoco.racing.setup import Setup
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.sensing import Sampler
@@ -28,24 +24,6 @@ MIXED = (
 
 TICKS = 24
 NOISE = fg.LidarEffects(range_noise_std=0.02, latency=0.03)
-READER = """
-import json
-from pathlib import Path
-
-from fg_mujoco.messages import DriveCommand
-
-
-class Reader:
-    sensors = ("pose", "imu")
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        with Path({file!r}).open("a") as kept:
-            kept.write(json.dumps([odometry.stamp, odometry.readings["pose"].values.tolist()]) + "\\n")
-        return DriveCommand(steering_angle=0.05, speed=2.0)
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,68 +233,6 @@ def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
         assert math.isnan(reading["other_3_x"])
 
 
-# -- planners
-
-
-def written(folder):
-    file = folder / "read.jsonl"
-    (folder / "reader.py").write_text(READER.format(file=str(file)))
-    return f"{folder / 'reader.py'}:Reader", file
-
-
-NOISY = ["imu", {"sensor": "pose", "rate": 50, "noise_std": 0.1, "dropout_probability": 0.2}]
-
-
-def a_race(planner):
-    fg.race("oval", planner, laps=1, time_limit=0.19, sensors=NOISY, seed=7)
-
-
-def of_entries(planner):
-    entries = [fg.Entry(controller=planner, sensors=NOISY, seed=7, start=Start()), fg.Entry(start=Start(s=4.0))]
-    fg.race("oval", entries=entries, laps=1, time_limit=0.19)
-
-
-def a_rollout(planner):
-    fg.rollout("oval", planner, seeds=[7], time_limit=0.19, sensors=NOISY, workers=1)
-
-
-def a_rollout_with_opponents(planner):
-    other = fg.Entry(start=Start(s=4.0))
-    fg.rollout("oval", planner, seeds=[7], time_limit=0.19, sensors=NOISY, opponents=[other], workers=1)
-
-
-def a_live_session(planner):
-    session = LiveSession(Setup.of(controller=planner, sensors=NOISY, seed=7))
-    for _ in range(8):
-        session.tick()
-
-
-@each("door", (of_entries, a_rollout, a_rollout_with_opponents, a_live_session))
-def test_planners_read_the_same_at_every_door(door, tmp_path):
-    planner, file = written(tmp_path)
-    a_race(planner)
-    raced = file.read_text().splitlines()
-    file.unlink()
-    door(planner)
-    told = [json.loads(line) for line in file.read_text().splitlines()]
-    assert len({value[0] for _, value in map(json.loads, raced)}) > 4
-    if door is a_rollout_with_opponents:  # it starts elsewhere on the grid
-        assert len(told) == len(raced)
-    else:
-        assert told == [json.loads(line) for line in raced]
-
-
-@each("door", (a_race, of_entries, a_rollout, a_live_session))
-def test_a_planner_that_reads_a_sensor_that_its_car_lacks_is_refused(door, tmp_path, monkeypatch):
-    planner, _ = written(tmp_path)
-    monkeypatch.setitem(globals(), "NOISY", ["imu", {"sensor": "pose", "name": "poses"}])
-    with pytest.raises(ControllerError, match=r"reads sensor 'pose', .*accepted: imu, poses; did you mean 'poses'\?$"):
-        door(planner)
-    monkeypatch.setitem(globals(), "NOISY", [])
-    with pytest.raises(ControllerError, match=r"reads sensor 'pose', .*accepted: sensors=\['pose'\]$"):
-        door(planner)
-
-
 # -- run folders and bags
 
 
@@ -364,26 +280,6 @@ def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
 
 
 # -- settings
-
-
-@each(
-    ("sensors", "said"),
-    [
-        ("imu", r"sensors is 'imu'; accepted: a sequence of sensors, such as \['imu'\]"),
-        (["imo"], r"sensors\[0\] is 'imo'; accepted: odometry, .*; did you mean 'imu'\?"),
-        ([{"rate": 3}], r"accepted: a Sensor, its name, or \{'sensor': NAME\}"),
-        ([3], r"sensors\[0\] is 3; accepted: a Sensor"),
-        ([{"sensor": "imu", "rte": 3}], r"sensor 'imu' has no setting 'rte'; .*did you mean 'rate'"),
-        (["imu", {"sensor": "pose", "name": "imu"}], r"two of the name 'imu'; accepted: a `name` of its own"),
-        ([{"sensor": "imu", "name": "a/b"}], r"Imu.name is 'a/b'; accepted: letters"),
-        ([{"sensor": "imu", "rate": 33}], r"33 Hz; accepted: 200 Hz over a whole number, nearest 33.3333 Hz or 28.57"),
-        ([{"sensor": "imu", "rate": 300}], r"300 Hz; accepted: 200 Hz over a whole number, nearest 200 Hz"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(sensors, said):
-    with pytest.raises(fg.SettingsError, match=said) as refused:
-        fg.race("oval", laps=1, time_limit=0.1, sensors=sensors)
-    assert "\n" not in str(refused.value)
 
 
 def test_a_sensor_that_measures_something_else_is_refused(constant):

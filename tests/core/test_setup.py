@@ -141,31 +141,7 @@ def test_an_environment_of_a_setup_has_its_car_and_course():
             EnvironmentSettings.of({"setup": other})
 
 
-def test_the_effects_of_a_lidar_may_be_given_by_the_name_of_their_file():
-    effects = fg.LidarEffects(latency=0.02, range_noise_std=0.01)
-    assert Setup.of(lidar_effects=effects) == Setup.of(effects=effects)
-    with pytest.raises(fg.SettingsError, match="lidar_noise and effects are given; accepted: one of them"):
-        Setup.of(lidar_effects=effects, lidar_noise=0.1)
-
-
 # -- what is refused
-
-
-@each(
-    ("keywords", "said"),
-    [
-        ({"entries": [fg.Entry()], "mu": 0.5}, "mu is 0.5 beside entries; accepted: mu of each Entry"),
-        ({"entries": [fg.Entry()] * 2, "opponents": ["gap_finder"]}, "accepted: a list, and no other entries"),
-        ({"lidar_noise": 0.1, "effects": fg.LidarEffects()}, "lidar_noise and effects are given"),
-        ({"mu": 0.5, "changes": {"mu": 0.6}}, "accepted: one of them, or the same twice"),
-        ({"grid": "side_by_side"}, "grid is 'side_by_side' without opponents"),
-        ({"rules": "roboracer_2026"}, "rules is 'roboracer_2026' without opponents"),
-        ({"obstacles": [{"kind": "cube"}]}, r"obstacles\[0\].kind is 'cube'; accepted: box, cylinder, prism"),
-    ],
-)  # fmt: skip
-def test_a_setup_that_cannot_be_is_refused(keywords, said):
-    with pytest.raises(fg.SettingsError, match=said):
-        Setup.of(**keywords)
 
 
 # every field of a Setup and of an Entry, with a value that is not the default

@@ -8,23 +8,10 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons import gym2d as f110
-from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.course.standing import off_course
-from fg_mujoco.errors import SettingsError
-from fg_mujoco.racing.setup import Setup
 from map_oracles import draw_map, ring
 
 CAR = fg.Vehicle.load("f1tenth").parameters
-BEYOND, IN_WALL = fg.Start(offset=3.0), fg.Start(offset=1.1)  # the oval is 2.2 m wide
-BOX = fg.Box(x=0.0, y=0.0, length=0.3, width=0.3)
-LARGE = fg.Box(x=0.0, y=0.0, length=1.6, width=1.6)  # the car stands within it and touches no side
-FAULTS = [
-    (BEYOND, (), "beyond the walls"),
-    (fg.Start(s=20.0, offset=-40.0), (), "beyond the walls"),
-    (IN_WALL, (), "in a wall"),
-    (fg.Start(), (BOX,), "an obstacle"),
-    (fg.Start(), (LARGE,), "an obstacle"),
-]
 
 
 def found(course, points):
@@ -59,23 +46,6 @@ def test_a_place_is_off_a_map_where_its_image_is_not_free(tmp_path):
     off = found(course, 0.05 * np.column_stack((columns + 0.5, rows + 0.5)))
     assert (off[same] == ~free[rows, columns][same]).all()
     assert off_course(course, (7.5, 2.25), course.start_pose())  # in the island
-
-
-# -- set
-
-
-@each(("start", "obstacles", "said"), FAULTS)
-def test_a_race_refuses_it(start, obstacles, said):
-    with pytest.raises(SettingsError, match=f"the car does not fit on 'oval' at s = .*{said}.*; accepted: a start"):
-        fg.race("oval", start=start, obstacles=obstacles, time_limit=0.1)
-
-
-@each("start", [BEYOND, IN_WALL])
-def test_a_rollout_and_the_live_view_refuse_it(start):
-    with pytest.raises(SettingsError, match="the car does not fit on "):
-        fg.rollout("oval", n=2, start=start, time_limit=0.1)
-    with pytest.raises(SettingsError, match="the car does not fit on "):
-        LiveSession(Setup.of(start=start))
 
 
 # -- drawn

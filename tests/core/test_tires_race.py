@@ -1,6 +1,5 @@
 """Tires with a curve at every door: races, replays, rollouts, environments, scenes, the live view, the command line."""
 
-import json
 
 import numpy as np
 import pytest
@@ -25,21 +24,6 @@ def lap():
 
 def same_bits(first, second):
     return first.shape == second.shape and first.tobytes() == second.tobytes()
-
-
-def test_a_run_on_such_tires_is_replayed_bit_for_bit(lap, tmp_path):
-    fg.write_run(lap, tmp_path / "run", picture=False)
-    report = replay(tmp_path / "run")
-    assert report.identical and report.trajectory_sha256 == lap.trajectory_sha256
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
-    assert (summary["tires"], summary["tires_model"]) == (NUC2, "magic_formula")
-    assert summary["tires_sha256"] == Tires.load(NUC2).sha256
-    # steps from Python, hooks in between, are those of the compiled tick
-    engine = Engine(lap.world)
-    engine.load(lap.states[100])
-    engine.after_substep.append(lambda engine, worlds: None)
-    engine.drive(controls=lap.ctrl[100:101])
-    assert same_bits(engine.state(0), lap.states[101])
 
 
 def test_a_vehicle_names_its_own_tires(tmp_path):

@@ -190,15 +190,11 @@ FAILING = """
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import Planner
 from fg_mujoco.compiled.kernels import kernel
-
-
 @kernel
 def reference(scan, ranges, odometry, car, settings, memory, line):
     if odometry.stamp > 0.09:
         raise ValueError("too late")
     return 0.0, 1.0, 0.0
-
-
 class Failing(Planner):
     Settings = DrivingSettings
     reference = staticmethod(reference)
