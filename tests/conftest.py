@@ -23,7 +23,6 @@ from hypothesis import settings
 
 import fg_mujoco as fg
 from browsers import page_of  # noqa: F401 - a fixture of all tests
-from case_loops import NOW
 from fg_mujoco.rollouts.workers import usable_cores
 
 # The same examples in every run, so that a change that passes here passes everywhere; `make fuzz` tries others.
@@ -167,17 +166,6 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.slow)
     place = {name: number for number, name in enumerate(SLOWEST)}
     items.sort(key=lambda item: place.get(item.path.name, len(SLOWEST)))
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport():
-    """Say at which case of a loop a test failed."""
-    report = yield
-    if report.failed and NOW:
-        report.sections.append(("at the case", "\n".join(map(repr, NOW))))
-    if report.when == "call":
-        NOW.clear()
-    return report
 
 
 class Straight:

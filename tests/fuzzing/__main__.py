@@ -47,9 +47,8 @@ def _once(name: str, seed: int, number: int) -> int:
     (folder / "samples").mkdir()
     TARGETS[name].prepare(folder / "samples")
     with _captured(folder) as output:
-        found = tried(
-            TARGETS[name], folder / "samples", folder / "here", _generator(name, seed, number), output, keep=True
-        )
+        found = tried(TARGETS[name], folder / "samples", folder / "here", _generator(name, seed, number), output,
+                      keep=True)  # fmt: skip
     seconds, refused, wrong = found
     print(f"{folder / 'here'}: {seconds:.2f} s, {'refused' if refused else 'not refused'}; {wrong or 'nothing found'}")
     return int(bool(wrong))

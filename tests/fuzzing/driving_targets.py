@@ -1,7 +1,5 @@
 """Targets that drive on and on: environments of f1tenth_gym, the live view and its server, races of several cars."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import http.client
@@ -9,39 +7,46 @@ import shutil
 import socket
 import threading
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.random import Generator
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
-from websockets.sync.server import ServerConnection, serve
-from websockets.typing import Subprotocol
+from websockets.sync.server import serve
 
-import fg_mujoco as fg
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d.new_api import F110Env as NewEnv
 from fg_mujoco.addons.look.live.browser import LiveView
+from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.servers.foxglove_server import FoxgloveServer
 from fg_mujoco.addons.servers.rosbridge.server import RosbridgeServer
-from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.racing.setup import Setup
-from forging import without_checksums
 
-from .course_targets import ring
-from .folder_targets import any_json_file, changed_arrays, read
-from .mutations import NUMBERS, mutated, mutated_binary, one_of
-from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
+from .file_targets import race, ring
+from .mutations import NUMBERS, VALUES, mutated, mutated_binary, one_of
+from .planner_targets import PLANNER
+from .target import Target, as_text, command, ignore_refusal
 
-VALUES: tuple[Any, ...] = (
-    None, True, 0, 1, -1, 3, 10**9, 10**400, 0.5, -0.5, 1e-300, 1e308, float("nan"), float("inf"), "", "a", "\0",
-    "a" * 5000, "/dev/zero", "../x", "/", b"a", [], [1], [[]], (0.0, 1.0), {}, {"a": 1}, {1: None}, object(),
-    np.zeros(2), np.zeros((2, 3)),
-    np.array("a"), np.float32("nan"), np.int64(2), 1j, range(3), int, lambda *_: None, iter(()),
-)  # fmt: skip
-"""Values of every kind, in the place of any other."""
+# -- our own environments
+
+_KEYS = ("track", "mu", "max_steps", "vehicle", "reward", "action", "controller", "seed", "max_speed", "start",
+         "time_limit")  # fmt: skip
+
+
+def _environment(samples, here, rng):
+    settings = {one_of(rng, _KEYS): one_of(rng, VALUES)} if rng.random() < 0.4 else {}
+
+    def steps():
+        env = F1TenthEnv(**settings)
+        try:
+            env.reset(seed=int(rng.integers(100)))
+            for _ in range(3):
+                env.step(one_of(rng, VALUES))
+        finally:
+            env.close()
+
+    return ignore_refusal(steps)
 
 
 # -- environments of f1tenth_gym
@@ -49,15 +54,14 @@ VALUES: tuple[Any, ...] = (
 _OLD = ("map", "map_ext", "params", "num_agents", "timestep", "ego_idx", "seed", "integrator", "model", "lidar_dist",
         "num_beams", "fov", "vehicle", "tires", "maps", "render_mode", "unknown")  # fmt: skip
 _NEW = ("map", "map_ext", "scale", "params", "num_agents", "timestep", "ego_idx", "seed", "integrator", "model",
-        "lidar_dist", "num_beams", "fov", "control_input", "observation_config", "reset_config", "max_laps",
-        "unknown")  # fmt: skip
+        "lidar_dist", "num_beams", "fov", "control_input", "observation_config", "reset_config", "max_laps", "unknown")
 _PARAMS = ("mu", "C_Sf", "lf", "lr", "h", "m", "I", "s_min", "s_max", "sv_max", "v_switch", "a_max", "v_min", "v_max",
            "width", "length")  # fmt: skip
 
 
-def _odd_settings(names: tuple[str, ...], rng: Generator) -> dict[str, Any]:
+def _odd_settings(names, rng):
     """Return settings of a small environment on the ring, mostly with one or two that are odd."""
-    settings: dict[str, Any] = {"map": one_of(rng, ("map", "ring.csv", "oval")), "num_beams": 60}
+    settings = {"map": one_of(rng, ("map", "ring.csv", "oval")), "num_beams": 60}
     settings["num_agents"] = int(one_of(rng, (1, 1, 2)))
     for _ in range(int(one_of(rng, (0, 1, 1, 2)))):
         settings[one_of(rng, names)] = one_of(rng, VALUES)
@@ -66,7 +70,7 @@ def _odd_settings(names: tuple[str, ...], rng: Generator) -> dict[str, Any]:
     return settings
 
 
-def _odd_rows(count: int, width: int, rng: Generator) -> Any:
+def _odd_rows(count, width, rng):
     """Return poses or actions, or something else in their place."""
     if rng.random() < 0.3:
         return one_of(rng, VALUES)
@@ -76,13 +80,12 @@ def _odd_rows(count: int, width: int, rng: Generator) -> Any:
     return rows if rng.random() < 0.8 else rows.tolist()
 
 
-def _f110(samples: Path, here: Path, rng: Generator) -> Attempt:
-    for name in ("map.yaml", "map.png", "ring.csv"):
-        shutil.copy(samples / name, here)
+def _f110(samples, here, rng):
+    shutil.copytree(samples, here, dirs_exist_ok=True)
     old = rng.random() < 0.5
     settings = _odd_settings(_OLD if old else _NEW, rng)
 
-    def drive() -> None:
+    def drive():
         if old:
             env = f110.make("f110_gym:f110-v0", **settings)
         else:
@@ -110,13 +113,13 @@ def _f110(samples: Path, here: Path, rng: Generator) -> Attempt:
 _KNOBS = ("mu", "planner_mu", "max_speed", "planner.lookahead", "planner.guidance", "planner.x", "", "planner.", "seed")
 
 
-def _live_session(samples: Path, here: Path, rng: Generator) -> Attempt:
-    settings: dict[str, Any] = {"controller": one_of(rng, ("gap_finder", "follow_the_gap", "pure_pursuit"))}
+def _live_session(samples, here, rng):
+    settings = {"controller": one_of(rng, ("gap_finder", "follow_the_gap", "pure_pursuit"))}
     if rng.random() < 0.3:
         names = ("track", "controller", "obstacles", "max_speed", "mu", "seed", "start", "grid", "opponents", "effects")
         settings[one_of(rng, names)] = one_of(rng, VALUES)
 
-    def play() -> None:
+    def play():
         session = LiveSession(Setup.of(**settings))
         for _ in range(6):
             what = int(rng.integers(5))
@@ -136,15 +139,29 @@ def _live_session(samples: Path, here: Path, rng: Generator) -> Attempt:
     return ignore_refusal(play)
 
 
-_REQUEST = (
-    b"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
-    b"Origin: http://127.0.0.1:{port}\r\nSec-WebSocket-Version: 13\r\n"
-    b"Sec-WebSocket-Protocol: viser-v1.1.1\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-)
+def _live_view(samples, here, rng):
+    own = ("localhost:8080", "127.0.0.1:8080", "[::1]:8080")
+    host = one_of(rng, own)
+    hosts = [as_text(mutated(one_of(rng, own).encode(), rng)) for _ in range(int(rng.integers(0, 3)))]
+    origins = [as_text(mutated(f"http://{host}".encode(), rng)) for _ in range(int(rng.integers(0, 3)))]
+
+    def check():
+        if is_own(hosts, origins, frozenset({"0.0.0.0", "robot"})) and origins:
+            assert len(hosts) == 1 and {origin.lower() for origin in origins} == {f"http://{hosts[0].lower()}"}
+        assert not is_own([host], ["http://evil.example"], frozenset())
+        assert is_own([host], [f"http://{host}"], frozenset())
+        return 0
+
+    return check
+
+
+_REQUEST = (b"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+            b"Origin: http://127.0.0.1:{port}\r\nSec-WebSocket-Version: 13\r\n"
+            b"Sec-WebSocket-Protocol: viser-v1.1.1\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n")  # fmt: skip
 
 
 @cache
-def _server() -> int:
+def _server():
     """Start a live view, once for a process, and return its port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -155,7 +172,7 @@ def _server() -> int:
     return port
 
 
-def _frame(payload: bytes, rng: Generator, opcodes: tuple[int, ...] = (2, 2, 2, 1, 0, 8, 9, 15)) -> bytes:
+def _frame(payload, rng, opcodes=(2, 2, 2, 1, 0, 8, 9, 15)):
     """Return a frame of a WebSocket, as a browser masks it; sometimes one that says of itself what is not so."""
     opcode = int(one_of(rng, opcodes))
     mask = rng.bytes(4)
@@ -165,17 +182,15 @@ def _frame(payload: bytes, rng: Generator, opcodes: tuple[int, ...] = (2, 2, 2, 
     return bytes([0x80 | opcode]) + size + mask + masked
 
 
-def _live_server(samples: Path, here: Path, rng: Generator) -> Attempt:
+def _live_server(samples, here, rng):
     port = _server()
     head = _REQUEST.replace(b"{port}", str(port).encode())
     if rng.random() < 0.6:
         head = mutated(head, rng)
     message = b"\x82\xa4type\xbaGuiUpdateMessage\xa7updates\x81\xa5value\xc3"  # as msgpack has it
-    frames = b"".join(
-        _frame(mutated_binary(message, rng)[:60_000], rng) for _ in range(int(rng.integers(1, 4)))
-    )  # fmt: skip
+    frames = b"".join(_frame(mutated_binary(message, rng)[:60_000], rng) for _ in range(int(rng.integers(1, 4))))
 
-    def talk() -> int:
+    def talk():
         with socket.create_connection(("127.0.0.1", port), timeout=5.0) as peer:
             peer.settimeout(0.05)
             try:
@@ -212,22 +227,20 @@ _TO_FOXGLOVE = (
     b'{"op": "getParameters", "parameterNames": ["mu"], "id": "a"}',
     b'\x01\x01\0\0\0{"drive": {"speed": 1.5, "steering_angle": -0.1}}',
 )  # fmt: skip
-_FROM_DEVKIT = (
-    b'0{"sid":"a","upgrades":[],"pingInterval":25000,"pingTimeout":20000}', b"40", b"2", b"3",
-    b'42["Bridge",{"V1 Throttle":"0.1","V1 Steering":"0.0","Reset":"False"}]',
-)  # fmt: skip
+_FROM_DEVKIT = (b'0{"sid":"a","upgrades":[],"pingInterval":25000,"pingTimeout":20000}', b"40", b"2", b"3",
+                b'42["Bridge",{"V1 Throttle":"0.1","V1 Steering":"0.0","Reset":"False"}]')  # fmt: skip
 
 
 @cache
-def _racing(kind: str) -> Any:
+def _racing(kind):
     """Start a server, once for a process."""
-    server: Any = {"rosbridge": RosbridgeServer, "foxglove": FoxgloveServer}[kind](LiveSession(), port=0, log=print)
+    server = {"rosbridge": RosbridgeServer, "foxglove": FoxgloveServer}[kind](LiveSession(), port=0, log=print)
     threading.Thread(target=server.run, daemon=True).start()
     atexit.register(server.close)
     return server
 
 
-def _peer(kind: str, texts: tuple[bytes, ...], protocol: str, rng: Generator) -> Attempt:
+def _peer(kind, texts, protocol, rng):
     """Return an attempt to talk nonsense to a server, which serves others all the same."""
     port = _racing(kind).port
     head = _REQUEST.replace(b"{port}", str(port).encode()).replace(b"viser-v1.1.1", protocol.encode())
@@ -236,14 +249,14 @@ def _peer(kind: str, texts: tuple[bytes, ...], protocol: str, rng: Generator) ->
     said = [mutated(text, rng)[:60_000] if rng.random() < 0.7 else text for text in rng.permutation(texts).tolist()]
     frames = b"".join(_frame(text, rng, (1, 1, 1, 1, 2, 0, 8, 9, 15)) for text in said)
 
-    def talk() -> int:
+    def talk():
         with socket.create_connection(("127.0.0.1", port), timeout=5.0) as peer, contextlib.suppress(OSError):
             peer.settimeout(0.2)
             peer.sendall(head)
             peer.recv(4096)
             peer.sendall(frames)
             peer.recv(4096)
-        with connect(f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(protocol)], proxy=None) as peer:
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], proxy=None) as peer:
             if kind == "rosbridge":
                 peer.send(_CALL.decode())
             assert peer.recv(timeout=8.0)
@@ -252,7 +265,7 @@ def _peer(kind: str, texts: tuple[bytes, ...], protocol: str, rng: Generator) ->
     return talk
 
 
-def _servers(samples: Path, here: Path, rng: Generator) -> Attempt:
+def _servers(samples, here, rng):
     kind = one_of(rng, ("rosbridge", "foxglove", "autodrive"))
     if kind == "rosbridge":
         return _peer(kind, _TO_ROSBRIDGE, "rosbridge", rng)
@@ -262,7 +275,7 @@ def _servers(samples: Path, here: Path, rng: Generator) -> Attempt:
     answers = [mutated(one_of(rng, _FROM_DEVKIT), rng) if rng.random() < 0.5 else _FROM_DEVKIT[-1] for _ in range(5)]
     as_they_are = rng.random() < 0.1
 
-    def answer(connection: ServerConnection) -> None:
+    def answer(connection):
         with contextlib.suppress(ConnectionClosed, OSError):
             for text in (*greeting, *answers):
                 if as_they_are:
@@ -272,7 +285,7 @@ def _servers(samples: Path, here: Path, rng: Generator) -> Attempt:
             while connection.recv():
                 connection.send(_FROM_DEVKIT[-1].decode())
 
-    def race() -> object:
+    def race():
         with serve(answer, "127.0.0.1", 0) as server:
             threading.Thread(target=server.serve_forever, daemon=True).start()
             address = f"127.0.0.1:{server.socket.getsockname()[1]}"
@@ -286,16 +299,14 @@ def _servers(samples: Path, here: Path, rng: Generator) -> Attempt:
 
 # -- several cars
 
-_OPPONENTS = (
-    "gap_finder", "follow_the_gap[point=deepest]", "pure_pursuit[line=ring.csv]", "planner.py:Planner", "wall_follow",
-)  # fmt: skip
+_OPPONENTS = ("gap_finder", "follow_the_gap[point=deepest]", "pure_pursuit[line=ring.csv]", "planner.py:Planner",
+              "wall_follow")  # fmt: skip
 
 
-def _several_cars(samples: Path, here: Path, rng: Generator) -> Attempt:
-    for name in ("map.yaml", "map.png", "ring.csv"):
-        shutil.copy(samples / name, here)
-    (here / "planner.py").write_bytes(mutated(_PLANNER, rng) if rng.random() < 0.5 else _PLANNER)
-    arguments: list[Any] = ["--track", one_of(rng, ("oval", "oval", "ring.csv", "map.yaml", "scene:u_turn_trap:3"))]
+def _several_cars(samples, here, rng):
+    shutil.copytree(samples, here, dirs_exist_ok=True)
+    (here / "planner.py").write_bytes(mutated(PLANNER, rng) if rng.random() < 0.5 else PLANNER)
+    arguments = ["--track", one_of(rng, ("oval", "oval", "ring.csv", "map.yaml", "scene:u_turn_trap:3"))]
     for _ in range(int(rng.integers(1, 4))):
         opponent = one_of(rng, _OPPONENTS)
         arguments.append(f"--opponents={as_text(mutated(opponent.encode(), rng)) if rng.random() < 0.5 else opponent}")
@@ -305,47 +316,10 @@ def _several_cars(samples: Path, here: Path, rng: Generator) -> Attempt:
         arguments.append(f"--grid={one_of(rng, ('staggered', 'side_by_side', 'none', ''))}")
     if rng.random() < 0.4:
         arguments.append(f"--rules={one_of(rng, ('none', 'roboracer_2026', 'x', ''))}")
-    return command("race", *arguments, *SHORT, "--json")
+    return command(*race(*arguments, "--json"))
 
 
-_PLANNER = b"""
-import fg_mujoco as fg
-
-class Planner:
-    def reset(self):
-        pass
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.05, speed=1.0)
-"""
-
-
-def _race_of_several(samples: Path) -> None:
-    entries = [fg.Entry(), fg.Entry(controller="follow_the_gap"), fg.Entry(controller="wall_follow")]
-    result = fg.race("oval", entries=entries, laps=1, time_limit=0.2)
-    without_checksums(write_run(result, samples / "run"))
-
-
-def _several_cars_folder(samples: Path, here: Path, rng: Generator) -> Attempt:
-    shutil.copytree(samples / "run", here / "run")
-    names = ("summary.json", "states.npz", "telemetry_car_1.csv", "telemetry_car_2.csv", "scene.xml")
-    name = one_of(rng, ("summary.json", *names))
-    path = here / "run" / name
-    if name == "summary.json":
-        any_json_file(path, rng)
-    elif name == "states.npz":
-        changed_arrays(path, rng)
-    elif rng.random() < 0.05:
-        path.unlink()
-    else:
-        path.write_bytes(mutated(path.read_bytes(), rng))
-    return read(here, rng)
-
-
-TARGETS = {
-    "f110": Target(attempt=_f110, prepare=ring),
-    "live_session": Target(attempt=_live_session),
-    "live_server": Target(attempt=_live_server),
-    "servers": Target(attempt=_servers),
-    "several_cars": Target(attempt=_several_cars, prepare=ring),
-    "several_cars_folder": Target(attempt=_several_cars_folder, prepare=_race_of_several),
-}
+TARGETS = {"f110": Target(attempt=_f110, prepare=ring), "live_session": Target(attempt=_live_session),
+           "live_server": Target(attempt=_live_server), "servers": Target(attempt=_servers),
+           "several_cars": Target(attempt=_several_cars, prepare=ring), "environment": Target(attempt=_environment),
+           "live_view": Target(attempt=_live_view)}  # fmt: skip

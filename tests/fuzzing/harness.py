@@ -7,8 +7,6 @@ Wrong is: a traceback, a death, more than 10 s, more than 1.5 GB; of a command t
 one line, anything on its standard output, and anything written.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import multiprocessing
@@ -19,14 +17,10 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import forkserver
-from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 from zlib import crc32
 
@@ -54,7 +48,7 @@ class Finding:
     number: int
     wrong: str
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.target}, seed {self.seed}, try {self.number}: {self.wrong}"
 
 
@@ -70,15 +64,7 @@ class Tally:
     memory: int  # [kB] the greatest of all processes
 
 
-def knock(
-    target: str,
-    tries: int,
-    *,
-    seed: int,
-    first: int = 0,
-    targets: str = "fuzzing.targets:TARGETS",
-    limits: Limits | None = None,
-) -> Tally:
+def knock(target, tries, *, seed, first=0, targets="fuzzing.targets:TARGETS", limits=None):
     """Try a target; after a death or a hang, go on with the next try in a new process.
 
     Args:
@@ -89,7 +75,7 @@ def knock(
       targets: the module that has them, and their name in it behind a colon.
       limits: of a try; None: the usual ones.
     """
-    findings: list[Finding] = []
+    findings = []
     refused = memory = 0
     slowest, number = 0.0, first
     with tempfile.TemporaryDirectory(prefix="fuzzing-") as folder:
@@ -116,9 +102,8 @@ class _Told:
 class _Knocker:
     """The process that tries, watched."""
 
-    def __init__(
-        self, targets: str, target: str, seed: int, number: int, end: int, folder: Path, limits: Limits
-    ) -> None:
+    def __init__(self, targets: str, target: str, seed: int, number: int, end: int, folder: Path,
+                 limits: Limits) -> None:  # fmt: skip
         self._log = folder / "log"
         self._told, telling = _forks().Pipe(duplex=False)
         arguments = (targets, target, seed, number, end, folder, telling)
@@ -128,17 +113,17 @@ class _Knocker:
         self._next, self._end, self._limits = number, end, limits
         self.memory = 0
 
-    def __enter__(self) -> _Knocker:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)  # and what it has started
         self._process.kill()
         self._process.join()
         self._told.close()
 
-    def __iter__(self) -> Any:
+    def __iter__(self):
         begun = time.monotonic() + 300.0  # for what it prepares
         while True:
             try:
@@ -162,19 +147,17 @@ class _Knocker:
         if self._next < self._end:
             last = self._log.read_bytes()[-2000:].decode(errors="replace")
             code = self._process.exitcode
-            yield _Told(
-                number=self._next,
-                wrong=f"the process ended with {code} before it was through: {' '.join(last.split())[-300:]}",
-            )
+            yield _Told(number=self._next,
+                        wrong=f"the process ended with {code} before it was through: {' '.join(last.split())[-300:]}")
 
-    def _measure(self) -> None:
+    def _measure(self):
         with contextlib.suppress(OSError, ValueError, IndexError):
             status = Path(f"/proc/{self._process.pid}/status").read_text(encoding="utf-8")
             self.memory = max(self.memory, int(status.split("VmHWM:")[1].split()[0]))
 
 
 @cache
-def _forks() -> ForkServerContext:
+def _forks():
     """Start the process of which those that try are forks: it has loaded what every target needs, and waits."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["fuzzing.warm"])
@@ -187,7 +170,7 @@ def _forks() -> ForkServerContext:
 # -- in the process that tries
 
 
-def _try_target(targets: str, name: str, seed: int, number: int, end: int, folder: Path, telling: Connection) -> None:
+def _try_target(targets, name, seed, number, end, folder, telling):
     os.setsid()
     os.chdir(folder)
     log = os.open("log", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
@@ -206,17 +189,15 @@ def _try_target(targets: str, name: str, seed: int, number: int, end: int, folde
             telling.send(tried(made, samples, folder / f"here-{i}", _generator(name, seed, i), output))
 
 
-def _generator(name: str, seed: int, number: int) -> np.random.Generator:
+def _generator(name, seed, number):
     return np.random.default_rng([seed, crc32(name.encode()), number])
 
 
-def tried(
-    target: Any, samples: Path, here: Path, rng: np.random.Generator, output: Callable[[], str], *, keep: bool = False
-) -> tuple[float, bool, str]:
+def tried(target, samples, here, rng, output, *, keep=False):
     """Return how long one try took [s], whether it was refused, and what went wrong, in one line."""
     here.mkdir()
     os.chdir(here)
-    code: object = None
+    code = None
     said = wrong = ""
     try:
         attempt = target.attempt(samples, here, rng)
@@ -240,7 +221,7 @@ def tried(
     return seconds, code == 2, " ".join(wrong.split())[:600].encode(errors="replace").decode()
 
 
-def _wrong(code: object, said: str, before: dict[Path, bytes | None], here: Path) -> str:
+def _wrong(code, said, before, here):
     if "Traceback (most" in said:
         return f"a traceback: {said[-300:]}"
     if code not in (0, 1, 2, None):
@@ -253,25 +234,24 @@ def _wrong(code: object, said: str, before: dict[Path, bytes | None], here: Path
     if len(said) > 5000:
         return f"a refusal of {len(said)} characters"
     after = _contents(here)
-    changed = [
-        str(path.relative_to(here)) for path in before.keys() | after.keys() if before.get(path) != after.get(path)
-    ]
+    changed = [str(path.relative_to(here)) for path in before.keys() | after.keys()
+               if before.get(path) != after.get(path)]  # fmt: skip
     return f"refused, but wrote {', '.join(sorted(changed)[:3])}: {said[:200]}" if changed else ""
 
 
-def _contents(folder: Path) -> dict[Path, bytes | None]:
+def _contents(folder):
     return {path: path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 @contextlib.contextmanager
-def _captured(folder: Path) -> Any:
+def _captured(folder):
     """Send what this process and its C libraries print to a file; give a function that returns and forgets it."""
     with open(folder / "output", "w+b") as file:
         kept = os.dup(1), os.dup(2)
         os.dup2(file.fileno(), 1)
         os.dup2(file.fileno(), 2)
 
-        def output() -> str:
+        def output():
             sys.stdout.flush()
             sys.stderr.flush()
             file.seek(0)

@@ -1,13 +1,9 @@
 """Targets of planners: their names and settings, their files, their lines, and the scans that they are told."""
 
-from __future__ import annotations
-
 import json
 import shutil
-from pathlib import Path
 
 import numpy as np
-from numpy.random import Generator
 
 import fg_mujoco as fg
 from fg_mujoco.addons.look.debug import debug_page
@@ -15,18 +11,15 @@ from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.racing.planners import bundled_names, make_controller
 
-from .course_targets import ring
-from .mutations import mutated, one_of
-from .target import SHORT, Attempt, Target, as_text, command, ignore_refusal
+from .file_targets import race, ring
+from .mutations import VALUES, mutated, one_of
+from .target import Target, as_text, command, ignore_refusal
 
-PLANNERS = (
-    "gap_finder[lookahead=6]", "follow_the_gap[point=deepest,assist=limiter]", "pure_pursuit[line=ring.csv]",
-    "wall_follow",
-    "disparity_extender[assist=safe]", "weighted_gap", "threshold_gap", "planner.py:Planner",
-    "planner.py:Planner[gain=.5]",
-)  # fmt: skip
+PLANNERS = ("gap_finder[lookahead=6]", "follow_the_gap[point=deepest,assist=limiter]", "pure_pursuit[line=ring.csv]",
+            "wall_follow", "disparity_extender[assist=safe]", "weighted_gap", "threshold_gap", "planner.py:Planner",
+            "planner.py:Planner[gain=.5]")  # fmt: skip
 
-PLANNER = """
+PLANNER = b"""
 import fg_mujoco as fg
 
 class Planner:
@@ -39,29 +32,22 @@ class Planner:
 """
 
 
-def _planner_settings(samples: Path, here: Path, rng: Generator) -> Attempt:
-    (here / "planner.py").write_text(PLANNER)
+def _planner_settings(samples, here, rng):
+    (here / "planner.py").write_bytes(PLANNER)
     shutil.copy(samples / "ring.csv", here)
-    return command("race", f"--controller={as_text(mutated(one_of(rng, PLANNERS).encode(), rng))}", *SHORT)
+    return command(*race(f"--controller={as_text(mutated(one_of(rng, PLANNERS).encode(), rng))}"))
 
 
-VALUES = (
-    "None", "0", "1", "True", "'a'", "b''", "[]", "()", "(0.0, 1.0)", "[0.1, 1.0, 2.0]", "{}", "float('nan')",
-    "float('inf')", "-1e308",
-    "10**400", "object()", "lambda *a: None", "scan", "odometry", "scan.ranges", "scan.ranges[:0]",
-    "scan.ranges * 1j", "np.zeros(2)",
-    "np.float32(1)", "np.array(['a', 'b'])", "np.array(None)", "np.ma.masked", "type", "Ellipsis", "iter([0, 0])",
-    "(i for i in ())",
-    "fg.DriveCommand(steering_angle=0.1, speed=1.0)", "fg.DriveCommand(steering_angle=9.0, speed=99.0)", "Odd()",
-    "Odd", "1/0",
-    "np.ctypeslib.as_array", "print('fg-mujoco: warning' + 'x' * 4000)",
-    "__import__('warnings').warn('x' * 999)", "exec('raise Odd()')",
-    "[][0]",
-    "sys.exit(0)", "sys.exit('bye')", "exec('raise GeneratorExit')", "exec('raise StopIteration')",
-    "exec('raise MemoryError')",
-    "sys.setrecursionlimit(60)", "(lambda f: f(f))(lambda f: f(f))", "next(iter(()))", "forged(float('nan'))",
-    "forged('a')", "forged(None)",
-)  # fmt: skip
+ANSWERS = ("None", "0", "1", "True", "'a'", "b''", "[]", "()", "(0.0, 1.0)", "[0.1, 1.0, 2.0]", "{}", "float('nan')",
+           "float('inf')", "-1e308", "10**400", "object()", "lambda *a: None", "scan", "odometry", "scan.ranges",
+           "scan.ranges[:0]", "scan.ranges * 1j", "np.zeros(2)", "np.float32(1)", "np.array(['a', 'b'])",
+           "np.array(None)", "np.ma.masked", "type", "Ellipsis", "iter([0, 0])", "(i for i in ())",
+           "fg.DriveCommand(steering_angle=0.1, speed=1.0)", "fg.DriveCommand(steering_angle=9.0, speed=99.0)", "Odd()",
+           "Odd", "1/0", "np.ctypeslib.as_array", "print('fg-mujoco: warning' + 'x' * 4000)",
+           "__import__('warnings').warn('x' * 999)", "exec('raise Odd()')", "[][0]", "sys.exit(0)", "sys.exit('bye')",
+           "exec('raise GeneratorExit')", "exec('raise StopIteration')", "exec('raise MemoryError')",
+           "sys.setrecursionlimit(60)", "(lambda f: f(f))(lambda f: f(f))", "next(iter(()))", "forged(float('nan'))",
+           "forged('a')", "forged(None)")  # fmt: skip
 """What planners give back, or do."""
 
 HOSTILE_PLANNER = """
@@ -93,65 +79,39 @@ class Planner:
 """
 
 
-def _planner_file(samples: Path, here: Path, rng: Generator) -> Attempt:
-    values = {
-        "call": one_of(rng, VALUES),
-        "name": "'a'",
-        "stage": "1",
-        "parameter": "*arguments, **others",
-        "init": "0",
-        "reset": "pass",
-    }
+def _planner_file(samples, here, rng):
+    values = {"call": one_of(rng, ANSWERS), "name": "'a'", "stage": "1", "parameter": "*arguments, **others",
+              "init": "0", "reset": "pass"}  # fmt: skip
     part = one_of(rng, ("call", "call", "call", "name", "stage", "init", "reset", "parameter"))
-    values[part] = (
-        one_of(rng, VALUES) if part != "parameter" else one_of(rng, ("car", "mu", "x=1", "*a", "car, mu, y", "x=[]"))
-    )
+    values[part] = (one_of(rng, ANSWERS) if part != "parameter" else one_of(rng,
+                        ("car", "mu", "x=1", "*a", "car, mu, y", "x=[]")))  # fmt: skip
     text = HOSTILE_PLANNER.format(**values).encode()
     (here / "planner.py").write_bytes(mutated(text, rng) if rng.random() < 0.2 and b"sys." not in text else text)
-    return command("race", "--controller=planner.py:Planner", *SHORT)
+    return command(*race("--controller=planner.py:Planner"))
 
 
-def _raceline(samples: Path, here: Path, rng: Generator) -> Attempt:
-    (here / "line.csv").write_bytes(mutated((samples / "ring.csv").read_bytes(), rng))
-    shutil.copy(samples / "ring.csv", here)
-    return command("race", "--track", "ring.csv", "--controller", "pure_pursuit[line=line.csv]", *SHORT)
-
-
-def hostile_scan(rng: Generator, stamp: float) -> fg.LaserScan:
+def hostile_scan(rng, stamp):
     """Return a scan of any number of beams, with anything in it."""
     count = int(one_of(rng, (1, 2, 3, 10, 101, 1081)))
     ranges = rng.uniform(0.05, 12.0, count)
     for value in (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e308, 5e-324):
         ranges[rng.random(count) < one_of(rng, (0.0, 0.0, 0.1, 1.0))] = value
     span = float(one_of(rng, (4.7, 6.28, 1.0, 1e-6)))
-    return fg.LaserScan(
-        ranges=ranges,
-        angle_min=-0.5 * span,
-        angle_increment=span / max(1, count - 1),
-        angle_max=0.5 * span,
-        range_min=0.06,
-        range_max=12.0,
-        stamp=stamp,
-    )
+    return fg.LaserScan(ranges=ranges, angle_min=-0.5 * span, angle_increment=span / max(1, count - 1),
+                        angle_max=0.5 * span, range_min=0.06, range_max=12.0, stamp=stamp)  # fmt: skip
 
 
-def _scans(samples: Path, here: Path, rng: Generator) -> Attempt:
+def _scans(samples, here, rng):
     name = one_of(rng, [name for name in bundled_names() if name != "pure_pursuit"])
     planner = make_controller(name, car=fg.Vehicle.load("f1tenth").parameters, mu=0.9, max_speed=5.0)
     numbers = rng.choice([0.0, 0.0, 1.0, -5.0, 1e9, 3.0], size=15)
 
-    def drive() -> int:
+    def drive():
         planner.reset()
         for step in range(3):
-            odometry = fg.Odometry(
-                stamp=0.025 * step,
-                speed=numbers[0],
-                steering_angle=0.1 * numbers[1],
-                angular_velocity=numbers[2:5],
-                linear_acceleration=numbers[5:8],
-                wheel_speeds=numbers[8:12],
-                pose=numbers[12:],
-            )
+            odometry = fg.Odometry(stamp=0.025 * step, speed=numbers[0], steering_angle=0.1 * numbers[1],
+                                   angular_velocity=numbers[2:5], linear_acceleration=numbers[5:8],
+                                   wheel_speeds=numbers[8:12], pose=numbers[12:])  # fmt: skip
             command = planner(hostile_scan(rng, odometry.stamp), odometry)
             assert np.isfinite([command.steering_angle, command.speed]).all()
         return 0
@@ -189,15 +149,14 @@ def generate_launch_description():
         OpaqueFunction(function=later, args=[3]),
     ])
 """
-PARTS = (
-    "None", "[]", "()", "{}", "''", "'a' * 9999999", "range(10**9)", "open('/dev/zero')", "LaunchConfiguration('x')",
-    "Node()", "later()", "lambda: 0", "[i for i in 5]", "'%9999d' % 1", "'{:>{}}'.format(1, 9)", "10**9", "f'{1:>9}'",
-    "PythonExpression(['1+'])", "GroupAction(1)", "OpaqueFunction()", "IfCondition()", "SetParameter()", "print(*[1])",
-)  # fmt: skip
+PARTS = ("None", "[]", "()", "{}", "''", "'a' * 9999999", "range(10**9)", "open('/dev/zero')",
+         "LaunchConfiguration('x')", "Node()", "later()", "lambda: 0", "[i for i in 5]", "'%9999d' % 1",
+         "'{:>{}}'.format(1, 9)", "10**9", "f'{1:>9}'", "PythonExpression(['1+'])", "GroupAction(1)",
+         "OpaqueFunction()", "IfCondition()", "SetParameter()", "print(*[1])")  # fmt: skip
 """What takes the place of a line's end in a launch file."""
 
 
-def _launch_file(samples: Path, here: Path, rng: Generator) -> Attempt:
+def _launch_file(samples, here, rng):
     (here / "package.xml").write_text("<package><name>car</name></package>")
     (here / "setup.py").write_text('"drive = node:main"')
     (here / "node.py").write_text("def main(): pass")
@@ -224,38 +183,33 @@ class OddArray:
         raise RuntimeError("no\ntext")
 
 
-SHOWN = (
-    None, 0, -1.5, 10**400, True, float("nan"), float("inf"), "a", b"a", (), (0.0, 1.0), [(0.0, 1.0)] * 3, {}, object(),
-    1j, np.zeros(2), np.zeros((3, 2)), np.zeros((0, 2)), np.zeros((2, 2, 2)), np.full((4, 2), np.nan),
-    np.full((9, 2), 1e308), np.ma.masked, np.array("a"), np.array(None), np.zeros((5000, 2)), [[1], [1, 2]],
-    np.datetime64("2020"), OddArray(), int, np.float16(1e4), np.zeros(1081, np.int8), iter((0.0, 1.0)),
-)  # fmt: skip
+SHOWN = (*VALUES, [(0.0, 1.0)] * 3, np.zeros((3, 2)), np.zeros((0, 2)), np.zeros((2, 2, 2)), np.full((4, 2), np.nan),
+         np.full((9, 2), 1e308), np.ma.masked, np.array(None), np.zeros((5000, 2)), [[1], [1, 2]],
+         np.datetime64("2020"), OddArray(), np.float16(1e4), np.zeros(1081, np.int8), iter((0.0, 1.0)))  # fmt: skip
 NAMES = ("a", "b", "<b>&\n", "", "x" * 61, 3, None, OddArray(), np.str_("c"), "\0", "°/ä", "\ud800")
 WAYS = (None, None, "points", "line", "polygon", "dots", 3, [], OddArray(), np.zeros(2))
 PLACES = ("laser", "laser", "base_link", "map", "odom", 3, [], OddArray())
 
 
-def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
+def _shown_values(samples, here, rng):
     """What a planner shows, with anything in it, on the page, in the live view and in a bag."""
     car = fg.Vehicle.load("f1tenth").parameters
     chosen = [tuple(one_of(rng, each) for each in (NAMES, SHOWN, WAYS, PLACES)) for _ in range(12)]
     scan = hostile_scan(rng, 0.025)
     chosen += [("scan", scan.ranges, None, "laser")]
     pose = rng.choice([0.0, 1.0, -5.0, np.nan], size=3)
-    odometry = fg.Odometry(
-        stamp=0.025, speed=0.0, steering_angle=0.0, angular_velocity=np.zeros(3), linear_acceleration=np.zeros(3),
-        wheel_speeds=np.zeros(4), pose=pose,
-    )  # fmt: skip
+    odometry = fg.Odometry(stamp=0.025, speed=0.0, steering_angle=0.0, angular_velocity=np.zeros(3),
+                           linear_acceleration=np.zeros(3), wheel_speeds=np.zeros(4), pose=pose)  # fmt: skip
 
     class Planner:
-        def reset(self) -> None: ...
+        def reset(self): ...
 
-        def __call__(self, scan: fg.LaserScan, odometry: fg.Odometry) -> fg.DriveCommand:
+        def __call__(self, scan, odometry):
             for name, value, draw, frame in chosen:
                 fg.show(name, value, draw=draw, frame=frame)
             return fg.STOP
 
-    def look() -> int:
+    def look():
         witness = Witness(Planner(), car)
         answer = witness.decide(scan, odometry, None)
         assert answer == fg.STOP and all("\n" not in remark for remark in witness.remarks)
@@ -268,11 +222,6 @@ def _shown_values(samples: Path, here: Path, rng: Generator) -> Attempt:
     return look
 
 
-TARGETS = {
-    "launch_file": Target(attempt=_launch_file),
-    "shown_values": Target(attempt=_shown_values),
-    "planner_settings": Target(attempt=_planner_settings, prepare=ring),
-    "planner_file": Target(attempt=_planner_file),
-    "raceline": Target(attempt=_raceline, prepare=ring),
-    "scans": Target(attempt=_scans),
-}
+TARGETS = {"launch_file": Target(attempt=_launch_file), "shown_values": Target(attempt=_shown_values),
+           "planner_settings": Target(attempt=_planner_settings, prepare=ring),
+           "planner_file": Target(attempt=_planner_file), "scans": Target(attempt=_scans)}  # fmt: skip

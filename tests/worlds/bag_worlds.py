@@ -1,13 +1,28 @@
 """Bags for the tests: messages as a robot's driver would fill them, and files of them by a library of their own."""
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 from fg_mujoco.addons.ros.bag_messages import type_store
+from fg_mujoco.addons.ros.bag_reader import ScanBag
+from fg_mujoco.vehicle.vehicle import Vehicle
 
+CAR = Vehicle.load().parameters
 SECOND = 1_000_000_000
+EPOCH = 1_700_000_000 * SECOND
+
+
+def read(path, *told, **options):
+    """Return what a bag delivers, of which is told what has these texts, and nothing if there is none."""
+    with warnings.catch_warnings(record=True) as warned, ScanBag(path, CAR, **options) as bag:
+        warnings.simplefilter("always")
+        found = list(bag)
+    assert bool(told) == bool(warned)
+    assert all(any(text in str(one.message) for one in warned) for text in told), [str(one.message) for one in warned]
+    return found
 
 
 def make(kind, **values):
@@ -52,6 +67,14 @@ def robot_odometry(time, *, x=0.0, y=0.0, yaw=0.0, speed=0.0, yaw_rate=0.0, fram
     )  # fmt: skip
 
 
+def robot_imu(time, turning, accelerating, yaw=0.0):
+    """Of angular velocity and linear acceleration (3,)."""
+    zeros = np.zeros(9)
+    return make("sensor_msgs/msg/Imu", header=header(time, "imu"), orientation=rotation(yaw),
+                orientation_covariance=zeros, angular_velocity=vector(*turning), angular_velocity_covariance=zeros,
+                linear_acceleration=vector(*accelerating), linear_acceleration_covariance=zeros)  # fmt: skip
+
+
 def transforms(time, *links):
     """A tf2_msgs/TFMessage of (parent, child, translation, rotation)."""
     return make(
@@ -66,18 +89,33 @@ def transforms(time, *links):
     )  # fmt: skip
 
 
-def write_bag(folder, entries, *, storage="MCAP"):
+def write_bag(folder, entries, *, storage="MCAP", compression=None):
     """Write (topic, time [ns], message) by rosbags' own writer, as a folder with metadata.yaml, and return it.
 
-    They are in the file in their order here.
+    They are in the file in their order here. `compression`: FILE or MESSAGE.
     """
-    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
     store, connections = type_store(), {}
-    with Writer(Path(folder), version=9, storage_plugin=StoragePlugin[storage]) as writer:
+    writer = Writer(Path(folder), version=9, storage_plugin=StoragePlugin[storage])
+    if compression:
+        writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
+    with writer:
         for topic, time, message in entries:
             kind = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=store)
             writer.write(connections[topic], time, store.serialize_cdr(message, kind))
     return Path(folder)
+
+
+def decoded(path):
+    """Return (log time, message) by topic of an MCAP, as the MCAP organisation's ROS 2 support reads them."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    found = {}
+    with open(path, "rb") as file:
+        for _, channel, raw, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((raw.log_time, message))
+    return found

@@ -57,3 +57,17 @@ def page_of(tmp_path_factory):
             yield functools.partial(_page_at, url)
     except OSError:
         pytest.skip("no browser here: apt-get install -y chromium, or playwright install chromium")
+
+
+@contextlib.contextmanager
+def opened(page_of, path, width=1280, height=1100):
+    """Open a page from the disk, and yield it when it is ready: without errors, dialogs or other requests."""
+    asked, errors = [], []
+    with page_of(viewport={"width": width, "height": height}) as page:
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("dialog", lambda dialog: (errors.append(dialog.message), dialog.dismiss()))
+        page.goto(path.as_uri())
+        page.wait_for_selector("html[data-ready=yes]")
+        yield page
+    assert asked == [path.as_uri()] and errors == []

@@ -27,8 +27,8 @@ def box(low_x, low_y, high_x, high_y):
     return [(low_x, low_y), (high_x, low_y), (high_x, high_y), (low_x, high_y), (low_x, low_y)]
 
 
-def seen_from(walls, x, y, headings):
-    """How far it is to the nearest wall along each heading, at most 30 m. Shape (n,) [m]."""
+def seen_from(walls, x, y, headings, longest=30.0):
+    """How far it is to the nearest wall along each heading, at most `longest`. Shape (n,) [m]."""
     rays = np.column_stack((np.cos(headings), np.sin(headings)))[:, np.newaxis]
     ahead, away = walls[:, 1] - walls[:, 0], walls[:, 0] - (x, y)
 
@@ -38,7 +38,7 @@ def seen_from(walls, x, y, headings):
     with np.errstate(divide="ignore", invalid="ignore"):
         distance, share = cross(away, ahead) / cross(rays, ahead), cross(away, rays) / cross(rays, ahead)
     met = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
-    return np.minimum(np.where(met, distance, math.inf).min(axis=1), 30.0)
+    return np.where(met, distance, longest).min(axis=1, initial=longest)
 
 
 def cell(x, y):

@@ -1,9 +1,17 @@
 """What environments do from tick to tick, for tests."""
 
+import numpy as np
 
-def commands_of_ticks(env):
-    """Return a list that gets the commands [rad, m/s] of each tick that an F1TenthEnv drives from now on."""
-    episodes, commands = env._episodes, []
+import fg_mujoco as fg
+from fg_mujoco.addons.learn.policy_files import read_policy
+
+
+def race_as_environment(env, path, ticks, track="hairpins", check=lambda observation, action: None, **settings):
+    """Race a policy's file and drive it in an F1TenthEnv: the commands have the same bits. Return the race's car.
+
+    `check` gets each observation and action of the environment.
+    """
+    episodes, commands, policy = env._episodes, [], read_policy(path)
     tick = episodes.tick
 
     def ticking(actions, **options):
@@ -11,4 +19,13 @@ def commands_of_ticks(env):
         commands.append(episodes.commands[0].copy())
 
     episodes.tick = ticking
-    return commands
+    observation, _ = env.reset(seed=0)
+    while len(commands) < ticks:
+        action = policy.act(observation)
+        check(observation, action)
+        observation, _, terminated, _, _ = env.step(action)
+        assert not terminated
+    car = fg.race(track, str(path), time_limit=0.025 * ticks - 0.01, **settings).car
+    column = fg.TELEMETRY.index("command_steering_rad")
+    assert car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+    return car

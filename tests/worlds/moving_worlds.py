@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from drawn_worlds import seen_from
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
 from fg_mujoco.controllers.perception.targets import TARGETS, track_targets
 from fg_mujoco.messages import ODOMETRY
@@ -24,13 +25,8 @@ def box(x, y, length=0.3, width=0.4):
 def ranges_of(segments, discs=(), x=0.0, y=0.0, heading=0.0, noise=None):
     """Ranges (1081,) [m] of a LiDAR at a pose among segments ((x, y), (x, y)) and discs (x, y, radius)."""
     cos, sin = np.cos(BEARINGS + heading), np.sin(BEARINGS + heading)
-    best = np.full(1081, 30.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for (ax, ay), (bx, by) in segments:
-            dx, dy, ox, oy = bx - ax, by - ay, ax - x, ay - y
-            cross = cos * dy - sin * dx
-            way, share = (ox * dy - oy * dx) / cross, (ox * sin - oy * cos) / cross
-            best = np.where((way > 0.0) & (share >= 0.0) & (share <= 1.0), np.minimum(best, way), best)
+    best = seen_from(np.reshape(segments, (-1, 2, 2)), x, y, BEARINGS + heading)
+    with np.errstate(invalid="ignore"):
         for cx, cy, radius in discs:
             along, across = (cx - x) * cos + (cy - y) * sin, (cy - y) * cos - (cx - x) * sin
             near = along - np.sqrt(radius**2 - across**2)

@@ -1,4 +1,4 @@
-"""Nodes of ROS as planners in a corridor, for the tests of the door."""
+"""Nodes of ROS as planners in a corridor: their texts, what writes them, and what they command."""
 
 from dataclasses import replace
 
@@ -6,6 +6,68 @@ from fg_mujoco.racing.planners import make_controller
 from scan_worlds import CAR, corridor, odometry_of
 
 SCAN, ODOMETRY = corridor(1.0, 1.0, 5.0), odometry_of(1.0)
+ROS1 = """
+import rospy
+from sensor_msgs.msg import LaserScan
+from ackermann_msgs.msg import AckermannDriveStamped
+
+def drive(speed, angle=0):
+    message = AckermannDriveStamped()
+    message.drive.speed, message.drive.steering_angle = speed, angle
+    publisher.publish(message)
+
+rospy.init_node("mine")
+publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
+count = [0]
+"""
+ROS2 = """
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from ackermann_msgs.msg import AckermannDriveStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool, Float32, Float32MultiArray, Int32
+
+class Mine(Node):
+    def __init__(self):
+        super().__init__("mine")
+        self.calls, self.order, self.got = 0, [], {}
+        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
+        self.create_subscription(LaserScan, "/scan", self.callback, 10)
+"""
+DRIVES = """
+    def drive(self, speed, angle=0.0):
+        message = AckermannDriveStamped()
+        message.drive.speed, message.drive.steering_angle = speed, angle
+        self.publisher.publish(message)
+"""
+
+
+def write(folder, text, name="mine.py"):
+    """Write a file, and return what names it as a node."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+    return f"ros:{folder / name}"
+
+
+def indented(text, by):
+    return "".join(f"{' ' * by}{line}\n" for line in text.splitlines())
+
+
+def node1(folder, body, more=""):
+    """Write a node of ROS 1 whose callback of scans has a body, and return what names it."""
+    body = indented(f"count[0] += 1\n{body}", 4)
+    takes = f'{more}\ndef take(scan):\n{body}\nrospy.Subscriber("/scan", LaserScan, take)\nrospy.spin()\n'
+    return write(folder, ROS1 + takes)
+
+
+def node2(folder, body, init="", more="", head=ROS2, name="mine.py"):
+    """Write a node of ROS 2 whose callback of scans has a body, and return what names it."""
+    callback = f"\n    def callback(self, message):\n{indented('self.calls += 1' + chr(10) + body, 8)}"
+    return write(folder, f"{head}{indented(init, 8)}{more}{callback}{DRIVES}", name) + ":Mine"
 
 
 def make(source, **settings):

@@ -12,13 +12,13 @@ INCREMENT = math.radians(0.25)
 MU = 1.0489  # of the community's F1TENTH models
 
 
-def scan_of(ranges, increment=INCREMENT, angle_min=None, range_max=30.0, **fields):
+def scan_of(ranges, increment=INCREMENT, angle_min=None, range_max=30.0, stamp=0.0, **fields):
     """A scan of these ranges, straight ahead in its middle."""
     ranges = np.asarray(ranges, dtype=float)
     span = increment * max(len(ranges) - 1, 0)
     start = -0.5 * span if angle_min is None else angle_min
     limits = {"angle_min": start, "angle_max": start + span, "range_min": 0.02, "range_max": range_max}
-    return LaserScan(stamp=0.0, angle_increment=increment, ranges=ranges, **limits, **fields)
+    return LaserScan(stamp=stamp, angle_increment=increment, ranges=ranges, **limits, **fields)
 
 
 def odometry_of(speed=0.0, steering_angle=0.0):

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from drawn_worlds import lines, seen_from
 from fg_mujoco.compiled.kernels import kernel
 
 
@@ -141,13 +142,4 @@ def _drive(values, low, cell, pose, goal_x, body, radius):
 def ray_distances(solids, origin, headings):
     """Distance along each ray to the nearest side of any solid, inf where there is none. Shape (n,) [m]."""
     corners = [solid.corners() for solid in solids]
-    starts = np.concatenate(corners)
-    ahead = np.concatenate([np.roll(polygon, -1, axis=0) - polygon for polygon in corners])
-    rays = np.column_stack((np.cos(headings), np.sin(headings)))
-    away = starts - origin
-    scale = rays[:, :1] * ahead[:, 1] - rays[:, 1:] * ahead[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (away[:, 0] * ahead[:, 1] - away[:, 1] * ahead[:, 0]) / scale
-        share = (away[:, 0] * rays[:, 1:] - away[:, 1] * rays[:, :1]) / scale
-    met = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
-    return np.where(met, distance, math.inf).min(axis=1)
+    return seen_from(lines(*([*points, points[0]] for points in corners)), *origin, headings, math.inf)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.bench.card import bench
 from fg_mujoco.addons.arena.bench.card_page import write_card_page
 from fg_mujoco.addons.arena.study.suite import read_suite
@@ -69,16 +70,15 @@ def test_a_card_is_the_same_again_in_other_processes(suite):
     assert timeless(first) == timeless(again)
 
 
-def test_the_command_writes_the_page_and_the_numbers_of_a_planner_without_stages(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(PLANNER)
-    (tmp_path / "small.toml").write_text(SUITE)
+def test_the_command_writes_the_page_and_the_numbers_of_a_planner_without_stages(here, capsys):
+    (here / "mine.py").write_text(PLANNER)
+    (here / "small.toml").write_text(SUITE)
     command = ["bench", "mine.py", "--suite", "small.toml", "--workers", "1", "--out", "card"]
     assert main(command) == 0
     assert "mine.py:ahead" in capsys.readouterr().out
-    card = json.loads((tmp_path / "card" / "card.json").read_text())
+    card = json.loads((here / "card" / "card.json").read_text())
     assert list(card["rows"]) == ["none"] and card["suite"] == "small 2" and len(card["rows"]["none"]) == 4
-    page = (tmp_path / "card" / "card.html").read_text()
+    page = (here / "card" / "card.html").read_text()
     assert card["suite_sha256"][:12] in page and "obstacle" not in card["scores"]["none"]["groups"]["circuits"]
     assert main(command) == 2
     assert "card.html" in capsys.readouterr().err
@@ -89,18 +89,14 @@ def test_a_name_of_a_planner_is_text_on_its_page(suite, tmp_path):
     assert "<script>alert(1)" not in write_card_page(card, tmp_path / "card.html").read_text()
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ('name = "small"', 'nam = "small"', "nam is no setting of a suite"),
-        ('name = "boxes"', 'name = "circuits"', "has the group 'circuits' twice"),
-        ("obstacles = 2", "obstacle = 2", "group 'boxes': .*obstacle.*did you mean"),
-        ("obstacles = 2", 'assist = "full"', "assist is of the planner"),
-        ('track = "oval"', "", "group 'boxes': it has no track"),
-        ('["none", "full"]', '["none", "ful"]', "assists.*did you mean 'full'"),
-        ("max_speed = 4.0", "max_speed = -4.0", "max_speed is -4.0"),
-    ],
-)
+@each("old, new, said",
+      [('name = "small"', 'nam = "small"', "nam is no setting of a suite"),
+       ('name = "boxes"', 'name = "circuits"', "has the group 'circuits' twice"),
+       ("obstacles = 2", "obstacle = 2", "group 'boxes': .*obstacle.*did you mean"),
+       ("obstacles = 2", 'assist = "full"', "assist is of the planner"),
+       ('track = "oval"', "", "group 'boxes': it has no track"),
+       ('["none", "full"]', '["none", "ful"]', "assists.*did you mean 'full'"),
+       ("max_speed = 4.0", "max_speed = -4.0", "max_speed is -4.0")])  # fmt: skip
 def test_a_suite_that_cannot_be_is_refused_in_a_line(tmp_path, old, new, said):
     path = tmp_path / "wrong.toml"
     path.write_text(SUITE.replace(old, new))
@@ -117,9 +113,8 @@ def test_why_a_planner_failed_stands_on_its_card(suite, tmp_path):
     assert "boom" in write_card_page(card, tmp_path / "card.html").read_text()
 
 
-def test_a_planner_that_ends_its_process_ends_no_more_than_its_runs(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "exits.py").write_text("import os\n\ndef exits(scan, odometry):\n    os.kill(os.getpid(), 9)\n")
-    (tmp_path / "small.toml").write_text(SUITE[: SUITE.index('[[groups]]\nname = "boxes"')])
+def test_a_planner_that_ends_its_process_ends_no_more_than_its_runs(here, capsys):
+    (here / "exits.py").write_text("import os\n\ndef exits(scan, odometry):\n    os.kill(os.getpid(), 9)\n")
+    (here / "small.toml").write_text(SUITE[: SUITE.index('[[groups]]\nname = "boxes"')])
     assert main(["bench", "exits.py", "--suite", "small.toml", "--workers", "2"]) == 1
     assert "exits.py:exits" in capsys.readouterr().out

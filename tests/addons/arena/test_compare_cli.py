@@ -29,18 +29,14 @@ def command(*arguments):
 
 
 def test_the_command_is_the_function(here, capsys):
-    arguments = [
-        "--controller", "planners.py:Gentle[speed=2,steering=0.1],planners.py:Broken", "--track", "oval,l_corridor",
-        "--seed", "1:3", "--max-speed", "4", "--obstacles", "1", "--lidar-noise", "0.01", "--laps", "1",
-        "--mu", "0.9", "--planner-mu", "off", "--time-limit", "0.3", "--workers", "1", "--out", "out",
-    ]  # fmt: skip
+    arguments = ["--controller", "planners.py:Gentle[speed=2,steering=0.1],planners.py:Broken", "--track",
+        "oval,l_corridor", "--seed", "1:3", "--max-speed", "4", "--obstacles", "1", "--lidar-noise", "0.01", "--laps",
+        "1", "--mu", "0.9", "--planner-mu", "off", "--time-limit", "0.3", "--workers", "1", "--out", "out"]  # fmt: skip
     assert main(["compare", *arguments]) == 0
     out, err = capsys.readouterr()
-    expected = fg.compare(
-        ["planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"], track=["oval", "l_corridor"],
-        seed=[1, 2], max_speed=[4.0], obstacles=1, lidar_noise=0.01, laps=1, mu=0.9, planner_mu=float("inf"),
-        time_limit=0.3, workers=1, out="mine",
-    )  # fmt: skip
+    expected = fg.compare(["planners.py:Gentle[speed=2,steering=0.1]", "planners.py:Broken"],
+                          track=["oval", "l_corridor"], seed=[1, 2], max_speed=[4.0], obstacles=1, lidar_noise=0.01,
+                          laps=1, mu=0.9, planner_mu=float("inf"), time_limit=0.3, workers=1, out="mine")  # fmt: skip
     assert files(here / "out") == files(here / "mine")
     assert out == f"{expected.markdown()}\n8 runs; written to out\nmu 0.9; the planner has no limit\n"
     assert "\x1b" not in err  # what planners print is there, and no progress
@@ -58,9 +54,8 @@ def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_sa
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     arguments = ["--controller", "planners.py:Slow", "--track", "oval", "--obstacles", "1", "--seed", "0:20"]
     arguments += ["--laps", "1", "--time-limit", "2", "--workers", "2", "--out", "out"]
-    process = subprocess.Popen(
-        command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               start_new_session=True)  # fmt: skip
     until = time.monotonic() + 100
     while not list(here.glob("out/runs.jsonl")) and time.monotonic() < until:
         time.sleep(0.02)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.addons.arena.runs.run import CarFigures, Origin, RunRow, driven_poses, wrong_way_time
 from fg_mujoco.addons.arena.study.kinds import Comparison
@@ -29,19 +30,15 @@ def here(tmp_path, monkeypatch):
 
 
 def compare(controller=GRID, **options):
-    defaults = {
-        "track": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seed": [0, 4], "workers": 1, "out": "out",
-        "pictures": False,
-    }  # fmt: skip
+    defaults = {"track": ["oval"], "laps": 1, "time_limit": 0.6, "obstacles": 1, "seed": [0, 4], "workers": 1,
+                "out": "out", "pictures": False}  # fmt: skip
     return fg.compare(controller, **(defaults | options))
 
 
 # what a run is
 
 
-@pytest.mark.parametrize(
-    "text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""]
-)
+@each("text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""])
 def test_what_is_no_controller_with_settings_is_refused(text):
     with pytest.raises(fg.SettingsError, match="accepted: "):
         ControllerChoice.of(text)
@@ -50,10 +47,8 @@ def test_what_is_no_controller_with_settings_is_refused(text):
 def test_a_run_is_the_race_that_it_says():
     comparison = compare(GRID[1:2], seed=[4], lidar_noise=0.02)
     (row,) = comparison.rows
-    result = fg.race(
-        "oval", "planners.py:Gentle", laps=1, time_limit=0.6, obstacles=1, obstacle_seed=4, seed=4,
-        effects=fg.LidarEffects(range_noise_std=0.02), planner_settings={"speed": 2, "steering": 0.1},
-    )  # fmt: skip
+    result = fg.race("oval", "planners.py:Gentle", laps=1, time_limit=0.6, obstacles=1, obstacle_seed=4, seed=4,
+                     effects=fg.LidarEffects(range_noise_std=0.02), planner_settings={"speed": 2, "steering": 0.1})
     figures = row.car
     assert row.trajectory_sha256 == result.trajectory_sha256
     assert figures.end_reason == result.car.end_reason == "time_limit"
@@ -81,7 +76,7 @@ def test_a_run_that_touches_something_has_no_clearance():
     assert row.car.collisions == 1
 
 
-@pytest.mark.parametrize(("track", "speed"), [("oval", 1.0), ("oval", -1.0), ("l_corridor", 2.0)])
+@each("track, speed", [("oval", 1.0), ("oval", -1.0), ("l_corridor", 2.0)])
 def test_where_the_physics_meets_the_wall_the_footprint_does(track, speed):
     """The engine's contacts know nothing of the clearance: what they report is its oracle."""
     settings = {"speed": speed, "steering": 0.05}
@@ -111,10 +106,8 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
 
 def test_the_clearance_to_what_moves_is_that_of_its_time():
     crossing = MovingObstacle(length=0.4, width=0.4, start=(2.0, -4.0), end=(2.0, 4.0), speed=1.0)
-    scene = Scene(
-        name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0,
-        walls=(fg.Box(x=0.0, y=6.0, length=9.0, width=0.2),), moving=(crossing,), time_limit=10.0,
-    )  # fmt: skip
+    scene = Scene(name="test", way=np.array([[-3.0, 0.0], [20.0, 0.0]]), start=3.0, goal=15.0,
+                  walls=(fg.Box(x=0.0, y=6.0, length=9.0, width=0.2),), moving=(crossing,), time_limit=10.0)
     front = CAR.length - CAR.rear_overhang
     times = np.array([0.0, 4.0, 8.0])
     standing = np.zeros((3, 3))
@@ -173,14 +166,12 @@ def flip(path):
     path.write_bytes(content)
 
 
-DAMAGE = {
-    "no run": ("runs.jsonl, line 1: ", lambda f: (f / "runs.jsonl").write_text('{"controller": 3}\n')),
-    "edited": ("runs.jsonl, line [12]: ", lambda f: edit(f / "runs.jsonl", '"seed": 4', '"seed": 5')),
-    "flipped": ("runs.jsonl, line 1: ", lambda f: flip(f / "runs.jsonl")),
-}
+DAMAGE = {"no run": ("runs.jsonl, line 1: ", lambda f: (f / "runs.jsonl").write_text('{"controller": 3}\n')),
+          "edited": ("runs.jsonl, line [12]: ", lambda f: edit(f / "runs.jsonl", '"seed": 4', '"seed": 5')),
+          "flipped": ("runs.jsonl, line 1: ", lambda f: flip(f / "runs.jsonl"))}  # fmt: skip
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
+@each("damage", DAMAGE)
 def test_a_damaged_run_is_refused_by_its_name_and_driven_again_by_the_same_comparison(here, damage):
     compare(GRID[:1])
     whole = files(here / "out")
@@ -212,21 +203,17 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
         compare(GRID[:1], out="full")
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"controller": []}, "no planner is given"),
-        ({"controller": ["gap_finder", "gap_finder"]}, "planner gap_finder is given twice"),
-        ({"controller": ["nobody"]}, "'nobody' is not known"),
-        ({"controller": ["nothing.py"]}, "there is no file nothing.py"),
-        ({"controller": ["nothing.py:Mine"]}, "there is no file nothing.py"),
-        ({"controller": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
-        ({"track": ["nowhere"]}, "unknown track 'nowhere'"),
-        ({"seed": []}, "no seed is given"),
-        ({"max_speed": [4.0, 4.0]}, "max_speed 4.0 is given twice"),
-        ({"obstacles": 500}, "500 obstacles on track 'oval'; accepted: at most"),
-    ],
-)
+@each("options, said",
+      [({"controller": []}, "no planner is given"),
+       ({"controller": ["gap_finder", "gap_finder"]}, "planner gap_finder is given twice"),
+       ({"controller": ["nobody"]}, "'nobody' is not known"),
+       ({"controller": ["nothing.py"]}, "there is no file nothing.py"),
+       ({"controller": ["nothing.py:Mine"]}, "there is no file nothing.py"),
+       ({"controller": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
+       ({"track": ["nowhere"]}, "unknown track 'nowhere'"),
+       ({"seed": []}, "no seed is given"),
+       ({"max_speed": [4.0, 4.0]}, "max_speed 4.0 is given twice"),
+       ({"obstacles": 500}, "500 obstacles on track 'oval'; accepted: at most")])  # fmt: skip
 def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said):
     with pytest.raises(fg.FgMujocoError, match=said):
         compare(**options)
@@ -244,17 +231,12 @@ def test_a_worker_that_dies_is_told_of_and_the_other_runs_are_driven(here):
 
 
 def row(planner="a", course="oval", speed=8.0, seed=0, sha256=None, **figures):
-    none = {
-        "success": True, "end_reason": "finished", "finished": True, "laps_completed": 1, "laps_requested": 1,
-        "best_lap_s": 9.0, "mean_lap_s": 9.5, "max_slide_m_s": 0.01, "slide_time_fraction": 0.0,
-        "least_clearance_m": 0.3, "wrong_way_time_s": 0.0,
-    }  # fmt: skip
+    none = {"success": True, "end_reason": "finished", "finished": True, "laps_completed": 1, "laps_requested": 1,
+            "best_lap_s": 9.0, "mean_lap_s": 9.5, "max_slide_m_s": 0.01, "slide_time_fraction": 0.0,
+            "least_clearance_m": 0.3, "wrong_way_time_s": 0.0}  # fmt: skip
     place = {"planner": planner, "course": course, "max_speed": speed, "seed": seed}
-    return RunRow(
-        key=f"{planner} {seed}", place=place, setup={}, course_sha256="", origins=(Origin(sha256=None),),
-        cars=(CarFigures(planner=planner, **(none | figures)),),
-        trajectory_sha256=sha256 or str(seed),
-    )  # fmt: skip
+    return RunRow(key=f"{planner} {seed}", place=place, setup={}, course_sha256="", origins=(Origin(sha256=None),),
+                  cars=(CarFigures(planner=planner, **(none | figures)),), trajectory_sha256=sha256 or str(seed))
 
 
 CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "mean_lap_s": None, "collisions": 1,
@@ -262,22 +244,17 @@ CRASH = {"success": False, "end_reason": "crash", "best_lap_s": None, "mean_lap_
 
 
 def test_a_cell_sums_up_the_runs_of_a_planner_on_a_course():
-    last = CRASH | {
-        "best_lap_s": 2.0, "mean_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None,
-        "slide_time_fraction": None,
-    }  # fmt: skip
-    (cell, other) = Comparison.make_cells([
-        row(best_lap_s=9.0, mean_lap_s=12.0, wrong_way_time_s=1.0, slide_time_fraction=0.5), row("b", **CRASH),
-        row(seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5, max_slide_m_s=0.4),
-        row(seed=2, **last), row(seed=3, best_lap_s=14.0, mean_lap_s=15.0),
-    ])  # fmt: skip
-    expected = {
-        "planner": "a", "course": "oval", "runs": 4, "successes": 3, "end_reasons": "1 crash, 3 finished",
-        "laps_completed": 3, "laps_requested": 4, "collisions": 1, "best_lap_s": 11.0, "mean_lap_s": 13.0,
-        "least_clearance_m": 0.0, "wrong_way_time_s": 1.5, "max_slide_m_s": 0.4,
-        "slide_time_fraction": pytest.approx(0.5 / 3), "best_lap_s_of": 3, "best_lap_s_q25": 10.0,
-        "best_lap_s_q75": 12.5, "won": None,
-    }  # fmt: skip
+    last = CRASH | {"best_lap_s": 2.0, "mean_lap_s": 2.0, "least_clearance_m": 0.0, "wrong_way_time_s": None,
+                    "slide_time_fraction": None}  # fmt: skip
+    (cell, other) = Comparison.make_cells([row(best_lap_s=9.0, mean_lap_s=12.0, wrong_way_time_s=1.0,
+                                               slide_time_fraction=0.5), row("b", **CRASH),
+            row(seed=1, best_lap_s=11.0, mean_lap_s=12.0, least_clearance_m=0.2, wrong_way_time_s=0.5,
+                max_slide_m_s=0.4), row(seed=2, **last), row(seed=3, best_lap_s=14.0, mean_lap_s=15.0)])  # fmt: skip
+    expected = {"planner": "a", "course": "oval", "runs": 4, "successes": 3, "end_reasons": "1 crash, 3 finished",
+                "laps_completed": 3, "laps_requested": 4, "collisions": 1, "best_lap_s": 11.0, "mean_lap_s": 13.0,
+                "least_clearance_m": 0.0, "wrong_way_time_s": 1.5, "max_slide_m_s": 0.4,
+                "slide_time_fraction": pytest.approx(0.5 / 3), "best_lap_s_of": 3, "best_lap_s_q25": 10.0,
+                "best_lap_s_q75": 12.5, "won": None}  # fmt: skip
     assert {name: cell[name] for name in expected} == expected  # 9, 11 and 14 s of the successes
     assert (cell["successes_low"], cell["successes_high"]) == wilson(3, 4)
     found = [other[name] for name in ("planner", "best_lap_s", "best_lap_s_of", "best_lap_s_q25")]
@@ -319,9 +296,8 @@ def test_differences_are_within_pairs_of_runs():
     low, high = (round(100 * found[f"difference_{end}"]) for end in ("low", "high"))
     assert line == f"| b | a | 7 | -14 | {low:+d} to {high:+d} | 6 | +0.50 | +0.50 to +0.50 |"
     two = [row(planner, course, seed=seed) for planner in ("a", "b") for course in ("oval", "fast") for seed in (0, 1)]
-    assert [(each["course"], each["pairs"]) for each in Comparison.differences_of.of(two)] == [
-        ("all", 4), ("oval", 2), ("fast", 2)
-    ]  # fmt: skip
+    assert [(each["course"], each["pairs"]) for each in Comparison.differences_of.of(two)] == [("all", 4), ("oval", 2),
+        ("fast", 2)]  # fmt: skip
     assert Comparison.differences_of.table(()) is None
 
 

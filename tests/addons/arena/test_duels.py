@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from comparison_worlds import files
 from fg_mujoco.addons.arena.runs.duels import AHEAD_FOR, Duel, Duels, alone, closed_track, pace
 from fg_mujoco.addons.arena.runs.run import Origin
@@ -16,16 +17,16 @@ from fg_mujoco.addons.arena.runs.slower_cars import (
     Scaled,
     lane_line,
     least_curvature,
-    make_opponent,
+    make_opponent,  # fmt: skip
     start_on,
 )
 from fg_mujoco.addons.arena.study.functions import overtake
 from fg_mujoco.addons.arena.study.plan import plan
 from fg_mujoco.addons.arena.study.suite import read_suite
-from fg_mujoco.cli.main import main
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.rollouts.rollout_result import wilson
+from refusals import refused
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
@@ -39,10 +40,8 @@ def duel(planner="overtaker", track="oval", opponent="centreline", seed=1, ratio
     else:
         place["seed"] = seed
     setup = fg.Setup.of(track, controller=planner, time_limit=place.pop("seconds", None), knows=knows)
-    return Duel(
-        place=place, setup=setup, planners=(planner,), course_sha256="", origins=(Origin(sha256=None),),
-        duels=Duels(opponent=[opponent], ratio=ratio, speed=[place["speed"]] if placed else ()),
-    )  # fmt: skip
+    return Duel(place=place, setup=setup, planners=(planner,), course_sha256="", origins=(Origin(sha256=None),),
+                duels=Duels(opponent=[opponent], ratio=ratio, speed=[place["speed"]] if placed else ()))  # fmt: skip
 
 
 def figures(*arguments, **given):
@@ -50,10 +49,8 @@ def figures(*arguments, **given):
     return dict(row.figures) | {"message": row.car.message}
 
 
-@pytest.mark.parametrize(
-    ("successes", "count", "low", "high"),
-    [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (85, 100, 0.7672, 0.9069), (10, 10, 0.7225, 1.0)],
-)
+@each("successes, count, low, high", [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (85, 100, 0.7672, 0.9069),
+                                     (10, 10, 0.7225, 1.0)])  # fmt: skip
 def test_intervals_are_wilsons(successes, count, low, high):
     assert wilson(successes, count) == pytest.approx((low, high), abs=1e-4)
 
@@ -85,7 +82,7 @@ def test_a_lane_uses_its_part_of_the_room_between_the_walls():
     assert start.s == pytest.approx(5.0, abs=0.3) and start.offset > 0.1
 
 
-@pytest.mark.parametrize(("kind", "tolerance"), [("reactive", 0.02), ("centreline", 0.15)])
+@each("kind, tolerance", [("reactive", 0.02), ("centreline", 0.15)])
 def test_an_opponent_takes_the_longer_the_less_its_ratio(kind, tolerance, tmp_path):
     """The gap finder takes the planner's line, if it is the planner; the centreline is longer than that line."""
     setup = fg.Setup.of("oval", controller="gap_finder")
@@ -114,7 +111,7 @@ def test_all_planners_meet_the_same_opponents():
     assert all(0.3 <= ratio <= 0.9 and 2.0 <= headway <= 10.0 for _, headway, ratio in others)
 
 
-@pytest.mark.parametrize("kind", ["centreline", "blocking"])
+@each("kind", ["centreline", "blocking"])
 def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
     """The lead is worked out once more, from where the cars stand on the map."""
     driven = duel(opponent=kind, ratio=(0.4, 0.5))
@@ -151,11 +148,9 @@ def test_a_study_goes_on_where_it_stopped(tmp_path):
 
 def test_a_planner_that_knows_its_opponent_is_told_where_it_is(tmp_path):
     told = tmp_path / "told.py"
-    told.write_text(
-        "from fg_mujoco.messages import DriveCommand\n\n\n"
-        "def plan(scan, odometry):\n    x, y = odometry.readings['opponents'].values[:2]\n"
-        "    return DriveCommand(steering_angle=0.0, speed=float(x == x))\n"
-    )
+    told.write_text("from fg_mujoco.messages import DriveCommand\n\n\n"
+                    "def plan(scan, odometry):\n    x, y = odometry.readings['opponents'].values[:2]\n"
+                    "    return DriveCommand(steering_angle=0.0, speed=float(x == x))\n")  # fmt: skip
     result, *_ = duel(f"{told}:plan", seconds=0.5, knows="opponents", start_m=5.0, opponent="middle").race()
     assert result.car.column("command_speed_m_s")[1:].all() and result.car.planner_failure is None
 
@@ -176,12 +171,10 @@ def test_the_example_has_the_2400_duels_of_its_source_each_once():
 
 def test_a_planner_that_stands_is_safe_and_behind_and_one_that_rams_is_not(tmp_path):
     planners = tmp_path / "planners.py"
-    planners.write_text(
-        "from fg_mujoco.messages import DriveCommand\n\n\n"
-        "def stand(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=0.0)\n\n\n"
-        "def ram(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=8.0)\n\n\n"
-        "def fail(scan, odometry):\n    return 1 / 0\n"
-    )
+    planners.write_text("from fg_mujoco.messages import DriveCommand\n\n\n"
+                        "def stand(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=0.0)\n\n\n"
+                        "def ram(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=8.0)\n\n\n"
+                        "def fail(scan, odometry):\n    return 1 / 0\n")  # fmt: skip
     placed = {"track": "hairpins", "opponent": "raceline"}
     stood = figures(f"{planners}:stand", **placed, seconds=2.0)
     assert stood["outcome"] == "behind" and stood["taken_s"] == pytest.approx(2.0) and stood["ahead_m"] < -3.0
@@ -203,39 +196,33 @@ def test_the_overtaker_passes_a_slow_opponent_and_stays_behind_one_that_is_faste
 GROUP = '[[groups]]\nname = "a"\ntrack = "oval"\nopponent = "middle"\nspeed = 0.5\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("time_limit = 8.0\n", "has no groups; accepted: one or more groups"),
-        (f"{GROUP}starts = 0\n", "starts is 0; accepted: a whole number from 1"),
-        (f"{GROUP}starts = 1000000000000\n", "accepted: a whole number from 1 to 100000"),
-        (f'{GROUP}starts = {"9" * 400}\n', "accepted: whole numbers from -922"),
-        (f"{GROUP}starts = 1000\nheadway = [1, 1, 1]\noffset = {[0] * 99}\n", "make 297000"),
-        (GROUP.replace('"middle"', "[1]"), "opponent 1; accepted: "),
-        (GROUP.replace('"oval"', "[]"), "no track is given"),
-        (GROUP.replace('"middle"', "[]"), "opponent is empty; accepted: right"),
-        (f"passing = 3\n{GROUP}", "passing is 3 without checks"), (f"name = 5\n{GROUP}", "name is 5; accepted: a text"),
-        (f'{GROUP}starts = ["a"]\n', "starts has 'a'; accepted"),
-        (GROUP.replace("middle", "midle"), "did you mean 'middle'?"),
-        (f"{GROUP}speeds = [0.5]\n", "speeds is no setting of a group"),
-        (GROUP.replace("0.5", "[-0.5]"), "speed has -0.5; accepted: numbers above 0"),
-        (f"{GROUP}headway = []\n", "headway is empty; accepted"),
-        (GROUP.replace('"oval"', "3"), "track is 3; accepted: one or more names or paths"),
-        (f"time_limit = -1\n{GROUP}", "time_limit is -1; accepted"),
-        (GROUP.replace("oval", "scene:gap"), "scene"),
-        (f'{GROUP}[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "groups of several kinds: duels, heats"),
-        (f"{GROUP}ratio = [0.9, 0.3]\n", "ratio is (0.9, 0.3); accepted: the least and the greatest"),
-        (f"{GROUP}ratio = [0.3, 0.8]\n", "ratio is (0.3, 0.8) in duels from given places; accepted: without it"),
-        (GROUP.replace("middle", "blocking").replace("speed", "headway"), "headway is (0.5,) in drawn duels"),
-        (f"{GROUP}seeds = [1]\n", "seeds is (1,) in a group of duels from given places"),
-        (f"laps = 2\n{GROUP}", "laps is 2 in a group of duels from given places"),
-        (f"{GROUP}start_s = 2.0\n", "start_s is 2.0 in a group of heats or duels"),
-        ('assists = ["none"]\n[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "heats; accepted: NAME"),
-    ],
-)  # fmt: skip
-def test_a_suite_of_duels_that_cannot_be_is_refused_in_one_line(tmp_path, capsys, text, said):
-    (tmp_path / "suite.toml").write_text(text)
-    assert main(["study", str(tmp_path / "suite.toml"), "gap_finder", "--out", str(tmp_path / "out")]) == 2
-    printed = capsys.readouterr().err
-    assert printed.count("\n") == 1 and said in printed
-    assert not (tmp_path / "out").exists()
+@each("text, said", [
+    ("time_limit = 8.0\n", "has no groups; accepted: one or more groups"),
+    (f"{GROUP}starts = 0\n", "starts is 0; accepted: a whole number from 1"),
+    (f"{GROUP}starts = 1000000000000\n", "accepted: a whole number from 1 to 100000"),
+    (f'{GROUP}starts = {"9" * 400}\n', "accepted: whole numbers from -922"),
+    (f"{GROUP}starts = 1000\nheadway = [1, 1, 1]\noffset = {[0] * 99}\n", "make 297000"),
+    (GROUP.replace('"middle"', "[1]"), "opponent 1; accepted: "),
+    (GROUP.replace('"oval"', "[]"), "no track is given"),
+    (GROUP.replace('"middle"', "[]"), "opponent is empty; accepted: right"),
+    (f"passing = 3\n{GROUP}", "passing is 3 without checks"), (f"name = 5\n{GROUP}", "name is 5; accepted: a text"),
+    (f'{GROUP}starts = ["a"]\n', "starts has 'a'; accepted"),
+    (GROUP.replace("middle", "midle"), "did you mean 'middle'?"),
+    (f"{GROUP}speeds = [0.5]\n", "speeds is no setting of a group"),
+    (GROUP.replace("0.5", "[-0.5]"), "speed has -0.5; accepted: numbers above 0"),
+    (f"{GROUP}headway = []\n", "headway is empty; accepted"),
+    (GROUP.replace('"oval"', "3"), "track is 3; accepted: one or more names or paths"),
+    (f"time_limit = -1\n{GROUP}", "time_limit is -1; accepted"),
+    (GROUP.replace("oval", "scene:gap"), "scene"),
+    (f'{GROUP}[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "groups of several kinds: duels, heats"),
+    (f"{GROUP}ratio = [0.9, 0.3]\n", "ratio is (0.9, 0.3); accepted: the least and the greatest"),
+    (f"{GROUP}ratio = [0.3, 0.8]\n", "ratio is (0.3, 0.8) in duels from given places; accepted: without it"),
+    (GROUP.replace("middle", "blocking").replace("speed", "headway"), "headway is (0.5,) in drawn duels"),
+    (f"{GROUP}seeds = [1]\n", "seeds is (1,) in a group of duels from given places"),
+    (f"laps = 2\n{GROUP}", "laps is 2 in a group of duels from given places"),
+    (f"{GROUP}start_s = 2.0\n", "start_s is 2.0 in a group of heats or duels"),
+    ('assists = ["none"]\n[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "heats; accepted: NAME"),
+])  # fmt: skip
+def test_a_suite_of_duels_that_cannot_be_is_refused_in_one_line(here, capsys, text, said):
+    (here / "suite.toml").write_text(text)
+    assert said in refused(here, capsys, "study", "suite.toml", "gap_finder", "--out", "out")

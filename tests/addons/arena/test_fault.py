@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cases import each
 from fault_cases import CAR, CASES, GRIP, Case, Drive, incident, staged
 from fg_mujoco import SettingsError
 from fg_mujoco.addons.arena.race_control import fault
@@ -20,7 +21,7 @@ from fg_mujoco.addons.arena.race_control.recent_motion import contact_normal
 from fg_mujoco.simulation.cars import footprint
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@each("case", CASES, ids=lambda case: case.name)
 def test_the_verdict_of_a_staged_touch_whichever_car_is_first_and_on_whichever_side(case):
     for mirrored in (False, True):
         for swapped in (False, True):
@@ -51,16 +52,11 @@ def touching(draw):
         heading = number(-math.pi, math.pi) + number(-2.0, 2.0) * back
         along = number(-0.4, 0.4) - number(-3.0, 8.0) * back - number(-4.0, 4.0) * back**2
         across = number(-0.3, 0.3) - number(-2.0, 2.0) * back - number(-2.0, 2.0) * back**2
-        cars.append(
-            Approach(
-                length=number(0.3, 0.8), width=number(0.2, 0.4), along=along, across=across, heading=heading,
-                grip=GRIP, cause=draw(st.booleans()), pushed=draw(st.booleans()),
-            )
-        )  # fmt: skip
+        cars.append(Approach(length=number(0.3, 0.8), width=number(0.2, 0.4), along=along, across=across,
+                             heading=heading, grip=GRIP, cause=draw(st.booleans()), pushed=draw(st.booleans())))
     angle = number(-math.pi, math.pi)
-    return Incident(
-        time=time, cars=(cars[0], cars[1]), normal=(math.cos(angle), math.sin(angle)), bend=draw(st.booleans())
-    )
+    return Incident(time=time, cars=(cars[0], cars[1]), normal=(math.cos(angle), math.sin(angle)),
+                    bend=draw(st.booleans()))  # fmt: skip
 
 
 def mirror(car):
@@ -93,26 +89,22 @@ def test_a_car_that_was_pushed_is_not_at_fault():
 
 def test_cars_of_other_sizes_are_judged_by_their_own():
     """A long car is not beside a short one by half its length, but by half of the short one's."""
-    drift = Case(
-        name="", a=Drive(s=0.2, offset=0.6, speed=4.0, heading=-0.08), b=Drive(speed=4.0), fault="a",
-        reason=fault.MOVED_OVER,
-    )  # fmt: skip
+    drift = Case(name="", a=Drive(s=0.2, offset=0.6, speed=4.0, heading=-0.08), b=Drive(speed=4.0), fault="a",
+                 reason=fault.MOVED_OVER)  # fmt: skip
     found = incident(drift)
     longer = replace(found.cars[1], length=1.2, along=found.cars[1].along - 0.5 * (1.2 - CAR.length))
     assert judge(found).at_fault == judge(replace(found, cars=(found.cars[0], longer))).at_fault == (0,)
 
 
-@pytest.mark.parametrize(("x", "y", "heading", "normal"), [(0.6, 0.1, 0.0, (1, 0)), (0.1, -0.32, 0.1, (0, -1))])
+@each("x, y, heading, normal", [(0.6, 0.1, 0.0, (1, 0)), (0.1, -0.32, 0.1, (0, -1))])
 def test_the_normal_of_a_contact_is_that_of_the_side_that_is_hit(x, y, heading, normal):
     first, second = footprint(np.zeros(3), CAR), footprint(np.array([x, y, heading]), CAR)
     assert contact_normal(first, second) == pytest.approx(normal, abs=0.11)
     assert contact_normal(second, first) == pytest.approx(-contact_normal(first, second))
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("along", [math.nan]), ("across", []), ("heading", [0.0, 0.0]), ("length", 0.0), ("grip", math.inf)],
-)
+@each("name, value", [("along", [math.nan]), ("across", []), ("heading", [0.0, 0.0]), ("length", 0.0),
+                      ("grip", math.inf)])  # fmt: skip
 def test_an_approach_that_cannot_be_is_refused(name, value):
     good = {"length": 0.5, "width": 0.3, "along": [0.0], "across": [0.0], "heading": [0.0], "grip": 10.0}
     with pytest.raises(SettingsError, match="accepted"):

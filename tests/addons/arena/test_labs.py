@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.runs import recorded_commands
 from fg_mujoco.addons.arena.runs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.runs.checks import Drive as CheckedDrive
@@ -45,21 +46,17 @@ class Steady:
         speed = max(own.speed - own.slows * max(scan.stamp - own.brakes_at, 0.0), 0.0)
         return DriveCommand(steering_angle=own.steering, speed=speed)
 """
-FILES = {
-    "good.py": "from fg_mujoco.messages import STOP\n\nclass Stops:\n    def reset(self): pass\n"
-               "    def __call__(self, scan, odometry): return STOP\n",
-    "syntax.py": "def (:\n",
-    "raises.py": "def plan(scan, odometry):\n    return 1 / 0\n",
-    "answers.py": "def plan(scan, odometry):\n    return 'left'\n",
-    "late.py": "from fg_mujoco.messages import STOP\n\ndef plan(scan, odometry):\n"
-               "    if scan.stamp > 0.1: raise ValueError('late')\n    return STOP\n",
-    "hangs.py": "import time\n\ndef plan(scan, odometry):\n    time.sleep(30.0)\n",
-    "kills.py": "import os, signal\n\ndef plan(scan, odometry):\n    os.kill(os.getpid(), signal.SIGKILL)\n",
-    "exits.py": "import sys\nsys.exit(7)\n",
-    "empty.py": "",
-    "two.py": "class One:\n    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n\n"
-              "class Two(One): pass\n",
-}  # fmt: skip
+FILES = {"good.py": "from fg_mujoco.messages import STOP\n\nclass Stops:\n    def reset(self): pass\n"
+         "    def __call__(self, scan, odometry): return STOP\n", "syntax.py": "def (:\n",
+         "raises.py": "def plan(scan, odometry):\n    return 1 / 0\n",
+         "answers.py": "def plan(scan, odometry):\n    return 'left'\n",
+         "late.py": "from fg_mujoco.messages import STOP\n\ndef plan(scan, odometry):\n"
+         "    if scan.stamp > 0.1: raise ValueError('late')\n    return STOP\n",
+         "hangs.py": "import time\n\ndef plan(scan, odometry):\n    time.sleep(30.0)\n",
+         "kills.py": "import os, signal\n\ndef plan(scan, odometry):\n    os.kill(os.getpid(), signal.SIGKILL)\n",
+         "exits.py": "import sys\nsys.exit(7)\n", "empty.py": "",
+         "two.py": "class One:\n    def reset(self): pass\n    def __call__(self, scan, odometry): pass\n\n"
+         "class Two(One): pass\n"}  # fmt: skip
 WALL = "obstacles = [{kind = 'box', x = 5.0, y = 0.0, length = 0.2, width = 2.0}]"
 AMONG = "opponents = ['mine.py:Steady[speed=1]']\ntime_limit = 3\nlaps = 1\ngrid = 'behind'"
 CORRIDOR = "track = 'scene:corridor_sparse:0'\nlaps = 1"
@@ -86,36 +83,32 @@ def verdicts(lab, planner):
     return found
 
 
-@pytest.mark.parametrize(
-    ("kind", "own", "drive", "good", "bad", "measured"),
-    [
-        ("finishes", "", CORRIDOR, "gap_finder", "mine.py:Steady", "0 of 1 in"),
-        ("no_crash", "", CORRIDOR, "gap_finder", "mine.py:Steady[steering=0.2]", "crash: hit"),
-        ("no_crash", "least_progress_m = 2", "time_limit = 2", "mine.py:Steady", "mine.py:Steady[speed=0]",
-         "but only 0.0 m driven"),
-        ("no_slide", "least_progress_m = 3\nmost_share = 0.2", "time_limit = 2", "mine.py:Steady",
-         "mine.py:Steady[speed=8,steering=0.4]", "% of the time"),
-        ("lap_time", "most_s = 9.25", "laps = 1", "follow_the_gap", "pure_pursuit", "best lap 9.3"),
-        ("mean_speed", "least_m_s = 1.5\nleast_progress_m = 1", "time_limit = 2", "mine.py:Steady",
-         "mine.py:Steady[speed=1]", "0.9"),
-        ("keeps_clear", "least_m = 0.3\nleast_progress_m = 3", "time_limit = 2", "mine.py:Steady",
-         "mine.py:Steady[steering=0.05]", "at the nearest"),
-        ("follows_wall", "distance_m = 1.1\nwithin_m = 0.2\nleast_progress_m = 4\nafter_m = 0.5", "time_limit = 3",
-         "mine.py:Steady", "mine.py:Steady[steering=0.05]", "of the time, mostly"),
-        ("stops_before", "least_speed_m_s = 1.9\nmost_m = 0.8", f"{WALL}\ntime_limit = 4",
-         "mine.py:Steady[brakes_at=2.0]", "mine.py:Steady[brakes_at=1.0]", "stands 2."),
-        ("stops_before", "least_speed_m_s = 1.9", f"{WALL}\ntime_limit = 3", "mine.py:Steady[brakes_at=2.1]",
-         "mine.py:Steady", "does not stand: crash: hit obstacle"),
-        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 3", "mine.py:Steady[brakes_at=1]",
-         "mine.py:Steady[brakes_at=1,slows=2]", "0.9"),
-        ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 2", "mine.py:Steady[brakes_at=1]",
-         "mine.py:Steady", "does not stop: time limit"),
-        ("wins", "", "opponents = ['mine.py:Steady[speed=0.2]']\ntime_limit = 8\n" + CORRIDOR, "gap_finder",
-         "mine.py:Steady[speed=0]", "time limit"),
-        ("no_fault", "least_progress_m = 1", AMONG, "mine.py:Steady[speed=0.8]", "mine.py:Steady[speed=4]",
-         "1 of 1 contacts: ran into the car ahead"),
-    ],
-)  # fmt: skip
+@each("kind, own, drive, good, bad, measured",
+      [("finishes", "", CORRIDOR, "gap_finder", "mine.py:Steady", "0 of 1 in"),
+       ("no_crash", "", CORRIDOR, "gap_finder", "mine.py:Steady[steering=0.2]", "crash: hit"),
+       ("no_crash", "least_progress_m = 2", "time_limit = 2", "mine.py:Steady", "mine.py:Steady[speed=0]",
+        "but only 0.0 m driven"),
+       ("no_slide", "least_progress_m = 3\nmost_share = 0.2", "time_limit = 2", "mine.py:Steady",
+        "mine.py:Steady[speed=8,steering=0.4]", "% of the time"),
+       ("lap_time", "most_s = 9.25", "laps = 1", "follow_the_gap", "pure_pursuit", "best lap 9.3"),
+       ("mean_speed", "least_m_s = 1.5\nleast_progress_m = 1", "time_limit = 2", "mine.py:Steady",
+        "mine.py:Steady[speed=1]", "0.9"),
+       ("keeps_clear", "least_m = 0.3\nleast_progress_m = 3", "time_limit = 2", "mine.py:Steady",
+        "mine.py:Steady[steering=0.05]", "at the nearest"),
+       ("follows_wall", "distance_m = 1.1\nwithin_m = 0.2\nleast_progress_m = 4\nafter_m = 0.5", "time_limit = 3",
+        "mine.py:Steady", "mine.py:Steady[steering=0.05]", "of the time, mostly"),
+       ("stops_before", "least_speed_m_s = 1.9\nmost_m = 0.8", f"{WALL}\ntime_limit = 4",
+        "mine.py:Steady[brakes_at=2.0]", "mine.py:Steady[brakes_at=1.0]", "stands 2."),
+       ("stops_before", "least_speed_m_s = 1.9", f"{WALL}\ntime_limit = 3", "mine.py:Steady[brakes_at=2.1]",
+        "mine.py:Steady", "does not stand: crash: hit obstacle"),
+       ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 3", "mine.py:Steady[brakes_at=1]",
+        "mine.py:Steady[brakes_at=1,slows=2]", "0.9"),
+       ("stopping_distance", "from_m_s = 1.9\nmost_m = 0.5", "time_limit = 2", "mine.py:Steady[brakes_at=1]",
+        "mine.py:Steady", "does not stop: time limit"),
+       ("wins", "", "opponents = ['mine.py:Steady[speed=0.2]']\ntime_limit = 8\n" + CORRIDOR, "gap_finder",
+        "mine.py:Steady[speed=0]", "time limit"),
+       ("no_fault", "least_progress_m = 1", AMONG, "mine.py:Steady[speed=0.8]", "mine.py:Steady[speed=4]",
+        "1 of 1 contacts: ran into the car ahead")])  # fmt: skip
 def test_each_check_has_a_planner_that_passes_and_one_that_trips_it(kind, own, drive, good, bad, measured):
     text = f"[[checks]]\ncheck = '{kind}'\npoints = 3\n{own}\n{drive}\n"
     Path("lab.toml").write_text(text)
@@ -125,10 +118,8 @@ def test_each_check_has_a_planner_that_passes_and_one_that_trips_it(kind, own, d
 
 
 @settings(max_examples=25)
-@given(
-    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=5),
-    st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=5),
-)
+@given(st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=1, max_size=5),
+       st.lists(st.tuples(st.floats(-5, 5), st.floats(-5, 5)), min_size=3, max_size=5))  # fmt: skip
 def test_the_distance_from_a_wall_is_that_to_the_nearest_of_many_points_of_it(points, corners):
     segments, shares = outline(np.array(corners)), np.linspace(0.0, 1.0, 401)
     along = segments[:, None, :2] + shares[:, None] * (segments[:, None, 2:] - segments[:, None, :2])
@@ -163,15 +154,13 @@ def test_a_file_that_fails_in_any_way_has_no_points_and_a_reason_and_the_others_
     assert "Traceback" not in err
     table = {row["planner"]: row for row in json.loads(out)["table"]}
     assert table["good.py"]["points"] == 2 and table["good.py"]["reason"] is None
-    for planner, said in (
-        ("syntax.py", "SyntaxError"), ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
-        ("late.py", "ValueError: late (late.py, line 4)"), ("answers.py", "'left'"),
-        ("hangs.py", "no command within 0.3 s"),
-        ("kills.py", "the worker ended by SIGKILL"), ("exits.py", "SystemExit: 7"),
-        ("empty.py", "there is no class in the file"),
-        ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),
-        ("two.py:Two", "None"), ("gap_finder[wide=2]", "has no setting 'wide'"),
-    ):  # fmt: skip
+    for planner, said in (("syntax.py", "SyntaxError"),
+                          ("raises.py", "ZeroDivisionError: division by zero (raises.py, line 2)"),
+                          ("late.py", "ValueError: late (late.py, line 4)"), ("answers.py", "'left'"),
+                          ("hangs.py", "no command within 0.3 s"), ("kills.py", "the worker ended by SIGKILL"),
+                          ("exits.py", "SystemExit: 7"), ("empty.py", "there is no class in the file"),
+                          ("two.py", "accepted: two.py:One, two.py:Two"), ("nothing.py", "there is no file nothing.py"),
+                          ("two.py:Two", "None"), ("gap_finder[wide=2]", "has no setting 'wide'")):  # fmt: skip
         assert table[planner]["points"] == 0 and said in table[planner]["reason"], planner
         page = here / "out" / f"{planner.translate({ord(mark): '_' for mark in ':[=]'}).strip('_')}.html"
         assert said.replace("'", "&#x27;") in page.read_text()
@@ -189,13 +178,11 @@ def stand(scan, odometry):
         if type(each).__name__ == "Engine": each.monitor.timers["laps_completed"] = 1
     return STOP
 """
-HOSTILE = {
-    "stuck.py": ("import time\nwhile True:\n    try: time.sleep(99)\n    except BaseException: pass\n", "nothing"),
-    "ctrl_c.py": ("def plan(scan, odometry): raise KeyboardInterrupt\n", "KeyboardInterrupt"),
-    "forks.py": (
-        "import os, time\nif os.fork():\n    os.kill(os.getpid(), 9)\ntime.sleep(60)\n", "the worker ended by SIGKILL"
-    ),
-}  # fmt: skip
+HOSTILE = {"stuck.py": ("import time\nwhile True:\n    try: time.sleep(99)\n    except BaseException: pass\n",
+                        "nothing"),
+           "ctrl_c.py": ("def plan(scan, odometry): raise KeyboardInterrupt\n", "KeyboardInterrupt"),
+           "forks.py": ("import os, time\nif os.fork():\n    os.kill(os.getpid(), 9)\ntime.sleep(60)\n",
+                        "the worker ended by SIGKILL")}  # fmt: skip
 WRITES = """
 import inspect, os, time
 import numpy as np
@@ -206,14 +193,12 @@ os.chdir(frame.f_locals["folder"])
 {record}
 time.sleep(60)
 """
-RECORDS = {
-    "text": "open('aside.npz', 'w').write('x')",
-    "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
-    "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
-    "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
-    "nan": "np.savez('aside.npz', commands=np.full((9, 3), np.nan), end=np.frombuffer(b'null', np.uint8))",
-    "short": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'null', np.uint8))",
-}
+RECORDS = {"text": "open('aside.npz', 'w').write('x')",
+           "pickle": "np.savez('aside.npz', commands=np.array([print], object), end=np.zeros(1, np.uint8))",
+           "words": "np.savez('aside.npz', commands=np.array([['a', 'b', 'c']]), end=np.frombuffer(b'null', np.uint8))",
+           "end": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'[1, 2]', np.uint8))",
+           "nan": "np.savez('aside.npz', commands=np.full((9, 3), np.nan), end=np.frombuffer(b'null', np.uint8))",
+           "short": "np.savez('aside.npz', commands=np.zeros((1, 3)), end=np.frombuffer(b'null', np.uint8))"}
 
 
 def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here):
@@ -227,7 +212,7 @@ def test_a_planner_that_changes_the_grading_in_its_process_changes_nothing(here)
     assert found.rows[0].trajectory_sha256 == raced.trajectory_sha256
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@each("name", HOSTILE)
 def test_a_planner_whose_process_does_not_answer_fails_alone(here, name, monkeypatch):
     monkeypatch.setattr(recorded_commands, "_SILENT", 4.0)
     text, said = HOSTILE[name]
@@ -263,42 +248,35 @@ def test_a_planner_is_graded_again_when_its_code_or_its_check_has_changed(here):
     assert study("lab.toml", ["good.py"], out="out", workers=1).cells[0]["points"] == 4
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "has no groups; accepted: one or more groups"),
-        ("lap = 2\n[[checks]]\ncheck = 'finishes'", "lab.toml, line 1: lap is no setting of a suite"),
-        ("controller = 'a.py:A'\n[[checks]]\ncheck = 'finishes'", "controller is of the planner"),
-        ("[[checks]]\ncheck = 'finish'", "checks[0]: check is 'finish'; accepted: finishes, no_crash"),
-        ("[[checks]]\ncheck = 'lap_time'", "checks[0]: lap_time lacks most_s"),
-        ("[[checks]]\ncheck = 'lap_time'\nmost = 9", "checks[0]: lap_time has no 'most'; accepted: most_s"),
-        ("[[checks]]\ncheck = 'lap_time'\nmost_s = -1", "LapTime.most_s is -1; accepted: a number from 0"),
-        ("[[checks]]\ncheck = 'lap_time'\nmost_s = true", "LapTime.most_s is True"),
-        ("[[checks]]\ncheck = 'finishes'\npoints = 0", "checks[0]: points is 0; accepted: a positive number"),
-        (f"[[checks]]\ncheck = 'finishes'\npoints = {'9' * 400}", "accepted: whole numbers from -922"),
-        ("passing = 2\n[[checks]]\ncheck = 'finishes'", "passing is 2; accepted: a positive number up to 1"),
-        ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "has the check 'finishes' twice"),
-        ("[[checks]]\ncheck = 'finishes'\ntrack = 'ovl'", "did you mean 'oval'?"),
-        ("[[checks]]\ncheck = 'wins'", "checks[0]: wins lacks opponents"),
-        ("[[checks]]\ncheck = 'stops_before'\nleast_speed_m_s = 1", "stops_before lacks an obstacle"),
-        ("[[checks]]\ncheck = 'finishes'\nopponents = ['gap_findr']", "did you mean 'gap_finder'?"),
-        ("[[checks]]\ncheck = 'finishes'\nstart_offset = 5.0", "does not fit"),
-        ("[[checks]]\ncheck = 'follows_wall'\nside = 'up'\ndistance_m = 1\nwithin_m = 1", "accepted: left, right"),
-    ],
-)
+@each("text, said",
+      [("", "has no groups; accepted: one or more groups"),
+       ("lap = 2\n[[checks]]\ncheck = 'finishes'", "lab.toml, line 1: lap is no setting of a suite"),
+       ("controller = 'a.py:A'\n[[checks]]\ncheck = 'finishes'", "controller is of the planner"),
+       ("[[checks]]\ncheck = 'finish'", "checks[0]: check is 'finish'; accepted: finishes, no_crash"),
+       ("[[checks]]\ncheck = 'lap_time'", "checks[0]: lap_time lacks most_s"),
+       ("[[checks]]\ncheck = 'lap_time'\nmost = 9", "checks[0]: lap_time has no 'most'; accepted: most_s"),
+       ("[[checks]]\ncheck = 'lap_time'\nmost_s = -1", "LapTime.most_s is -1; accepted: a number from 0"),
+       ("[[checks]]\ncheck = 'lap_time'\nmost_s = true", "LapTime.most_s is True"),
+       ("[[checks]]\ncheck = 'finishes'\npoints = 0", "checks[0]: points is 0; accepted: a positive number"),
+       (f"[[checks]]\ncheck = 'finishes'\npoints = {'9' * 400}", "accepted: whole numbers from -922"),
+       ("passing = 2\n[[checks]]\ncheck = 'finishes'", "passing is 2; accepted: a positive number up to 1"),
+       ("[[checks]]\ncheck = 'finishes'\n[[checks]]\ncheck = 'finishes'", "has the check 'finishes' twice"),
+       ("[[checks]]\ncheck = 'finishes'\ntrack = 'ovl'", "did you mean 'oval'?"),
+       ("[[checks]]\ncheck = 'wins'", "checks[0]: wins lacks opponents"),
+       ("[[checks]]\ncheck = 'stops_before'\nleast_speed_m_s = 1", "stops_before lacks an obstacle"),
+       ("[[checks]]\ncheck = 'finishes'\nopponents = ['gap_findr']", "did you mean 'gap_finder'?"),
+       ("[[checks]]\ncheck = 'finishes'\nstart_offset = 5.0", "does not fit"),
+       ("[[checks]]\ncheck = 'follows_wall'\nside = 'up'\ndistance_m = 1\nwithin_m = 1", "accepted: left, right")])
 def test_a_lab_that_cannot_be_used_is_refused_in_one_line(here, capsys, text, said):
     (here / "lab.toml").write_text(text)
     assert said in refused(here, capsys, "study", "lab.toml", "good.py")
 
 
-@pytest.mark.parametrize(
-    ("lab", "planner"),
-    [
-        ("lab2_emergency_braking", f"{LABS / 'emergency_brake.py'}:EmergencyBrake"),
-        ("lab3_wall_following", "wall_follow"), ("lab4_follow_the_gap", "gap_finder"),
-        ("lab6_pure_pursuit", "pure_pursuit"), ("race_head_to_head", "overtaker"),
-    ],
-)  # fmt: skip
+@each("lab, planner", [
+    ("lab2_emergency_braking", f"{LABS / 'emergency_brake.py'}:EmergencyBrake"),
+    ("lab3_wall_following", "wall_follow"), ("lab4_follow_the_gap", "gap_finder"),
+    ("lab6_pure_pursuit", "pure_pursuit"), ("race_head_to_head", "overtaker"),
+])  # fmt: skip
 def test_bundled_planners_pass_the_example_of_their_lab(here, lab, planner):
     found = verdicts(LABS / f"{lab}.toml", planner)
     assert all(verdict.passed for _, verdict in found) and sum(points for points, _ in found) == 100, found

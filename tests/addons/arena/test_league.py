@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from comparison_worlds import files
 from fg_mujoco.addons.arena.runs.run import CarFigures, RunRow, car_figures
 from fg_mujoco.addons.arena.runs.turn import read_turn
@@ -25,28 +26,22 @@ from fg_mujoco.racing.setup import Setup
 from refusals import refused
 
 PLANNERS = """
-import os, signal, time
+import time
 from fg_mujoco.messages import DriveCommand
 
 class Stands:
-    speed, ends = 0.0, None
+    speed, hangs_at = 0.0, None
     def reset(self): self.calls = 0
     def __call__(self, scan, odometry):
         self.calls += 1
-        if self.calls == 4 and self.ends: self.ends()
+        if self.calls == self.hangs_at: time.sleep(30.0)
         return DriveCommand(steering_angle=0.0, speed=self.speed)
 
 class Goes(Stands):
     speed = 5.0
 
-class Raises(Stands):
-    def ends(self): raise ZeroDivisionError("on purpose")
-
 class Hangs(Stands):
-    def ends(self): time.sleep(30.0)
-
-class Kills(Stands):
-    def ends(self): os.kill(os.getpid(), signal.SIGKILL)
+    hangs_at = 4
 """
 BOX = fg.load_track("oval").start_pose(-0.8, -0.15)
 SHORT = {"track": "oval", "laps": 1, "time_limit": 1.2, "workers": 1}
@@ -64,9 +59,8 @@ def here(tmp_path, monkeypatch):
         'laps = 1\ntime_limit = 0.1\n\n[[entries]]\ncontroller = "mine.py:Stands"\nvehicle = "nuc2"\nname = "slow"\n\n'
         '[[entries]]\ncontroller = "mine.py:Stands"\nname = "other"\n'
     )
-    (tmp_path / "box.toml").write_text(
-        f"obstacles = [{{kind = 'box', x = {BOX[0]}, y = {BOX[1]}, length = 0.3, width = 0.3}}]"
-    )
+    (tmp_path
+     / "box.toml").write_text(f"obstacles = [{{kind = 'box', x = {BOX[0]}, y = {BOX[1]}, length = 0.3, width = 0.3}}]")
     return tmp_path
 
 
@@ -123,15 +117,12 @@ def test_the_standings_are_by_points_and_then_by_wins():
         place = {"planner": " | ".join(car.planner for car in cars)}
         return RunRow(key="", place=place, setup={}, course_sha256="", origins=(), cars=cars)
 
-    first, second, third = League.make_cells([
-        heat(car("a", 2), car("b", 1, points=1)),
-        heat(car("b", None), car("a", 1, points=1, contacts=2, at_fault=1)),
-        heat(car("c", None), car("a", 1, points=1)),
-        heat(car("c", None), car("b", None, end_reason="planner_failed")),
-    ])  # fmt: skip
-    assert [(each["planner"], each["place"], each["points"]) for each in (first, second, third)] == [
-        ("a", 1, 2), ("b", 2, 1), ("c", 3, 0),
-    ]  # fmt: skip
+    first, second, third = League.make_cells([heat(car("a", 2), car("b", 1, points=1)),
+                                              heat(car("b", None), car("a", 1, points=1, contacts=2, at_fault=1)),
+                                              heat(car("c", None), car("a", 1, points=1)),
+                                              heat(car("c", None), car("b", None, end_reason="planner_failed"))])
+    assert [(each["planner"], each["place"], each["points"]) for each in (first, second, third)] == [("a", 1, 2),
+        ("b", 2, 1), ("c", 3, 0)]  # fmt: skip
     assert [first[name] for name in ("runs", "wins", "incidents", "at_fault")] == [3, 2, 2, 1]
     assert second["failures"] == 1 and second["finished"] == 1
     assert first["rating"] == pytest.approx(second["rating"])  # each beat the other once
@@ -150,10 +141,9 @@ def test_each_group_drives_from_each_place_and_seeds_follow_the_planner():
     plain = heats(2, entries, "oval", "fast")
     assert len(plain) == 2 * 3 * 2 and {heat.place["seed"] for heat in plain} == {None}
     drawn = heats(3, noisy, "oval")
-    assert [heat.planners for heat in drawn[::2]] == [
-        ("gap_finder", "pure_pursuit", "wall_follow"), ("pure_pursuit", "wall_follow", "gap_finder"),
-        ("wall_follow", "gap_finder", "pure_pursuit"),
-    ]  # fmt: skip
+    assert [heat.planners for heat in drawn[::2]] == [("gap_finder", "pure_pursuit", "wall_follow"),
+                                                      ("pure_pursuit", "wall_follow", "gap_finder"),
+                                                      ("wall_follow", "gap_finder", "pure_pursuit")]  # fmt: skip
     seeds = [{entry.name: entry.seed for entry in heat.setup.entries} for heat in drawn]
     assert seeds[0] == seeds[2] == seeds[4] and len({*seeds[0].values(), *seeds[1].values()}) == 6
 
@@ -201,9 +191,8 @@ def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(h
     assert one.runs_driven == 6 and league(planners[:2], out="two", **settings).runs_driven == 2
     two = league(planners, out="two", **settings | {"workers": 2})
     assert two.runs_driven == 4
-    assert {name: text for name, text in files(here / "one").items() if name != "league.html"} == {
-        name: text for name, text in files(here / "two").items() if name != "league.html"
-    }
+    assert {name: text for name, text in files(here / "one").items() if name != "league.html"} == {name: text for name,
+        text in files(here / "two").items() if name != "league.html"}  # fmt: skip
     pages = [(here / name / "league.html").read_text() for name in ("one", "two")]
     assert pages[0].replace("one", "two") == pages[1].replace("one", "two")
     lines = (here / "one/runs.jsonl").read_text().splitlines(keepends=True)
@@ -214,25 +203,19 @@ def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(h
     shutil.rmtree(here / "one")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["gap_finder"], "planners of a league: 1; accepted: two or more"),
-        (["gap_finder", "gap_finder"], "planner gap_finder is given twice; accepted: one or more, each once"),
-        (["gap_finder", "broken.py:Planner"], "No module named 'nothing_there'"),
-        (["gap_finder", "gap_findr"], "did you mean 'gap_finder'?"),
-        (["gap_finder", "pure_pursuit", "--cars", "3"], "--cars is 3 for 2 planners; accepted: 2 to 2"),
-        (["gap_finder", "pure_pursuit", "--rules", "f1"], "--rules is 'f1'; accepted: none, roboracer_2026"),
-        (["gap_finder", "pure_pursuit", "--grid", "row"], "--grid is 'row'; accepted: staggered"),
-        (["gap_finder", "pure_pursuit", "--tracks", "oval"], "did you mean '--track'"),
-        (["gap_finder", "pure_pursuit", "--seed", "-1"], "seed is -1"),
-        (["--config", "starts.toml"], "accepted: none, it is the grid's"),
-        (
-            ["gap_finder", "pure_pursuit", "--config", "box.toml", "--track", "oval"],
-            "'pure_pursuit' does not fit on 'oval'",
-        ),
-    ],
-)
+@each("arguments, said",
+      [(["gap_finder"], "planners of a league: 1; accepted: two or more"),
+       (["gap_finder", "gap_finder"], "planner gap_finder is given twice; accepted: one or more, each once"),
+       (["gap_finder", "broken.py:Planner"], "No module named 'nothing_there'"),
+       (["gap_finder", "gap_findr"], "did you mean 'gap_finder'?"),
+       (["gap_finder", "pure_pursuit", "--cars", "3"], "--cars is 3 for 2 planners; accepted: 2 to 2"),
+       (["gap_finder", "pure_pursuit", "--rules", "f1"], "--rules is 'f1'; accepted: none, roboracer_2026"),
+       (["gap_finder", "pure_pursuit", "--grid", "row"], "--grid is 'row'; accepted: staggered"),
+       (["gap_finder", "pure_pursuit", "--tracks", "oval"], "did you mean '--track'"),
+       (["gap_finder", "pure_pursuit", "--seed", "-1"], "seed is -1"),
+       (["--config", "starts.toml"], "accepted: none, it is the grid's"),
+       (["gap_finder", "pure_pursuit", "--config", "box.toml", "--track", "oval"],
+        "'pure_pursuit' does not fit on 'oval'")])  # fmt: skip
 def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here, capsys, arguments, said):
     line = refused(here, capsys, "league", *arguments, "--out", "out")
     assert said in line and not (here / "out").exists()

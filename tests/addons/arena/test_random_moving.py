@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.random_courses.moving import with_moving
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
@@ -25,20 +26,18 @@ def least_distance(points, sides):
     return float(np.linalg.norm(away - share[..., np.newaxis] * along, axis=2).min())
 
 
-@pytest.mark.parametrize("name", ["oval", "tight"])
+@each("name", ["oval", "tight"])
 def test_nothing_that_moves_comes_to_a_wall_or_to_the_grid(name):
     track = fg.load_track(name)
     walls = np.concatenate([outline(line) for line in wall_outlines(track)])
     for seed in range(6):
-        for each in with_moving(track, ALL, seed, car=CAR, cars=4).moving:
-            later = (2.0 * each.way + abs(each.headway)) / each.speed
-            corners = np.concatenate([each.corners(time) for time in np.linspace(0.0, later, 40).tolist()])
+        for thing in with_moving(track, ALL, seed, car=CAR, cars=4).moving:
+            later = (2.0 * thing.way + abs(thing.headway)) / thing.speed
+            corners = np.concatenate([thing.corners(time) for time in np.linspace(0.0, later, 40).tolist()])
             assert least_distance(corners, walls) > 0.03
             s, offset = track.project(corners)
-            right, left = (
-                np.interp(s, track.arc_length, side, period=track.length)
-                for side in (track.corridor_right, track.corridor_left)
-            )
+            right, left = (np.interp(s, track.arc_length, side,
+                                     period=track.length) for side in (track.corridor_right, track.corridor_left))
             assert ((offset > -right) & (offset < left)).all()
             assert ((s > 2.5) & (s < track.length - 3.0)).all()  # the last of four cars is 2.4 m behind the start
 
@@ -58,18 +57,14 @@ def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
     assert "moving" not in fg.load_track("oval").definition
 
 
-@pytest.mark.parametrize(
-    ("track", "moving", "message"),
-    [
-        ("oval", "pedestrain", "'pedestrain'; accepted: box, crossing, pedestrian; did you mean 'pedestrian'"),
-        ("oval", "box:0", "'box:0'; accepted: box, or box:N with N from 1 to 32"),
-        ("oval", "box:x", "'box:x'; accepted"),
-        ("oval", 3, "moving is 3; accepted: a text of box, crossing, pedestrian"),
-        ("oval", [{"length": 1}], r"moving\[0\]"),
-        ("oval", "box:20", "on track 'oval', which has no room for it; accepted: fewer"),
-        ("scene:crossing_box", "box", "accepted: on a track"),
-    ],
-)
+@each("track, moving, message",
+      [("oval", "pedestrain", "'pedestrain'; accepted: box, crossing, pedestrian; did you mean 'pedestrian'"),
+       ("oval", "box:0", "'box:0'; accepted: box, or box:N with N from 1 to 32"),
+       ("oval", "box:x", "'box:x'; accepted"),
+       ("oval", 3, "moving is 3; accepted: a text of box, crossing, pedestrian"),
+       ("oval", [{"length": 1}], r"moving\[0\]"),
+       ("oval", "box:20", "on track 'oval', which has no room for it; accepted: fewer"),
+       ("scene:crossing_box", "box", "accepted: on a track")])  # fmt: skip
 def test_bad_input_is_named(track, moving, message):
     with pytest.raises(SettingsError, match=message):
         ground_of(Setup.of(track, moving=moving))

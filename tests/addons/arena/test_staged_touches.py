@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fault_cases import CASES, MIDDLE, Case, Drive, staged
 from fg_mujoco.addons.arena.race_control import fault
 from fg_mujoco.addons.arena.race_control.race_control import RaceControl
@@ -26,9 +27,7 @@ def stadium(turned: float) -> fg.Track:
     angle = np.arange(0.0, math.pi, SPACING / RADIUS) - 0.5 * math.pi
     bend = RADIUS * np.column_stack((np.cos(angle), np.sin(angle)))
     bends, top = (bend + np.array((LENGTH, RADIUS)), np.array((0.0, RADIUS)) - bend), 2.0 * RADIUS
-    line = np.vstack((
-        np.column_stack((x, 0.0 * x)), bends[0], np.column_stack((LENGTH - x, 0.0 * x + top)), bends[1]
-    ))  # fmt: skip
+    line = np.vstack((np.column_stack((x, 0.0 * x)), bends[0], np.column_stack((LENGTH - x, 0.0 * x + top)), bends[1]))
     cos, sin = math.cos(turned), math.sin(turned)
     half = np.full(len(line), 0.5 * WIDTH)
     return fg.Track(name="stadium", centreline=line @ [[cos, sin], [-sin, cos]], width_left=half, width_right=half)
@@ -51,32 +50,25 @@ def drive(engine: Engine, drives: list[Drive], controls: list[RaceControl], tick
 
 def starts(drives: tuple[Drive, ...], s: float) -> list[fg.Start]:
     """Return where the rear axles of cars stand whose middles are counted from a place of the course [m]."""
-    return [
-        fg.Start(
-            s=s + each.s - MIDDLE * math.cos(each.heading), offset=each.offset - MIDDLE * math.sin(each.heading),
-            heading=each.heading, speed=each.speed,
-        )
-        for each in drives
-    ]  # fmt: skip
+    return [fg.Start(s=s + each.s - MIDDLE * math.cos(each.heading),
+                     offset=each.offset - MIDDLE * math.sin(each.heading), heading=each.heading,
+                     speed=each.speed) for each in drives]  # fmt: skip
 
 
-@pytest.mark.parametrize(("turned", "swapped"), [(0.0, False), (2.0, True)])
+@each("turned, swapped", [(0.0, False), (2.0, True)])
 def test_race_control_judges_staged_touches_as_the_table_does(turned: float, swapped: bool) -> None:
     cases = [case for case in CASES if case.simulated]
     engine = Engine(fg.World(stadium(turned), others=[WorldCar()]), len(cases), laps=5)
     drives = [staged(case, mirrored=swapped, swapped=swapped)[0] for case in cases]
-    engine.place([
-        start
-        for case, pair in zip(cases, drives, strict=True)
-        for start in starts(pair, BEFORE_BEND if case.bend or case.cause else STRAIGHT)
-    ])  # fmt: skip
+    engine.place([start for case,
+                  pair in zip(cases, drives,
+                      strict=True) for start in starts(pair, BEFORE_BEND if case.bend or case.cause else STRAIGHT)])
     controls = [RaceControl(engine, names=("ba" if swapped else "ab"), rules=RULES["none"], world=world)
                 for world in range(len(cases))]  # fmt: skip
     drive(engine, [each for pair in drives for each in pair], controls, ticks=60)
     found = {case.name: control.contacts[:1] for case, control in zip(cases, controls, strict=True)}
-    assert {name: (contact.at_fault, contact.reason) for name, (contact,) in found.items()} == {
-        case.name: (case.fault, case.reason) for case in cases
-    }
+    assert {name: (contact.at_fault, contact.reason) for name,
+            (contact,) in found.items()} == {case.name: (case.fault, case.reason) for case in cases}  # fmt: skip
 
 
 def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that() -> None:
@@ -114,13 +106,9 @@ def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_pa
     assert [contact.time_s for contact in control.contacts] == pytest.approx([begins[0], begins[-1]])
 
 
-@pytest.mark.parametrize(
-    ("case", "warned"),
-    [
-        ("both drift towards each other alike", ["a", "b"]),
-        ("side by side 1 cm apart, neither holds its line to the centimetre", []),
-    ],
-)
+@each("case, warned",
+      [("both drift towards each other alike", ["a", "b"]),
+       ("side by side 1 cm apart, neither holds its line to the centimetre", [])])  # fmt: skip
 def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case: str, warned: list[str]) -> None:
     found: Case = next(each for each in CASES if each.name == case)
     engine = Engine(fg.World(stadium(0.0), others=[WorldCar()]), laps=5)

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.arena.tight_courses.chicanes import Block, with_boxes
 from fg_mujoco.addons.arena.tight_courses.drivable import MARGIN, STEP, drivable_lap
 from fg_mujoco.addons.arena.tight_courses.lanes import corner_radii, lane, patch
@@ -99,7 +100,7 @@ def lap_of(name):
     return track, drivable_lap(track)
 
 
-@pytest.mark.parametrize("name", [*BUNDLED, *SEEDS])
+@each("name", [*BUNDLED, *SEEDS])
 def test_the_car_can_drive_a_lap_of(name):
     check_lap(*lap_of(name))
 
@@ -116,7 +117,7 @@ def through_the_u_turn(drawn):
     return car_gets_through(clearances, start, 1.0, CAR, radius=radius, margin=MARGIN)
 
 
-@pytest.mark.parametrize(("width", "drivable"), [(0.7, False), (0.85, False), (1.15, True), (1.4, True)])
+@each("width, drivable", [(0.7, False), (0.85, False), (1.15, True), (1.4, True)])
 def test_the_search_says_no_where_a_hairpin_is_too_narrow(width, drivable):
     track = bar(width).track("bar")
     poses = drivable_lap(track)
@@ -147,15 +148,11 @@ def test_same_seed_same_bytes_and_other_seed_other_circuit():
     assert fg.load_track("random:7:tight").centreline.tobytes() == first.centreline.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("random:7:tigth", r"asks for a random circuit of kind 'tigth'; accepted: .*; did you mean 'random:7:tight'\?"),
-        ("random:7:oval", r"kind 'oval'; accepted: random:SEED or random:SEED:tight, with SEED an integer from 0.*7$"),
-        ("random:7:", "kind ''"),
-        ("random:x:tight", "'random:x:tight' has no seed; accepted: random:SEED or random:SEED:tight"),
-    ],
-)
+@each("name, message",
+      [("random:7:tigth", r"asks for a random circuit of kind 'tigth'; accepted: .*; did you mean 'random:7:tight'\?"),
+       ("random:7:oval", r"kind 'oval'; accepted: random:SEED or random:SEED:tight, with SEED an integer from 0.*7$"),
+       ("random:7:", "kind ''"),
+       ("random:x:tight", "'random:x:tight' has no seed; accepted: random:SEED or random:SEED:tight")])  # fmt: skip
 def test_names_that_are_none_are_refused(name, message):
     with pytest.raises(fg.TrackError, match=message):
         fg.load_track(name)

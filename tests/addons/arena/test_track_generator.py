@@ -48,16 +48,10 @@ def test_every_seed_keeps_the_default_settings(seed):
 
 
 @settings(deadline=None, max_examples=15)
-@given(
-    seed=st.integers(0, 1000),
-    width=st.floats(1.0, 3.0),
-    radius=st.floats(1.0, 3.0),
-    gap=st.floats(0.1, 1.0),
-)
+@given(seed=st.integers(0, 1000), width=st.floats(1.0, 3.0), radius=st.floats(1.0, 3.0), gap=st.floats(0.1, 1.0))
 def test_other_settings_are_kept_as_well(seed, width, radius, gap):
-    kept = GeneratorSettings(
-        min_length=60.0, max_length=250.0, min_width=width, max_width=width, min_radius=radius, wall_gap=gap
-    )
+    kept = GeneratorSettings(min_length=60.0, max_length=250.0, min_width=width, max_width=width, min_radius=radius,
+                             wall_gap=gap)  # fmt: skip
     check(generate_track(seed, kept), kept)
 
 

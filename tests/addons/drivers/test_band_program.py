@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers.band_program import least_on_ring, least_on_ring_into, solve_ring
 
 
@@ -23,10 +23,10 @@ def program(seed, count):
     return factor, dense, bands, rng.normal(0.0, 5.0, count)
 
 
-def test_equations_round_the_ring_are_solved():
-    for count in cases(6, 7, 8, 40):
-        _, dense, bands, right = program(1, count)
-        assert solve_ring(bands, right) == pytest.approx(np.linalg.solve(dense, right), rel=1e-8, abs=1e-10)
+@each("count", [6, 7, 8, 40])
+def test_equations_round_the_ring_are_solved(count):
+    _, dense, bands, right = program(1, count)
+    assert solve_ring(bands, right) == pytest.approx(np.linalg.solve(dense, right), rel=1e-8, abs=1e-10)
 
 
 @settings(max_examples=20, deadline=None)
@@ -43,14 +43,14 @@ def test_least_place_within_bounds_is_that_of_least_squares(seed, count):
     assert np.sum((factor @ found - target) ** 2) == pytest.approx(2.0 * expected.cost, rel=1e-5, abs=1e-6)
 
 
-def test_the_kernel_finds_the_same_place():
-    for seed in cases(1, 2, 3):
-        _, _, bands, right = program(seed, 40)
-        low, high, found = np.full(40, -0.3), np.full(40, 0.2), np.empty(40)
-        assert least_on_ring_into(bands, -right, low, high, found)
-        assert found == pytest.approx(least_on_ring(bands, -right, low, high), abs=1e-6)
-        right[3] = np.nan
-        assert not least_on_ring_into(bands, right, low, high, found)
+@each("seed", [1, 2, 3])
+def test_the_kernel_finds_the_same_place(seed):
+    _, _, bands, right = program(seed, 40)
+    low, high, found = np.full(40, -0.3), np.full(40, 0.2), np.empty(40)
+    assert least_on_ring_into(bands, -right, low, high, found)
+    assert found == pytest.approx(least_on_ring(bands, -right, low, high), abs=1e-6)
+    right[3] = np.nan
+    assert not least_on_ring_into(bands, right, low, high, found)
 
 
 def test_program_without_finite_numbers_has_no_solution():

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers.friction_learning import (
     LEARNED,
     FrictionLearningSettings,
     commanded_steering,
     learn,
-    learning_row,
+    learning_row,  # fmt: skip
     true_steering,
 )
 from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW
@@ -64,9 +64,8 @@ def pull_and_brake(mu, seconds, *, noise=0.0, drift=0.0, gain=1.0, offset=0.0, s
                 rolling = rolling * math.cos(turned) + (CAR.wheelbase * yaw_rate + sideways) * math.sin(turned)
             force = 0.25 * (forward + CAR.rear_axle_distance / CAR.wheelbase * left * math.sin(angle))
             lasting = CAR.speed_time_constant + speed / (mu * STIFFNESS * CAR.gravity)
-            bent, later = (
-                over_load(force, at_side, moved, lasting, age) / (mu * STIFFNESS) for age in (AGE, AGE + 1e-6)
-            )
+            bent, later = (over_load(force, at_side, moved, lasting,
+                                     age) / (mu * STIFFNESS) for age in (AGE, AGE + 1e-6))  # fmt: skip
             change = (later - bent) / 1e-6
             slip = bent - damping / stiffness * change + 0.045 / speed * change
             speeds.append(rolling * (1.0 + slip) + 0.03 * rolling * (load - share) + (slipping if wheel == 2 else 0.0))
@@ -86,13 +85,13 @@ def learned_from(rows, car=CAR, learned=None, **settings):
     return learned[0]
 
 
-def test_the_friction_of_made_up_wheels_is_found():
+@each("mu", [0.4, 0.55, 0.8, 1.1])
+def test_the_friction_of_made_up_wheels_is_found(mu):
     """Within 3 % of the truth; used is that less what the model may be wrong by, or the start, if that is within it."""
-    for mu in cases(0.4, 0.55, 0.8, 1.1):
-        learned = learned_from(pull_and_brake(mu, 20.0))
-        assert learned["mean"] == pytest.approx(mu, rel=0.03)
-        assert learned["slides"] == 0
-        assert learned["mu"] <= max(learned["mean"], FrictionLearningSettings().start)
+    learned = learned_from(pull_and_brake(mu, 20.0))
+    assert learned["mean"] == pytest.approx(mu, rel=0.03)
+    assert learned["slides"] == 0
+    assert learned["mu"] <= max(learned["mean"], FrictionLearningSettings().start)
 
 
 def test_wheel_speeds_with_noise_leave_the_friction_uncertain_and_so_the_car_slow():
@@ -125,12 +124,12 @@ def test_a_wheel_that_spins_trips_once_and_what_is_used_falls():
     assert later["mu"] <= ceiling * 1.05
 
 
-def test_gain_and_offset_of_the_steering_are_found_and_taken_back():
-    for gain, offset in cases((0.85, 0.0), (1.2, 0.0), (1.0, 0.03), (0.88, -0.02)):
-        learned = learned_from(pull_and_brake(0.8, 20.0, gain=gain, offset=offset))
-        assert 1.0 + learned["gain"] == pytest.approx(gain, abs=0.01)
-        assert learned["offset"] == pytest.approx(offset, abs=0.003)
-        assert commanded_steering(learned, true_steering(learned, 0.1)) == pytest.approx(0.1)
+@each("gain, offset", [(0.85, 0.0), (1.2, 0.0), (1.0, 0.03), (0.88, -0.02)])
+def test_gain_and_offset_of_the_steering_are_found_and_taken_back(gain, offset):
+    learned = learned_from(pull_and_brake(0.8, 20.0, gain=gain, offset=offset))
+    assert 1.0 + learned["gain"] == pytest.approx(gain, abs=0.01)
+    assert learned["offset"] == pytest.approx(offset, abs=0.003)
+    assert commanded_steering(learned, true_steering(learned, 0.1)) == pytest.approx(0.1)
 
 
 def test_the_planner_starts_slippery_whatever_it_is_told():
@@ -143,12 +142,12 @@ def test_the_planner_starts_slippery_whatever_it_is_told():
         assert found["lateral"] == pytest.approx(0.95 * expected * CAR.gravity)
 
 
-def test_a_race_that_is_not_told_the_friction_has_no_slide_and_is_near_the_told_one():
+@each("tires, mu", [("coulomb", 0.6), ("forzaeth_nuc6", 0.9)])
+def test_a_race_that_is_not_told_the_friction_has_no_slide_and_is_near_the_told_one(tires, mu):
     """Two laps of a track with tight bends: lap 2 within 8 %, and no tire past its peak."""
-    for tires, mu in cases(("coulomb", 0.6), ("forzaeth_nuc6", 0.9)):
-        names = ("gap_finder", "gap_finder[assist=full+learn]")
-        told, learns = (fg.race("tight", name, laps=2, mu=mu, tires=tires).car for name in names)
-        assert learns.end_reason == "finished"
-        assert learns.max_slide_m_s < 0.01
-        assert learns.lap_times_s[1] < 1.08 * told.lap_times_s[1]
-        assert learns.lap_times_s[0] > 1.02 * told.lap_times_s[0]  # it has not been told
+    names = ("gap_finder", "gap_finder[assist=full+learn]")
+    told, learns = (fg.race("tight", name, laps=2, mu=mu, tires=tires).car for name in names)
+    assert learns.end_reason == "finished"
+    assert learns.max_slide_m_s < 0.01
+    assert learns.lap_times_s[1] < 1.08 * told.lap_times_s[1]
+    assert learns.lap_times_s[0] > 1.02 * told.lap_times_s[0]  # it has not been told

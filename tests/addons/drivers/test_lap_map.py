@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
 from fg_mujoco.addons.drivers.known_line import (
     DEMAND,
@@ -16,7 +16,7 @@ from fg_mujoco.addons.drivers.known_line import (
     free_on,
     place_on,
     shape_line,
-    speed_on,
+    speed_on,  # fmt: skip
 )
 from fg_mujoco.addons.drivers.lap_map import see_lap
 from fg_mujoco.controllers.control.driving import REFERENCE
@@ -138,16 +138,16 @@ def circle(radius, count):
     return points, 2.0 * math.pi * radius / count
 
 
-def test_the_place_on_the_line_is_that_on_the_arc_between_two_points():
+@each("share", np.linspace(0.05, 0.95, 7).tolist())
+def test_the_place_on_the_line_is_that_on_the_arc_between_two_points(share):
     """The points are .084 rad apart: to the chord the car would be .0026 m more to the right in the middle of it."""
-    for share in cases(*np.linspace(0.05, 0.95, 7).tolist()):
-        points, spacing = circle(3.0, 75)
-        angle = (3 + share) * spacing / 3.0
-        x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
-        along, aside, turned = place_on(points, 4, spacing, x, y, angle + 0.05)
-        assert along == pytest.approx(3 + share, abs=0.04)
-        assert turned == pytest.approx(0.05, abs=0.005)
-        assert aside == pytest.approx(0.1, abs=5e-4)
+    points, spacing = circle(3.0, 75)
+    angle = (3 + share) * spacing / 3.0
+    x, y = 2.9 * math.sin(angle), 3.0 - 2.9 * math.cos(angle)  # to the left of the line is towards the middle
+    along, aside, turned = place_on(points, 4, spacing, x, y, angle + 0.05)
+    assert along == pytest.approx(3 + share, abs=0.04)
+    assert turned == pytest.approx(0.05, abs=0.005)
+    assert aside == pytest.approx(0.1, abs=5e-4)
 
 
 def test_braking_on_the_line_takes_nothing_of_the_cornering():
@@ -162,17 +162,17 @@ def test_braking_on_the_line_takes_nothing_of_the_cornering():
         assert math.tan(steering) / CAR.wheelbase * 25.0 == pytest.approx(share * LIMITER.lateral)
 
 
-def test_something_new_on_the_line_is_seen():
-    for away in cases(3.0, None):
-        remembered = np.zeros(1, REMEMBERED)[0]
-        points = np.zeros((64, 6))
-        points[:, 0] = 0.25 * np.arange(64)
-        walls = lines([(-20.0, -1.0), (20.0, -1.0)], [(-20.0, 1.0), (20.0, 1.0)])
-        if away is not None:
-            walls = np.concatenate((walls, lines(box(away, -0.1, away + 0.2, 0.1))))
-        ranges = seen_from(walls, CAR.lidar_offset, 0.0, BEARINGS)
-        free = free_on(points, 0.25, remembered["lap"], GEOMETRY, ranges, CAR_ROW)
-        assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
+@each("away", [3.0, None])
+def test_something_new_on_the_line_is_seen(away):
+    remembered = np.zeros(1, REMEMBERED)[0]
+    points = np.zeros((64, 6))
+    points[:, 0] = 0.25 * np.arange(64)
+    walls = lines([(-20.0, -1.0), (20.0, -1.0)], [(-20.0, 1.0), (20.0, 1.0)])
+    if away is not None:
+        walls = np.concatenate((walls, lines(box(away, -0.1, away + 0.2, 0.1))))
+    ranges = seen_from(walls, CAR.lidar_offset, 0.0, BEARINGS)
+    free = free_on(points, 0.25, remembered["lap"], GEOMETRY, ranges, CAR_ROW)
+    assert free == pytest.approx(away, abs=0.3) if away is not None else free == math.inf
 
 
 def test_laps_after_the_first_are_faster_and_no_tire_slides():

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from scipy.optimize import minimize
 from test_pure_pursuit import CAR, OPEN, at, pursuer
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers import line_mpc, ltv_program
 from fg_mujoco.addons.drivers.line_mpc import DT, STEPS
 from fg_mujoco.addons.drivers.line_profile import LEFT, RIGHT, X
@@ -19,10 +19,8 @@ from fg_mujoco.controllers.control.slip import steered
 from fg_mujoco.messages import ODOMETRY, MapLine
 
 STRAIGHT = MapLine(points=np.array([[0.0, 0.0], [60.0, 0.0]]), closed=False)
-SOFT = replace(
-    CAR, front_cornering_stiffness=4.7, rear_cornering_stiffness=5.5, front_peak=1.0, rear_peak=1.0,
-    relaxation_length=0.01,
-)  # fmt: skip
+SOFT = replace(CAR, front_cornering_stiffness=4.7, rear_cornering_stiffness=5.5, front_peak=1.0, rear_peak=1.0,
+               relaxation_length=0.01)  # fmt: skip
 
 
 def a_program(seed, count=6):
@@ -109,60 +107,60 @@ def system_of(planner, ahead, size):
     return a[0], b[0], c[0]
 
 
-def test_the_kinematic_model_is_the_car_beside_a_circle():
-    for speed, curvature in cases((2.0, 0.8), (6.0, -0.15), (8.0, 0.0)):
-        a, b, c = system_of(pursuer(STRAIGHT), ahead_of(speed, curvature), 3)
-        start, rate, parts = np.array([0.01, -0.02, 0.01]), 0.3, 2000
-        e, angle, steering = start[0], start[1], start[2] + math.atan(CAR.wheelbase * curvature)
-        for _ in range(parts):
-            along = speed * math.cos(angle) / (1.0 - e * curvature)
-            turning = speed * math.tan(steering + 0.5 * rate * DT / parts) / CAR.wheelbase - curvature * along
-            e += DT / parts * speed * math.sin(angle)
-            angle, steering = angle + DT / parts * turning, steering + DT / parts * rate
-        expected = [e, angle, steering - math.atan(CAR.wheelbase * curvature)]
-        assert a @ start + b * rate + c == pytest.approx(expected, abs=2e-4)
+@each("speed, curvature", [(2.0, 0.8), (6.0, -0.15), (8.0, 0.0)])
+def test_the_kinematic_model_is_the_car_beside_a_circle(speed, curvature):
+    a, b, c = system_of(pursuer(STRAIGHT), ahead_of(speed, curvature), 3)
+    start, rate, parts = np.array([0.01, -0.02, 0.01]), 0.3, 2000
+    e, angle, steering = start[0], start[1], start[2] + math.atan(CAR.wheelbase * curvature)
+    for _ in range(parts):
+        along = speed * math.cos(angle) / (1.0 - e * curvature)
+        turning = speed * math.tan(steering + 0.5 * rate * DT / parts) / CAR.wheelbase - curvature * along
+        e += DT / parts * speed * math.sin(angle)
+        angle, steering = angle + DT / parts * turning, steering + DT / parts * rate
+    expected = [e, angle, steering - math.atan(CAR.wheelbase * curvature)]
+    assert a @ start + b * rate + c == pytest.approx(expected, abs=2e-4)
 
 
-def test_the_single_track_model_is_the_exponential_of_its_equations():
-    for speed in cases(1.0, 4.0, 8.0):
-        planner = PurePursuit(SOFT, 1.0, 8.0, PurePursuitSettings(tracker="mpc"), map_line=STRAIGHT)
-        a, b, c = system_of(planner, ahead_of(speed, 0.0, SOFT), 5)
-        lf, lr, m, inertia = SOFT.front_axle_distance, SOFT.rear_axle_distance, SOFT.mass, SOFT.yaw_inertia
-        front = 4.7 * m * SOFT.gravity * lr / SOFT.wheelbase  # [N/rad]
-        rear = 5.5 * m * SOFT.gravity * lf / SOFT.wheelbase
-        continuous = np.zeros((6, 6))  # of distance, angle, lateral speed, yaw rate, steering angle; and of the rate
-        continuous[0, 1:4], continuous[1, 3], continuous[4, 5] = (speed, 1.0, -lr), 1.0, 1.0
-        continuous[2, 2:5] = -(front + rear) / (m * speed), -(lf * front - lr * rear) / (m * speed) - speed, front / m
-        yawing = -(lf * front - lr * rear) / speed, -(lf**2 * front + lr**2 * rear) / speed, lf * front
-        continuous[3, 2:5] = np.array(yawing) / inertia
-        limiter = planner.driver[0]["limiter"]
-        continuous[2:4, 4] *= steered(limiter["slip"], limiter["car"], 0.01, speed) / 0.01
-        exact = expm(DT * continuous)
-        start, rate = np.array([0.1, 0.05, 0.1, 0.3, 0.05]), 0.3
-        expected = exact[:5] @ np.append(start, rate)
-        assert a @ start + b * rate + c == pytest.approx(expected, abs=0.012, rel=0.06)
+@each("speed", [1.0, 4.0, 8.0])
+def test_the_single_track_model_is_the_exponential_of_its_equations(speed):
+    planner = PurePursuit(SOFT, 1.0, 8.0, PurePursuitSettings(tracker="mpc"), map_line=STRAIGHT)
+    a, b, c = system_of(planner, ahead_of(speed, 0.0, SOFT), 5)
+    lf, lr, m, inertia = SOFT.front_axle_distance, SOFT.rear_axle_distance, SOFT.mass, SOFT.yaw_inertia
+    front = 4.7 * m * SOFT.gravity * lr / SOFT.wheelbase  # [N/rad]
+    rear = 5.5 * m * SOFT.gravity * lf / SOFT.wheelbase
+    continuous = np.zeros((6, 6))  # of distance, angle, lateral speed, yaw rate, steering angle; and of the rate
+    continuous[0, 1:4], continuous[1, 3], continuous[4, 5] = (speed, 1.0, -lr), 1.0, 1.0
+    continuous[2, 2:5] = -(front + rear) / (m * speed), -(lf * front - lr * rear) / (m * speed) - speed, front / m
+    yawing = -(lf * front - lr * rear) / speed, -(lf**2 * front + lr**2 * rear) / speed, lf * front
+    continuous[3, 2:5] = np.array(yawing) / inertia
+    limiter = planner.driver[0]["limiter"]
+    continuous[2:4, 4] *= steered(limiter["slip"], limiter["car"], 0.01, speed) / 0.01
+    exact = expm(DT * continuous)
+    start, rate = np.array([0.1, 0.05, 0.1, 0.3, 0.05]), 0.3
+    expected = exact[:5] @ np.append(start, rate)
+    assert a @ start + b * rate + c == pytest.approx(expected, abs=0.012, rel=0.06)
 
 
 def plan_of(planner):
     return planner.kept("mpc")
 
 
-def test_the_plan_turns_as_fast_as_the_friction_limiter_allows_and_no_faster():
-    for offset in cases(0.3, -0.3):
-        speed, planner = 6.0, pursuer(STRAIGHT, tracker="mpc")
-        command = planner(OPEN, at(10.0, offset, 0.0, speed))
-        limiter, plan = planner.driver[0]["limiter"], plan_of(planner)
-        share = 1.0 - math.exp(-0.025 / CAR.steering_time_constant)
-        angles = plan["angles"]
-        lateral = speed * speed * np.tan(angles[:-1]) / CAR.wheelbase
-        left = limiter["lateral"] - np.sign(np.diff(angles)) * lateral
-        response = limiter["settings"]["steering_response"] * share / 0.025
-        rate = limiter["settings"]["turn_in_use"] * left * CAR.wheelbase / (limiter["yaw_lag"] * speed) * response
-        used = np.abs(np.diff(angles)) / DT / rate
-        assert used[0] == pytest.approx(1.0, abs=0.02) and used[:8].max() < 1.05
-        wanted = angles[0] + 0.5 * (angles[1] - angles[0])  # after a tick, half a step of the plan
-        assert command.steering_angle == pytest.approx(wanted / share, rel=0.03)
-        assert math.copysign(1.0, command.steering_angle) == -math.copysign(1.0, offset)
+@each("offset", [0.3, -0.3])
+def test_the_plan_turns_as_fast_as_the_friction_limiter_allows_and_no_faster(offset):
+    speed, planner = 6.0, pursuer(STRAIGHT, tracker="mpc")
+    command = planner(OPEN, at(10.0, offset, 0.0, speed))
+    limiter, plan = planner.driver[0]["limiter"], plan_of(planner)
+    share = 1.0 - math.exp(-0.025 / CAR.steering_time_constant)
+    angles = plan["angles"]
+    lateral = speed * speed * np.tan(angles[:-1]) / CAR.wheelbase
+    left = limiter["lateral"] - np.sign(np.diff(angles)) * lateral
+    response = limiter["settings"]["steering_response"] * share / 0.025
+    rate = limiter["settings"]["turn_in_use"] * left * CAR.wheelbase / (limiter["yaw_lag"] * speed) * response
+    used = np.abs(np.diff(angles)) / DT / rate
+    assert used[0] == pytest.approx(1.0, abs=0.02) and used[:8].max() < 1.05
+    wanted = angles[0] + 0.5 * (angles[1] - angles[0])  # after a tick, half a step of the plan
+    assert command.steering_angle == pytest.approx(wanted / share, rel=0.03)
+    assert math.copysign(1.0, command.steering_angle) == -math.copysign(1.0, offset)
 
 
 def test_a_plan_begins_where_the_car_is_once_its_command_arrives():
@@ -201,35 +199,33 @@ def test_a_plan_that_does_not_converge_is_replaced_by_the_last_one_and_then_by_b
     assert not {"last plan", "no plan"} & {reason.name for reason in planner.reasons()}
 
 
-def test_what_is_not_finite_brakes_and_is_forgotten():
-    for car in cases(CAR, replace(CAR, command_delay=0.05), SOFT):
-        planner = PurePursuit(car, 1.0, 8.0, PurePursuitSettings(tracker="mpc"), map_line=STRAIGHT)
-        good = at(10.0, 0.1, 0.0, 4.0)
-        expected = planner(OPEN, good)
-        for broken in (at(math.nan, 0.0, 0.0, 4.0), at(10.0, 0.0, 0.0, math.nan), at(10.0, 0.1, 0.0, 4.0, math.nan)):
-            planner(OPEN, broken)
-            for _ in range(4):
-                command = planner(OPEN, good)
-            assert math.isfinite(command.steering_angle) and plan_of(planner)["iterations"] > 0
-            assert command.steering_angle == pytest.approx(expected.steering_angle, abs=0.02)
+@each("car", [CAR, replace(CAR, command_delay=0.05), SOFT])
+def test_what_is_not_finite_brakes_and_is_forgotten(car):
+    planner = PurePursuit(car, 1.0, 8.0, PurePursuitSettings(tracker="mpc"), map_line=STRAIGHT)
+    good = at(10.0, 0.1, 0.0, 4.0)
+    expected = planner(OPEN, good)
+    for broken in (at(math.nan, 0.0, 0.0, 4.0), at(10.0, 0.0, 0.0, math.nan), at(10.0, 0.1, 0.0, 4.0, math.nan)):
+        planner(OPEN, broken)
+        for _ in range(4):
+            command = planner(OPEN, good)
+        assert math.isfinite(command.steering_angle) and plan_of(planner)["iterations"] > 0
+        assert command.steering_angle == pytest.approx(expected.steering_angle, abs=0.02)
 
 
-def test_a_plan_keeps_to_the_room_beside_the_line_and_the_car_slows_where_it_cannot():
-    for side in cases(1, -1):
-        planner, speed = pursuer(STRAIGHT, tracker="mpc"), 4.0
-        odometry = np.zeros(1, ODOMETRY)
-        odometry["speed"], odometry["pose"] = speed, (10.0, 0.0, 0.0)
-        reached, slower = {}, {}
-        for narrow in (math.inf, 12.0, 10.5):  # [m] along the line, from where on the car has to be 0.1 m beside it
-            line, plan = planner.line.copy(), np.zeros(1, line_mpc.MPC)
-            line[line[:, X] > narrow, LEFT if side > 0 else RIGHT] = -0.1 * side
-            nearest = int(np.argmin(np.abs(line[:, X] - 10.0)))
-            _, slower[narrow], state = line_mpc.plan_steering(
-                line, nearest, odometry[0], planner.driver[0], 0.025, plan[0]
-            )
-            assert state == line_mpc.SOLVED
-            headings = np.cumsum(np.append(0.0, speed * DT * np.tan(plan[0]["angles"]) / CAR.wheelbase))
-            reached[narrow] = np.sum(speed * DT * side * headings[:-2])
-        assert reached[math.inf] == pytest.approx(0.0, abs=1e-3)
-        assert reached[12.0] == pytest.approx(-0.1, abs=0.03)
-        assert slower[math.inf] == slower[12.0] == math.inf and speed - 0.2 <= slower[10.5] < speed
+@each("side", [1, -1])
+def test_a_plan_keeps_to_the_room_beside_the_line_and_the_car_slows_where_it_cannot(side):
+    planner, speed = pursuer(STRAIGHT, tracker="mpc"), 4.0
+    odometry = np.zeros(1, ODOMETRY)
+    odometry["speed"], odometry["pose"] = speed, (10.0, 0.0, 0.0)
+    reached, slower = {}, {}
+    for narrow in (math.inf, 12.0, 10.5):  # [m] along the line, from where on the car has to be 0.1 m beside it
+        line, plan = planner.line.copy(), np.zeros(1, line_mpc.MPC)
+        line[line[:, X] > narrow, LEFT if side > 0 else RIGHT] = -0.1 * side
+        nearest = int(np.argmin(np.abs(line[:, X] - 10.0)))
+        _, slower[narrow], state = line_mpc.plan_steering(line, nearest, odometry[0], planner.driver[0], 0.025, plan[0])
+        assert state == line_mpc.SOLVED
+        headings = np.cumsum(np.append(0.0, speed * DT * np.tan(plan[0]["angles"]) / CAR.wheelbase))
+        reached[narrow] = np.sum(speed * DT * side * headings[:-2])
+    assert reached[math.inf] == pytest.approx(0.0, abs=1e-3)
+    assert reached[12.0] == pytest.approx(-0.1, abs=0.03)
+    assert slower[math.inf] == slower[12.0] == math.inf and speed - 0.2 <= slower[10.5] < speed

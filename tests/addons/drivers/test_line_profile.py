@@ -1,13 +1,14 @@
 """Lines through a map: both formats of a CSV, what is refused, and speed profiles against closed forms."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers.line_profile import SPACING, SPEED, STEP, curvature, line_table, read_line
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
 from fg_mujoco.errors import SettingsError
@@ -23,10 +24,8 @@ def circle(radius):
 
 def table_of(points, *, speeds=None, closed=True, limiter=LIMITER, max_speed=8.0, span=0.8, cornering=0.9, braking=0.6):
     speeds = np.full(len(points), math.inf) if speeds is None else np.asarray(speeds, dtype=float)
-    return line_table(
-        np.asarray(points, dtype=float), speeds, closed=closed, limiter=limiter, max_speed=max_speed,
-        curvature_span=span, cornering_use=cornering, braking_use=braking,
-    )  # fmt: skip
+    return line_table(np.asarray(points, dtype=float), speeds, closed=closed, limiter=limiter, max_speed=max_speed,
+                      curvature_span=span, cornering_use=cornering, braking_use=braking)  # fmt: skip
 
 
 def written(tmp_path, text):
@@ -38,53 +37,50 @@ def written(tmp_path, text):
 # -- files
 
 
-def test_a_line_is_read_as_a_course_is_and_has_the_speeds_that_its_file_names(tmp_path):
-    for text, speeds in cases(
-        ("# x_m, y_m, w_tr_right_m, w_tr_left_m\n0, 1, 2, 3\n\n4.5, -1, 2, 3\n", None),
-        ("0, 1\n4.5, -1\n", None),
-        ("0, 1, 5\n4.5, -1, 12\n", [5.0, 12.0]),
-        ("# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n0;0;1;3;4;5;6\n6;4.5;-1;10;11;12;13\n", [5.0, 12.0]),
-        ("s_m,x_m,y_m,psi_rad,kappa_radpm,vx_mps,ax_mps2\n0,0,1,3,4,5,6\n6,4.5,-1,10,11,12,13\n", [5.0, 12.0]),
-        ("x y yaw v\n0 1 3 5\n4.5 -1 3 12\n", [5.0, 12.0]),
-        ("speed [km/h],y [cm],x [m]\n18,100,0\n43.2,-100,4.5\n", [5.0, 12.0]),
-    ):
-        points, found = read_line(written(tmp_path, text))
-        np.testing.assert_allclose(points, [[0.0, 1.0], [4.5, -1.0]])
-        np.testing.assert_allclose(found, [math.inf, math.inf] if speeds is None else speeds)
+@each("text, speeds",
+      [("# x_m, y_m, w_tr_right_m, w_tr_left_m\n0, 1, 2, 3\n\n4.5, -1, 2, 3\n", None),
+       ("0, 1\n4.5, -1\n", None),
+       ("0, 1, 5\n4.5, -1, 12\n", [5.0, 12.0]),
+       ("# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n0;0;1;3;4;5;6\n6;4.5;-1;10;11;12;13\n", [5.0, 12.0]),
+       ("s_m,x_m,y_m,psi_rad,kappa_radpm,vx_mps,ax_mps2\n0,0,1,3,4,5,6\n6,4.5,-1,10,11,12,13\n", [5.0, 12.0]),
+       ("x y yaw v\n0 1 3 5\n4.5 -1 3 12\n", [5.0, 12.0]),
+       ("speed [km/h],y [cm],x [m]\n18,100,0\n43.2,-100,4.5\n", [5.0, 12.0])])  # fmt: skip
+def test_a_line_is_read_as_a_course_is_and_has_the_speeds_that_its_file_names(text, speeds, tmp_path):
+    points, found = read_line(written(tmp_path, text))
+    np.testing.assert_allclose(points, [[0.0, 1.0], [4.5, -1.0]])
+    np.testing.assert_allclose(found, [math.inf, math.inf] if speeds is None else speeds)
 
 
-def test_a_file_that_is_no_line_is_refused_in_one_line_by_name_and_row(tmp_path):
-    for text, said in cases(
-        ("", r"line .*line\.csv: is empty"),
-        ("0, 0, 1, 1\n", r"line\.csv: 1 points"),
-        ("x,y,v\n0,0,1\n1,0,0\n", r"line\.csv: line 3: v is 0; accepted: a number above 0"),
-        ("0,0\n30001,0\n", "30001 m long"),
-        ("2000000,0\n2000001,0\n", "up to 2000001 m from the origin"),
-    ):
-        with pytest.raises(SettingsError, match=said) as refusal:
-            read_line(written(tmp_path, text))
-        assert "\n" not in str(refusal.value)
+@each("text, said",
+      [("", r"line .*line\.csv: is empty"),
+       ("0, 0, 1, 1\n", r"line\.csv: 1 points"),
+       ("x,y,v\n0,0,1\n1,0,0\n", r"line\.csv: line 3: v is 0; accepted: a number above 0"),
+       ("0,0\n30001,0\n", "30001 m long"),
+       ("2000000,0\n2000001,0\n", "up to 2000001 m from the origin")])  # fmt: skip
+def test_a_file_that_is_no_line_is_refused_in_one_line_by_name_and_row(text, said, tmp_path):
+    with pytest.raises(SettingsError, match=said) as refusal:
+        read_line(written(tmp_path, text))
+    assert "\n" not in str(refusal.value)
 
 
 # -- tables
 
 
-def test_the_points_of_a_table_are_evenly_spaced():
-    for closed in cases(True, False):
-        table = table_of([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]], closed=closed)
-        length = 12.0 if closed else 7.0
-        steps = np.hypot(*np.diff(table[:, :2], axis=0).T)
-        assert steps.max() <= table[0, STEP] + 1e-12 <= SPACING + 1e-12
-        assert table[:, STEP].sum() == pytest.approx(length)
-        assert (table[-1, STEP] == 0.0) == (not closed)
-        np.testing.assert_array_equal(table[0, :2], (0.0, 0.0))
+@each("closed", [True, False])
+def test_the_points_of_a_table_are_evenly_spaced(closed):
+    table = table_of([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]], closed=closed)
+    length = 12.0 if closed else 7.0
+    steps = np.hypot(*np.diff(table[:, :2], axis=0).T)
+    assert steps.max() <= table[0, STEP] + 1e-12 <= SPACING + 1e-12
+    assert table[:, STEP].sum() == pytest.approx(length)
+    assert (table[-1, STEP] == 0.0) == (not closed)
+    np.testing.assert_array_equal(table[0, :2], (0.0, 0.0))
 
 
-def test_the_curvature_of_a_circle_is_one_over_its_radius():
-    for direction in cases(1, -1):
-        for radius in cases(1.0, 3.0, 6.0):
-            table = table_of(circle(radius)[::direction])
-            np.testing.assert_allclose(curvature(table, 0.8, closed=True), direction / radius, rtol=1e-2)
+@each("direction, radius", product((1, -1), (1.0, 3.0, 6.0)))
+def test_the_curvature_of_a_circle_is_one_over_its_radius(direction, radius):
+    table = table_of(circle(radius)[::direction])
+    np.testing.assert_allclose(curvature(table, 0.8, closed=True), direction / radius, rtol=1e-2)
 
 
 def test_the_curvature_of_a_square_corner_is_that_of_the_span_it_is_rounded_over():
@@ -96,10 +92,10 @@ def test_the_curvature_of_a_square_corner_is_that_of_the_span_it_is_rounded_over
 # -- speeds
 
 
-def test_on_a_circle_the_speed_is_that_of_the_tires():
-    for radius in cases(1.0, 3.0):
-        expected = math.sqrt(0.9 * LIMITER.lateral * radius)
-        np.testing.assert_allclose(table_of(circle(radius))[:, SPEED], expected, rtol=2e-3)
+@each("radius", [1.0, 3.0])
+def test_on_a_circle_the_speed_is_that_of_the_tires(radius):
+    expected = math.sqrt(0.9 * LIMITER.lateral * radius)
+    np.testing.assert_allclose(table_of(circle(radius))[:, SPEED], expected, rtol=2e-3)
 
 
 def test_on_a_straight_to_its_end_it_brakes_evenly():

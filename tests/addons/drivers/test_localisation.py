@@ -7,44 +7,30 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
+from drawn_worlds import lines, seen_from
 from fg_mujoco.addons.drivers.localisation.distance_field import DistanceField, distance_at
 from fg_mujoco.addons.drivers.localisation.field_matching import inverse, match
 from fg_mujoco.addons.drivers.localisation.localiser import Localiser, PoseSettings
 from fg_mujoco.addons.drivers.localisation.odometry import STATES, predicted
-from fg_mujoco.addons.drivers.localisation.particle_filter import (
-    LEAST,
-    costs_of,
-    drawn_anew,
-    kld_count,
-    moments,
-)
+from fg_mujoco.addons.drivers.localisation.particle_filter import LEAST, costs_of, drawn_anew, kld_count, moments
 from fg_mujoco.errors import ControllerError, MessageError, SettingsError
-from fg_mujoco.messages import LaserScan, MapLine
+from fg_mujoco.messages import MapLine
 from fg_mujoco.simulation.settings import DriveSettings
-from scan_worlds import CAR, odometry_of
+from scan_worlds import CAR, odometry_of, scan_of
 
 METHODS = ("particle_filter", "scan_matching")
 CORNERS = np.array([[-4.0, -2.5], [6.0, -2.5], [6.0, 3.5], [1.0, 3.5], [1.0, 2.0], [-4.0, 2.0]])  # no symmetry
 ROOM = MapLine(points=np.array([[0.0, 0.0], [3.0, 0.0]]), closed=False, walls=(CORNERS,))
 BEAMS = np.linspace(-0.75 * math.pi, 0.75 * math.pi, 271)
 OVAL = fg.load_track("oval")
+WALLS = lines([*CORNERS, CORNERS[0]])
 
 
-def ranges_from(pose, bearings=BEAMS, corners=CORNERS):
-    """Return the ranges [m] from a pose of the LiDAR, or one of each beam, to a room's walls: each ray, each wall."""
+def ranges_from(pose, bearings=BEAMS):
+    """Return the ranges [m] from a pose of the LiDAR to the room's walls."""
     x, y, heading = pose
-    ahead_x, ahead_y = np.cos(heading + bearings), np.sin(heading + bearings)
-    found = np.full(len(bearings), np.inf)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        (along_x, along_y), away_x, away_y = end - start, start[0] - x, start[1] - y
-        across = ahead_x * along_y - ahead_y * along_x
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (away_x * along_y - away_y * along_x) / across
-            share = (away_x * ahead_y - away_y * ahead_x) / across
-        hit = (distance > 0.0) & (share >= 0.0) & (share <= 1.0)
-        found = np.where(hit & (distance < found), distance, found)
-    return found
+    return seen_from(WALLS, x, y, heading + bearings)
 
 
 def lidar_at(pose):
@@ -60,11 +46,8 @@ def ends_from(pose, count=60):
     return np.column_stack((CAR.lidar_offset + ranges * np.cos(bearings), ranges * np.sin(bearings)))
 
 
-def scan_at(pose, stamp, time_increment=0.0):
-    return LaserScan(
-        stamp=stamp, angle_min=float(BEAMS[0]), angle_max=float(BEAMS[-1]), angle_increment=math.radians(1.0),
-        range_min=0.02, range_max=30.0, ranges=ranges_from(lidar_at(pose)), time_increment=time_increment,
-    )  # fmt: skip
+def scan_at(pose, stamp):
+    return scan_of(ranges_from(lidar_at(pose)), math.radians(1.0), stamp=stamp)
 
 
 def odometry_at(time, speed, rate, pose=(math.nan,) * 3):
@@ -99,9 +82,8 @@ def test_a_scan_is_laid_on_the_walls():
     ends = ends_from(truth, 120)
     prior = 1e-6 * np.eye(3)
     for shift in ((0.15, -0.1, 0.08), (-0.1, 0.1, -0.1)):
-        found, information, share = match(
-            field.distances, field.origin, field.resolution, ends, truth + shift, prior, 0.05, 0.3, 12
-        )  # fmt: skip
+        found, information, share = match(field.distances, field.origin, field.resolution, ends, truth + shift, prior,
+                                          0.05, 0.3, 12)  # fmt: skip
         assert np.abs(found - truth).max() < 2e-3 and share > 0.95
         assert np.sqrt(np.diag(inverse(information))).max() < 0.02
 
@@ -143,12 +125,12 @@ def test_headings_are_averaged_on_the_circle():
     assert again[0] == pytest.approx(mean) and again[1] == pytest.approx(covariance, abs=1e-12)
 
 
-def test_kld_sampling_takes_as_many_particles_as_chi_square_says():
-    for bins in cases(50, 400, 3000):
-        from scipy.stats import chi2  # which takes a second to import
+@each("bins", [50, 400, 3000])
+def test_kld_sampling_takes_as_many_particles_as_chi_square_says(bins):
+    from scipy.stats import chi2  # which takes a second to import
 
-        assert kld_count(bins) == pytest.approx(chi2.ppf(0.99, bins - 1) / (2.0 * 0.03), rel=0.005)
-        assert kld_count(1) == LEAST
+    assert kld_count(bins) == pytest.approx(chi2.ppf(0.99, bins - 1) / (2.0 * 0.03), rel=0.005)
+    assert kld_count(1) == LEAST
 
 
 def test_a_prediction_has_the_moments_of_many_samples():
@@ -167,7 +149,7 @@ def test_a_prediction_has_the_moments_of_many_samples():
     assert covariance == pytest.approx(np.cov(samples.T), abs=1.5e-5)
 
 
-def circling(found, late=0, seconds=2.5, error=1.0, time_increment=0.0):
+def circling(found, late=0, seconds=2.5, error=1.0):
     """Drive a car round in the room, and return how far the poses of the last second are off [m], [rad]."""
     speed, rate, period, errors = 1.2, 0.8, 0.025, []
 
@@ -177,33 +159,29 @@ def circling(found, late=0, seconds=2.5, error=1.0, time_increment=0.0):
 
     for tick in range(round(seconds / period)):
         now, then = tick * period, max(tick - late, 0) * period
-        scan = scan_at(pose_at(then), then)
-        if time_increment:
-            each = then - time_increment * np.arange(len(BEAMS))[::-1]
-            scan = replace(scan, ranges=ranges_from(lidar_at(pose_at(each))), time_increment=time_increment)
         sensed = odometry_at(now, error * speed, error * rate, pose_at(0.0) if tick == 0 else (math.nan,) * 3)
-        pose = found.locate(scan, sensed)
+        pose = found.locate(scan_at(pose_at(then), then), sensed)
         if now > seconds - 1.0:
             errors.append(off(pose, pose_at(now)))
     return np.max(errors, axis=0)
 
 
-def test_a_car_is_tracked_by_late_scans_and_odometry_that_reads_too_much():
-    for pose in cases(*METHODS):
-        found = localiser(pose=pose)
-        distance, turned = circling(found, late=3, error=1.05)
-        assert distance < 0.03 and turned < 0.02
-        assert found.method.state[3:] == pytest.approx(-0.05 / 1.05, abs=0.03)  # what it multiplies odometry by, less 1
-        assert np.all(np.linalg.eigvalsh(found.covariance) > 0.0)
+@each("pose", METHODS)
+def test_a_car_is_tracked_by_late_scans_and_odometry_that_reads_too_much(pose):
+    found = localiser(pose=pose)
+    distance, turned = circling(found, late=3, error=1.05)
+    assert distance < 0.03 and turned < 0.02
+    assert found.method.state[3:] == pytest.approx(-0.05 / 1.05, abs=0.03)  # what it multiplies odometry by, less 1
+    assert np.all(np.linalg.eigvalsh(found.covariance) > 0.0)
 
 
-def test_a_car_that_may_be_anywhere_is_found():
-    for pose in cases(*METHODS):
-        found = localiser(pose=pose, pose_start="unknown")
-        assert not np.isfinite(found.locate(scan_at((0.0, -1.0, 0.0), 0.0), odometry_at(0.0, 0.0, 0.0))).any()
-        assert np.isnan(found.covariance).all()
-        distance, _ = circling(localiser(pose=pose, pose_start="unknown"))
-        assert distance < 0.05
+@each("pose", METHODS)
+def test_a_car_that_may_be_anywhere_is_found(pose):
+    found = localiser(pose=pose, pose_start="unknown")
+    assert not np.isfinite(found.locate(scan_at((0.0, -1.0, 0.0), 0.0), odometry_at(0.0, 0.0, 0.0))).any()
+    assert np.isnan(found.covariance).all()
+    distance, _ = circling(localiser(pose=pose, pose_start="unknown"))
+    assert distance < 0.05
 
 
 def test_a_car_that_was_carried_away_is_found_again():
@@ -216,28 +194,28 @@ def test_a_car_that_was_carried_away_is_found_again():
     assert distance < 0.05 and turned < 0.05
 
 
-def test_the_same_seed_gives_the_same_bits():
-    for pose in cases(*METHODS):
-        ends = []
-        one = localiser(pose=pose, pose_start="unknown", seed=7)
-        for found in (one, one, localiser(pose=pose, pose_start="unknown", seed=7)):
-            found.reset()
-            circling(found, seconds=1.2)
-            ends.append(found.pose.tobytes())
-        assert ends[0] == ends[1] == ends[2]
-        other = localiser(pose="particle_filter", seed=8)
-        circling(other, seconds=1.2)
-        assert other.pose.tobytes() != ends[0]
+@each("pose", METHODS)
+def test_the_same_seed_gives_the_same_bits(pose):
+    ends = []
+    one = localiser(pose=pose, pose_start="unknown", seed=7)
+    for found in (one, one, localiser(pose=pose, pose_start="unknown", seed=7)):
+        found.reset()
+        circling(found, seconds=1.2)
+        ends.append(found.pose.tobytes())
+    assert ends[0] == ends[1] == ends[2]
+    other = localiser(pose="particle_filter", seed=8)
+    circling(other, seconds=1.2)
+    assert other.pose.tobytes() != ends[0]
 
 
-def test_pure_pursuit_laps_on_the_pose_that_is_found():
-    for pose in cases(*METHODS):
-        effects = fg.LidarEffects(range_noise_std=0.02, latency=0.025)
-        settings = {"laps": 1, "effects": effects, "odometry_drift": 0.05}
-        found = fg.race("oval", f"pure_pursuit[pose={pose}]", **settings).car
-        truth = fg.race("oval", "pure_pursuit", **settings).car
-        assert found.end_reason == "finished" and found.collisions_wall == 0
-        assert found.lap_times_s[0] < 1.02 * truth.lap_times_s[0]
+@each("pose", METHODS)
+def test_pure_pursuit_laps_on_the_pose_that_is_found(pose):
+    effects = fg.LidarEffects(range_noise_std=0.02, latency=0.025)
+    settings = {"laps": 1, "effects": effects, "odometry_drift": 0.05}
+    found = fg.race("oval", f"pure_pursuit[pose={pose}]", **settings).car
+    truth = fg.race("oval", "pure_pursuit", **settings).car
+    assert found.end_reason == "finished" and found.collisions_wall == 0
+    assert found.lap_times_s[0] < 1.02 * truth.lap_times_s[0]
 
 
 def test_a_map_in_which_no_pose_can_be_found_is_refused():

@@ -8,20 +8,14 @@ import math
 import numpy as np
 import pytest
 
-from case_loops import cases
-from fg_mujoco.addons.drivers.other_cars import (
-    OTHER_CARS,
-    TOLD,
-    find_boxes,
-    follow_told,
-    read_told,
-    watch_cars,
-)
+from cases import each
+from fg_mujoco.addons.drivers.other_cars import OTHER_CARS, TOLD, find_boxes, follow_told, read_told, watch_cars
 from fg_mujoco.addons.drivers.overtaker import Overtaker
 from fg_mujoco.controllers.perception.scan_filters import noise_of
 from fg_mujoco.controllers.perception.scan_geometry import SCAN, scan_values
-from fg_mujoco.messages import ODOMETRY, Reading, columns_of_others
-from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
+from fg_mujoco.messages import Reading, columns_of_others
+from moving_worlds import box, odometry_row, ranges_of
+from scan_worlds import CAR, MU, corridor, scan_of
 
 HALF = 0.06  # [m] of a box
 PERIOD = 0.025
@@ -30,15 +24,10 @@ WALLS = corridor(1.4, 1.4, 12.0)
 
 def with_box(x, y, heading):
     """Ranges of a scan of the corridor with a box at a place [m] and a heading [rad], as the LiDAR sees it."""
-    bearings = WALLS.bearings
     cos, sin = math.cos(heading), math.sin(heading)
-    origin = np.array([-cos * x - sin * y, sin * x - cos * y])  # of the LiDAR, in the frame of the box
-    towards = np.stack((np.cos(bearings - heading), np.sin(bearings - heading)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        sides = (np.array([[-HALF], [HALF]])[:, :, np.newaxis] - origin[np.newaxis, :, np.newaxis]) / towards
-    enter, leave = sides.min(axis=0).max(axis=0), sides.max(axis=0).min(axis=0)
-    hit = np.where((enter <= leave) & (enter > 0.0), enter, math.inf)
-    return np.minimum(WALLS.ranges, hit)
+    sides = box(0.0, 0.0, 2.0 * HALF, 2.0 * HALF)
+    turned = [[(x + cos * a - sin * b, y + sin * a + cos * b) for a, b in side] for side in sides]
+    return np.minimum(WALLS.ranges, ranges_of(turned))
 
 
 def record(kind, values):
@@ -50,10 +39,6 @@ def record(kind, values):
 
 CAR_ROW = Overtaker(CAR, MU).driver[0]["car"]
 SCAN_ROW = record(SCAN, scan_values(WALLS))
-
-
-def odometry_row(speed):
-    return record(ODOMETRY, [getattr(odometry_of(speed), name) for name in ODOMETRY.names])
 
 
 def watched(place, speed, ticks, own_speed, noise=0.0):
@@ -79,33 +64,33 @@ def test_a_box_is_found_where_it_is():
         assert math.hypot(found[0, 0] - x, found[0, 1] - y) < 0.05
 
 
-def test_walls_are_no_boxes():
-    for noise in cases(0.0, 0.005, 0.01, 0.02, 0.03):
-        rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
-        for _ in range(40):
-            walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
-            measured.append(noise_of(walls, WALLS.range_max))
-            assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
-        assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
-        assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
+@each("noise", [0.0, 0.005, 0.01, 0.02, 0.03])
+def test_walls_are_no_boxes(noise):
+    rng, found, measured = np.random.default_rng(4), np.zeros((16, 2)), []
+    for _ in range(40):
+        walls = WALLS.ranges + rng.normal(0.0, noise, len(WALLS.ranges))
+        measured.append(noise_of(walls, WALLS.range_max))
+        assert find_boxes(SCAN_ROW, walls, max(measured[-1], 0.005), found) == 0
+    assert np.median(measured) == pytest.approx(noise, rel=0.05, abs=0.001)
+    assert np.max(np.abs(np.array(measured) - noise)) < 0.3 * noise + 0.001
 
 
 @pytest.mark.slow
-def test_velocity_of_a_car_is_measured():
-    for own_speed in cases(0.0, 4.0):
-        for noise, off in cases((0.0, 0.2), (0.03, 0.4)):
-            memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
-            assert seen
-            (car,) = [car for car in memory["cars"] if car["moves"]]
-            assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
-            assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
+@each("own_speed", [0.0, 4.0])
+@each("noise, off", [(0.0, 0.2), (0.03, 0.4)])
+def test_velocity_of_a_car_is_measured(noise, off, own_speed):
+    memory, seen = watched(lambda time: (3.0 + 2.5 * time, 0.4 - 0.3 * time), 2.5, 40, own_speed, noise)
+    assert seen
+    (car,) = [car for car in memory["cars"] if car["moves"]]
+    assert (car["vx"], car["vy"]) == pytest.approx((2.5, -0.3), abs=off)
+    assert car["heading"] == pytest.approx(math.atan2(-0.3, 2.5), abs=0.4 * off)
 
 
-def test_a_box_that_stands_is_no_car_however_the_planners_car_moves():
-    for noise in cases(0.0, 0.01, 0.03):
-        memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
-        assert not seen
-        assert not memory["cars"]["moves"].any()
+@each("noise", [0.0, 0.01, 0.03])
+def test_a_box_that_stands_is_no_car_however_the_planners_car_moves(noise):
+    memory, seen = watched(lambda time: (5.0, 0.5), 0.0, 40, 4.0, noise)
+    assert not seen
+    assert not memory["cars"]["moves"].any()
 
 
 # -- cars whose odometry is told
@@ -117,9 +102,7 @@ def told_of(*cars, stamp=1.0):
     values = np.array(cars, np.float64).ravel()
     stamps = np.empty(0)
     columns = columns_of_others(len(cars))
-    reading = Reading(
-        stamp=stamp, values=values, columns=columns, stamps=stamps, samples=np.empty((0, len(values)))
-    )  # fmt: skip
+    reading = Reading(stamp=stamp, values=values, columns=columns, stamps=stamps, samples=np.empty((0, len(values))))
     read_told(memory, reading)
     return memory
 
@@ -148,23 +131,20 @@ def on_circle(time, radius=5.0, speed=2.0):
     return radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle, speed, speed / radius
 
 
-def test_a_car_that_is_told_is_where_it_has_come_since():
-    for late in cases(0.0, 0.1, 0.3):
-        seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
-        there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
-        x, y, heading, speed, yaw_rate = on_circle(1.0)
-        middle = 0.5 * CAR.length - CAR.rear_overhang
-        dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
-        ahead, left = (
-            math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset,
-            math.cos(0.1) * dy - math.sin(0.1) * dx,
-        )
-        assert there
-        assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
-        car = seen["cars"][0]
-        assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
-        assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
-        assert car["moves"]
+@each("late", [0.0, 0.1, 0.3])
+def test_a_car_that_is_told_is_where_it_has_come_since(late):
+    seen, pose = np.zeros(1, OTHER_CARS)[0], (-3.0, -0.2, 0.1)
+    there, places = followed(seen, told_of(on_circle(1.0 - late), stamp=1.0 - late), pose)
+    x, y, heading, speed, yaw_rate = on_circle(1.0)
+    middle = 0.5 * CAR.length - CAR.rear_overhang
+    dx, dy = x + middle * math.cos(heading) - pose[0], y + middle * math.sin(heading) - pose[1]
+    ahead, left = (math.cos(0.1) * dx + math.sin(0.1) * dy - CAR.lidar_offset, math.cos(0.1) * dy - math.sin(0.1) * dx)
+    assert there
+    assert places[0] == pytest.approx((ahead, left), abs=2e-3)  # a chord in place of an arc
+    car = seen["cars"][0]
+    assert math.hypot(car["vx"], car["vy"]) == pytest.approx(speed)
+    assert (car["heading"], car["turn_rate"]) == pytest.approx((heading - 0.1, yaw_rate))
+    assert car["moves"]
 
 
 def test_a_car_that_stands_is_known_at_once_and_one_behind_a_wall_is_not():

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers.corridor import (
     HEADING,
     LEFT,
@@ -18,7 +18,7 @@ from fg_mujoco.addons.drivers.corridor import (
     X,
     Y,
     ground_points,
-    room_beside,
+    room_beside,  # fmt: skip
     walk,
 )
 from fg_mujoco.addons.drivers.overtaker import Overtaker
@@ -73,14 +73,14 @@ def test_a_walk_along_a_corridor_keeps_its_side():
     assert (path[-1, LEFT], path[-1, RIGHT]) == pytest.approx((0.7, 1.2), abs=0.06)
 
 
-def test_a_walk_goes_round_a_bend():
-    for radius in cases(2.5, 4.0):
-        points, count = ring(radius, 1.0)
-        path = np.empty((12, 5))
-        assert walk(points, count, 0.0, 0.0, 0.0, path) == 12
-        from_middle = np.hypot(path[:, X], path[:, Y] - radius)
-        assert from_middle == pytest.approx(radius, abs=0.12)
-        assert path[-1, HEADING] == pytest.approx(11 * STEP / radius, abs=0.15)
+@each("radius", [2.5, 4.0])
+def test_a_walk_goes_round_a_bend(radius):
+    points, count = ring(radius, 1.0)
+    path = np.empty((12, 5))
+    assert walk(points, count, 0.0, 0.0, 0.0, path) == 12
+    from_middle = np.hypot(path[:, X], path[:, Y] - radius)
+    assert from_middle == pytest.approx(radius, abs=0.12)
+    assert path[-1, HEADING] == pytest.approx(11 * STEP / radius, abs=0.15)
 
 
 def test_a_car_is_passed_where_there_is_room_and_followed_where_there_is_none():

@@ -2,12 +2,13 @@
 
 import dataclasses
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers.pure_pursuit import PurePursuit, PurePursuitSettings
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import MapLine
@@ -47,15 +48,13 @@ def driven(planner, pose, ticks, speed=0.0):
     return np.array(trace)
 
 
-def test_on_a_circle_it_steers_along_it():
-    for heading in cases(0.0, 2.0 * math.pi, -6.0 * math.pi):
-        for direction in cases(1, -1):
-            for radius in cases(1.5, 4.0, 10.0):
-                # any chord of a circle, from a tangent at its one end, is led through by the arc that is the circle
-                planner = pursuer(circle(radius, direction), mu=math.inf)
-                command = planner(OPEN, at(radius, 0.0, direction * math.pi / 2 + heading, 1.0))
-                expected = direction * math.atan(CAR.wheelbase / radius)
-                assert command.steering_angle == pytest.approx(expected, rel=0.02)
+@each("heading, direction, radius", product((0.0, 2.0 * math.pi, -6.0 * math.pi), (1, -1), (1.5, 4.0, 10.0)))
+def test_on_a_circle_it_steers_along_it(heading, direction, radius):
+    # any chord of a circle, from a tangent at its one end, is led through by the arc that is the circle
+    planner = pursuer(circle(radius, direction), mu=math.inf)
+    command = planner(OPEN, at(radius, 0.0, direction * math.pi / 2 + heading, 1.0))
+    expected = direction * math.atan(CAR.wheelbase / radius)
+    assert command.steering_angle == pytest.approx(expected, rel=0.02)
 
 
 def test_the_goal_is_a_lookahead_away_which_grows_with_the_speed_and_the_distance():
@@ -66,14 +65,14 @@ def test_the_goal_is_a_lookahead_away_which_grows_with_the_speed_and_the_distanc
     assert math.hypot(x - 5.0, y - 1.0) == pytest.approx(3.8, abs=0.11)
 
 
-def test_it_joins_the_line_and_stays_on_it():
-    for offset in cases(0.5, -1.5, 4.0):
-        line = MapLine(points=np.array([[0.0, 0.0], [100.0, 0.0]]), closed=False)
-        trace = driven(pursuer(line, max_speed=4.0), (0.0, offset, 0.5), 500)
-        settled = trace[trace[:, 0] > 38.0]
-        assert len(settled) > 10
-        assert np.abs(settled[:, 1]).max() < 0.02
-        assert (np.sign(offset) * trace[:, 1]).min() > -0.3  # nor does it swing far across
+@each("offset", [0.5, -1.5, 4.0])
+def test_it_joins_the_line_and_stays_on_it(offset):
+    line = MapLine(points=np.array([[0.0, 0.0], [100.0, 0.0]]), closed=False)
+    trace = driven(pursuer(line, max_speed=4.0), (0.0, offset, 0.5), 500)
+    settled = trace[trace[:, 0] > 38.0]
+    assert len(settled) > 10
+    assert np.abs(settled[:, 1]).max() < 0.02
+    assert (np.sign(offset) * trace[:, 1]).min() > -0.3  # nor does it swing far across
 
 
 def test_where_the_line_runs_close_by_itself_it_stays_on_its_stretch():
@@ -87,20 +86,20 @@ def test_where_the_line_runs_close_by_itself_it_stays_on_its_stretch():
     assert abs(planner(OPEN, at(5.2, 0.45, 0.0, 1.0)).steering_angle) == CAR.max_steering_angle
 
 
-def test_at_the_end_of_an_open_line_it_stands():
-    for points in cases([[0.0, 0.0], [25.0, 0.0]], [[0.0, 0.0], [10.0, 0.0], [15.0, 5.0], [15.0, 12.0]]):
-        line = MapLine(points=np.array(points), closed=False)
-        trace = driven(pursuer(line), (0.0, 0.0, 0.0), 600)
-        assert math.dist(trace[-1, :2], points[-1]) < 0.3
-        assert abs(trace[-1, 3]) < 0.01
-        assert trace[:, 3].max() > 3.0
+@each("points", [[[0.0, 0.0], [25.0, 0.0]], [[0.0, 0.0], [10.0, 0.0], [15.0, 5.0], [15.0, 12.0]]])
+def test_at_the_end_of_an_open_line_it_stands(points):
+    line = MapLine(points=np.array(points), closed=False)
+    trace = driven(pursuer(line), (0.0, 0.0, 0.0), 600)
+    assert math.dist(trace[-1, :2], points[-1]) < 0.3
+    assert abs(trace[-1, 3]) < 0.01
+    assert trace[:, 3].max() > 3.0
 
 
-def test_without_a_pose_it_brakes():
-    for pose in cases((math.nan,) * 3, (0.0, math.nan, 0.0), (0.0, 0.0, math.inf)):
-        braking = pursuer()(OPEN, at(*pose, speed=3.0, steering_angle=0.1))
-        assert braking.speed < 3.0 and braking.steering_angle == pytest.approx(0.1)
-        assert pursuer().find_goal(at(*pose)) is None
+@each("pose", [(math.nan,) * 3, (0.0, math.nan, 0.0), (0.0, 0.0, math.inf)])
+def test_without_a_pose_it_brakes(pose):
+    braking = pursuer()(OPEN, at(*pose, speed=3.0, steering_angle=0.1))
+    assert braking.speed < 3.0 and braking.steering_angle == pytest.approx(0.1)
+    assert pursuer().find_goal(at(*pose)) is None
 
 
 def test_it_does_not_see_obstacles_unless_its_law_does():
@@ -120,14 +119,14 @@ def test_a_raceline_is_followed_in_place_of_the_centreline(tmp_path):
     np.testing.assert_allclose(profile[:, 2], 3.0)
 
 
-def test_a_raceline_against_the_course_is_refused_with_the_option_that_turns_the_course(tmp_path):
-    for direction in cases(1, -1):
-        path = tmp_path / "raceline.csv"
-        path.write_text("\n".join(f"{x},{y},1,1" for x, y in circle(4.0, direction).points) + "\n")
-        assert pursuer(circle(6.0, direction), line=str(path)).speed_profile().size
-        way, course = ("counterclockwise", "clockwise")[::direction]
-        with pytest.raises(SettingsError, match=rf"goes {way}, the course {course}; accepted: .*\[direction={way}\]"):
-            pursuer(circle(6.0, -direction), line=str(path))
+@each("direction", [1, -1])
+def test_a_raceline_against_the_course_is_refused_with_the_option_that_turns_the_course(direction, tmp_path):
+    path = tmp_path / "raceline.csv"
+    path.write_text("\n".join(f"{x},{y},1,1" for x, y in circle(4.0, direction).points) + "\n")
+    assert pursuer(circle(6.0, direction), line=str(path)).speed_profile().size
+    way, course = ("counterclockwise", "clockwise")[::direction]
+    with pytest.raises(SettingsError, match=rf"goes {way}, the course {course}; accepted: .*\[direction={way}\]"):
+        pursuer(circle(6.0, -direction), line=str(path))
 
 
 def test_in_a_batch_each_follows_its_own_line_as_alone():

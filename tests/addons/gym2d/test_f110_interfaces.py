@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_functions
 from fg_mujoco.addons.gym2d.gym_world import LapCount
@@ -50,10 +50,9 @@ def test_a_blank_map_is_the_ground_of_the_map_without_its_walls(drawn):
 
 def test_parameters_are_those_of_the_car_that_is_built():
     """Read back off the compiled world, which knows nothing of the gym's names."""
-    for params in cases(
-        F1TENTH, F1FIFTH, {"m": 4.5, "h": 0.09}, {"lf": 0.19, "lr": 0.17, "I": 0.06}, {"width": 0.25, "length": 0.5},
-     {"s_min": -0.3, "s_max": 0.3, "sv_min": -2.0, "sv_max": 2.0}, {"a_max": 5.0, "v_switch": 4.0, "v_max": 6.0},
-    ):  # fmt: skip
+    for params in (F1TENTH, F1FIFTH, {"m": 4.5, "h": 0.09}, {"lf": 0.19, "lr": 0.17, "I": 0.06},
+                   {"width": 0.25, "length": 0.5}, {"s_min": -0.3, "s_max": 0.3, "sv_min": -2.0, "sv_max": 2.0},
+                   {"a_max": 5.0, "v_switch": 4.0, "v_max": 6.0}):  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             env = f110.make(map="oval", params=params)
@@ -74,13 +73,13 @@ def test_cornering_stiffnesses_are_those_of_linear_tires():
     assert (tires.front.lateral.stiffness, tires.rear.lateral.stiffness) == (4.0, 6.0)
 
 
-def test_the_car_accelerates_as_its_parameters_say(drawn):
-    for acceleration in cases(2.0, 5.0):
-        env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
-        env.reset(POSE)
-        for _ in range(10):
-            obs, *_ = env.step(np.array([[0.0, 20.0]]))
-        assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
+@each("acceleration", [2.0, 5.0])
+def test_the_car_accelerates_as_its_parameters_say(acceleration, drawn):
+    env = f110.make(map=str(drawn), params={**F1TENTH, "a_max": acceleration})
+    env.reset(POSE)
+    for _ in range(10):
+        obs, *_ = env.step(np.array([[0.0, 20.0]]))
+    assert obs["linear_vels_x"][0] == pytest.approx(0.1 * acceleration, rel=0.02)
 
 
 # What scripts read and write
@@ -95,9 +94,8 @@ def test_attributes_that_planners_read(drawn):
     assert env.params["lf"] + env.params["lr"] == pytest.approx(0.3302)
     assert env.current_time == pytest.approx(0.31)
     assert state.shape == (7,)
-    assert state[[0, 1, 3, 4, 5]].tolist() == pytest.approx(
-        [obs[name][0] for name in ("poses_x", "poses_y", "linear_vels_x", "poses_theta", "ang_vels_z")]
-    )
+    assert state[[0, 1, 3, 4, 5]].tolist() == pytest.approx([obs[name][0] for name in ("poses_x", "poses_y",
+                                                                    "linear_vels_x", "poses_theta", "ang_vels_z")])
     assert state[2] == pytest.approx(0.1, abs=0.01)
     assert math.tan(state[6]) == pytest.approx(obs["linear_vels_y"][0] / obs["linear_vels_x"][0])
     assert env.sim.agent_poses[:, 0].tolist() == env.poses_x == obs["poses_x"]
@@ -166,41 +164,39 @@ def test_the_interface_is_gymnasiums(drawn):
     assert env.render() is None and env.metadata["render_fps"] == 100
 
 
-def test_observations_of_each_car_by_name(drawn):
-    for kind, features in cases(
-        ("kinematic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta"]),
-        ("dynamic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta", "ang_vel_z", "beta"]),
-        ("direct", ["scan", "std_state", "state", "collision", "lap_time", "lap_count", "sim_time", "frenet_pose"]),
-    ):
-        env = new_env(drawn, num_agents=2, observation_config={"type": kind})
-        obs, _ = env.reset(options={"poses": np.array([[8.0, 2.1, 0.1], [7.0, 2.4, 0.0]])})
-        assert list(obs) == env.agent_ids == ["agent_0", "agent_1"]
-        assert list(obs["agent_1"]) == features
-        assert all(each.dtype == np.float32 for each in obs["agent_0"].values())
-        if "pose_x" in features:
-            assert obs["agent_0"]["pose_x"] == pytest.approx(8.0, abs=1e-3)
-            assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
+@each("kind, features",
+      [("kinematic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta"]),
+       ("dynamic_state", ["pose_x", "pose_y", "delta", "linear_vel_x", "pose_theta", "ang_vel_z", "beta"]),
+       ("direct", ["scan", "std_state", "state", "collision", "lap_time", "lap_count", "sim_time", "frenet_pose"])])
+def test_observations_of_each_car_by_name(kind, features, drawn):
+    env = new_env(drawn, num_agents=2, observation_config={"type": kind})
+    obs, _ = env.reset(options={"poses": np.array([[8.0, 2.1, 0.1], [7.0, 2.4, 0.0]])})
+    assert list(obs) == env.agent_ids == ["agent_0", "agent_1"]
+    assert list(obs["agent_1"]) == features
+    assert all(each.dtype == np.float32 for each in obs["agent_0"].values())
+    if "pose_x" in features:
+        assert obs["agent_0"]["pose_x"] == pytest.approx(8.0, abs=1e-3)
+        assert obs["agent_0"]["pose_theta"] == pytest.approx(0.1, abs=1e-3)
 
 
-def test_a_reset_draws_poses_that_stand_apart_by_the_seed(drawn):
-    for kind in cases(None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"):
-        env = new_env(drawn, num_agents=3, reset_config={"type": kind})
-        first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
-        np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
-        assert not np.array_equal(first["poses_x"], other["poses_x"])
-        assert not first["collisions"].any()
+@each("kind", [None, "rl_random_static", "cl_grid_static", "cl_random_random", "map_random_static"])
+def test_a_reset_draws_poses_that_stand_apart_by_the_seed(kind, drawn):
+    env = new_env(drawn, num_agents=3, reset_config={"type": kind})
+    first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first["poses_x"], again["poses_x"])
+    assert not np.array_equal(first["poses_x"], other["poses_x"])
+    assert not first["collisions"].any()
 
 
 def test_configuration_objects_are_the_settings(drawn):
     from fg_mujoco.addons.gym2d import gym_config
 
-    settings = gym_config.EnvConfig(
-        map_name=str(drawn), num_agents=2, params=gym_config.F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.7),
+    settings = gym_config.EnvConfig(map_name=str(drawn), num_agents=2,
+        params=gym_config.F1TENTH_VEHICLE_PARAMETERS.with_updates(mu=0.7),
         simulation_config=gym_config.SimulationConfig(timestep=0.02, max_laps=3),
         control_config=gym_config.ControlConfig(longitudinal_mode=gym_config.LongitudinalActionType.ACCL),
         observation_config=gym_config.ObservationConfig(type=gym_config.ObservationType.KINEMATIC_STATE),
-        lidar_config=gym_config.LiDARConfig(num_beams=270, angle_min=-1.0, angle_max=1.0),
-    )  # fmt: skip
+        lidar_config=gym_config.LiDARConfig(num_beams=270, angle_min=-1.0, angle_max=1.0))  # fmt: skip
     env = f110.make("f1tenth-v0", config=settings)
     assert (env.num_agents, env.timestep, env.sim.num_beams, env.sim.fov) == (2, 0.02, 270, 2.0)
     assert env.action_type.type == ("steering_angle", "accl") and env.world.car.mu == pytest.approx(0.7)
@@ -210,40 +206,39 @@ def test_configuration_objects_are_the_settings(drawn):
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
 
 
-def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name():
-    for kind, named, said in cases(
-        ("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
-        ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
-        ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
-        ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
-        ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
-        ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
-        ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
-    ):
-        from fg_mujoco.addons.gym2d import gym_config
+@each("kind, named, said",
+      [("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
+       ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
+       ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
+       ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
+       ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
+       ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
+       ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01")])  # fmt: skip
+def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
+    from fg_mujoco.addons.gym2d import gym_config
 
-        with pytest.raises(SettingsError, match=said):
-            getattr(gym_config, kind)(**named)
+    with pytest.raises(SettingsError, match=said):
+        getattr(gym_config, kind)(**named)
 
 
-def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last():
+@each("way", [1, -1])
+def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
     """Driven by hand: a lap in 10 s, then one in 5 s."""
-    for way in cases(1, -1):
-        from fg_mujoco.addons.gym2d import gym_config
+    from fg_mujoco.addons.gym2d import gym_config
 
-        env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
-        _, info = env.reset()
-        assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
-        course = env.world.track
-        x, y, heading = course.start_pose(0.0)
-        laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
-        found = {}
-        for tick in range(1, 1650):
-            time = 0.01 * tick
-            lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
-            laps.count(time, *course.start_pose(way * course.length * lap)[:2])
-            found.setdefault(laps.completed, laps.last)
-        assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
+    env = f110.make("f1tenth-v0", config=gym_config.EnvConfig(map_name="oval"))
+    _, info = env.reset()
+    assert (info["lap_times"].tolist(), info["lap_counts"].tolist(), info["sim_time"]) == ([0.0], [0.0], 0.01)
+    course = env.world.track
+    x, y, heading = course.start_pose(0.0)
+    laps = LapCount(course, x, y, heading if way > 0 else heading + math.pi)
+    found = {}
+    for tick in range(1, 1650):
+        time = 0.01 * tick
+        lap = min(time, 10.0) / 10.0 + max(time - 10.0, 0.0) / 5.0
+        laps.count(time, *course.start_pose(way * course.length * lap)[:2])
+        found.setdefault(laps.completed, laps.last)
+    assert found == {0: 0.0, 1: pytest.approx(10.0, abs=0.03), 2: pytest.approx(5.0, abs=0.03)}
 
 
 def test_a_course_of_ours_is_scaled_with_its_lines_and_one_without_laps_is_refused():

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d.speed_controller import SpeedController
 from fg_mujoco.course.track import follow
@@ -118,19 +118,19 @@ def lateral(course, speed):
 
 
 @pytest.mark.slow
-def test_within_grip_a_planner_laps_in_the_time_of_the_gym():
-    for course, tires in cases(("oval", "f1tenth_gym"), ("chicanes", None)):
-        assert lateral(course, 3.0) < 0.5
-        ours, theirs = driven(course, 3.0, tires=tires)
-        np.testing.assert_allclose(ours, theirs, rtol=0.005)
+@each("course, tires", [("oval", "f1tenth_gym"), ("chicanes", None)])
+def test_within_grip_a_planner_laps_in_the_time_of_the_gym(course, tires):
+    assert lateral(course, 3.0) < 0.5
+    ours, theirs = driven(course, 3.0, tires=tires)
+    np.testing.assert_allclose(ours, theirs, rtol=0.005)
 
 
 @pytest.mark.slow
-def test_beyond_grip_linear_tires_lap_in_the_time_of_the_gym():
-    for course, speed in cases(("oval", 7.5), ("chicanes", 6.0)):
-        assert lateral(course, speed) > 1.35
-        ours, theirs = driven(course, speed, tires="f1tenth_gym")
-        np.testing.assert_allclose(ours, theirs, rtol=0.01)
+@each("course, speed", [("oval", 7.5), ("chicanes", 6.0)])
+def test_beyond_grip_linear_tires_lap_in_the_time_of_the_gym(course, speed):
+    assert lateral(course, speed) > 1.35
+    ours, theirs = driven(course, speed, tires="f1tenth_gym")
+    np.testing.assert_allclose(ours, theirs, rtol=0.01)
 
 
 def test_poses_are_of_the_centre_of_gravity_with_linear_tires_only():
@@ -147,21 +147,21 @@ def test_poses_are_of_the_centre_of_gravity_with_linear_tires_only():
         assert (obs["poses_x"][0], obs["poses_y"][0]) == pytest.approx(tuple(there), abs=1e-4)
 
 
-def test_a_speed_is_approached_by_the_gains_of_the_gym():
-    for change, gain in cases((0.2, MOST_ACCELERATION * 10 / 20), (-0.2, MOST_ACCELERATION * 10 / 5)):
-        for tires, slack in cases((None, 0.08), ("f1tenth_gym", 0.16)):
-            env = f110.make(map="fast", tires=tires)
-            env.reset(np.array([fg.load_track("fast").start_pose(0.0)]))
+@each("change, gain", [(0.2, MOST_ACCELERATION * 10 / 20), (-0.2, MOST_ACCELERATION * 10 / 5)])
+@each("tires, slack", [(None, 0.08), ("f1tenth_gym", 0.16)])
+def test_a_speed_is_approached_by_the_gains_of_the_gym(tires, slack, change, gain):
+    env = f110.make(map="fast", tires=tires)
+    env.reset(np.array([fg.load_track("fast").start_pose(0.0)]))
 
-            def speed_after(steps, wanted):
-                for _ in range(steps):
-                    obs, *_ = env.step(np.array([[0.0, wanted]]))
-                return obs["linear_vels_x"][0]
+    def speed_after(steps, wanted):
+        for _ in range(steps):
+            obs, *_ = env.step(np.array([[0.0, wanted]]))
+        return obs["linear_vels_x"][0]
 
-            before = speed_after(150, 3.0)
-            assert before == pytest.approx(3.0, abs=0.02)
-            share = (speed_after(5, 3.0 + change) - before) / (3.0 + change - before)  # of the way, in 50 ms
-            assert share == pytest.approx(1.0 - math.exp(-0.05 * gain), abs=slack)
+    before = speed_after(150, 3.0)
+    assert before == pytest.approx(3.0, abs=0.02)
+    share = (speed_after(5, 3.0 + change) - before) / (3.0 + change - before)  # of the way, in 50 ms
+    assert share == pytest.approx(1.0 - math.exp(-0.05 * gain), abs=slack)
 
 
 def held(car):

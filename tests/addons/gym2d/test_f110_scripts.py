@@ -9,7 +9,7 @@ import textwrap
 
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.course.maps.map_track import read_map
 from map_oracles import draw_map, ring
 
@@ -38,9 +38,8 @@ def folder(tmp_path):
     draw_map(tmp_path, ring())
     course = read_map(tmp_path / "drawn.yaml")
     rows = "\n".join(f"0.0; {x:.4f}; {y:.4f}; 0.0; 0.0; 4.0; 0.0" for x, y in course.centreline.tolist())
-    (tmp_path / "waypoints.csv").write_text(
-        f"# a\n# b\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n{rows}\n"
-    )
+    (tmp_path
+     / "waypoints.csv").write_text(f"# a\n# b\n# s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2\n{rows}\n")
     x, y, heading = course.start_pose()
     (tmp_path / "config.yaml").write_text(f"map_path: ./drawn\nmap_ext: .png\nsx: {x}\nsy: {y}\nstheta: {heading}\n")
     return tmp_path
@@ -52,13 +51,9 @@ def run(folder, text, *arguments, name="script.py", hidden=(), options=(), where
     (folder / "sitecustomize.py").write_text(HIDDEN.format(names=set(hidden)) if hidden else "")
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "FG_MUJOCO_MAPS")}
     environment["PYTHONPATH"] = str(folder)
-    done = subprocess.run(
-        [
-            sys.executable, "-m", "fg_mujoco.addons.gym2d", *options,
-            str(name if where is None else folder / name), *arguments,
-        ],
-        cwd=where or folder, env=environment, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+    done = subprocess.run([sys.executable, "-m", "fg_mujoco.addons.gym2d", *options,
+                           str(name if where is None else folder / name), *arguments], cwd=where or folder,
+                          env=environment, capture_output=True, text=True, timeout=300, check=False)  # fmt: skip
     return done.stdout, done.stderr, done.returncode
 
 
@@ -163,20 +158,15 @@ def test_a_script_is_in_its_own_place(folder):
     )
 
 
-def test_what_is_not_there_is_told_by_name_file_and_line(folder):
-    for text, said in cases(
-        (
-            "import math\nfrom f110_gym.envs.base_classes import Foo",
-            "script.py:2: f110_gym.envs.base_classes has no 'Foo'",
-        ),
-        ("import gym\ngym.make('f110_gym:f110-v0')", "script.py:2: map 'vegas': unknown track 'vegas'"),
-        ("import gym\ngym.make('f110_gym:f110-v0', map='drawn').reset([[0, 0]])", "script.py:2: poses is"),
-    ):
-        out, error, status = run(folder, text, hidden=ALL)
-        assert said in error and "Traceback" not in error.replace(
-            'Traceback (most recent call last):\n  File "script', ""
-        )
-        assert (out, status) == ("", 2)
+@each("text, said",
+      [("import math\nfrom f110_gym.envs.base_classes import Foo",
+        "script.py:2: f110_gym.envs.base_classes has no 'Foo'"),
+       ("import gym\ngym.make('f110_gym:f110-v0')", "script.py:2: map 'vegas': unknown track 'vegas'"),
+       ("import gym\ngym.make('f110_gym:f110-v0', map='drawn').reset([[0, 0]])", "script.py:2: poses is")])  # fmt: skip
+def test_what_is_not_there_is_told_by_name_file_and_line(text, said, folder):
+    out, error, status = run(folder, text, hidden=ALL)
+    assert said in error and "Traceback" not in error.replace('Traceback (most recent call last):\n  File "script', "")
+    assert (out, status) == ("", 2)
 
 
 def test_without_gymnasium_the_command_that_installs_it_is_named(folder):
@@ -188,9 +178,8 @@ def test_without_gymnasium_the_command_that_installs_it_is_named(folder):
 def test_an_error_of_the_script_is_its_own(folder):
     out, error, status = run(folder, "import gym\n\n1 / 0\n")
     assert status == 1 and out == ""
-    assert (
-        error.startswith('Traceback (most recent call last):\n  File "script.py", line 3') and "fg_mujoco" not in error
-    )
+    assert (error.startswith('Traceback (most recent call last):\n  File "script.py", line 3')
+            and "fg_mujoco" not in error)  # fmt: skip
     assert run(folder, "import sys\nsys.exit(7)\n")[2] == 7
     out, error, status = run(folder, "import numpy as np\nprint(np.product([2, 3]))\nnp.cast\n")
     assert (out, status) == ("6\n", 1)
@@ -338,7 +327,5 @@ def test_callbacks_wrappers_and_classes_of_the_gym_are_here(folder):
     out, error, status = run(folder, CHECKS, hidden=ALL)
     assert status == 0, error
     assert error.count("the render callback 'draw' fails at script.py:5: IndexError") == 2
-    assert out.splitlines() == [
-        "4", "5", "4 (1, 1080) 1.0 2.0 2 1", "5 (1, 1080) 1.0 2.0 2 1", "True (2,) 0.21.0",
-        "No module named 'gym.spaces.box_'", "done",
-    ]  # fmt: skip
+    assert out.splitlines() == ["4", "5", "4 (1, 1080) 1.0 2.0 2 1", "5 (1, 1080) 1.0 2.0 2 1", "True (2,) 0.21.0",
+                                "No module named 'gym.spaces.box_'", "done"]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.course.files import file_sha256
 from fg_mujoco.errors import RunFolderError, SettingsError
 from fg_mujoco.lidar.beams import Beams
@@ -70,12 +70,12 @@ def test_a_dataset_has_what_the_planner_was_given_and_what_it_commanded(tmp_path
         assert set(episode.drawn) == {"start_s", "lidar_noise"}
 
 
-def test_chunks_and_workers_change_no_bit(folder):
-    for options in cases({"workers": 2}, {"executor": fg.Executor(chunk=5, memory_budget=0)}):
-        again = fg.rollout(["oval", "hairpins"], record="scans:10", **WORLDS, **options)
-        assert same(fg.read_dataset(folder), again.dataset())
-        assert [episode.world for episode in again.dataset()] == list(range(5))
-        assert [episode.track for episode in again.dataset()] == ["oval", "hairpins"] * 2 + ["oval"]
+@each("options", [{"workers": 2}, {"executor": fg.Executor(chunk=5, memory_budget=0)}])
+def test_chunks_and_workers_change_no_bit(options, folder):
+    again = fg.rollout(["oval", "hairpins"], record="scans:10", **WORLDS, **options)
+    assert same(fg.read_dataset(folder), again.dataset())
+    assert [episode.world for episode in again.dataset()] == list(range(5))
+    assert [episode.track for episode in again.dataset()] == ["oval", "hairpins"] * 2 + ["oval"]
 
 
 def test_an_interrupted_rollout_is_a_dataset_of_what_it_finished_and_goes_on_with_the_same_bits(folder, tmp_path):
@@ -114,22 +114,22 @@ def test_ranges_are_kept_to_half_a_millimetre_and_codes_are_told_apart(beams):
     np.testing.assert_allclose(layout.distances(layout.counts(odd)), [0.0, 0.0, 30.0, 0.001, 0.001, 30.0], rtol=1e-6)
 
 
-def test_the_beam_straight_ahead_is_among_the_recorded(beams):
-    for step in cases(1, 7, 10, 540, 541, 2000):
-        layout = ScanLayout.of(beams, step)
-        assert np.abs(layout.bearings).min() < 1e-9
-        np.testing.assert_allclose(layout.bearings, beams.bearings[layout.first :: step], atol=1e-12)
+@each("step", [1, 7, 10, 540, 541, 2000])
+def test_the_beam_straight_ahead_is_among_the_recorded(step, beams):
+    layout = ScanLayout.of(beams, step)
+    assert np.abs(layout.bearings).min() < 1e-9
+    np.testing.assert_allclose(layout.bearings, beams.bearings[layout.first :: step], atol=1e-12)
 
 
 # -- what is refused
 
 
-def test_another_record_is_refused_in_one_line():
-    for record in cases("scans:", "scans:0", "scans:-1", "scans:1.5", "scan", "states:2", "", None, 10):
-        with pytest.raises(SettingsError) as caught:
-            fg.rollout("oval", n=1, record=record, time_limit=0.1)
-        assert "accepted: summary, telemetry, states, scans, or scans:STEP" in str(caught.value)
-        assert "\n" not in str(caught.value)
+@each("record", ["scans:", "scans:0", "scans:-1", "scans:1.5", "scan", "states:2", "", None, 10])
+def test_another_record_is_refused_in_one_line(record):
+    with pytest.raises(SettingsError) as caught:
+        fg.rollout("oval", n=1, record=record, time_limit=0.1)
+    assert "accepted: summary, telemetry, states, scans, or scans:STEP" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_folder_without_scans_is_refused(tmp_path):

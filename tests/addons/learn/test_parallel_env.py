@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.errors import MessageError
 
 pytest.importorskip("pettingzoo", reason="the extra pettingzoo is not installed; make test installs it")
@@ -20,16 +20,15 @@ STAND = np.zeros(2)
 
 
 @pytest.mark.slow
-def test_api_test_of_pettingzoo_passes_without_a_warning(capsys):
-    for settings in cases(
-        {"agents": 4, "track": "hairpins", "grid": "side_by_side", "normalised_actions": True},
-        {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"},
-    ):
-        env = fg.parallel_env(beam_step=60, **settings)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            parallel_api_test(env, num_cycles=100)
-        assert "Passed Parallel API test" in capsys.readouterr().out
+@each("settings",
+      [{"agents": 4, "track": "hairpins", "grid": "side_by_side", "normalised_actions": True},
+       {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"}])  # fmt: skip
+def test_api_test_of_pettingzoo_passes_without_a_warning(settings, capsys):
+    env = fg.parallel_env(beam_step=60, **settings)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(env, num_cycles=100)
+    assert "Passed Parallel API test" in capsys.readouterr().out
 
 
 def test_seed_test_of_pettingzoo_passes():
@@ -101,17 +100,16 @@ def test_who_finishes_sees_the_end_and_is_off_the_course():
     assert infos["car_1"]["position"] == 2
 
 
-def test_actions_that_are_none_are_refused_and_nothing_is_driven():
-    for actions, message in cases(
-        ({"car_0": STAND}, r"actions are of \['car_0'\]; accepted: one of each of \['car_0', 'car_1'\]"),
-        ({"car_0": STAND, "car_1": STAND, "car_2": STAND}, "actions are of .*car_2"),
-        (STAND, "actions are of .*accepted"),
-        ({"car_0": STAND, "car_1": [0.0]}, "the action of car_1 is .*accepted: an action"),
-        ({"car_0": STAND, "car_1": [np.nan, 0.0]}, "steering_angle is nan in world 1 of 2"),
-    ):
-        env = fg.parallel_env(beam_step=540)
-        env.reset(seed=0)
-        with pytest.raises(MessageError, match=message):
-            env.step(actions)
-        *_, infos = env.step({"car_0": STAND, "car_1": STAND})
-        assert infos["car_0"]["time_s"] == pytest.approx(0.025)
+@each("actions, message",
+      [({"car_0": STAND}, r"actions are of \['car_0'\]; accepted: one of each of \['car_0', 'car_1'\]"),
+       ({"car_0": STAND, "car_1": STAND, "car_2": STAND}, "actions are of .*car_2"),
+       (STAND, "actions are of .*accepted"),
+       ({"car_0": STAND, "car_1": [0.0]}, "the action of car_1 is .*accepted: an action"),
+       ({"car_0": STAND, "car_1": [np.nan, 0.0]}, "steering_angle is nan in world 1 of 2")])  # fmt: skip
+def test_actions_that_are_none_are_refused_and_nothing_is_driven(actions, message):
+    env = fg.parallel_env(beam_step=540)
+    env.reset(seed=0)
+    with pytest.raises(MessageError, match=message):
+        env.step(actions)
+    *_, infos = env.step({"car_0": STAND, "car_1": STAND})
+    assert infos["car_0"]["time_s"] == pytest.approx(0.025)

@@ -24,9 +24,8 @@ def test_what_a_car_learns_of_the_friction_is_what_gap_finder_would_learn():
     learning, parameters = learning_row(car), np.zeros(1, CAR)
     parameters[0] = astuple(car)
     seen_by, ticks = env.episodes.observer.seen, []
-    env.episodes.observer.seen = lambda which, scan, numbers, odometry, *rest, **more: (
-        ticks.append(odometry.copy()), seen_by(which, scan, numbers, odometry, *rest, **more)
-    )[1]  # fmt: skip
+    env.episodes.observer.seen = lambda which, scan, numbers, odometry, *rest, **more: (ticks.append(odometry.copy()),
+        seen_by(which, scan, numbers, odometry, *rest, **more))[1]  # fmt: skip
     seen, _ = env.reset(seed=0)
     for step in range(30):
         seen = env.step(np.tile((0.02 * (-1) ** step, 1.0 + 0.1 * step), (2, 1)).astype(np.float32))[0]

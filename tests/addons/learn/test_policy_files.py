@@ -2,13 +2,14 @@
 
 import json
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
-from driven_environments import commands_of_ticks
+from cases import each
+from driven_environments import race_as_environment
 from fg_mujoco.addons.learn.perceptron import ACTIVATIONS, Layer, Normaliser, Perceptron
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.policy_shapes import observed_shapes
@@ -28,23 +29,21 @@ def written(path, settings=FLAT, **network):
     return str(write(network_for(interface, **network), path, interface, trained={"steps": 3}))
 
 
-def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits():
-    for activation in cases(*ACTIVATIONS):
-        rng = np.random.default_rng(1)
-        weights, bias = rng.normal(size=(5, 7)), rng.normal(size=5)
-        layers = Layer(weights=weights, bias=bias, activation=activation), Layer(weights=np.eye(5), bias=np.zeros(5))
-        normaliser = Normaliser(mean=np.full(7, 0.5), std=np.full(7, 2.0), clip=1.0)
-        network = Perceptron(layers=layers, normaliser=normaliser)
-        values = rng.normal(size=7).astype(np.float32) * 3.0
-        inner = weights @ np.clip((values - 0.5) / 2.0, -1.0, 1.0) + bias
-        by_hand = {
-            "none": inner, "relu": np.where(inner > 0, inner, 0), "tanh": np.tanh(inner),
-            "sigmoid": 1 / (1 + np.exp(-inner)), "elu": np.where(inner > 0, inner, np.exp(inner) - 1),
-            "silu": inner / (1 + np.exp(-inner)),
-        }  # fmt: skip
-        np.testing.assert_allclose(network(values), by_hand[activation], rtol=1e-5, atol=1e-6)
-        again = Perceptron.read(json.loads(json.dumps(network.described())))
-        assert again(values).tobytes() == network(values).tobytes()
+@each("activation", ACTIVATIONS)
+def test_a_network_is_layers_of_weighted_sums_and_text_has_all_its_bits(activation):
+    rng = np.random.default_rng(1)
+    weights, bias = rng.normal(size=(5, 7)), rng.normal(size=5)
+    layers = Layer(weights=weights, bias=bias, activation=activation), Layer(weights=np.eye(5), bias=np.zeros(5))
+    normaliser = Normaliser(mean=np.full(7, 0.5), std=np.full(7, 2.0), clip=1.0)
+    network = Perceptron(layers=layers, normaliser=normaliser)
+    values = rng.normal(size=7).astype(np.float32) * 3.0
+    inner = weights @ np.clip((values - 0.5) / 2.0, -1.0, 1.0) + bias
+    by_hand = {"none": inner, "relu": np.where(inner > 0, inner, 0), "tanh": np.tanh(inner),
+               "sigmoid": 1 / (1 + np.exp(-inner)), "elu": np.where(inner > 0, inner, np.exp(inner) - 1),
+               "silu": inner / (1 + np.exp(-inner))}  # fmt: skip
+    np.testing.assert_allclose(network(values), by_hand[activation], rtol=1e-5, atol=1e-6)
+    again = Perceptron.read(json.loads(json.dumps(network.described())))
+    assert again(values).tobytes() == network(values).tobytes()
 
 
 def test_estimates_are_inputs_besides():
@@ -71,11 +70,10 @@ def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
     onnx = pytest.importorskip("onnx", reason="onnx is not installed")
     model, of = onnx.load(path), onnx.TensorProto
     node, value = onnx.helper.make_node, onnx.helper.make_tensor_value_info
-    body = onnx.helper.make_graph(
-        [node("Identity", ["go"], ["going"]), node("Identity", ["x"], ["same"])], "body",
-        [value("count", of.INT64, []), value("go", of.BOOL, []), value("x", of.FLOAT, None)],
-        [value("going", of.BOOL, []), value("same", of.FLOAT, None)],
-    )  # fmt: skip
+    body = onnx.helper.make_graph([node("Identity", ["go"], ["going"]), node("Identity", ["x"], ["same"])],
+                                  "body",
+                                  [value("count", of.INT64, []), value("go", of.BOOL, []), value("x", of.FLOAT, None)],
+                                  [value("going", of.BOOL, []), value("same", of.FLOAT, None)])  # fmt: skip
     model.graph.node[-1].output[0], out = "made", model.graph.output[0].name
     first = [node("ReduceMax", ["speed"], ["fastest"], keepdims=0), node("Greater", ["fastest", "zero"], ["fast"])]
     model.graph.initializer.append(onnx.helper.make_tensor("zero", of.FLOAT, [], [0.0]))
@@ -93,32 +91,23 @@ def test_a_model_with_an_endless_loop_ends_a_decision(tmp_path, monkeypatch):
     assert result.car.end_reason == "planner_failed" and result.car.end_time_s > 0.0
 
 
-def test_the_forms_hold_the_same_policy(tmp_path):
-    for settings in cases(FLAT, PARTS):
-        texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
-        policies = [read_policy(text) for text in texts]
-        shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
-        parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
-        actions = [policy.act(parts if settings is PARTS else parts["observation"]) for policy in policies]
-        np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
-        for policy in policies:
-            assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
+@each("settings", [FLAT, PARTS])
+def test_the_forms_hold_the_same_policy(settings, tmp_path):
+    texts = [written(tmp_path / name, settings, normalised=True) for name in ("first", "second.onnx")]
+    policies = [read_policy(text) for text in texts]
+    shapes, rng = observed_shapes(policies[0].interface), np.random.default_rng(2)
+    parts = {name: rng.normal(size=shape).astype(np.float32) for name, shape in shapes.items()}
+    actions = [policy.act(parts if settings is PARTS else parts["observation"]) for policy in policies]
+    np.testing.assert_allclose(actions[0], actions[1], atol=1e-6)
+    for policy in policies:
+        assert (policy.interface, policy.trained) == (interface_of(**settings), {"steps": 3})
 
 
-def test_it_commands_in_a_race_what_it_commands_in_the_environment(tmp_path):
-    for form in cases("policy", "policy.onnx"):
-        for settings in cases(FLAT, PARTS):
-            gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
-            controller, ticks = written(tmp_path / form, settings), 40
-            env = gym_environment.F1TenthEnv(track="hairpins", start="line", **settings)
-            commands, policy = commands_of_ticks(env), read_policy(controller)
-            observation, _ = env.reset(seed=0)
-            while len(commands) < ticks:
-                observation, _, terminated, _, _ = env.step(policy.act(observation))
-                assert not terminated
-            result = fg.race("hairpins", controller, time_limit=0.025 * ticks - 0.01)
-            column = fg.TELEMETRY.index("command_steering_rad")
-            assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+@each("form, settings", product(("policy", "policy.onnx"), (FLAT, PARTS)))
+def test_it_commands_in_a_race_what_it_commands_in_the_environment(form, settings, tmp_path):
+    gym_environment = pytest.importorskip("fg_mujoco.envs.gym_environment")
+    controller = written(tmp_path / form, settings)
+    race_as_environment(gym_environment.F1TenthEnv(track="hairpins", start="line", **settings), controller, 40)
 
 
 def changed(path, **changes):
@@ -127,46 +116,44 @@ def changed(path, **changes):
     for name, value in changes.items():
         *inner, last = name.split("__")
         place = found
-        for each in inner:
-            place = place[each]
+        for key in inner:
+            place = place[key]
         place[last] = value
     path.write_text(json.dumps(found))
 
 
-def test_what_does_not_fit_is_refused_before_the_race(tmp_path, capsys):
-    for changes, said in cases(
-        ({"interface__beams__count": 541}, "trained with 541 beams from -135.0 to 135.0 deg, the car's LiDAR has 1081"),
-        ({"interface__beams__count": 10**12}, "beams.count is 1000000000000; accepted: a whole number"),
-        ({"interface__sensors": [{"name": "pose", "values": 10**12}]}, "sensors.values is 1000000000000; accepted"),
-        ({"interface__period": 0.05}, "trained with a scan every 0.05 s, the car's LiDAR has one every 0.025 s"),
-        ({"interface__observation": "speed,yaw_rate,beams:20"}, "takes 56 numbers, its observation has 22: speed (1)"),
-        ({"interface__observation": "speed,mu,beams:54", "inputs": ["mu", "speed", "scan"]}, "mu, which a car does"),
-        ({"interface__observation": "spede,beams:54"}, "did you mean 'speed'?"),
-        ({"interface__period": None}, "period is None"),
-        ({"format": "fg_mujoco policy 9"}, "its format is 'fg_mujoco policy 9'"),
-        ({"network": {}}, "a network is damaged"),
-        ({"network__normaliser": []}, "a network is damaged"),
-        ({"interface__car__gravity": "g"}, "its interface is damaged"),
-        ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan"),
-        ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate"),
-    ):  # fmt: skip
-        path = tmp_path / "policy" / "policy.json"
-        written(path, PARTS)
-        changed(path, **changes)
-        assert said in refused(tmp_path, capsys, "race", "--controller", str(path))
+@each("changes, said",
+      [({"interface__beams__count": 541}, "trained with 541 beams from -135.0 to 135.0 deg, the car's LiDAR has 1081"),
+       ({"interface__beams__count": 10**12}, "beams.count is 1000000000000; accepted: a whole number"),
+       ({"interface__sensors": [{"name": "pose", "values": 10**12}]}, "sensors.values is 1000000000000; accepted"),
+       ({"interface__period": 0.05}, "trained with a scan every 0.05 s, the car's LiDAR has one every 0.025 s"),
+       ({"interface__observation": "speed,yaw_rate,beams:20"}, "takes 56 numbers, its observation has 22: speed (1)"),
+       ({"interface__observation": "speed,mu,beams:54", "inputs": ["mu", "speed", "scan"]}, "mu, which a car does"),
+       ({"interface__observation": "spede,beams:54"}, "did you mean 'speed'?"),
+       ({"interface__period": None}, "period is None"),
+       ({"format": "fg_mujoco policy 9"}, "its format is 'fg_mujoco policy 9'"),
+       ({"network": {}}, "a network is damaged"),
+       ({"network__normaliser": []}, "a network is damaged"),
+       ({"interface__car__gravity": "g"}, "its interface is damaged"),
+       ({"interface__beams__angle_min": math.nan}, "interface.beams.angle_min is nan"),
+       ({"inputs": ["scan", "speed"]}, "takes ['scan', 'speed'], its observation is speed (1), scan (54), yaw_rate")])
+def test_what_does_not_fit_is_refused_before_the_race(changes, said, tmp_path, capsys):
+    path = tmp_path / "policy" / "policy.json"
+    written(path, PARTS)
+    changed(path, **changes)
+    assert said in refused(tmp_path, capsys, "race", "--controller", str(path))
 
 
-def test_what_is_no_policy_file_is_refused(tmp_path, capsys):
-    for name, content, said in cases(
-        ("policy.json", b"{", "is no JSON"),
-        ("policy.json", b"[]", "its format is None"),
-        ("policy.onnx", b"not one", "is no ONNX model"),
-        ("policy.zip", b"not one", "is no zip file of Stable-Baselines3"),
-    ):
-        if name.endswith(".onnx"):
-            pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
-        (tmp_path / name).write_bytes(content)
-        assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
+@each("name, content, said",
+      [("policy.json", b"{", "is no JSON"),
+       ("policy.json", b"[]", "its format is None"),
+       ("policy.onnx", b"not one", "is no ONNX model"),
+       ("policy.zip", b"not one", "is no zip file of Stable-Baselines3")])  # fmt: skip
+def test_what_is_no_policy_file_is_refused(name, content, said, tmp_path, capsys):
+    if name.endswith(".onnx"):
+        pytest.importorskip("onnxruntime", reason="onnxruntime is not installed")
+    (tmp_path / name).write_bytes(content)
+    assert said in refused(tmp_path, capsys, "race", "--controller", str(tmp_path / name))
 
 
 def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_path):
@@ -186,17 +173,16 @@ def test_an_onnx_model_of_another_shape_or_without_an_interface_is_refused(tmp_p
         read_policy(path)
 
 
-def test_a_run_keeps_the_policy_that_drove_it(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    content = (tmp_path / written(tmp_path / "policy")).read_bytes()
+def test_a_run_keeps_the_policy_that_drove_it(here):
+    content = (here / written(here / "policy")).read_bytes()
     result = fg.race("oval", "policy", time_limit=0.3)
     fg.write_run(result, "run", picture=False)
-    assert (tmp_path / "run" / "controller.json").read_bytes() == content
-    written(tmp_path / "policy", seed=1)  # as training goes on
+    assert (here / "run" / "controller.json").read_bytes() == content
+    written(here / "policy", seed=1)  # as training goes on
     other = fg.race("oval", "policy", time_limit=0.3)
     assert other.ctrl.tobytes() != result.ctrl.tobytes()
     summary = fg.read_run("run").summary
-    planner = recorded_planner(summary, result.world.model, trust=False, where="run", folder=tmp_path / "run")
+    planner = recorded_planner(summary, result.world.model, trust=False, where="run", folder=here / "run")
     again = fg.race("oval", planner, time_limit=0.3)  # by the file in the run's folder
     assert again.ctrl.tobytes() == result.ctrl.tobytes()
     assert fg.replay("run").identical

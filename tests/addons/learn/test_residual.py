@@ -1,6 +1,8 @@
 """Residual policies: they correct a planner's commands. Without a correction the planner drives, bit for bit."""
 
 import json
+from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from case_loops import cases
-from driven_environments import commands_of_ticks
+from cases import each
+from driven_environments import race_as_environment
 from fg_mujoco.addons.learn import policy_files
 from fg_mujoco.addons.learn.policy_files import description_of, read_policy, save_policy
 from fg_mujoco.addons.learn.residual import Residual
@@ -23,43 +25,38 @@ from fg_mujoco.envs.gym_environment import F1TenthEnv
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
 BASE = "gap_finder[assist=full+learn]"
-SETTINGS = {
-    "residual": {"planner": BASE, "steering": 0.1, "speed": 1.0}, "normalised_actions": True, "speed_range": (-5, 8),
-    "observation": "beams:20,planner_command:history=2,speed,previous_action,normalised,flat",
-}  # fmt: skip
+SETTINGS = {"residual": {"planner": BASE, "steering": 0.1, "speed": 1.0}, "normalised_actions": True,
+    "speed_range": (-5, 8), "observation": "beams:20,planner_command:history=2,speed,previous_action,normalised,flat"}
 CAR = fg.World("oval").parameters
 
 
-def states_of(car):
-    """What a race has recorded of a car, as bytes."""
-    return car.telemetry.tobytes()
+@cache
+def planned(track, seconds):
+    """What a race has recorded of the planner, as bytes."""
+    return fg.race(track, BASE, mu=0.7, time_limit=seconds).car.telemetry.tobytes()
 
 
-def test_without_a_correction_the_planner_drives(tmp_path):
-    for repeat in cases(1, 3):
-        env = F1TenthEnv(**SETTINGS, action_repeat=repeat)
-        network = network_for(env.policy_interface)
-        for array in (network.layers[-1].weights, network.layers[-1].bias):
-            array[:] = 0.0
-        controller = str(save_policy(network, tmp_path / "nothing", env.policy_interface))
-        races = [fg.race("random:3:tight", name, mu=0.7, time_limit=4.0) for name in (controller, BASE)]
-        assert states_of(races[0].car) == states_of(races[1].car)
+@cache
+def interface_of_all():
+    return F1TenthEnv(**SETTINGS).policy_interface
 
 
-def test_its_file_commands_in_a_race_what_it_commands_in_the_environment(tmp_path):
-    for repeat in cases(1, 2):
-        env = F1TenthEnv(track="hairpins", start="line", mu=0.7, action_repeat=repeat, **SETTINGS)
-        controller = str(save_policy(network_for(env.policy_interface), tmp_path / "policy", env.policy_interface))
-        commands, policy = commands_of_ticks(env), read_policy(controller)
-        observation, _ = env.reset(seed=0)
-        while len(commands) < 40:
-            observation, _, terminated, _, _ = env.step(policy.act(observation))
-            assert not terminated
-        result = fg.race("hairpins", controller, mu=0.7, time_limit=0.99)
-        column = fg.TELEMETRY.index("command_steering_rad")
-        assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
-        planned = fg.race("hairpins", BASE, mu=0.7, time_limit=0.99)
-        assert states_of(planned.car) != states_of(result.car)
+@each("repeat", [1, 3])
+def test_without_a_correction_the_planner_drives(repeat, tmp_path):
+    env = F1TenthEnv(**SETTINGS, action_repeat=repeat)
+    network = network_for(env.policy_interface)
+    for array in (network.layers[-1].weights, network.layers[-1].bias):
+        array[:] = 0.0
+    controller = str(save_policy(network, tmp_path / "nothing", env.policy_interface))
+    race = fg.race("random:3:tight", controller, mu=0.7, time_limit=4.0)
+    assert race.car.telemetry.tobytes() == planned("random:3:tight", 4.0)
+
+
+@each("repeat", [1, 2])
+def test_its_file_commands_in_a_race_what_it_commands_in_the_environment(repeat, tmp_path):
+    env = F1TenthEnv(track="hairpins", start="line", mu=0.7, action_repeat=repeat, **SETTINGS)
+    controller = save_policy(network_for(env.policy_interface), tmp_path / "policy", env.policy_interface)
+    assert race_as_environment(env, controller, 40, mu=0.7).telemetry.tobytes() != planned("hairpins", 0.99)
 
 
 def episodes_of(envs, steps, act):
@@ -72,29 +69,28 @@ def episodes_of(envs, steps, act):
     return found
 
 
-def test_worlds_are_single_environments(monkeypatch):
-    for alone in cases(False, True):
-        settings = SETTINGS | {
-            "track": ["oval", "random:1:tight"], "randomize": {"mu": (0.5, 1.1), "command_delay": (0.0, 0.02)},
-            "action_repeat": 2, "time_limit": 0.8, "builds": 2, "effects": {"range_noise_std": 0.01},
-        }  # fmt: skip
-        actions = np.random.default_rng(0).uniform(-1, 1, (25, 3, 2)).astype(np.float32)
-        if alone:
-            monkeypatch.setattr(GapFinder, "batch", None)
-        vector = F1TenthVectorEnv(3, threads=2, autoreset_mode="SameStep", **settings)
-        found = episodes_of(vector, 25, lambda step: actions[step])
-        for world in range(3):
-            monkeypatch.undo()
-            env = F1TenthEnv(**settings)
-            seen, _ = env.reset(seed=3 + world)
-            assert seen.tobytes() == found[0][world].tobytes()
-            for step in range(25):
-                seen, reward, terminated, truncated, _ = env.step(actions[step, world])
-                if terminated or truncated:
-                    seen, _ = env.reset()
-                assert (seen.tobytes(), reward) == (found[3 * step + 1][world].tobytes(), found[3 * step + 2][world])
-            env.close()
-        assert any(over.any() for over in found[3::3])
+@each("alone", [False, True])
+def test_worlds_are_single_environments(alone, monkeypatch):
+    settings = SETTINGS | {"track": ["oval", "random:1:tight"],
+                           "randomize": {"mu": (0.5, 1.1), "command_delay": (0.0, 0.02)}, "action_repeat": 2,
+                           "time_limit": 0.8, "builds": 2, "effects": {"range_noise_std": 0.01}}  # fmt: skip
+    actions = np.random.default_rng(0).uniform(-1, 1, (25, 3, 2)).astype(np.float32)
+    if alone:
+        monkeypatch.setattr(GapFinder, "batch", None)
+    vector = F1TenthVectorEnv(3, threads=2, autoreset_mode="SameStep", **settings)
+    found = episodes_of(vector, 25, lambda step: actions[step])
+    for world in range(3):
+        monkeypatch.undo()
+        env = F1TenthEnv(**settings)
+        seen, _ = env.reset(seed=3 + world)
+        assert seen.tobytes() == found[0][world].tobytes()
+        for step in range(25):
+            seen, reward, terminated, truncated, _ = env.step(actions[step, world])
+            if terminated or truncated:
+                seen, _ = env.reset()
+            assert (seen.tobytes(), reward) == (found[3 * step + 1][world].tobytes(), found[3 * step + 2][world])
+        env.close()
+    assert any(over.any() for over in found[3::3])
 
 
 COMMANDS = st.tuples(st.floats(-0.4, 0.4), st.floats(-5.0, 8.0))
@@ -112,47 +108,42 @@ def test_a_command_is_the_planned_one_and_the_correction_within_the_limits(plann
     np.testing.assert_allclose(commands[0], expected, atol=1e-12)
 
 
-def test_a_planner_that_cannot_be_corrected_is_refused():
-    for settings, said in cases(
-        ("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
-        ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
-        ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
-        (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
-        ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"),
-        ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
-        ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
-        ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"),
-        (3, "residual is 3; accepted: Residual"),
-    ):
-        with pytest.raises(fg.SettingsError) as caught:
-            F1TenthEnv(residual=settings)
-        assert said in str(caught.value) and "\n" not in str(caught.value)
+@each("settings, said",
+      [("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
+       ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
+       ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
+       (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
+       ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"),
+       ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
+       ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
+       ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"),
+       (3, "residual is 3; accepted: Residual")])  # fmt: skip
+def test_a_planner_that_cannot_be_corrected_is_refused(settings, said):
+    with pytest.raises(fg.SettingsError) as caught:
+        F1TenthEnv(residual=settings)
+    assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_policys_file_runs_no_planners_file(tmp_path, monkeypatch):
+@each("ending, planner", product((".json", ".onnx", ".zip"), (
+        "mine.py", "./mine.py", "mine.py:mine", "mine.py[speed=1]", "ros:mine.py", "ros:mine.launch.py", "p"
+    )))
+def test_a_policys_file_runs_no_planners_file(ending, planner, here, monkeypatch):
     """Whoever made the policy chose the text of its base planner."""
-    for ending in cases(".json", ".onnx", ".zip"):
-        for planner in cases(
-            "mine.py", "./mine.py", "mine.py:mine", "mine.py[speed=1]", "ros:mine.py", "ros:mine.launch.py", "p"
-        ):
-            monkeypatch.chdir(tmp_path)
-            for name in ("mine.py", "mine.launch.py"):
-                (tmp_path / name).write_text("open('executed', 'w')\ndef mine(scan, odometry): pass\n")
-            interface = F1TenthEnv(**SETTINGS).policy_interface
-            path, described = save_policy(network_for(interface), "p", interface), description_of(interface)
-            described["interface"]["residual"]["planner"] = planner
-            if ending == ".json":
-                path.write_text(json.dumps(json.loads(path.read_text()) | described))
-            else:  # as the reader of the form returns it
-                path = path.with_suffix(ending)
-                path.write_bytes(b"")
-                monkeypatch.setitem(policy_files._FORMS, ending, lambda content: (described, pytest.fail))
-            for use in (lambda: read_policy(path), lambda: F1TenthEnv(residual=planner)):
-                with pytest.raises(
-                    FgMujocoError, match=r"residual has the planner .*, which is no registered one; accepted:"
-                ):
-                    use()
-            assert not (tmp_path / "executed").exists()
+    for name in ("mine.py", "mine.launch.py"):
+        (here / name).write_text("open('executed', 'w')\ndef mine(scan, odometry): pass\n")
+    interface = interface_of_all()
+    path, described = save_policy(network_for(interface), "p", interface), description_of(interface)
+    described["interface"]["residual"]["planner"] = planner
+    if ending == ".json":
+        path.write_text(json.dumps(json.loads(path.read_text()) | described))
+    else:  # as the reader of the form returns it
+        path = path.with_suffix(ending)
+        path.write_bytes(b"")
+        monkeypatch.setitem(policy_files._FORMS, ending, lambda content: (described, pytest.fail))
+    for use in (lambda: read_policy(path), lambda: F1TenthEnv(residual=planner)):
+        with pytest.raises(FgMujocoError, match=r"residual has the planner .*, which is no registered one; accepted:"):
+            use()
+    assert not (here / "executed").exists()
 
 
 def test_a_training_begins_as_the_planner(tmp_path):

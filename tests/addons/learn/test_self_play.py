@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.policy_planner import PolicyPlanner, find_policy
@@ -52,20 +52,19 @@ def test_the_last_snapshots_are_kept_and_later_ones_than_the_checkpoint_forgotte
     assert [path.name for path in (tmp_path / "opponents").iterdir()] == ["0000000256.json"]
 
 
-def test_what_cannot_be_played_is_refused():
-    for own, environment, said in cases(
-        ({"share": 1.5}, {}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
-        ({"planners": []}, {}, "self_play.planners is []; accepted: one or more planners"),
-        ({"planners": "gap_findr"}, {}, "did you mean 'gap_finder'?"),
-        ({"kept": 0}, {}, "kept is 0"),
-        ({"sare": 0.5}, {}, "did you mean 'share'?"),
-        ({}, {"opponents": []}, "self_play, in an environment without opponents; accepted:"),
-        ({}, {"randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
-        ({}, {"opponents": [lambda seen: (0.0, 1.0)]}, "in an environment of self_play; accepted: a planner's name"),
-    ):
-        with pytest.raises(FgMujocoError) as error:
-            TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
-        assert said in str(error.value) and "\n" not in str(error.value)
+@each("own, environment, said",
+      [({"share": 1.5}, {}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
+       ({"planners": []}, {}, "self_play.planners is []; accepted: one or more planners"),
+       ({"planners": "gap_findr"}, {}, "did you mean 'gap_finder'?"),
+       ({"kept": 0}, {}, "kept is 0"),
+       ({"sare": 0.5}, {}, "did you mean 'share'?"),
+       ({}, {"opponents": []}, "self_play, in an environment without opponents; accepted:"),
+       ({}, {"randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
+       ({}, {"opponents": [lambda seen: (0.0, 1.0)]}, "in an environment of self_play; accepted: a planner's name")])
+def test_what_cannot_be_played_is_refused(own, environment, said):
+    with pytest.raises(FgMujocoError) as error:
+        TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
+    assert said in str(error.value) and "\n" not in str(error.value)
 
 
 TICKS, COUNT = 30, 3
@@ -91,17 +90,17 @@ def drive(settings, pool, count=COUNT, seed=3):
     return told, drawn
 
 
-def test_snapshots_asked_together_drive_as_planners_do(tmp_path, monkeypatch):
-    for other in cases({}, {"action": "steering,speed", "smoothing": 0.0, "action_repeat": 1}):
-        seen = {**FLAT, "observation": "beams:54:max=10:delay=0.05,speed,command,history:2,normalised,flat", **other}
-        files = [snapshot(tmp_path / f"{i}.json", seen, i, normalised=True) for i in range(2)]
-        randomize = {"opponents": (1, 2), "opponent": ["gap_finder"], "opponent_speed": (1.0, 7.0)}
-        settings = {**seen, "track": "oval", "grid_order": "random", "randomize": randomize}
-        pool = SelfPlay(share=0.8).pool(files)
-        together = drive(settings, pool)
-        assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
-        monkeypatch.setattr(PolicyPlanner, "batch_key", None)
-        assert drive(settings, pool) == together
+@each("other", [{}, {"action": "steering,speed", "smoothing": 0.0, "action_repeat": 1}])
+def test_snapshots_asked_together_drive_as_planners_do(other, tmp_path, monkeypatch):
+    seen = {**FLAT, "observation": "beams:54:max=10:delay=0.05,speed,command,history:2,normalised,flat", **other}
+    files = [snapshot(tmp_path / f"{i}.json", seen, i, normalised=True) for i in range(2)]
+    randomize = {"opponents": (1, 2), "opponent": ["gap_finder"], "opponent_speed": (1.0, 7.0)}
+    settings = {**seen, "track": "oval", "grid_order": "random", "randomize": randomize}
+    pool = SelfPlay(share=0.8).pool(files)
+    together = drive(settings, pool)
+    assert len({name for names in together[1] for name in names if name}) == 3  # all of the pool were drawn
+    monkeypatch.setattr(PolicyPlanner, "batch_key", None)
+    assert drive(settings, pool) == together
 
 
 def test_policies_asked_together_learn_the_friction_between_their_steps_as_planners_do(tmp_path):
@@ -117,24 +116,18 @@ def test_policies_asked_together_learn_the_friction_between_their_steps_as_plann
     envs.reset(seed=0)
     for tick in range(60):
         envs.step(np.float32([[0.02 * (-1) ** tick, 1.0 + 0.05 * tick]]))
-        cars = [SimpleNamespace(
-            beams=engine.beams, odometry=engine.odometry.copy(), ranges=engine.ranges.copy(), scans=engine.scans,
-            running=np.ones(1, np.bool_), commands=np.zeros((1, 2)), readings=engine.readings,
-        ) for _ in planners]  # fmt: skip
+        cars = [SimpleNamespace(beams=engine.beams, odometry=engine.odometry.copy(), ranges=engine.ranges.copy(),
+                                scans=engine.scans, running=np.ones(1, np.bool_), commands=np.zeros((1, 2)),
+                                readings=engine.readings) for _ in planners]  # fmt: skip
         together(cars[0])
         alone(cars[1])
         assert cars[0].commands.tobytes() == cars[1].commands.tobytes(), tick
     assert cars[0].odometry["speed"][0] > 3.0
 
 
-SMALL = {
-    "environment": {
-        "observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 0.5,
-        "opponents": ["gap_finder"],
-    },
-    "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)},
-    "self_play": {"every": 64, "kept": 2},
-}  # fmt: skip
+SMALL = {"environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 0.5,
+                         "opponents": ["gap_finder"]}, "worlds": 2,
+         "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)}, "self_play": {"every": 64, "kept": 2}}
 
 
 def test_a_training_meets_its_snapshots_and_goes_on_with_them(tmp_path, monkeypatch):

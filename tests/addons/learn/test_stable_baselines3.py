@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
-from driven_environments import commands_of_ticks
+from cases import each
+from driven_environments import race_as_environment
 
 sb3 = pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
 
@@ -17,24 +17,20 @@ from fg_mujoco.addons.learn.stable_baselines3_env import EpisodeLog, F1TenthVecE
 from fg_mujoco.envs.gym_environment import F1TenthEnv  # noqa: E402
 from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
-FLAT = {
-    "track": "hairpins", "observation": "beams:54:max=10,speed,steering,previous_action,normalised,flat",
-    "action": "steering_rate,acceleration", "normalised_actions": True, "speed_range": (0.5, 6.0), "start": "line",
-}  # fmt: skip
+FLAT = {"track": "hairpins", "observation": "beams:54:max=10,speed,steering,previous_action,normalised,flat",
+        "action": "steering_rate,acceleration", "normalised_actions": True, "speed_range": (0.5, 6.0), "start": "line"}
 PARTS = {"track": "hairpins", "observation": "speed,beams:54", "speed_range": (0.5, 6.0), "start": "line"}
 
 
-def test_its_checker_finds_nothing_in_the_environment(recwarn):
-    for settings in cases(FLAT, PARTS):
-        check_env(F1TenthEnv(**settings), skip_render_check=True)
-        assert all("normalized" in str(each.message) for each in recwarn)  # an action that is no share of a range
+@each("settings", [FLAT, PARTS])
+def test_its_checker_finds_nothing_in_the_environment(settings, recwarn):
+    check_env(F1TenthEnv(**settings), skip_render_check=True)
+    assert all("normalized" in str(each.message) for each in recwarn)  # an action that is no share of a range
 
 
 def test_the_vec_env_is_the_vector_environment(tmp_path):
-    env, plain = (
-        F1TenthVecEnv(3, threads=1, time_limit=1.0, **FLAT),
-        F1TenthVectorEnv(3, threads=1, time_limit=1.0, autoreset_mode="SameStep", **FLAT),
-    )
+    env, plain = (F1TenthVecEnv(3, threads=1, time_limit=1.0, **FLAT),
+                  F1TenthVectorEnv(3, threads=1, time_limit=1.0, autoreset_mode="SameStep", **FLAT))  # fmt: skip
     env.seed(7)
     rng, returns = np.random.default_rng(0), np.zeros(3)
     seen, (expected, _) = env.reset(), plain.reset(seed=7)
@@ -78,25 +74,15 @@ def model(request):
     return made.learn(32, callback=EpisodeLog())
 
 
-def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(model, tmp_path):
-    for form in cases("policy.zip", "policy.onnx", "policy.json"):
-        path = save_policy(model, tmp_path / form)
-        settings = FLAT if model.observation_space.shape else PARTS
-        env, policy, ticks = F1TenthEnv(**settings), read_policy(path), 15
-        normaliser = model.get_vec_normalize_env()
-        commands = commands_of_ticks(env)
-        seen, _ = env.reset(seed=0)
-        while len(commands) < ticks:
-            action = policy.act(seen)
-            known = normaliser.normalize_obs(seen)
-            expected = model.predict(known, deterministic=True)[0]
-            low, high = env.action_space.low, env.action_space.high
-            np.testing.assert_allclose(np.clip(action, low, high), expected, atol=2e-5)
-            seen, _, terminated, _, _ = env.step(action)
-            assert not terminated
-        result = fg.race("hairpins", str(path), time_limit=0.025 * ticks - 0.01)
-        column = fg.TELEMETRY.index("command_steering_rad")
-        assert result.car.telemetry[:, column : column + 2].tobytes() == np.array(commands).tobytes()
+@each("form", ["policy.zip", "policy.onnx", "policy.json"])
+def test_a_model_races_with_the_commands_that_it_gives_in_the_environment(form, model, tmp_path):
+    env, normaliser = F1TenthEnv(**(FLAT if model.observation_space.shape else PARTS)), model.get_vec_normalize_env()
+
+    def check(seen, action):
+        expected = model.predict(normaliser.normalize_obs(seen), deterministic=True)[0]
+        np.testing.assert_allclose(np.clip(action, env.action_space.low, env.action_space.high), expected, atol=2e-5)
+
+    race_as_environment(env, save_policy(model, tmp_path / form), 15, check=check)
 
 
 def test_an_actor_that_does_not_see_all_becomes_onnx_and_json_alike(tmp_path):

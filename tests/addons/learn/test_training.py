@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.learn.policy_files import read_policy, save_policy
 from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.cli.main import main
@@ -15,26 +15,23 @@ from fg_mujoco.envs.policy_interface import PolicyInterface
 from refusals import refused
 from small_policies import FLAT, network_for
 
-SMALL = {
-    "environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 1.0},
-    "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)},
-}  # fmt: skip
+SMALL = {"environment": {"observation": "beams:20,speed,flat", "privileged": "mu", "track": "oval", "time_limit": 1.0},
+         "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)}}  # fmt: skip
 
 
-def test_what_cannot_be_trained_is_refused_before_it_begins(tmp_path, capsys):
-    for options, said in cases(
-        (["--env", "trak=oval"], "an environment has no setting 'trak'; accepted:"),
-        (["--ppo", "gama=.9"], "did you mean 'gamma'?"),
-        (["--ppo", "gamma=2"], "PPO.gamma is 2; accepted: a number from 0 to 1"),
-        (["--worlds", str(10**12)], "worlds is 1000000000000; accepted: a whole number from 1 to 65536"),
-        (["--worlds", "65536", "--ppo", "n_steps=2000"], "steps at most in an iteration"),
-        (["--ppo", f"net={'9' * 400}"], "accepted: whole numbers from -922"),
-        (["--ppo", "minibatches=7"], "minibatches is 7, of 32 worlds times 128 steps"),
-        (["--estimate", "slpi"], "estimate has 'slpi'; accepted: mu, slip"),
-        (["--estimate", "mu", "--env", "observation=speed"], "estimate with the observation 'speed'; accepted:"),
-        (["nothing.toml"], "nothing.toml: there is no such file"),
-    ):
-        assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
+@each("options, said",
+      [(["--env", "trak=oval"], "an environment has no setting 'trak'; accepted:"),
+       (["--ppo", "gama=.9"], "did you mean 'gamma'?"),
+       (["--ppo", "gamma=2"], "PPO.gamma is 2; accepted: a number from 0 to 1"),
+       (["--worlds", str(10**12)], "worlds is 1000000000000; accepted: a whole number from 1 to 65536"),
+       (["--worlds", "65536", "--ppo", "n_steps=2000"], "steps at most in an iteration"),
+       (["--ppo", f"net={'9' * 400}"], "accepted: whole numbers from -922"),
+       (["--ppo", "minibatches=7"], "minibatches is 7, of 32 worlds times 128 steps"),
+       (["--estimate", "slpi"], "estimate has 'slpi'; accepted: mu, slip"),
+       (["--estimate", "mu", "--env", "observation=speed"], "estimate with the observation 'speed'; accepted:"),
+       (["nothing.toml"], "nothing.toml: there is no such file")])  # fmt: skip
+def test_what_cannot_be_trained_is_refused_before_it_begins(options, said, tmp_path, capsys):
+    assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
 
 
 @pytest.fixture
@@ -118,20 +115,20 @@ def test_the_estimator_finds_the_mean_and_the_spread_of_what_it_is_fitted_to():
     assert abs(float(error) - 0.2) < 0.02
 
 
-def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(tmp_path, capsys):
+@each("door", ["out", "folder", "file"])
+def test_a_checkpoint_of_somebody_else_is_not_loaded_without_trust(door, tmp_path, capsys):
     """Loading it runs the code in it: it is refused before anything reads it."""
-    for door in cases("out", "folder", "file"):
-        folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
-        checkpoint.parent.mkdir(parents=True)
-        checkpoint.write_bytes(b"theirs")
-        settings = TrainingSettings().described()
-        (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
-        out = folder if door == "out" else tmp_path / "mine"
-        start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
-        said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
-        assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
-        pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
-        assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
+    folder, checkpoint = tmp_path / "theirs", tmp_path / "theirs/checkpoints/0000000064.zip"
+    checkpoint.parent.mkdir(parents=True)
+    checkpoint.write_bytes(b"theirs")
+    settings = TrainingSettings().described()
+    (folder / "training.json").write_text(json.dumps({"schema": 1, "settings": settings}))
+    out = folder if door == "out" else tmp_path / "mine"
+    start = {"out": [], "folder": ["--start-from", str(folder)], "file": ["--start-from", str(checkpoint)]}[door]
+    said = refused(tmp_path, capsys, "train", "--out", str(out), *start)
+    assert "0000000064.zip: was not written by a training of yours" in said and "accepted: --trust" in said
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    assert "--trust" not in refused(tmp_path, capsys, "train", "--out", str(out), *start, "--trust")
 
 
 def test_the_same_training_has_the_same_bits(train, tmp_path):
@@ -162,10 +159,7 @@ def test_a_policy_is_compared_with_planners_for_each_friction(tmp_path):
     world = fg.World("oval")
     interface = PolicyInterface.of(settings, world.parameters, world.vehicle.lidar.beams, 0.025)
     save_policy(network_for(interface), tmp_path / "first", interface)
-    ran = fg.compare(
-        [str(tmp_path / "first"), "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1, seed=0, out=tmp_path / "table",
-        workers=1, time_limit=1.0, pictures=False,
-    )  # fmt: skip
-    assert [(cell["planner"], cell["mu"], cell["runs"]) for cell in ran.cells] == [
-        ("first", 0.6, 1), ("first", 1.0, 1), ("gap_finder", 0.6, 1), ("gap_finder", 1.0, 1)
-    ]  # fmt: skip
+    ran = fg.compare([str(tmp_path / "first"), "gap_finder"], track=["oval"], mu=[0.6, 1.0], laps=1, seed=0,
+                     out=tmp_path / "table", workers=1, time_limit=1.0, pictures=False)  # fmt: skip
+    assert [(cell["planner"], cell["mu"], cell["runs"]) for cell in ran.cells] == [("first", 0.6, 1), ("first", 1.0, 1),
+        ("gap_finder", 0.6, 1), ("gap_finder", 1.0, 1)]  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 
 pytest.importorskip("gymnasium")
 pytest.importorskip("cma")
@@ -50,9 +50,8 @@ def test_learning_curve_rises(trained):
     assert np.mean(best) > 1.5  # 3.2
 
 
-def test_what_was_learned_races_as_a_planner(example, trained, tmp_path, monkeypatch, capsys):
+def test_what_was_learned_races_as_a_planner(example, trained, here, capsys):
     """Driven by the planner's interface it does what it did in the environment, but for float32."""
-    monkeypatch.chdir(tmp_path)
     parameters = trained[3][0]
     np.savez("policy.npz", parameters=parameters)
     race = fg.race("oval", example.LearnedPolicy(example.Settings()), laps=1, time_limit=1.0)
@@ -70,21 +69,19 @@ def test_what_was_learned_races_as_a_planner(example, trained, tmp_path, monkeyp
 def gym_environment(example):
     from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
-    return F1TenthVectorEnv(
-        1, start="line", beam_step=example.BEAM_STEP, speed_range=example.SPEED_RANGE, normalised_actions=True
-    )
+    return F1TenthVectorEnv(1, start="line", beam_step=example.BEAM_STEP, speed_range=example.SPEED_RANGE,
+                            normalised_actions=True)  # fmt: skip
 
 
-def test_python_in_the_docs_runs(capsys, tmp_path, monkeypatch):
-    for page in cases("environments.md", "addons/learn/training.md", "addons/learn/policies.md"):
-        monkeypatch.chdir(tmp_path)
-        text = (EXAMPLE.parent.parent / "docs" / page).read_text("utf-8")
-        blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-        assert len(blocks) >= 2
-        needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
-        for block in blocks:  # ```py is not run, and says so
-            if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
-                exec(block, {})
+@each("page", ["environments.md", "addons/learn/training.md", "addons/learn/policies.md"])
+def test_python_in_the_docs_runs(page, capsys, here):
+    text = (EXAMPLE.parent.parent / "docs" / page).read_text("utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert len(blocks) >= 2
+    needs = {"parallel_env": "pettingzoo", "stable_baselines3": "stable_baselines3", "dm_environment": "dm_control"}
+    for block in blocks:  # ```py is not run, and says so
+        if all(importlib.util.find_spec(package) for word, package in needs.items() if word in block):
+            exec(block, {})
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from browsers import opened
+from cases import each
 from fg_mujoco.addons.look.debug.decisions import Witness
 from fg_mujoco.cli.main import main
 from fg_mujoco.controllers.control.steering import pursue
@@ -21,6 +22,7 @@ from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from pages import MARKUP, Page
+from refusals import refused
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 LAW = {"assist": "safe"}
@@ -45,18 +47,18 @@ def test_a_wall_ahead_is_held_by_sight_at_the_speed_from_which_the_car_can_stop(
     assert f"{by_hand:.2f} m/s, held by sight" in seen.why_speed
 
 
-def test_a_bend_on_little_grip_is_held_by_the_friction_limiter():
-    for mu in cases(0.15, 0.3):
-        ranges = np.full(1081, 2.5)
-        ranges[720:880] = 9.0  # the opening is to the left
-        seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter", method="refined")
-        steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
-        bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
-        assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
-        law = math.sqrt(CAR.gravity * mu * 0.95 * CAR.wheelbase / math.tan(abs(steering)))
-        assert seen.speed_step.name == "friction limiter"
-        assert seen.speed_step.speed == pytest.approx(law, rel=1e-12)
-        assert law < 3.0
+@each("mu", [0.15, 0.3])
+def test_a_bend_on_little_grip_is_held_by_the_friction_limiter(mu):
+    ranges = np.full(1081, 2.5)
+    ranges[720:880] = 9.0  # the opening is to the left
+    seen = decision(scan_of(ranges), speed=0.5, mu=mu, assist="limiter", method="refined")
+    steering = {step.name: step.steering_angle for step in seen.steps}["planner"]
+    bearing = math.atan2(seen.goal[1], seen.goal[0] - CAR.lidar_offset)
+    assert steering == pytest.approx(pursue(bearing, 1.0, CAR.lidar_offset, CAR.wheelbase), rel=1e-9)
+    law = math.sqrt(CAR.gravity * mu * 0.95 * CAR.wheelbase / math.tan(abs(steering)))
+    assert seen.speed_step.name == "friction limiter"
+    assert seen.speed_step.speed == pytest.approx(law, rel=1e-12)
+    assert law < 3.0
 
 
 def test_the_safety_filter_brakes_where_no_stop_is_free_and_is_told():
@@ -91,23 +93,22 @@ def test_a_command_beyond_the_car_s_limits_is_held_by_the_car():
     assert (seen.steering_step.steering_angle, seen.speed_step.speed) == (-CAR.max_steering_angle, CAR.max_speed)
 
 
-def test_the_last_step_is_the_recorded_command_to_the_bit():
-    for course, planner, seconds in cases(
-        ("scene:u_turn_trap:3", "gap_finder", 8.0),
-        ("serpentine", "follow_the_gap[assist=safe]", 9.0),
-        ("hairpins", "pure_pursuit", 4.0),
-    ):
-        race = fg.race(course, planner, laps=1, time_limit=seconds)
-        seen = fg.debug(race, window=seconds)
-        assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
-        commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
-        shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
-        answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
-        told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
-        assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
-        times = race.car.telemetry[:, 0]
-        assert [d.time for d in seen.decisions] == times.tolist()
-        assert [d.tick for d in seen.decisions] == list(range(len(times)))
+@each("course, planner, seconds",
+      [("scene:u_turn_trap:3", "gap_finder", 8.0),
+       ("serpentine", "follow_the_gap[assist=safe]", 9.0),
+       ("hairpins", "pure_pursuit", 4.0)])  # fmt: skip
+def test_the_last_step_is_the_recorded_command_to_the_bit(course, planner, seconds):
+    race = fg.race(course, planner, laps=1, time_limit=seconds)
+    seen = fg.debug(race, window=seconds)
+    assert len(seen.decisions) == len(race.car.telemetry) and seen.notes == ()
+    commands = np.column_stack([race.car.column(name) for name in ("command_steering_rad", "command_speed_m_s")])
+    shown = [(d.command.steering_angle, d.command.speed) for d in seen.decisions]
+    answered = [(d.answer.steering_angle, d.answer.speed) for d in seen.decisions]
+    told = [(d.steps[-1].steering_angle, d.steps[-1].speed) for d in seen.decisions]
+    assert np.array_equal(shown, commands) and np.array_equal(answered, commands) and np.array_equal(told, commands)
+    times = race.car.telemetry[:, 0]
+    assert [d.time for d in seen.decisions] == times.tolist()
+    assert [d.tick for d in seen.decisions] == list(range(len(times)))
 
 
 RAISES = """
@@ -178,17 +179,14 @@ def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(fold
     assert "no_such_planner" in note
 
 
-def test_what_cannot_be_shown_is_refused_in_a_line(folder, tmp_path, monkeypatch, capsys):
-    for arguments, said in cases(
-        (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
-        (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
-        (["--out", "no/folder/page.html"], "cannot be written"),
-    ):  # fmt: skip
-        monkeypatch.chdir(tmp_path)
-        assert main(["debug", str(folder), *arguments]) == 2
-        out, err = capsys.readouterr()
-        assert said in err and err.count("\n") == 1 and out == ""
-        assert list(tmp_path.iterdir()) == [] and not (folder / "debug.html").exists()
+@each("arguments, said", [
+    (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
+    (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
+    (["--out", "no/folder/page.html"], "cannot be written")
+])
+def test_what_cannot_be_shown_is_refused_in_a_line(arguments, said, folder, here, capsys):
+    assert said in refused(here, capsys, "debug", str(folder), *arguments)
+    assert not (folder / "debug.html").exists()
 
 
 def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
@@ -206,12 +204,8 @@ def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):
 
 def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of):
     seen = fg.debug(folder, at=1.0, window=1.0)
-    path, asked, errors = seen.write_page(tmp_path / "debug.html"), [], []
-    with page_of(viewport={"width": 1280, "height": 1100}) as page:
-        page.on("request", lambda request: asked.append(request.url))
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    path = seen.write_page(tmp_path / "debug.html")
+    with opened(page_of, path) as page:
 
         def shown():
             return int(page.get_attribute("#moment", "data-tick"))
@@ -247,7 +241,6 @@ def test_keys_step_through_the_decisions_in_a_browser(folder, tmp_path, page_of)
         before = page.locator("#top").screenshot()
         page.click("[data-switch='zoom'][value='3']")
         assert page.locator("#top").screenshot() != before
-    assert asked == [path.as_uri()] and errors == []
 
 
 class Skids:
@@ -266,7 +259,7 @@ def in_page(path):
 
 
 def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
-    for planner in cases("gap_finder", Skids()):  # whose page is opened, too
+    for planner in ("gap_finder", Skids()):  # whose page is opened, too
         race = fg.race("oval", planner, laps=1, time_limit=1.6, mu=0.4)
         path = fg.debug(race, at=1.2, window=0.4).write_page(tmp_path / "debug.html")
         data, column = in_page(path), race.car.column
@@ -282,9 +275,7 @@ def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
             there = slice(tick - 20, tick + 21)
             assert driven == pytest.approx(np.column_stack((column("x_m")[there], column("y_m")[there])), abs=1e-3)
     tick = data["decisions"][data["at"]]["tick"]
-    with page_of(viewport={"width": 1280, "height": 900}) as page:
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    with opened(page_of, path) as page:
         rows = dict(page.eval_on_selector_all("table.motion tbody tr", "r => r.map(e => e.innerText.split('\\t'))"))
         assert rows["speed of the odometry"] == f"{data['decisions'][data['at']]['speed']:.2f} m/s"
         assert rows["sideslip"] == f"{math.degrees(column('sideslip_rad')[tick]):.1f}°"
@@ -294,15 +285,10 @@ def test_for_every_planner_the_page_has_how_the_car_moves(tmp_path, page_of):
 
 def test_a_failed_decision_shows_its_exception_as_text_in_a_browser(failed, page_of):
     path = fg.debug(failed, trust=True).write_page(failed / "debug.html")
-    dialogs = []
-    with page_of() as page:
-        page.on("dialog", lambda dialog: (dialogs.append(dialog.message), dialog.dismiss()))
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    with opened(page_of, path) as page:
         assert MARKUP in page.inner_text("#failure") and page.inner_text("#speed") == "none"
         page.keyboard.press("ArrowLeft")
         assert not page.is_visible("#failure")
         assert page.inner_text("#speed_by") == "slow start" and MARKUP in page.inner_text("#steps")
         assert MARKUP[:50] in page.inner_text("#layers")
         assert page.locator("img").count() == 0
-    assert dialogs == []

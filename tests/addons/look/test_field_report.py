@@ -5,7 +5,6 @@ import pytest
 from PIL import Image
 
 import fg_mujoco as fg
-from case_loops import cases
 from fg_mujoco.addons.arena.race_control.standings import standings
 from fg_mujoco.addons.look.report.clip import clip_of_several
 from fg_mujoco.addons.look.report.field import Field
@@ -57,10 +56,7 @@ def test_cars_that_have_finished_keep_the_place_of_the_result():
 
 def test_lines_end_where_the_race_of_a_car_was_over():
     """A car that has finished is taken off the course, far away: no line goes there."""
-    race = fg.race(
-        "oval", entries=[fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)], laps=1,
-        time_limit=14.0,
-    )  # fmt: skip
+    race = fg.race("oval", entries=[fg.Entry(max_speed=2.0), fg.Entry(max_speed=6.0)], laps=1, time_limit=14.0)
     assert race.cars[1].finished
     field = Field.of(read_recorded(race))
     for line in field.lines:
@@ -84,10 +80,8 @@ def test_trace_has_the_lines_of_all_cars_in_their_colours(tmp_path):
 
 
 def test_clip_shows_the_hardest_contact_or_else_the_first_overtake():
-    contacts = [
-        {"time_s": 5.0, "impulse_Ns": 1.0, "at_fault": "a"},
-        {"time_s": 9.0, "impulse_Ns": 3.0, "at_fault": "b"},
-    ]
+    contacts = [{"time_s": 5.0, "impulse_Ns": 1.0, "at_fault": "a"},
+                {"time_s": 9.0, "impulse_Ns": 3.0, "at_fault": "b"}]  # fmt: skip
     overtakes = [{"time_s": 12.0, "by": "c"}]
     assert clip_of_several(8.0, 30.0, contacts, overtakes) == (7.0, "b")
     assert clip_of_several(8.0, 30.0, [], overtakes) == (10.0, "c")
@@ -118,7 +112,7 @@ def test_name_of_a_car_is_text_in_the_page(tmp_path):
 
     name = '</script><b onclick="x">&'
     race = fg.race("oval", entries=[fg.Entry(name=name), fg.Entry(name="other")], laps=1, time_limit=0.2)
-    for share_library in cases(True, False):
+    for share_library in (True, False):
         written = write_report(race, tmp_path / "a.html", clip_seconds=None, share_library=share_library)
         page = written.read_text(encoding="utf-8")
         assert name not in page and "&lt;/script&gt;&lt;b onclick=&quot;x&quot;&gt;&amp;" in page

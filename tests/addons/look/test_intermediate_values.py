@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.look.intermediate_values import BASE, FRAMES, LASER, MAP, IntermediateValues, moved
 from fg_mujoco.simulation.showing import show
 from scan_worlds import CAR, corridor
@@ -57,50 +57,48 @@ def test_a_race_with_a_planner_that_shows_values_has_the_bits_of_the_same_withou
     assert looked.states.tobytes() == plain.states.tobytes()
 
 
-def test_a_value_is_what_its_shape_says():
-    for value, kind, shape in cases(
-        (3, "number", ()), (np.float32(0.5), "number", ()), (True, "number", ()), (np.array(2), "number", ()),
-        (math.inf, "number", ()), ((1.0, 2.0), "points", (1, 2)), ([(0, 0), (1, 0), (1, 1)], "points", (3, 2)),
-        (np.zeros(BEAMS, np.float32), "scan", (BEAMS,)), ([1.0] * BEAMS, "scan", (BEAMS,)),
-        ([(math.nan, 0.0), (1.0, 2.0)], "points", (1, 2)),
-    ):  # fmt: skip
-        now, remarks = shown("mine", value)
-        assert remarks == []
-        assert (now["mine"].kind, now["mine"].array.shape) == (kind, shape)
-        assert not now["mine"].array.flags.writeable
+@each("value, kind, shape",
+      [(3, "number", ()), (np.float32(0.5), "number", ()), (True, "number", ()), (np.array(2), "number", ()),
+       (math.inf, "number", ()), ((1.0, 2.0), "points", (1, 2)), ([(0, 0), (1, 0), (1, 1)], "points", (3, 2)),
+       (np.zeros(BEAMS, np.float32), "scan", (BEAMS,)), ([1.0] * BEAMS, "scan", (BEAMS,)),
+       ([(math.nan, 0.0), (1.0, 2.0)], "points", (1, 2))])  # fmt: skip
+def test_a_value_is_what_its_shape_says(value, kind, shape):
+    now, remarks = shown("mine", value)
+    assert remarks == []
+    assert (now["mine"].kind, now["mine"].array.shape) == (kind, shape)
+    assert not now["mine"].array.flags.writeable
 
 
-def test_what_is_empty_shows_nothing_and_is_no_mistake():
-    for value in cases(None, [], np.empty((0, 2))):
-        now, remarks = shown("mine", value)
-        assert all(not each.array.size for each in now.values()) and remarks == []
+@each("value", [None, [], np.empty((0, 2))])
+def test_what_is_empty_shows_nothing_and_is_no_mistake(value):
+    now, remarks = shown("mine", value)
+    assert all(not each.array.size for each in now.values()) and remarks == []
 
 
-def test_a_value_that_cannot_be_shown_is_left_out_and_told_once():
-    for arguments, settings, said in cases(
-        (("mine", "text"), {}, "of type str"),
-        (("mine", np.zeros(7)), {}, r"shape \(7,\)"),
-        (("mine", np.zeros((2, 3))), {}, r"accepted: a number, a point \(2,\), points \(m, 2\)"),
-        (("mine", [[1.0], [1.0, 2.0]]), {}, "reading it raised ValueError"),
-        (("mine", np.zeros((9000, 2))), {}, "at most"),
-        (("mine", 1j), {}, "of type complex"),
-        (("mine", Unreadable()), {}, "reading it raised RuntimeError"),
-        ((3, 1.0), {}, "its name is 3; accepted: a text"),
-        ((Unreadable(), 1.0), {}, "reading it raised RuntimeError"),
-        (("n" * 99, 1.0), {}, "1 to 60 characters"),
-        (("mine", (1.0, 2.0)), {"draw": "poligon"}, "did you mean 'polygon'"),
-        (("mine", (1.0, 2.0)), {"frame": "lazer"}, "did you mean 'laser'"),
-        (("mine", 1.0), {"draw": "points"}, "accepted"),
-    ):
-        values = IntermediateValues()
-        for _ in range(3):
-            with values.of(SCAN):
-                show(*arguments, **settings)
-                show("good", 1.0)
-            assert list(values.now) == ["good"]
-        (remark,) = values.remarks
+@each("arguments, settings, said",
+      [(("mine", "text"), {}, "of type str"),
+       (("mine", np.zeros(7)), {}, r"shape \(7,\)"),
+       (("mine", np.zeros((2, 3))), {}, r"accepted: a number, a point \(2,\), points \(m, 2\)"),
+       (("mine", [[1.0], [1.0, 2.0]]), {}, "reading it raised ValueError"),
+       (("mine", np.zeros((9000, 2))), {}, "at most"),
+       (("mine", 1j), {}, "of type complex"),
+       (("mine", Unreadable()), {}, "reading it raised RuntimeError"),
+       ((3, 1.0), {}, "its name is 3; accepted: a text"),
+       ((Unreadable(), 1.0), {}, "reading it raised RuntimeError"),
+       (("n" * 99, 1.0), {}, "1 to 60 characters"),
+       (("mine", (1.0, 2.0)), {"draw": "poligon"}, "did you mean 'polygon'"),
+       (("mine", (1.0, 2.0)), {"frame": "lazer"}, "did you mean 'laser'"),
+       (("mine", 1.0), {"draw": "points"}, "accepted")])  # fmt: skip
+def test_a_value_that_cannot_be_shown_is_left_out_and_told_once(arguments, settings, said):
+    values = IntermediateValues()
+    for _ in range(3):
+        with values.of(SCAN):
+            show(*arguments, **settings)
+            show("good", 1.0)
+        assert list(values.now) == ["good"]
+    (remark,) = values.remarks
 
-        assert re.search(said, remark)
+    assert re.search(said, remark)
 
 
 def test_a_name_has_one_kind_and_names_have_an_end():
@@ -175,9 +173,8 @@ def test_places_are_those_of_rep_103():
 
 def test_a_polygon_is_closed_and_a_line_is_not():
     corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
-    polygon, line, points = (
-        shown("mine", corners, draw=draw)[0]["mine"].drawing(SCAN) for draw in (None, "line", "points")
-    )
+    polygon, line, points = (shown("mine", corners,
+                                   draw=draw)[0]["mine"].drawing(SCAN) for draw in (None, "line", "points"))
     assert polygon.tolist() == [[[0, 0], [1, 0]], [[1, 0], [1, 1]], [[1, 1], [0, 0]]]
     assert line.tolist() == polygon[:2].tolist()
     assert points.tolist() == [list(corner) for corner in corners]

@@ -10,14 +10,14 @@ import urllib.request
 import numpy as np
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.look.live.browser_scene import LEGEND
 from fg_mujoco.addons.look.live.handshake import is_own
 from fg_mujoco.addons.look.live.live_session import LiveSession
-from fg_mujoco.cli.main import main
 from fg_mujoco.errors import EngineError
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
+from refusals import refused
 
 TICK = 0.025  # [s]
 
@@ -114,24 +114,21 @@ def free():
     return port
 
 
-def test_what_cannot_be_is_refused_in_one_line(taken, free, monkeypatch, capsys):
-    for arguments, said in cases(
-        (["--web", "--port", "{taken}"], "in use"),
-        (["--web", "--port", "0"], "1 to 65535"),
-        (["--web", "--host", "203.0.113.7"], "cannot be listened on"),
-        (["--port", "8081"], "--web"),
-        ([], "no display here; accepted: --web"),
-        (["--web", "--port", "{free}", "--track", "nowhere"], "nowhere"),
-        (["--web", "--port", "{free}", "--controller", "nobody"], "nobody"),
-        (["--web", "--port", "{free}", "--max-speed", "-1"], "--max-speed is -1"),
-    ):
-        pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-        monkeypatch.delenv("DISPLAY", raising=False)
-        monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-        monkeypatch.setattr("platform.system", lambda: "Linux")
-        assert main(["view", *(text.format(taken=taken, free=free) for text in arguments)]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert said in line
+@each("arguments, said",
+      [(["--web", "--port", "{taken}"], "in use"),
+       (["--web", "--port", "0"], "1 to 65535"),
+       (["--web", "--host", "203.0.113.7"], "cannot be listened on"),
+       (["--port", "8081"], "--web"),
+       ([], "no display here; accepted: --web"),
+       (["--web", "--port", "{free}", "--track", "nowhere"], "nowhere"),
+       (["--web", "--port", "{free}", "--controller", "nobody"], "nobody"),
+       (["--web", "--port", "{free}", "--max-speed", "-1"], "--max-speed is -1")])  # fmt: skip
+def test_what_cannot_be_is_refused_in_one_line(arguments, said, taken, free, here, monkeypatch, capsys):
+    pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    assert said in refused(here, capsys, "view", *(text.format(taken=taken, free=free) for text in arguments))
 
 
 @contextlib.contextmanager
@@ -156,38 +153,35 @@ def wait_until(holds, seconds=30.0):
         time.sleep(0.05)
 
 
-def test_a_request_is_of_the_views_own_page_or_of_none():
-    for hosts, origins, own in cases(
-        (["localhost:8080"], [], True),
-        (["LOCALHOST:8080"], ["http://localhost:8080"], True),
-        (["127.0.0.1:8080"], ["http://127.0.0.1:8080"], True),
-        (["[::1]:8080"], ["http://[::1]:8080"], True),
-        (["box:9000"], ["http://box:9000"], True),
-        (["localhost:8080"], ["http://evil.example"], False),
-        (["localhost:8080"], ["https://localhost:8080"], False),
-        (["localhost:8080"], ["http://localhost:9090"], False),
-        (["localhost:8080"], ["http://localhost:8080.evil.example"], False),
-        (["localhost:8080"], ["null"], False),
-        (["localhost:8080"], [""], False),
-        (["evil.example:8080"], [], False),
-        (["evil.example:8080"], ["http://evil.example:8080"], False),
-        (["localhost.evil.example:8080"], [], False),
-        (["evil@localhost:8080"], ["http://evil@localhost:8080/"], False),
-        (["[::1:8080"], [], False),
-        ([""], [], False),
-        ([], [], False),
-        (["localhost:8080", "evil.example"], [], False),
-        (["localhost:8080"], ["http://localhost:8080", "http://evil.example"], False),
-    ):
-        assert is_own(hosts, origins, frozenset({"box"})) is own
+@each("hosts, origins, own",
+      [(["localhost:8080"], [], True),
+       (["LOCALHOST:8080"], ["http://localhost:8080"], True),
+       (["127.0.0.1:8080"], ["http://127.0.0.1:8080"], True),
+       (["[::1]:8080"], ["http://[::1]:8080"], True),
+       (["box:9000"], ["http://box:9000"], True),
+       (["localhost:8080"], ["http://evil.example"], False),
+       (["localhost:8080"], ["https://localhost:8080"], False),
+       (["localhost:8080"], ["http://localhost:9090"], False),
+       (["localhost:8080"], ["http://localhost:8080.evil.example"], False),
+       (["localhost:8080"], ["null"], False),
+       (["localhost:8080"], [""], False),
+       (["evil.example:8080"], [], False),
+       (["evil.example:8080"], ["http://evil.example:8080"], False),
+       (["localhost.evil.example:8080"], [], False),
+       (["evil@localhost:8080"], ["http://evil@localhost:8080/"], False),
+       (["[::1:8080"], [], False),
+       ([""], [], False),
+       ([], [], False),
+       (["localhost:8080", "evil.example"], [], False),
+       (["localhost:8080"], ["http://localhost:8080", "http://evil.example"], False)])  # fmt: skip
+def test_a_request_is_of_the_views_own_page_or_of_none(hosts, origins, own):
+    assert is_own(hosts, origins, frozenset({"box"})) is own
 
 
 def test_pages_of_other_sites_are_refused_before_they_are_answered(session, free):
     pytest.importorskip("viser", reason="no viser here: pip install -e '.[live]'")
-    upgrade = (
-        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
-        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: viser-v0\r\n"
-    )
+    upgrade = ("Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+               "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: viser-v0\r\n")  # fmt: skip
 
     def status(host, origin=None, more=""):
         said = "" if origin is None else f"Origin: {origin}\r\n"

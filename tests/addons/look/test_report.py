@@ -11,11 +11,7 @@ import fg_mujoco as fg
 from fg_mujoco.addons.look.report.clip import clip_start
 from fg_mujoco.addons.look.report.laps_and_slides import SlideEvent, lap_table, slide_events
 from fg_mujoco.addons.look.report.map_shapes import map_shapes
-from fg_mujoco.addons.look.report.recorded import (
-    SPEED_FAR_ABOVE,
-    accelerations,
-    limit_speed,
-)
+from fg_mujoco.addons.look.report.recorded import SPEED_FAR_ABOVE, accelerations, limit_speed
 from fg_mujoco.vehicle.car import WHEELS, car_parameters
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 
@@ -26,9 +22,8 @@ def columns_of(time, progress, **others):
     """Columns of a made-up drive."""
     zeros = np.zeros(len(time))
     names = ("speed_m_s", "friction_use", "x_m", "y_m", "sliding_steps", *(f"slide_{wheel}_m_s" for wheel in WHEELS))
-    return dict.fromkeys(names, zeros) | {
-        "time_s": time, "progress_m": progress, "lap": np.ones(len(time)), "steps": zeros + 5.0, **others
-    }  # fmt: skip
+    return dict.fromkeys(names, zeros) | {"time_s": time, "progress_m": progress, "lap": np.ones(len(time)),
+                                          "steps": zeros + 5.0, **others}  # fmt: skip
 
 
 def steady_acceleration(length, laps, a=1.7):

@@ -7,10 +7,12 @@ import shutil
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from browsers import opened
+from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MissingExtraError, RunFolderError, install_command
 from pages import MARKUP, Page
+from refusals import refused
 
 pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
 
@@ -38,12 +40,6 @@ def report(folder):
     return write_report(folder, folder / "report.html", clip_seconds=None)
 
 
-def complaint(capsys):
-    """What the command line said, which must be one line."""
-    (line,) = capsys.readouterr().err.splitlines()
-    return line
-
-
 def test_page_says_how_the_race_went_runs_its_own_scripts_by_hash_and_loads_nothing(report, lap):
     text = report.read_text("utf-8")
     page = Page(text)
@@ -55,15 +51,13 @@ def test_page_says_how_the_race_went_runs_its_own_scripts_by_hash_and_loads_noth
     assert f"<td>mu</td><td><code>{lap.car.mu}</code></td>" in text
 
 
-def test_page_says_that_the_planner_did_not_answer(here):
-    for begins, at in cases((0.0, "0.000"), (0.09, "0.100")):
-        (here / "planner.py").write_text(
-            "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
-            "    def __call__(self, scan, odometry):\n"
-            f"        while scan.stamp >= {begins}: pass\n        return STOP\n"
-        )
-        assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run", "--force"]) == 1
-        assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
+@each("begins, at", [(0.0, "0.000"), (0.09, "0.100")])
+def test_page_says_that_the_planner_did_not_answer(begins, at, here):
+    (here / "planner.py").write_text("from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
+                                     "    def __call__(self, scan, odometry):\n"
+                                     f"        while scan.stamp >= {begins}: pass\n        return STOP\n")  # fmt: skip
+    assert main(["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run", "--force"]) == 1
+    assert f"Decision limit: no command within 0.2 s at t = {at} s." in (here / "run" / "report.html").read_text()
 
 
 def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_path):
@@ -72,16 +66,13 @@ def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_pat
     assert body.search(other).group() == body.search(report.read_text()).group()
 
 
-def test_what_cannot_be_is_refused_in_one_line(folder, here, capsys):
-    for arguments, said in cases(
-        (["nowhere"], "summary.json"),
-        (["{run}", "--clip", "0"], "--clip"),
-        (["{run}", "--out", "page.txt"], ".html"),
-        (["{run}", "--out", "no/such/folder/page.html", "--no-clip"], "cannot be written"),
-    ):
-        assert main(["report", *(text.format(run=folder) for text in arguments)]) == 2
-        assert said in complaint(capsys)
-        assert list(here.iterdir()) == []
+@each("arguments, said",
+      [(["nowhere"], "summary.json"),
+       (["{run}", "--clip", "0"], "--clip"),
+       (["{run}", "--out", "page.txt"], ".html"),
+       (["{run}", "--out", "no/such/folder/page.html", "--no-clip"], "cannot be written")])  # fmt: skip
+def test_what_cannot_be_is_refused_in_one_line(arguments, said, folder, here, capsys):
+    assert said in refused(here, capsys, "report", *(text.format(run=folder) for text in arguments))
 
 
 def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsys):
@@ -89,8 +80,8 @@ def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsy
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1
     assert f"report.html is left out; report pages need Bokeh: {install_command('report')}" in capsys.readouterr().err
     assert not (here / "run" / "report.html").exists()
-    assert main(["report", "run"]) == 2
-    assert complaint(capsys) == f"fg-mujoco: report pages need Bokeh: {install_command('report')}"
+    said = f"fg-mujoco: report pages need Bokeh: {install_command('report')}\n"
+    assert refused(here, capsys, "report", "run") == said
 
 
 def test_clip_that_cannot_be_drawn_is_told_in_the_page(folder, tmp_path, monkeypatch):
@@ -108,16 +99,10 @@ def comparison(tmp_path_factory):
     """Of two planners, one of them in a file, on a scene."""
     place = tmp_path_factory.mktemp("comparison")
     planner = place / "slow.py"
-    planner.write_text(
-        "from fg_mujoco.messages import DriveCommand\n"
-        "class Slow:\n"
-        "    def reset(self): pass\n"
-        "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=1.0)\n"
-    )
-    fg.compare(
-        ["gap_finder", f"{planner}:Slow"], track=["scene:narrow_gap_150"], seed=[0, 1], out=place / "out", workers=1,
-        time_limit=3.0, pictures=False,
-    )  # fmt: skip
+    planner.write_text("from fg_mujoco.messages import DriveCommand\n" "class Slow:\n" "    def reset(self): pass\n"
+                       "    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.0, speed=1.0)\n")
+    fg.compare(["gap_finder", f"{planner}:Slow"], track=["scene:narrow_gap_150"], seed=[0, 1], out=place / "out",
+               workers=1, time_limit=3.0, pictures=False)  # fmt: skip
     return place
 
 
@@ -137,11 +122,7 @@ def test_comparison_has_a_page_for_each_run_and_an_index(comparison, monkeypatch
 
 
 def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(report, lap, page_of):
-    asked = []
-    with page_of(viewport={"width": 1280, "height": 1000}) as page:
-        page.on("request", lambda request: asked.append(request.url))
-        page.goto(report.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    with opened(page_of, report) as page:
         page.wait_for_timeout(500)
         across, up = page.evaluate(_SCALES)
         assert across == pytest.approx(up, rel=0.01)  # a metre is a metre, either way
@@ -172,7 +153,6 @@ def test_cursor_of_one_plot_is_that_of_all_and_nothing_is_asked_of_the_network(r
             )
             == "time [s]"
         )
-    assert asked == [report.as_uri()]
 
 
 _LEGENDS = """(() => {
@@ -188,10 +168,8 @@ _LEGENDS = """(() => {
 
 
 def test_page_fits_the_screen_and_no_legend_is_cut(report, page_of):
-    with page_of(viewport={"width": 390, "height": 900}) as page:
-        page.goto(report.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
-        for width in cases(390, 1280):
+    with opened(page_of, report, 390, 900) as page:
+        for width in (390, 1280):
             page.set_viewport_size({"width": width, "height": 900})
             page.wait_for_timeout(500)
             assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -227,7 +205,7 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
     summary = json.loads((folder / "summary.json").read_text())
     copy = tmp_path / "run"
     shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("report.html"))
-    taken, refused = summary, 0
+    taken, count = summary, 0
     for path in leaves(summary):
         if path == ("schema",):
             continue
@@ -236,17 +214,16 @@ def test_no_value_of_a_summary_becomes_markup(folder, tmp_path, capsys):
             read_recorded(copy)
             taken = with_markup(taken, path)
         except RunFolderError:
-            assert main(["report", str(copy), "--no-clip"]) == 2
-            assert f"summary.json: {path[0]} is " in complaint(capsys)
-            assert not (copy / "report.html").exists()
-            refused += 1
+            line = refused(tmp_path, capsys, "report", str(copy), "--no-clip")
+            assert f"summary.json: {path[0]} is " in line
+            count += 1
     refusals = 41 + len(summary["files"])
-    assert (taken["controller"], taken["track"], taken["vehicle"], refused) == (MARKUP, MARKUP, MARKUP, refusals)
+    assert (taken["controller"], taken["track"], taken["vehicle"], count) == (MARKUP, MARKUP, MARKUP, refusals)
     (copy / "summary.json").write_text(json.dumps(taken))
     assert main(["report", str(copy), "--no-clip"]) == 0
     text = (copy / "report.html").read_text("utf-8")
     assert "<script>alert" not in text and "<img" not in text and Page(text).runs_its_own_scripts_alone()
-    assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - refused
+    assert text.count("&lt;script&gt;alert(1)") >= sum(path != ("schema",) for path in leaves(summary)) - count
 
 
 def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
@@ -266,7 +243,8 @@ def test_no_value_of_a_comparison_becomes_markup(comparison, tmp_path, capsys):
     numbers = [name for name, value in car.items() if name not in texts]
     for name in numbers:
         assert report_with(cars=[car | {name: MARKUP}]) == 2
-        assert name in complaint(capsys)
+        (line,) = capsys.readouterr().err.splitlines()
+        assert name in line
     said = {name: MARKUP for name in ("planner", "end_reason", "message") if name in texts}
     of_row = dict.fromkeys(("key", "course_sha256", "trajectory_sha256", "winner", "message"), MARKUP)
     place, setup = dict.fromkeys(row["place"], MARKUP), dict.fromkeys(row["setup"], MARKUP)

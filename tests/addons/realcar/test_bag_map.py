@@ -2,14 +2,15 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 import fg_mujoco as fg
-from bag_worlds import SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
-from case_loops import cases, fresh
+from bag_worlds import CAR, EPOCH, SECOND, robot_odometry, robot_scan, rotation, transforms, vector, write_bag
+from cases import each
 from fg_mujoco.addons.realcar.mapping import recorded_map
 from fg_mujoco.addons.realcar.mapping.bag_sweeps import read_sweeps
 from fg_mujoco.addons.realcar.mapping.recorded_map import make_map, write_map
@@ -20,10 +21,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.course.maps.map_server import FREE
 from fg_mujoco.course.polyline import subdivide
 from fg_mujoco.simulation.course_loading import load_track
-from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = Vehicle.load().parameters
-EPOCH = 1_700_000_000 * SECOND
 STEP = SECOND // 10
 
 
@@ -97,9 +95,8 @@ def drifted(sweeps, *, scale, turn):
         step = step_between(before, after) * (1.0 + scale, 0.0, 1.0 + turn)
         poses.append(stepped(poses[-1], step))
     poses = np.array(poses)
-    return replace(
-        sweeps, poses=poses, track=np.column_stack((sweeps.times, poses)), drifts=True, source="the odometry on /odom"
-    )
+    return replace(sweeps, poses=poses, track=np.column_stack((sweeps.times, poses)), drifts=True,
+                   source="the odometry on /odom")  # fmt: skip
 
 
 def test_poses_that_drift_are_corrected_by_the_scans(sweeps, tmp_path, monkeypatch):
@@ -120,12 +117,17 @@ def test_poses_that_drift_are_corrected_by_the_scans(sweeps, tmp_path, monkeypat
     assert fg.race(track, laps=1, max_speed=4.0).car.finished
 
 
-def test_scans_alone_make_no_map_and_what_does_is_said(tmp_path, capsys):
-    bag = write_bag(tmp_path / "bag", [("/scan", EPOCH, robot_scan(np.ones(9), time=EPOCH))])
-    assert main(["bag", str(bag), "--map", str(tmp_path / "made.yaml")]) == 2
-    said = capsys.readouterr().err
-    assert "does not say where the LiDAR was: it has /scan (sensor_msgs/msg/LaserScan); accepted: nav_msgs" in said
-    assert said.count("\n") == 1
+def refusal(capsys, *words):
+    """What is said in one line of a map that cannot be made, behind the table of the topics."""
+    assert main(["bag", "bag", "--map", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+def test_scans_alone_make_no_map_and_what_does_is_said(here, capsys):
+    write_bag("bag", [("/scan", EPOCH, robot_scan(np.ones(9), time=EPOCH))])
+    said = "does not say where the LiDAR was: it has /scan (sensor_msgs/msg/LaserScan); accepted: nav_msgs"
+    assert said in refusal(capsys, "made.yaml")
 
 
 ROOM = 3.0  # [m] half of its side
@@ -157,7 +159,7 @@ def in_a_room(tmp_path, *, links=(), source="odom", child="base_link", frame="ma
         ranges = seen(x, y, heading, mounted=mounted)
         scan = robot_scan(ranges, first=-math.pi, step=math.tau / 360, time=time)
         entries.append(("/scan", time, scan))
-    return write_bag(fresh(tmp_path) / "bag", entries)
+    return write_bag(tmp_path / "bag", entries)
 
 
 def room_of(bag, **options):
@@ -165,10 +167,8 @@ def room_of(bag, **options):
     with Recording(bag) as recording:
         made = make_map(read_sweeps(recording, CAR, **options), match=False)
     rows, columns = np.nonzero(made.cells == FREE)
-    left, right = (
-        made.origin[0] + made.resolution * columns.min(),
-        made.origin[0] + made.resolution * (columns.max() + 1),
-    )
+    left, right = (made.origin[0] + made.resolution * columns.min(),
+                   made.origin[0] + made.resolution * (columns.max() + 1))  # fmt: skip
     low, high = made.origin[1] + made.resolution * rows.min(), made.origin[1] + made.resolution * (rows.max() + 1)
     return np.array((left, right, low, high))
 
@@ -177,33 +177,30 @@ EXPECTED = np.array((-ROOM, ROOM, -ROOM, ROOM))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_room_is_where_it_is_wherever_the_lidar_is_on_the_car(tmp_path):
-    for mounted in cases((0.0, 0.0, 0.0), (0.3, -0.1, 0.0), (0.2, 0.0, 1.0), (-0.2, 0.1, math.pi)):
-        for source in cases("odom", "tf"):
-            links = [("base_link", "laser", vector(mounted[0], mounted[1]), rotation(mounted[2]))]
-            bag = in_a_room(tmp_path, links=links, source=source, mounted=mounted)
-            assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
+@each("mounted, source", product(((0.0, 0.0, 0.0), (0.3, -0.1, 0.0), (0.2, 0.0, 1.0), (-0.2, 0.1, math.pi)),
+                                 ("odom", "tf")))  # fmt: skip
+def test_the_room_is_where_it_is_wherever_the_lidar_is_on_the_car(mounted, source, tmp_path):
+    links = [("base_link", "laser", vector(mounted[0], mounted[1]), rotation(mounted[2]))]
+    bag = in_a_room(tmp_path, links=links, source=source, mounted=mounted)
+    assert room_of(bag) == pytest.approx(EXPECTED, abs=0.06)
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_odometry_drifts_unless_it_is_on_the_map(tmp_path):
-    for frame, drifts in cases(("map", False), ("odom", True)):
-        with Recording(in_a_room(tmp_path, frame=frame)) as bag:
-            assert read_sweeps(bag, CAR).drifts is drifts
+@each("frame, drifts", [("map", False), ("odom", True)])
+def test_odometry_drifts_unless_it_is_on_the_map(frame, drifts, tmp_path):
+    with Recording(in_a_room(tmp_path, frame=frame)) as bag:
+        assert read_sweeps(bag, CAR).drifts is drifts
 
 
-def test_what_cannot_be_mapped_is_refused_in_one_line(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    bag = in_a_room(tmp_path, links=[("base_link", "laser", vector(), rotation())])
-    (tmp_path / "there.yaml").write_text("")
-    for arguments, said in cases(
-        (("--map", "map.png"), "map.png: is no name for a map; accepted: one that ends in .yaml or .yml"),
-        (("--map", "nowhere/map.yaml"), "cannot be written"),
-        (("--map", "map.yaml", "--resolution", "0"), "resolution is 0.0 m; accepted: from 0.01 to 1"),
-        (("--map", "map.yaml", "--pose-topic", "/pose"), "on /pose; accepted: /odom"),
-        (("--map", "there.yaml"), "there.yaml: exists; accepted: a new file, or --force"),
-    ):
-        assert main(["bag", str(bag), *arguments]) == 2
-        error = capsys.readouterr().err
-        assert said in error and error.count("\n") == 1
-    assert sorted(path.suffix for path in tmp_path.iterdir()) == ["", ".yaml"]
+@each("arguments, said", [
+    (("map.png",), "map.png: is no name for a map; accepted: one that ends in .yaml or .yml"),
+    (("nowhere/map.yaml",), "cannot be written"),
+    (("map.yaml", "--resolution", "0"), "resolution is 0.0 m; accepted: from 0.01 to 1"),
+    (("map.yaml", "--pose-topic", "/pose"), "on /pose; accepted: /odom"),
+    (("there.yaml",), "there.yaml: exists; accepted: a new file, or --force"),
+])  # fmt: skip
+def test_what_cannot_be_mapped_is_refused_in_one_line(arguments, said, here, capsys):
+    in_a_room(here, links=[("base_link", "laser", vector(), rotation())])
+    (here / "there.yaml").write_text("")
+    assert said in refusal(capsys, *arguments)
+    assert sorted(path.name for path in here.iterdir()) == ["bag", "there.yaml"]

@@ -81,8 +81,7 @@ def test_the_map_can_be_raced_on(driven, tmp_path):
     assert result.car.end_reason == "time_limit"
 
 
-def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_course_is_driven_by_the_map_in_place_of_the_true_one(driven, here):
     write_map(driven.made, "my_map")
     context = DriveSettings().context(fg.Vehicle.load().parameters, fg.load_track(COURSE).map_line)
     told = {"pose": "particle_filter", "pose_map": "my_map.yaml"}

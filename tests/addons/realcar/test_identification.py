@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from browsers import opened
+from cases import each
 from refusals import refused
 
 pytest.importorskip("scipy")
 
 import single_track_drives as car
-from bag_worlds import SECOND, header, make, robot_odometry, vector, write_bag
+from bag_worlds import SECOND, robot_imu, robot_odometry, write_bag
 from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.addons.realcar.identification.fit import fitted_starts
@@ -25,6 +26,7 @@ from fg_mujoco.addons.realcar.identification.steering_response import Steering
 from fg_mujoco.addons.realcar.identification.tire_file import tire_text
 from fg_mujoco.addons.realcar.identification.vehicle_file import write_vehicle
 from fg_mujoco.addons.realcar.single_track import friction_curve
+from fg_mujoco.addons.ros.bag_messages import drive_message
 from fg_mujoco.cli.main import main
 from fg_mujoco.racing.run_folder import write_run
 
@@ -84,10 +86,8 @@ def test_the_steering_of_an_exciting_drive_is_found(found):
 
 
 def test_the_intervals_cover_the_truth_and_are_no_wider_than_useful(found):
-    truth = [
-        (found.front.stiffness, stiffness(TIRES[0])), (found.rear.stiffness, stiffness(TIRES[1])),
-        (found.front.D, TIRES[0][2]), (found.rear.D, TIRES[1][2]), (found.steering_gain, STEERING["gain"]),
-    ]  # fmt: skip
+    truth = [(found.front.stiffness, stiffness(TIRES[0])), (found.rear.stiffness, stiffness(TIRES[1])),
+             (found.front.D, TIRES[0][2]), (found.rear.D, TIRES[1][2]), (found.steering_gain, STEERING["gain"])]
     for estimate, value in truth:
         assert abs(estimate.value - value) <= 1.6 * estimate.half
         assert estimate.half <= 0.1 * value
@@ -120,10 +120,8 @@ def test_the_lateral_velocity_is_smoothed_from_poses_and_accelerations(exciting_
     _, states, _ = car.solve(car.exciting(1, TIRES, 40.0), TIRES, **STEERING)
     time = car.FINE * np.arange(states.shape[1])
     inside = motion.forward_speed > 1.0
-    for smoothed, state, bound in (
-        (motion.lateral_speed, states[4], 0.03), (motion.forward_speed, states[3], 0.03),
-        (motion.yaw_rate, states[5], 0.03), (motion.heading, states[2], 0.01),
-    ):  # fmt: skip
+    for smoothed, state, bound in ((motion.lateral_speed, states[4], 0.03), (motion.forward_speed, states[3], 0.03),
+                                   (motion.yaw_rate, states[5], 0.03), (motion.heading, states[2], 0.01)):  # fmt: skip
         error = (smoothed - np.interp(motion.time, time, state))[inside]
         assert np.sqrt(np.mean(error**2)) < bound
 
@@ -150,9 +148,8 @@ def lateness(drive, result):
     """Lag and delay [s] of the first-order model that comes closest to the angle of a car's own steering servo."""
     time, angle = result.car.column("time_s"), result.car.column("steering_angle_rad")
     grid = np.arange(time[0], time[-1], 0.0025)
-    steering = Steering(
-        drive.steering, grid, limit=drive.car.max_steering_angle, rate=drive.car.max_steering_rate, held=True
-    )
+    steering = Steering(drive.steering, grid, limit=drive.car.max_steering_angle, rate=drive.car.max_steering_rate,
+                        held=True)  # fmt: skip
     pairs = [(lag, delay) for lag in np.arange(0.008, 0.03, 0.001) for delay in np.arange(0.0, 0.0125, 0.00125)]
     return min(pairs, key=lambda late: np.sum((np.interp(time, grid, steering.angles(1.0, 0.0, *late)) - angle) ** 2))
 
@@ -211,19 +208,19 @@ def test_the_steering_follows_a_step_late_by_lag_and_delay():
     assert slow == pytest.approx(np.clip(0.2 * (time - 0.5), 0.0, 0.1), abs=1e-3 + 1e-9)
 
 
-def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes():
+@each("delay", [0.0, 0.0013, 0.0025, 0.0041, 0.0172])
+def test_the_steering_is_exact_wherever_a_command_falls_between_two_nodes(delay):
     """Against ten thousand small steps a second, at the greatest rate and below it."""
-    for delay in cases(0.0, 0.0013, 0.0025, 0.0041, 0.0172):
-        time, lag, rate, fine = np.arange(0.0, 1.0, STEP), 0.014, 3.2, 1e-4
-        ticks = np.arange(0.0, 1.0, 0.025)
-        commands = Channel(name="commands", time=ticks, values=0.3 * np.sin(12.0 * ticks)[:, np.newaxis])
-        angles = Steering(commands, time, limit=0.4, rate=rate, held=True).angles(1.0, 0.0, lag, delay)
-        slow, angle = [], 0.0
-        for moment in np.arange(0.0, 1.0, fine):
-            slow.append(angle)
-            last = max(int(np.floor((moment - delay) / 0.025 + 1e-9)), 0)
-            angle += np.clip((commands.values[last, 0] - angle) / lag, -rate, rate) * fine
-        assert angles == pytest.approx(np.interp(time, np.arange(0.0, 1.0, fine), slow), abs=1e-3)
+    time, lag, rate, fine = np.arange(0.0, 1.0, STEP), 0.014, 3.2, 1e-4
+    ticks = np.arange(0.0, 1.0, 0.025)
+    commands = Channel(name="commands", time=ticks, values=0.3 * np.sin(12.0 * ticks)[:, np.newaxis])
+    angles = Steering(commands, time, limit=0.4, rate=rate, held=True).angles(1.0, 0.0, lag, delay)
+    slow, angle = [], 0.0
+    for moment in np.arange(0.0, 1.0, fine):
+        slow.append(angle)
+        last = max(int(np.floor((moment - delay) / 0.025 + 1e-9)), 0)
+        angle += np.clip((commands.values[last, 0] - angle) / lag, -rate, rate) * fine
+    assert angles == pytest.approx(np.interp(time, np.arange(0.0, 1.0, fine), slow), abs=1e-3)
 
 
 def test_a_gentle_drive_tells_the_stiffness_and_which_drive_would_tell_the_peaks(gentle_drive, gently_found):
@@ -251,9 +248,8 @@ def test_the_tire_file_has_each_value_with_its_interval_and_source(found):
     assert table["model"] == "magic_formula"
     for name, axle in (("front", found.front), ("rear", found.rear)):
         untold = {"sliding_share"} if axle.reached <= 2.0 * axle.peak_slip else set()
-        assert set(table[name]) == untold | {
-            "B", "C", "D", "E", "relaxation_length", "load_sensitivity", "nominal_load",
-        }  # fmt: skip
+        assert set(table[name]) == untold | {"B", "C", "D", "E", "relaxation_length", "load_sensitivity",
+                                             "nominal_load"}  # fmt: skip
         for letter in "BCDE":
             estimate = getattr(axle, letter)
             assert table[name][letter] == pytest.approx(estimate.value, rel=1e-5)
@@ -272,33 +268,18 @@ def bag(short_drive, tmp_path_factory):
     return write_bag(tmp_path_factory.mktemp("bags") / "drive", entries_of(short_drive))
 
 
-def entries_of(drive, *, kinds=("drive", "imu", "odom")):
-    begin = 1_790_000_000 * SECOND
-    entries = []
-
+def entries_of(drive):
     def stamped(channel):
-        return [(begin + round(t * 1e9), row) for t, row in zip(channel.time, channel.values.tolist(), strict=True)]
+        times = [1_790_000_000 * SECOND + round(time * 1e9) for time in channel.time]
+        return zip(times, channel.values.tolist(), strict=True)
 
-    if "drive" in kinds:
-        for time, (angle,) in stamped(drive.steering):
-            command = make(
-                "ackermann_msgs/msg/AckermannDrive", steering_angle=angle, steering_angle_velocity=0.0, speed=0.0,
-                acceleration=0.0, jerk=0.0,
-            )  # fmt: skip
-            command = make("ackermann_msgs/msg/AckermannDriveStamped", header=header(time, "base_link"), drive=command)
-            entries.append(("/drive", time, command))
-    if "imu" in kinds:
-        for (time, (turn,)), (ahead, left) in zip(stamped(drive.yaw_rate), drive.acceleration.values, strict=True):
-            message = make(
-                "sensor_msgs/msg/Imu", header=header(time, "imu"), orientation_covariance=np.zeros(9),
-                orientation=make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-                angular_velocity=vector(z=turn), angular_velocity_covariance=np.zeros(9),
-                linear_acceleration=vector(ahead, left, 9.81), linear_acceleration_covariance=np.zeros(9),
-            )  # fmt: skip
-            entries.append(("/imu", time, message))
-    if "odom" in kinds:
-        for (time, (x, y, yaw)), (speed,) in zip(stamped(drive.pose), drive.speed.values.tolist(), strict=True):
-            entries.append(("/odom", time, robot_odometry(time, x=x, y=y, yaw=yaw, speed=speed)))
+    entries = []
+    for time, (angle,) in stamped(drive.steering):
+        entries.append(("/drive", time, drive_message(fg.DriveCommand(steering_angle=angle, speed=0.0), time)))
+    for (time, (turn,)), (ahead, left) in zip(stamped(drive.yaw_rate), drive.acceleration.values, strict=True):
+        entries.append(("/imu", time, robot_imu(time, (0.0, 0.0, turn), (ahead, left, 9.81))))
+    for (time, (x, y, yaw)), (speed,) in zip(stamped(drive.pose), drive.speed.values.tolist(), strict=True):
+        entries.append(("/odom", time, robot_odometry(time, x=x, y=y, yaw=yaw, speed=speed)))
     return sorted(entries, key=lambda entry: entry[1])
 
 
@@ -324,31 +305,22 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
     said = capsys.readouterr().out
     assert "front stiffness" in said
     assert tomllib.loads(out.read_text())["front"]["D"] == pytest.approx(TIRES[0][2], rel=0.3)
-    errors, asked = [], []
-    with page_of() as page:
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("request", lambda request: asked.append(request.url))
-        page.goto(report.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    with opened(page_of, report) as page:
         assert page.locator(".bk-Figure, .bk-Canvas").count() >= 3 or page.locator("canvas").count() >= 3
         assert page.locator("td", has_text="front stiffness B C D").count() == 1
-    assert errors == []
-    assert asked == [report.as_uri()]
 
 
-def test_the_command_refuses_in_one_line(tmp_path, monkeypatch, capsys):
-    for words, said in cases(
-        (("nothing", "--out", "tires.toml"), "nothing: cannot be read"),
-        ((".", "--out", "tires.toml"), "has no summary.json"),
-        (("run", "--out", "tires.txt"), "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
-        (("run", "--out", "there.toml"), "there.toml: exists; accepted: a new file, or --force"),
-        (("run", "--out", "tires.toml", "--report", "page.pdf"), "page.pdf: is no name for a page"),
-        (("run", "--out", "tires.toml", "--vehicle", "nuc"), "did you mean 'nuc2'?"),
-        (("run",), "--out"),
-    ):
-        monkeypatch.chdir(tmp_path)
-        (tmp_path / "there.toml").write_text("")
-        assert said in refused(tmp_path, capsys, "identify", *words)
+@each("words, said",
+      [(("nothing", "--out", "tires.toml"), "nothing: cannot be read"),
+       ((".", "--out", "tires.toml"), "has no summary.json"),
+       (("run", "--out", "tires.txt"), "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
+       (("run", "--out", "there.toml"), "there.toml: exists; accepted: a new file, or --force"),
+       (("run", "--out", "tires.toml", "--report", "page.pdf"), "page.pdf: is no name for a page"),
+       (("run", "--out", "tires.toml", "--vehicle", "nuc"), "did you mean 'nuc2'?"),
+       (("run",), "--out")])  # fmt: skip
+def test_the_command_refuses_in_one_line(words, said, here, capsys):
+    (here / "there.toml").write_text("")
+    assert said in refused(here, capsys, "identify", *words)
 
 
 def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
@@ -358,10 +330,8 @@ def test_a_run_has_the_sensors_that_its_car_had(tmp_path):
     assert drive.vehicle == "f1tenth"
     assert drive.car == result.world.parameters
     assert drive.sha256 == run.summary["trajectory_sha256"]
-    for channel, column, place in (
-        (drive.yaw_rate, "yaw_rate_rad_s", 0), (drive.pose, "x_m", 0), (drive.pose, "y_m", 1),
-        (drive.pose, "heading_rad", 2), (drive.steering, "command_steering_rad", 0),
-    ):  # fmt: skip
+    for channel, column, place in ((drive.yaw_rate, "yaw_rate_rad_s", 0), (drive.pose, "x_m", 0),
+        (drive.pose, "y_m", 1), (drive.pose, "heading_rad", 2), (drive.steering, "command_steering_rad", 0)):
         assert channel.time == pytest.approx(run.column("time_s"))
         assert channel.values[:, place] == pytest.approx(run.column(column), abs=1e-9)
     forward = run.column("speed_m_s") > 1.0
@@ -382,47 +352,45 @@ def test_a_drive_that_is_held_out_changes_no_parameter(exciting_drive, gentle_dr
         identify_drives([gentle_drive], hold_out=[turned], budget=1.0, **options)
 
 
-def test_the_response_of_the_speed_is_found(exciting_drive):
+@each("accelerations, brakes", [(False, True), (True, True), (True, False)])
+def test_the_response_of_the_speed_is_found(accelerations, brakes, exciting_drive):
     """Against a speed that is integrated finely; the car goes straight, so nothing but the drive changes it."""
-    for accelerations, brakes in cases((False, True), (True, True), (True, False)):
-        time, late, step = np.arange(0.0, 60.0, 0.04), 0.08, 0.001
-        rng = np.random.default_rng(4)
-        wanted = np.repeat(rng.uniform(2.0, 5.0, len(time) // 25), 25)
-        fine = np.arange(0.0, 60.0, step)
-        speed, speeds, commands = 3.0, [], []
-        for moment in time:
-            row = int(moment / 0.04 + 0.5)
-            # an acceleration is what a driver without a speed servo would command towards the wanted speed
-            commands.append(1.5 * (wanted[row] - speed) + 0.8 if accelerations else wanted[row])
-            for _ in range(round(0.04 / step)):
-                speeds.append(speed)
-                u = commands[max(row - round(late / 0.04), 0)]
-                push = 1.2 * (u if brakes else max(u, 0.0)) - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
-                speed += step * (push - 0.03 * 9.81)
-        speeds = np.array(speeds)[: len(fine)]
+    time, late, step = np.arange(0.0, 60.0, 0.04), 0.08, 0.001
+    rng = np.random.default_rng(4)
+    wanted = np.repeat(rng.uniform(2.0, 5.0, len(time) // 25), 25)
+    fine = np.arange(0.0, 60.0, step)
+    speed, speeds, commands = 3.0, [], []
+    for moment in time:
+        row = int(moment / 0.04 + 0.5)
+        # an acceleration is what a driver without a speed servo would command towards the wanted speed
+        commands.append(1.5 * (wanted[row] - speed) + 0.8 if accelerations else wanted[row])
+        for _ in range(round(0.04 / step)):
+            speeds.append(speed)
+            u = commands[max(row - round(late / 0.04), 0)]
+            push = 1.2 * (u if brakes else max(u, 0.0)) - 0.2 * speed if accelerations else (1.05 * u - speed) / 0.3
+            speed += step * (push - 0.03 * 9.81)
+    speeds = np.array(speeds)[: len(fine)]
 
-        def channel(name, at, values):
-            return Channel(name=name, time=at, values=np.asarray(values, float).reshape(len(at), -1))
+    def channel(name, at, values):
+        return Channel(name=name, time=at, values=np.asarray(values, float).reshape(len(at), -1))
 
-        x = np.cumsum(speeds) * step
-        poses = np.column_stack((np.interp(time, fine, x), 0 * time, 0 * time))
-        drive = replace(
-            exciting_drive, steering=channel("commands", time, 0 * time), yaw_rate=channel("gyro", time, 0 * time),
-            speed=channel("speed", time, np.interp(time, fine, speeds)), pose=channel("pose", time, poses),
-            acceleration=None, speed_command=channel("speed commands", time, commands),
-        )  # fmt: skip
-        problem = DriveProblem(drive, front_drive=0.5)
-        parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
-        found = speed_response([problem], parameters)
-        assert (found.accelerations, found.braking) == (accelerations, brakes)
-        assert found.delay[0] == pytest.approx(late, abs=0.024)
-        assert found.gain[0] == pytest.approx(1.2 if accelerations else 1.05, rel=0.05)
-        if accelerations:
-            assert found.drag[0] == pytest.approx(0.2, abs=0.05)
-        else:
-            assert found.time_constant[0] == pytest.approx(0.3, rel=0.15)
-        silent = replace(drive, speed_command=None)
-        assert speed_response([DriveProblem(silent, front_drive=0.5)], parameters) == "no speed commands are recorded"
+    x = np.cumsum(speeds) * step
+    poses = np.column_stack((np.interp(time, fine, x), 0 * time, 0 * time))
+    drive = replace(exciting_drive, steering=channel("commands", time, 0 * time),
+        yaw_rate=channel("gyro", time, 0 * time), speed=channel("speed", time, np.interp(time, fine, speeds)),
+        pose=channel("pose", time, poses), acceleration=None, speed_command=channel("speed commands", time, commands))
+    problem = DriveProblem(drive, front_drive=0.5)
+    parameters = np.array([12, 1.5, 1, 0.5] * 2 + [1, 0, 0, 0, 0.045, 0, 0, 1, 0, 0, 1, 1], float)
+    found = speed_response([problem], parameters)
+    assert (found.accelerations, found.braking) == (accelerations, brakes)
+    assert found.delay[0] == pytest.approx(late, abs=0.024)
+    assert found.gain[0] == pytest.approx(1.2 if accelerations else 1.05, rel=0.05)
+    if accelerations:
+        assert found.drag[0] == pytest.approx(0.2, abs=0.05)
+    else:
+        assert found.time_constant[0] == pytest.approx(0.3, rel=0.15)
+    silent = replace(drive, speed_command=None)
+    assert speed_response([DriveProblem(silent, front_drive=0.5)], parameters) == "no speed commands are recorded"
 
 
 def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, tmp_path):

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.lidar.scan_pipeline import EffectsOfRows, ScanPipeline, error_at
 
-ERRORS = MeasuredErrors(
-    ranges=(1.0, 3.0), bearings=(-1.0, 1.0), noise=((0.01, 0.03), (0.02, 0.06)), bias=((0.1, 0.2), (-0.1, -0.2)),
-    dropout=((0.0, 0.2), (0.1, 0.4)), source="made up",
-)  # fmt: skip
+ERRORS = MeasuredErrors(ranges=(1.0, 3.0), bearings=(-1.0, 1.0), noise=((0.01, 0.03), (0.02, 0.06)),
+                        bias=((0.1, 0.2), (-0.1, -0.2)), dropout=((0.0, 0.2), (0.1, 0.4)), source="made up")
 
 
 class Still:
@@ -62,10 +60,8 @@ def test_rows_of_a_batch_have_the_bits_of_a_pipeline_beside_rows_without() -> No
     lidar._ranges[-20:], lidar._ranges[:3] = math.inf, -math.inf
     plain = LidarEffects(range_noise_std=0.01, dropout_probability=0.1)
     third = MeasuredErrors(ranges=(2.0,), bearings=(0.0,), noise=((0.5,),), bias=((0.0,),), dropout=((0.0,),))
-    cases = [
-        LidarEffects(measured=ERRORS, range_noise_std=0.01, latency=0.03), plain,
-        LidarEffects(measured=third, dropout_probability=0.2, no_return="range_max"), LidarEffects(measured=ERRORS),
-    ]  # fmt: skip
+    cases = [LidarEffects(measured=ERRORS, range_noise_std=0.01, latency=0.03), plain,
+        LidarEffects(measured=third, dropout_probability=0.2, no_return="range_max"), LidarEffects(measured=ERRORS)]
     rows = EffectsOfRows(lidar.beams, len(cases))
     pipelines = []
     for row, effects in enumerate(cases):
@@ -88,15 +84,14 @@ def test_a_file_is_read_back_and_a_setup_keeps_it(tmp_path) -> None:
     assert setup != fg.Setup.of("oval", lidar_noise=0.01)
 
 
-def test_what_no_lidar_has_is_refused():
-    for change, words in cases(
-        ({"ranges": (3.0, 1.0)}, "increasing"),
-        ({"noise": ((0.01, 0.03),)}, "accepted: 2 rows"),
-        ({"noise": ((0.01, 0.03), (0.02, -0.06))}, "noise has -0.06; accepted: 0 to 10 m"),
-        ({"dropout": ((0, 0), (0, 1.5))}, "dropout has 1.5; accepted: 0 to 1"),
-        ({"bias": ((0, "a"), (0, 0))}, "bias has 'a'; accepted: numbers"),
-        ({"angles": (1.0,)}, "has 'angles'; accepted: ranges, bearings"),
-    ):
-        content = {name: getattr(ERRORS, name) for name in ("ranges", "bearings", "noise", "bias", "dropout")}
-        with pytest.raises(SettingsError, match=words.replace("(", r"\(")):
-            MeasuredErrors.load(content | change)
+@each("change, words",
+      [({"ranges": (3.0, 1.0)}, "increasing"),
+       ({"noise": ((0.01, 0.03),)}, "accepted: 2 rows"),
+       ({"noise": ((0.01, 0.03), (0.02, -0.06))}, "noise has -0.06; accepted: 0 to 10 m"),
+       ({"dropout": ((0, 0), (0, 1.5))}, "dropout has 1.5; accepted: 0 to 1"),
+       ({"bias": ((0, "a"), (0, 0))}, "bias has 'a'; accepted: numbers"),
+       ({"angles": (1.0,)}, "has 'angles'; accepted: ranges, bearings")])  # fmt: skip
+def test_what_no_lidar_has_is_refused(change, words):
+    content = {name: getattr(ERRORS, name) for name in ("ranges", "bearings", "noise", "bias", "dropout")}
+    with pytest.raises(SettingsError, match=words.replace("(", r"\(")):
+        MeasuredErrors.load(content | change)

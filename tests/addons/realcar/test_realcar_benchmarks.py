@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.gym2d.gym_functions import vehicle_dynamics_st
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS
 from fg_mujoco.addons.realcar.validation.agreement import of_center
@@ -54,10 +54,8 @@ def made_up(walls: MapWalls, seed: int, rows: int = 500) -> RecordedBeams:
     turn = speed / 2.6
     yaw = (3.0 * time - 2.0 * np.cos(time)) / 2.6 + seed
     poses = np.column_stack((2.6 * np.sin(yaw), -2.6 * np.cos(yaw), yaw))
-    drive = RecordedBeams(
-        name=f"drive {seed}", time=time, poses=poses, speed=speed, yaw_rate=turn,
-        ranges=np.zeros((rows, len(BEARINGS))), bearings=BEARINGS,
-    )  # fmt: skip
+    drive = RecordedBeams(name=f"drive {seed}", time=time, poses=poses, speed=speed, yaw_rate=turn,
+                          ranges=np.zeros((rows, len(BEARINGS))), bearings=BEARINGS)  # fmt: skip
     ranges = cast_beams(drive, walls, MOUNT).hits.ranges
     ranges = ranges + NOISE * rng.standard_normal(ranges.shape)
     person = rng.random(ranges.shape) < 0.05
@@ -105,12 +103,10 @@ def test_the_gyms_model_is_the_gyms():
     car, steering = CAR.parameters, 0.1
     model = PlanarModel(name="gym", vehicle=CAR)
     found = model.simulate(task(steering, 3.0, (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, steering), 1.0, kind=COMMAND_SPEED))[0]
-    numbers = (
-        1.0489, FRONT_STIFFNESS, REAR_STIFFNESS, car.front_axle_distance, car.rear_axle_distance,
-        car.center_of_gravity_height, car.mass, car.yaw_inertia, -car.max_steering_angle, car.max_steering_angle,
-        -car.max_steering_rate, car.max_steering_rate, car.power_limit_speed, car.max_acceleration, car.min_speed,
-        car.max_speed,
-    )  # fmt: skip
+    numbers = (1.0489, FRONT_STIFFNESS, REAR_STIFFNESS, car.front_axle_distance, car.rear_axle_distance,
+               car.center_of_gravity_height, car.mass, car.yaw_inertia, -car.max_steering_angle, car.max_steering_angle,
+               -car.max_steering_rate, car.max_steering_rate, car.power_limit_speed, car.max_acceleration,
+               car.min_speed, car.max_speed)  # fmt: skip
     x = np.array([0.0, 0.0, steering, 3.0, 0.0, 0.0, 0.0])
     for _ in range(10000):
         x = x + 1e-4 * vehicle_dynamics_st(x, np.zeros(2), *numbers)
@@ -121,11 +117,11 @@ def test_the_gyms_model_is_the_gyms():
     assert planar[-1, 3] == pytest.approx(5.0, abs=1e-6)
 
 
-def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which():
-    for vehicle in cases("f1tenth", "ipz"):
-        names = {model.name for model in models_of(Vehicle.load(vehicle))}
-        assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
-        assert len(names) == 9 + 1 + 5
+@each("vehicle", ["f1tenth", "ipz"])
+def test_each_set_of_tires_is_on_the_car_that_it_was_measured_on_and_the_table_says_which(vehicle):
+    names = {model.name for model in models_of(Vehicle.load(vehicle))}
+    assert {"ipz on ipz", "f1tenth on f1tenth_gym", "nuc2 on forzaeth_nuc5", f"{vehicle} on coulomb"} <= names
+    assert len(names) == 9 + 1 + 5
 
 
 def test_the_tires_of_a_car_are_found_in_three_dimensions(monkeypatch):

@@ -1,12 +1,13 @@
 """Recorded drives: what is read from CSV files, what their sensors say of each other, and what is refused."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.realcar.drives.drive_columns import LAYOUTS, DriveColumns
 from fg_mujoco.addons.realcar.drives.reading import read_drive, read_drives
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
@@ -56,9 +57,8 @@ def spoilt(tmp_path, **changed):
 
 def test_clock_gyro_delays_and_steering_offset_are_found(tmp_path):
     made = motion()
-    path = spoilt(
-        tmp_path, time=made["time"] / 0.9, yaw_rate=1.05 * made["late yaw_rate"](0.09), speed=made["late speed"](0.06)
-    )
+    path = spoilt(tmp_path, time=made["time"] / 0.9, yaw_rate=1.05 * made["late yaw_rate"](0.09),
+                  speed=made["late speed"](0.06))  # fmt: skip
     checks = read_drive(path).checks
     assert checks.clock_scale.value == pytest.approx(0.9, abs=0.004)
     assert checks.gyro_scale.value == pytest.approx(1.0 / 1.05, abs=0.004)
@@ -67,9 +67,8 @@ def test_clock_gyro_delays_and_steering_offset_are_found(tmp_path):
     assert checks.steering_offset.value == pytest.approx(OFFSET, abs=0.004)
     assert "the clock says 11.1 % too much" in str(checks) and "(corrected)" not in str(checks)
     columns = {name: value for name, value in LAYOUTS["plain"].items() if "acceleration" not in name}
-    measured = {"time": {"column": "time_s", "scale": "measured"}} | {
-        name: {"column": columns[name], "delay": "measured"} for name in ("speed", "yaw_rate")
-    }
+    measured = {"time": {"column": "time_s", "scale": "measured"}} | {name: {"column": columns[name],
+            "delay": "measured"} for name in ("speed", "yaw_rate")}  # fmt: skip
     measured["yaw_rate"]["scale"] = "measured"
     drive = read_drive(path, columns=columns | measured)
     rows, first = drive.rows, made["time"][0] / 0.9
@@ -79,46 +78,42 @@ def test_clock_gyro_delays_and_steering_offset_are_found(tmp_path):
     assert set(drive.checks.used) == {"clock_scale", "gyro_scale", "speed_delay", "yaw_rate_delay"}
 
 
-def test_a_wrong_unit_is_recognised(tmp_path):
-    for changes, said in cases(
-        (lambda m: {"steering": np.degrees(m["steering"])}, "steering_rad: steering reaches .* looks like deg"),
-        (lambda m: {"steering": 1500.0 + 500.0 * m["steering"]}, "ticks of a servo"),
-        (lambda m: {"speed": 3.6 * m["speed"]}, "speed_m_s: speed is .* times what the poses say; .* looks like km/h"),
-        (lambda m: {"speed": 4614.0 * m["speed"]}, "looks like ticks or ERPM"),
-        (lambda m: {"yaw_rate": np.degrees(m["yaw_rate"])}, "yaw_rate_rad_s: yaw_rate reaches .* looks like deg/s"),
-        (lambda m: {"time": 1e3 * m["time"]}, "a row every 20 s; it looks like ms"),
-        (lambda m: {"x": 1e3 * m["x"], "y": 1e3 * m["y"]}, "x_m: x moves .* looks like mm"),
-        (
-            lambda m: {"yaw": np.degrees(np.remainder(0.8 * m["time"], 2.0 * np.pi) - np.pi)},
-            "yaw_rad: yaw jumps by .* looks like deg",
-        ),
-        (lambda m: {"steering": -m["steering"]}, "steering turns the other way than the yaw rate; .* scale of -1"),
-        (lambda m: {"yaw_rate": -m["yaw_rate"]}, "yaw_rate turns the other way than the poses; .* scale of -1"),
-    ):
-        path = spoilt(tmp_path, **changes(motion()))
-        with pytest.raises(fg.SettingsError, match=said):
-            read_drive(path)
+@each("changes, said",
+      [(lambda m: {"steering": np.degrees(m["steering"])}, "steering_rad: steering reaches .* looks like deg"),
+       (lambda m: {"steering": 1500.0 + 500.0 * m["steering"]}, "ticks of a servo"),
+       (lambda m: {"speed": 3.6 * m["speed"]}, "speed_m_s: speed is .* times what the poses say; .* looks like km/h"),
+       (lambda m: {"speed": 4614.0 * m["speed"]}, "looks like ticks or ERPM"),
+       (lambda m: {"yaw_rate": np.degrees(m["yaw_rate"])}, "yaw_rate_rad_s: yaw_rate reaches .* looks like deg/s"),
+       (lambda m: {"time": 1e3 * m["time"]}, "a row every 20 s; it looks like ms"),
+       (lambda m: {"x": 1e3 * m["x"], "y": 1e3 * m["y"]}, "x_m: x moves .* looks like mm"),
+       (lambda m: {"yaw": np.degrees(np.remainder(0.8 * m["time"], 2.0 * np.pi) - np.pi)},
+        "yaw_rad: yaw jumps by .* looks like deg"),
+       (lambda m: {"steering": -m["steering"]}, "steering turns the other way than the yaw rate; .* scale of -1"),
+       (lambda m: {"yaw_rate": -m["yaw_rate"]}, "yaw_rate turns the other way than the poses; .* scale of -1")])
+def test_a_wrong_unit_is_recognised(changes, said, tmp_path):
+    path = spoilt(tmp_path, **changes(motion()))
+    with pytest.raises(fg.SettingsError, match=said):
+        read_drive(path)
 
 
-def test_a_drive_is_cut_at_a_pause_which_is_said(tmp_path):
+@each("pause, carried", [(3600.0, 3.0), (86400.0, 0.0)])
+def test_a_drive_is_cut_at_a_pause_which_is_said(pause, carried, tmp_path):
     """Whether the car is carried elsewhere in the pause or not."""
-    for pause, carried in cases((3600.0, 3.0), (86400.0, 0.0)):
-        made = motion()
-        time, x = made["time"].copy(), made["x"].copy()
-        time[1000:] += pause
-        x[1000:] += carried
-        drive = read_drive(spoilt(tmp_path, time=time, x=x))
-        assert any("pauses of more than 1 s: 1, the longest" in line for line in drive.lines)
-        with pytest.raises(fg.SettingsError, match=r"drive.csv: pauses; accepted: .*parts"):
-            Drive.of_recorded(drive, fg.Vehicle.load().parameters, "f1tenth")
-        with pytest.warns(UserWarning, match=f"is cut at pauses of more than 1 s: 1, the longest {pause + 0.02:.6g} s"):
-            parts = drive.parts()
-        assert [part.name for part in parts] == [f"{drive.name}, {each}" for each in (
-            "0 to 19.98 s", f"{pause + 20:.4g} to {pause + 38.98:.4g} s"
-        )]  # fmt: skip
-        for part, rows in zip(parts, (slice(None, 1000), slice(1000, None)), strict=True):
-            assert np.allclose(part.speed.time, time[rows]) and np.allclose(part.pose.values[:, 0], x[rows], atol=1e-6)
-            assert part.parts() == [part] and part.part_of == drive.name
+    made = motion()
+    time, x = made["time"].copy(), made["x"].copy()
+    time[1000:] += pause
+    x[1000:] += carried
+    drive = read_drive(spoilt(tmp_path, time=time, x=x))
+    assert any("pauses of more than 1 s: 1, the longest" in line for line in drive.lines)
+    with pytest.raises(fg.SettingsError, match=r"drive.csv: pauses; accepted: .*parts"):
+        Drive.of_recorded(drive, fg.Vehicle.load().parameters, "f1tenth")
+    with pytest.warns(UserWarning, match=f"is cut at pauses of more than 1 s: 1, the longest {pause + 0.02:.6g} s"):
+        parts = drive.parts()
+    assert [part.name for part in parts] == [f"{drive.name}, {each}" for each in ("0 to 19.98 s",
+                                                 f"{pause + 20:.4g} to {pause + 38.98:.4g} s")]  # fmt: skip
+    for part, rows in zip(parts, (slice(None, 1000), slice(1000, None)), strict=True):
+        assert np.allclose(part.speed.time, time[rows]) and np.allclose(part.pose.values[:, 0], x[rows], atol=1e-6)
+        assert part.parts() == [part] and part.part_of == drive.name
 
 
 def test_a_long_drive_is_taken_in_parts_that_are_evenly_spread(tmp_path):
@@ -132,16 +127,16 @@ def test_a_long_drive_is_taken_in_parts_that_are_evenly_spread(tmp_path):
     assert begins[0] == 0.0 and parts[-1].end == pytest.approx(974.98) and np.ptp(np.diff(begins)) < 31.0
 
 
-def test_a_clock_that_jumps_is_refused_with_its_row(tmp_path):
-    for first, by, said in cases(
-        (1, 1.7e9, "line 3: time_s: the clock jumps by 1.7e\\+09 s at 1700000000.5"),
-        (700, 0.5, "line 702: time_s: the clock jumps by 0.52 s"),  # while the poses go on
-        (700, -1.0, "line 702: time_s: the clock runs backwards by 0.98 s"),
-    ):
-        time = motion()["time"].copy()
-        time[first:] += by
-        with pytest.raises(fg.SettingsError, match=said):
-            read_drive(spoilt(tmp_path, time=time))
+@each("first, by, said", [
+    (1, 1.7e9, "line 3: time_s: the clock jumps by 1.7e\\+09 s at 1700000000.5"),
+    (700, 0.5, "line 702: time_s: the clock jumps by 0.52 s"),  # while the poses go on
+    (700, -1.0, "line 702: time_s: the clock runs backwards by 0.98 s")
+])
+def test_a_clock_that_jumps_is_refused_with_its_row(first, by, said, tmp_path):
+    time = motion()["time"].copy()
+    time[first:] += by
+    with pytest.raises(fg.SettingsError, match=said):
+        read_drive(spoilt(tmp_path, time=time))
 
 
 def test_comments_above_the_header_and_between_rows_are_left_out(tmp_path):
@@ -163,32 +158,30 @@ def test_comments_above_the_header_and_between_rows_are_left_out(tmp_path):
     assert "is not a text file" in said_of(made)
 
 
-def test_a_number_that_is_no_measurement_is_refused_with_its_line(tmp_path, capsys, monkeypatch):
-    for name in cases(*HEADER.split(",")):
-        for value in cases("-1e308", "9" * 400, "inf", "1e30", "-2e8"):
-            monkeypatch.chdir(tmp_path)
-            header, *rows = write(tmp_path / "drive.csv", motion(4.0)).read_text().splitlines()
-            cells = rows[50].split(",")
-            cells[header.split(",").index(name)] = value
-            Path("drive.csv").write_text("\n".join([header, *rows[:50], ",".join(cells), *rows[51:]]))
-            line = refused(tmp_path, capsys, "bag", "drive.csv")
-            assert f"drive.csv, line {53 if 'backwards' in line and value[0] != '-' else 52}: {name}" in line
+@each("name, value", product(HEADER.split(","), ("-1e308", "9" * 400, "inf", "1e30", "-2e8")))
+def test_a_number_that_is_no_measurement_is_refused_with_its_line(name, value, here, capsys):
+    header, *rows = write(here / "drive.csv", motion(4.0)).read_text().splitlines()
+    cells = rows[50].split(",")
+    cells[header.split(",").index(name)] = value
+    Path("drive.csv").write_text("\n".join([header, *rows[:50], ",".join(cells), *rows[51:]]))
+    line = refused(here, capsys, "bag", "drive.csv")
+    assert f"drive.csv, line {53 if 'backwards' in line and value[0] != '-' else 52}: {name}" in line
 
 
-def test_a_value_of_a_mapping_that_is_no_number_or_absurd_is_refused(tmp_path):
-    for value in cases("9" * 400, "-" + "9" * 400, "inf", "nan", "[1.0]", "{a = 1}", "true", "1e300"):
-        columns = tmp_path / "columns.toml"
-        others = 'speed = "speed_m_s"\nyaw_rate = "yaw_rate_rad_s"\nsteering = "steering_rad"\n'
-        lines = ["time = VALUE"]
-        lines += [f'time = {{column = "time_s", {key} = VALUE}}' for key in ("scale", "offset", "delay", "unit")]
-        lines += [f'time = "time_s"\n{key} = VALUE' for key in ("pose_ahead", "steering_is")]
-        beams = ("count", "count = 9, field_of_view")
-        lines += [f'time = "time_s"\nbeams = {{columns = "b{{}}", {key} = VALUE}}' for key in beams]
-        for line in lines:
-            columns.write_text(f"{others}{line.replace('VALUE', value)}\n")
-            with pytest.raises(fg.SettingsError, match=r"columns.toml, line [45]: .*; accepted: ") as refusal:
-                DriveColumns.of(columns)
-            assert len(str(refusal.value)) < 500
+@each("value", ["9" * 400, "-" + "9" * 400, "inf", "nan", "[1.0]", "{a = 1}", "true", "1e300"])
+def test_a_value_of_a_mapping_that_is_no_number_or_absurd_is_refused(value, tmp_path):
+    columns = tmp_path / "columns.toml"
+    others = 'speed = "speed_m_s"\nyaw_rate = "yaw_rate_rad_s"\nsteering = "steering_rad"\n'
+    lines = ["time = VALUE"]
+    lines += [f'time = {{column = "time_s", {key} = VALUE}}' for key in ("scale", "offset", "delay", "unit")]
+    lines += [f'time = "time_s"\n{key} = VALUE' for key in ("pose_ahead", "steering_is")]
+    beams = ("count", "count = 9, field_of_view")
+    lines += [f'time = "time_s"\nbeams = {{columns = "b{{}}", {key} = VALUE}}' for key in beams]
+    for line in lines:
+        columns.write_text(f"{others}{line.replace('VALUE', value)}\n")
+        with pytest.raises(fg.SettingsError, match=r"columns.toml, line [45]: .*; accepted: ") as refusal:
+            DriveColumns.of(columns)
+        assert len(str(refusal.value)) < 500
 
 
 def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path):
@@ -224,8 +217,7 @@ def test_a_run_gives_what_its_car_measured(tmp_path):
     assert rows.pose[-1, 0] - rows.pose[0, 0] != 0.0 and abs(rows.speed).max() > 1.0
 
 
-def test_the_commands_of_bags_read_csv_files(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_commands_of_bags_read_csv_files(here, capsys):
     made = motion(8.0)
     header = f"{HEADER},{','.join(f'beam_{number:04d}_m' for number in range(40, 1040, 25))}"
     names = ("time", "speed", "yaw_rate", "steering", "speed", "x", "y", "yaw")
@@ -238,8 +230,8 @@ def test_the_commands_of_bags_read_csv_files(tmp_path, capsys, monkeypatch):
     assert main(["replay-scans", "drive.csv", "--columns", "columns.toml", "--out", "out.csv"]) == 0
     assert len(Path("out.csv").read_text().splitlines()) == 351
     capsys.readouterr()
-    assert "with bags" in refused(tmp_path, capsys, "bag", "drive.csv", "--map", "map.yaml")
-    assert "has no beams" in refused(tmp_path, capsys, "replay-scans", "drive.csv", "--out", "other.csv")
+    assert "with bags" in refused(here, capsys, "bag", "drive.csv", "--map", "map.yaml")
+    assert "has no beams" in refused(here, capsys, "replay-scans", "drive.csv", "--out", "other.csv")
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")

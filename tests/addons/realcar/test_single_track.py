@@ -1,6 +1,7 @@
 """The linear single-track model as published, and what our car does beside it."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from car_worlds import flat_world
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.realcar.single_track import FRONT_STIFFNESS, REAR_STIFFNESS, linear_rates
 from fg_mujoco.lab.steady_circle import SteadyCircle
 from fg_mujoco.vehicle.tires import Tires
@@ -19,10 +20,8 @@ MU_G = CAR.mu * OWN.gravity
 
 
 def rates(*state, mu=CAR.mu, front=FRONT_STIFFNESS, rear=REAR_STIFFNESS):
-    return linear_rates(
-        *state, mu, front, rear, OWN.front_axle_distance, OWN.rear_axle_distance, OWN.center_of_gravity_height,
-        OWN.mass, OWN.yaw_inertia, OWN.gravity,
-    )  # fmt: skip
+    return linear_rates(*state, mu, front, rear, OWN.front_axle_distance, OWN.rear_axle_distance,
+                        OWN.center_of_gravity_height, OWN.mass, OWN.yaw_inertia, OWN.gravity)  # fmt: skip
 
 
 def settled(steering, speed, front=FRONT_STIFFNESS, rear=REAR_STIFFNESS):
@@ -31,35 +30,26 @@ def settled(steering, speed, front=FRONT_STIFFNESS, rear=REAR_STIFFNESS):
     return np.linalg.solve(np.column_stack((at[1] - at[0], at[2] - at[0])), -at[0])[0]
 
 
-@given(
-    x6=st.floats(-6.0, 6.0), x7=st.floats(-0.5, 0.5), x3=st.floats(-0.42, 0.42), x4=st.floats(0.5, 20.0),
-    u2=st.floats(-9.5, 9.5), mu=st.floats(0.2, 1.3),
-)  # fmt: skip
+@given(x6=st.floats(-6.0, 6.0), x7=st.floats(-0.5, 0.5), x3=st.floats(-0.42, 0.42), x4=st.floats(0.5, 20.0),
+       u2=st.floats(-9.5, 9.5), mu=st.floats(0.2, 1.3))  # fmt: skip
 def test_rates_are_the_published_equations(x6, x7, x3, x4, u2, mu):
     """Althoff et al., vehicle models, single-track: multiplied out there, by axles here."""
     own = OWN
     m, i, h, g = own.mass, own.yaw_inertia, own.center_of_gravity_height, own.gravity
     lf, lr, csf, csr = own.front_axle_distance, own.rear_axle_distance, FRONT_STIFFNESS, REAR_STIFFNESS
     front, rear = csf * (g * lr - u2 * h), csr * (g * lf + u2 * h)
-    yaw = (
-        mu
-        * m
-        / (i * (lr + lf))
-        * (lf * front * x3 + (lr * rear - lf * front) * x7 - (lf**2 * front + lr**2 * rear) * x6 / x4)
-    )
+    yaw = (mu * m / (i * (lr + lf)) * (lf * front * x3 + (lr * rear - lf
+                                                          * front) * x7 - (lf**2 * front + lr**2 * rear) * x6 / x4))
     slip = mu / (x4 * (lr + lf)) * (front * x3 - (rear + front) * x7 + (rear * lr - front * lf) * x6 / x4) - x6
     assert rates(x6, x7, x3, x4, u2, mu=mu) == pytest.approx((yaw, slip), rel=1e-9, abs=1e-9)
 
 
-def test_a_held_circle_is_the_closed_form_of_understeer():
-    for k in cases(0.3, 1.0, 2.0):
-        for steering in cases(0.05, 0.4):
-            speed = k * math.sqrt(MU_G * OWN.wheelbase / math.tan(steering))
-            gradient = (1.0 / FRONT_STIFFNESS - 1.0 / REAR_STIFFNESS) / MU_G
-            assert settled(steering, speed) == pytest.approx(
-                speed * steering / (OWN.wheelbase + gradient * speed**2), rel=1e-6
-            )
-            assert settled(steering, speed, 3.0, 3.0) == pytest.approx(speed * steering / OWN.wheelbase, rel=1e-6)
+@each("k, steering", product((0.3, 1.0, 2.0), (0.05, 0.4)))
+def test_a_held_circle_is_the_closed_form_of_understeer(k, steering):
+    speed = k * math.sqrt(MU_G * OWN.wheelbase / math.tan(steering))
+    gradient = (1.0 / FRONT_STIFFNESS - 1.0 / REAR_STIFFNESS) / MU_G
+    assert settled(steering, speed) == pytest.approx(speed * steering / (OWN.wheelbase + gradient * speed**2), rel=1e-6)
+    assert settled(steering, speed, 3.0, 3.0) == pytest.approx(speed * steering / OWN.wheelbase, rel=1e-6)
 
 
 def test_braking_loads_the_front_axle_and_turns_the_car_in():

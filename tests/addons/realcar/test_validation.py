@@ -10,7 +10,7 @@ from refusals import refused
 pytest.importorskip("scipy")
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.realcar.drives.reading import read_drive
 from fg_mujoco.addons.realcar.validation.car_model import CarModel
 from fg_mujoco.addons.realcar.validation.validation import COMMANDS, HELD, validate
@@ -20,7 +20,7 @@ from fg_mujoco.addons.realcar.validation.windows import (
     PERIOD,
     motion_of,
     steady_states_of,
-    windows_of,
+    windows_of,  # fmt: skip
 )
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.tires import Tires
@@ -80,15 +80,15 @@ def test_windows_follow_each_other_where_the_car_moves(circle):
     assert all(state.speed > 1.0 and abs(state.yaw_rate) > 0.3 for state in steady_states_of([motion]))
 
 
-def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance():
+@each("vehicle, asked", [("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)])
+def test_a_motor_accelerates_a_car_as_it_is_asked_less_its_drag_and_its_rolling_resistance(vehicle, asked):
     """Newton: of ipz .238 m/s^2 for each m/s and .0422 g, which also turn the wheels: 4.283 kg for 4.0 kg."""
-    for vehicle, asked in cases(("f1tenth", 2.0), ("ipz", 2.0), ("ipz", 0.0)):
-        car = Vehicle.load(vehicle)
-        model = CarModel(vehicle=car, tires=car.tires)
-        start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
-        speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
-        resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
-        assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
+    car = Vehicle.load(vehicle)
+    model = CarModel(vehicle=car, tires=car.tires)
+    start = (0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0)
+    speed = model.simulate(task(0.0, asked, start, 1.0, kind=ACCELERATE))[0][:, 3]
+    resisted = 0.238 * speed[30:].mean() + 0.0422 * 9.81 * 4.0 / 4.283 if vehicle == "ipz" else 0.0
+    assert (speed[-1] - speed[30]) / 0.7 == pytest.approx(asked - resisted, abs=0.06)
 
 
 def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_path):
@@ -101,37 +101,32 @@ def test_commands_that_are_accelerations_drive_the_model_as_its_map_says(tmp_pat
     lines = ["t,v,r,d,a,x,y,yaw"]
     lines += [f"{t:.3f},{v:.5f},0,0,{a:.3f},{p:.5f},0,0" for t, v, a, p in zip(time, speed, sent, x, strict=True)]
     (tmp_path / "drive.csv").write_text("\n".join(lines))
-    columns = {
-        "time": "t", "speed": "v", "yaw_rate": "r", "steering": "d", "x": "x", "y": "y", "yaw": "yaw",
-        "acceleration_command": {"column": "a", "unit": "m/s^2"},
-    }  # fmt: skip
+    columns = {"time": "t", "speed": "v", "yaw_rate": "r", "steering": "d", "x": "x", "y": "y", "yaw": "yaw",
+               "acceleration_command": {"column": "a", "unit": "m/s^2"}}  # fmt: skip
     file = tmp_path / "car.xml"
     numeric = '<custom><numeric name="acceleration_map" data="0.8 0 0.2"/>'
     file.write_text(CAR.text.replace("<custom>", numeric, 1))
-    right, wrong = (
-        validate([tmp_path / "drive.csv"], vehicle=vehicle, columns=columns).agreement("speed", COMMANDS, 2.0)
-        for vehicle in (file, "f1tenth")
-    )
+    right, wrong = (validate([tmp_path / "drive.csv"], vehicle=vehicle,
+                             columns=columns).agreement("speed", COMMANDS, 2.0) for vehicle in (file, "f1tenth"))
     assert right.share < 0.02 and wrong.share > 0.1
     with pytest.raises(fg.SettingsError, match="speed_command and acceleration_command are given"):
         read_drive(tmp_path / "drive.csv", columns=columns | {"speed_command": "v"})
 
 
-def test_the_command_writes_figures_and_a_page(circle, tmp_path, monkeypatch, capsys, page_of):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_figures_and_a_page(circle, here, capsys, page_of):
     words = ["validate", circle.name, "--mu", "0.7"]
     assert main([*words, "--report", "page.html", "--csv", "figures.csv"]) == 0
     said = capsys.readouterr().out
     assert "friction 0.7" in said and "recorded speed held, 1 s" in said
-    lines = (tmp_path / "figures.csv").read_text().splitlines()
+    lines = (here / "figures.csv").read_text().splitlines()
     assert lines[0].startswith("model,friction,driven_by,window_s,windows,signal,unit,rms,share_percent,worst")
     with page_of() as page:
         complaints = []
         page.on("pageerror", lambda error: complaints.append(str(error)))
-        page.goto((tmp_path / "page.html").as_uri())
+        page.goto((here / "page.html").as_uri())
         page.wait_for_selector("canvas", state="attached")
         assert page.locator("h2").count() == 5 and complaints == []
-    assert "exists" in refused(tmp_path, capsys, *words, "--csv", "figures.csv")
+    assert "exists" in refused(here, capsys, *words, "--csv", "figures.csv")
 
 
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the shared drives of a real car are not here")

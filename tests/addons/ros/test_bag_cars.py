@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 import fg_mujoco as fg
+from bag_worlds import decoded
 from fg_mujoco.addons.ros.bag_messages import heading_of
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
@@ -19,13 +18,8 @@ OF_A_CAR = ("odom", "imu", "joint_states")
 
 def written(race, folder):
     """The messages of a bag of a race, by topic."""
-    run = fg.write_run(race, folder / "run", picture=False)
-    export_bag(run, folder / "run.mcap")
-    found = {}
-    with (folder / "run.mcap").open("rb") as file:
-        for _, channel, _, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            found.setdefault(channel.topic, []).append(message)
-    return found
+    export_bag(fg.write_run(race, folder / "run", picture=False), folder / "run.mcap")
+    return {topic: [message for _, message in found] for topic, found in decoded(folder / "run.mcap").items()}
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +61,9 @@ def test_odometry_is_what_each_planner_was_told_and_each_has_the_other_s(two):
 def test_frames_of_the_other_car_hang_on_the_map(two):
     parents = {entry.child_frame_id: entry.header.frame_id for message in two["/tf"] for entry in message.transforms}
     parents |= {e.child_frame_id: e.header.frame_id for message in two["/tf_static"] for e in message.transforms}
-    assert parents == {
-        "odom": "map", "base_link": "odom", "laser": "base_link", "imu": "base_link",
-        "ego_racecar/base_link": "base_link", "opp_racecar/base_link": "map",
-        "opp_racecar/laser": "opp_racecar/base_link", "opp_racecar/imu": "opp_racecar/base_link",
-    }  # fmt: skip
+    assert parents == {"odom": "map", "base_link": "odom", "laser": "base_link", "imu": "base_link",
+                       "ego_racecar/base_link": "base_link", "opp_racecar/base_link": "map",
+                       "opp_racecar/laser": "opp_racecar/base_link", "opp_racecar/imu": "opp_racecar/base_link"}
 
 
 @pytest.mark.slow

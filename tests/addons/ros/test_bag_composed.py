@@ -7,19 +7,17 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from bag_worlds import SECOND, header, make, robot_odometry, robot_scan, rotation, vector, write_bag
-from case_loops import cases, fresh
+from bag_worlds import CAR, EPOCH, SECOND, header, make, robot_imu, robot_odometry, robot_scan, rotation, write_bag
+from cases import each
 from fg_mujoco.addons.realcar.bag_drive import read_drives
-from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, USUAL, type_store
+from fg_mujoco.addons.ros.bag_messages import DRIVE, MOTOR, ODOMETRY, USUAL, drive_message, type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_recording import Recording
 from fg_mujoco.addons.ros.composed_topics import SERVO_OFFSET, SPEED_TO_ERPM, STEERING, STEERING_TO_SERVO, THROTTLE
 from fg_mujoco.addons.ros.node_host.sensing import TOPICS
 from fg_mujoco.cli.main import main
-from fg_mujoco.vehicle.vehicle import Vehicle
+from fg_mujoco.messages import DriveCommand
 
-CAR = Vehicle.load().parameters
-EPOCH = 1_700_000_000 * SECOND
 STEP = SECOND // 20
 SPEED, YAW_RATE = 1.5, 0.4  # of the circle that is driven
 
@@ -34,12 +32,7 @@ def joint(name, time, angle):
 
 
 def imu(time, heading):
-    return make(
-        "sensor_msgs/msg/Imu", header=header(time, "imu"), orientation=rotation(heading),
-        orientation_covariance=np.zeros(9), angular_velocity=vector(z=YAW_RATE),
-        angular_velocity_covariance=np.zeros(9),
-        linear_acceleration=vector(y=SPEED * YAW_RATE), linear_acceleration_covariance=np.zeros(9),
-    )  # fmt: skip
+    return robot_imu(time, (0.0, 0.0, YAW_RATE), (0.0, SPEED * YAW_RATE, 0.0), heading)
 
 
 def entries(car, count=60, still=0):
@@ -66,19 +59,19 @@ def entries(car, count=60, still=0):
 
 
 @pytest.mark.slow
-def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(tmp_path):
-    for car in cases("f1tenth_1", "our_car"):
-        (drive,) = read_drives(write_bag(tmp_path / car, entries(car, 120)))
-        assert drive.commanded
-        assert drive.steering.values[:, 0] == pytest.approx((0.2 + 0.001 * np.arange(120)) * STEERING, rel=1e-6)
-        assert drive.speed.values[5:, 0] == pytest.approx(1.01 * SPEED, rel=1e-6)  # the mean of both encoders
-        assert drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
-        assert drive.acceleration.values[:, 1] == pytest.approx(SPEED * YAW_RATE)
-        x, y, heading = drive.pose.values[-1]
-        assert heading == pytest.approx(
-            YAW_RATE * 118 * STEP / SECOND, rel=1e-6
-        )  # the heading last heard: of one tick before
-        assert math.hypot(x, y - SPEED / YAW_RATE) == pytest.approx(SPEED / YAW_RATE)
+@each("car", ["f1tenth_1", "our_car"])
+def test_commands_wheels_and_imu_count_for_identify_whatever_the_car_is_called(car, tmp_path):
+    (drive,) = read_drives(write_bag(tmp_path / car, entries(car, 120)))
+    assert drive.commanded
+    assert drive.steering.values[:, 0] == pytest.approx((0.2 + 0.001 * np.arange(120)) * STEERING, rel=1e-6)
+    assert drive.speed.values[5:, 0] == pytest.approx(1.01 * SPEED, rel=1e-6)  # the mean of both encoders
+    assert drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
+    assert drive.acceleration.values[:, 1] == pytest.approx(SPEED * YAW_RATE)
+    x, y, heading = drive.pose.values[-1]
+    assert heading == pytest.approx(
+        YAW_RATE * 118 * STEP / SECOND, rel=1e-6
+    )  # the heading last heard: of one tick before
+    assert math.hypot(x, y - SPEED / YAW_RATE) == pytest.approx(SPEED / YAW_RATE)
 
 
 def test_a_planner_over_the_scans_gets_pose_speed_and_commands(tmp_path):
@@ -102,51 +95,40 @@ def test_a_command_has_the_throttle_last_heard_and_none_is_beyond_full(tmp_path)
     ) as bag:
         heard = list(bag.messages({(DRIVE, at + "command")}))
         assert (DRIVE, at + "command") in bag.counts and at + "command" not in bag.held()
-        assert bag.table()[-1].split() == [
-            at + "command",
-            DRIVE,
-            "composed",
-            "of",
-            "steering_command,",
-            "throttle_command",
-        ]
+        assert bag.table()[-1].split() == [at + "command", DRIVE, "composed", "of", "steering_command,",
+                                           "throttle_command"]  # fmt: skip
     asked = [(each.message.drive.steering_angle, each.message.drive.speed) for each in heard]
     assert asked == [pytest.approx((-STEERING, 0.5 * THROTTLE)), pytest.approx((0.5 * STEERING, -THROTTLE))]
     assert [each.time for each in heard] == [EPOCH + 1, EPOCH + 4]
 
 
-def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(tmp_path, capsys):
-    for driver, bits, storage in cases(("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")):
-        bag = write_bag(fresh(tmp_path) / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
-        (drive,) = read_drives(bag)
-        angles = 0.001 * np.arange(120)
-        assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
-        assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
-        assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(
-            YAW_RATE
-        )
-        with ScanBag(bag, CAR) as scans:
-            assert scans.topics[DRIVE] == f"{driver}/commands"
-            last = list(scans)[-1].odometry
-        assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
-        assert main(["bag", str(bag)]) == 0
-        assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
+@each("driver, bits, storage", [("", 64, "SQLITE3"), ("/vesc", 32, "MCAP")])
+def test_motor_and_servo_of_a_vesc_count_as_they_do_in_nodes(driver, bits, storage, tmp_path, capsys):
+    bag = write_bag(tmp_path / "bag", vesc_entries(driver, f"std_msgs/msg/Float{bits}"), storage=storage)
+    (drive,) = read_drives(bag)
+    angles = 0.001 * np.arange(120)
+    assert drive.commanded and drive.steering.values[:, 0] == pytest.approx(angles, abs=1e-6)
+    assert drive.speed_command.values[:, 0] == pytest.approx(SPEED + angles, rel=1e-6)
+    assert drive.speed.values[:, 0] == pytest.approx(SPEED) and drive.yaw_rate.values[:, 0] == pytest.approx(YAW_RATE)
+    with ScanBag(bag, CAR) as scans:
+        assert scans.topics[DRIVE] == f"{driver}/commands"
+        last = list(scans)[-1].odometry
+    assert last.speed == pytest.approx(SPEED, rel=0.01) and last.steering_angle == pytest.approx(0.118)
+    assert main(["bag", str(bag)]) == 0
+    assert f"{driver}/commands" in capsys.readouterr().out.splitlines()[-1]
 
 
 def test_what_an_ackermann_topic_commands_goes_before_the_vescs(tmp_path):
-    drive = make("ackermann_msgs/msg/AckermannDrive", steering_angle=0.3, steering_angle_velocity=0.0, speed=1.0,
-                 acceleration=0.0, jerk=0.0)  # fmt: skip
-    times = [EPOCH + i * STEP for i in range(120)]
-    own = [("/mine", time, make(DRIVE, header=header(time, ""), drive=drive)) for time in times]
+    command, times = DriveCommand(steering_angle=0.3, speed=1.0), [EPOCH + i * STEP for i in range(120)]
+    own = [("/mine", time, drive_message(command, time)) for time in times]
     bag = write_bag(tmp_path / "bag", sorted([*vesc_entries(""), *own], key=lambda entry: entry[1]))
     assert np.allclose(read_drives(bag)[0].steering.values, 0.3)
     assert np.allclose(read_drives(bag, drive_topic="/commands")[0].steering.values[:, 0], 0.001 * np.arange(120))
 
 
 def test_of_several_topics_those_are_read_that_nodes_get(tmp_path):
-    assert {name for kind in USUAL for name in USUAL[kind]} >= {
-        name for name, (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name
-    }
+    assert {name for kind in USUAL for name in USUAL[kind]} >= {name for name,
+        (kind, _) in TOPICS.items() if kind in USUAL and "/autodrive/" not in name}  # fmt: skip
     names = ("/pf/pose/odom", "/vesc/odom")
     entries = [(name, EPOCH + i, robot_odometry(EPOCH + i)) for i in range(9) for name in names]
     with Recording(write_bag(tmp_path / "bag", entries)) as bag, pytest.warns(UserWarning, match="/vesc/odom is read"):
@@ -168,14 +150,12 @@ def vesc_entries(driver, number="std_msgs/msg/Float64", count=120):
         stamped = make("geometry_msgs/msg/PoseStamped", header=header(time, "map"), pose=pose)
         angle = 0.001 * tick
         speed, servo = (SPEED + angle) * SPEED_TO_ERPM, SERVO_OFFSET + STEERING_TO_SERVO * angle
-        found += [
-            (f"{driver}/sensors/core", time, make(MOTOR, header=header(time, ""), state=state)),
-            ("/sensors/imu/raw", time, imu(time, heading)),
-            ("/pf/viz/inferred_pose", time, stamped),
-            ("/scan", time, robot_scan(np.full(41, 5.0), time=time)),
-            (f"{driver}/commands/motor/speed", time + 1, make(number, data=speed)),
-            (f"{driver}/commands/servo/position", time + 2, make(number, data=servo)),
-        ]  # fmt: skip
+        found += [(f"{driver}/sensors/core", time, make(MOTOR, header=header(time, ""), state=state)),
+                  ("/sensors/imu/raw", time, imu(time, heading)),
+                  ("/pf/viz/inferred_pose", time, stamped),
+                  ("/scan", time, robot_scan(np.full(41, 5.0), time=time)),
+                  (f"{driver}/commands/motor/speed", time + 1, make(number, data=speed)),
+                  (f"{driver}/commands/servo/position", time + 2, make(number, data=servo))]  # fmt: skip
     return found
 
 

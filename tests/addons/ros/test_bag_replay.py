@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
-from case_loops import cases, fresh
+from bag_worlds import EPOCH, SECOND, robot_odometry, robot_scan, write_bag
+from cases import each
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_replay import COLUMNS
 from fg_mujoco.addons.ros.bag_writer import export_bag
@@ -20,7 +20,6 @@ from fg_mujoco.simulation.settings import Start
 
 STEERING_TOLERANCE, SPEED_TOLERANCE = 1e-6, 1e-5  # [rad], [m/s]; float32 knows 1e-6 m of a range of 10 m
 HAIRPIN = 26.0  # [m] along the line
-EPOCH = 1_700_000_000 * SECOND + 123_456_789
 
 
 def read_commands(path):
@@ -47,12 +46,12 @@ def assert_same_commands(rows, result):
 
 
 @pytest.mark.slow
-def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(tmp_path):
-    for name in cases(*controller_names()):
-        result, bag = race_and_bag(fresh(tmp_path), controller=name)
-        out = tmp_path / f"{name}.csv"
-        assert main(["replay-scans", str(bag), "--controller", name, "--track", "hairpins", "--out", str(out)]) == 0
-        assert_same_commands(read_commands(out), result)
+@each("name", controller_names())
+def test_every_planner_commands_over_its_own_bag_what_it_commanded_in_the_race(name, tmp_path):
+    result, bag = race_and_bag(tmp_path, controller=name)
+    out = tmp_path / f"{name}.csv"
+    assert main(["replay-scans", str(bag), "--controller", name, "--track", "hairpins", "--out", str(out)]) == 0
+    assert_same_commands(read_commands(out), result)
 
 
 @pytest.mark.slow
@@ -77,51 +76,39 @@ def robot_bag(folder, ranges, **geometry):
     return write_bag(folder, entries)
 
 
-def test_a_planner_of_ones_own_is_run_and_what_it_was_told_without_odometry_is_said(tmp_path, monkeypatch, capsys):
-    (tmp_path / "mine.py").write_text(
-        "from fg_mujoco.messages import DriveCommand\n"
-        "class Mine:\n"
-        "    def reset(self):\n        print('hello')\n"
-        "    def __call__(self, scan, odometry):\n"
-        "        return DriveCommand(steering_angle=0.0, speed=float(scan.ranges[0]) + odometry.speed)\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    write_bag(tmp_path / "drive", [("/front", EPOCH, robot_scan([2.5, 1.0], time=EPOCH))])
+def test_a_planner_of_ones_own_is_run_and_what_it_was_told_without_odometry_is_said(here, capsys):
+    (here / "mine.py").write_text("from fg_mujoco.messages import DriveCommand\n" "class Mine:\n"
+        "    def reset(self):\n        print('hello')\n" "    def __call__(self, scan, odometry):\n"
+        "        return DriveCommand(steering_angle=0.0, speed=float(scan.ranges[0]) + odometry.speed)\n")  # fmt: skip
+    write_bag(here / "drive", [("/front", EPOCH, robot_scan([2.5, 1.0], time=EPOCH))])
     assert main(["replay-scans", "drive", "--controller", "mine.py:Mine"]) == 0
     captured = capsys.readouterr()
     assert captured.out == "drive_commands.csv: 1 commands to the scans on /front\n"
     assert "no odometry; the speed is taken to be 0" in captured.err
-    assert read_commands(tmp_path / "drive_commands.csv")[0, 2:].tolist() == [0.0, 2.5]
+    assert read_commands(here / "drive_commands.csv")[0, 2:].tolist() == [0.0, 2.5]
 
 
-def test_commands_up_to_a_planners_failure_are_on_disk(tmp_path, monkeypatch, capsys):
-    (tmp_path / "mine.py").write_text(
-        "from fg_mujoco.messages import STOP\n"
-        "class Mine:\n"
-        "    def reset(self):\n        self.count = 0\n"
-        "    def __call__(self, scan, odometry):\n"
-        "        self.count += 1\n"
-        "        return STOP if self.count < 4 else None\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    robot_bag(tmp_path / "bag", np.full(41, 3.0))
+def test_commands_up_to_a_planners_failure_are_on_disk(here, capsys):
+    (here / "mine.py").write_text("from fg_mujoco.messages import STOP\n" "class Mine:\n"
+        "    def reset(self):\n        self.count = 0\n" "    def __call__(self, scan, odometry):\n"
+        "        self.count += 1\n" "        return STOP if self.count < 4 else None\n")  # fmt: skip
+    robot_bag(here / "bag", np.full(41, 3.0))
     assert main(["replay-scans", "bag", "--controller", "mine.py:Mine", "--out", "out.csv"]) == 1
     said = capsys.readouterr().err.splitlines()[-1]
     assert "answered None" in said and said.endswith("out.csv has the commands up to there")
-    assert len(read_commands(tmp_path / "out.csv")) == 3
+    assert len(read_commands(here / "out.csv")) == 3
 
 
-def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    robot_bag(tmp_path / "bag", np.full(41, 3.0))
-    before, deliver = sorted(tmp_path.rglob("*")), ScanBag.__iter__
+def test_a_bag_that_is_damaged_in_the_middle_leaves_no_file(here, monkeypatch, capsys):
+    robot_bag(here / "bag", np.full(41, 3.0))
+    before, deliver = sorted(here.rglob("*")), ScanBag.__iter__
 
     def damaged(self):
         yield from itertools.islice(deliver(self), 2)
         raise fg.BagError("bag: is damaged")
 
     monkeypatch.setattr(ScanBag, "__iter__", damaged)
-    for name in cases("out.csv", "out.mcap"):
+    for name in ("out.csv", "out.mcap"):
         assert main(["replay-scans", "bag", "--out", name]) == 2
         assert "bag: is damaged" in capsys.readouterr().err
-        assert sorted(tmp_path.rglob("*")) == before
+        assert sorted(here.rglob("*")) == before

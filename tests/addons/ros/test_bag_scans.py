@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bag_worlds import robot_scan, rotation
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.bag_frames import rotation as _rotation
 from fg_mujoco.addons.ros.bag_messages import scan_message, to_cdr, type_store
 from fg_mujoco.addons.ros.bag_scans import Mount, to_scan
@@ -38,11 +38,11 @@ def test_readings_that_are_no_distance_are_as_rep_117_has_them():
     np.testing.assert_array_equal(np.delete(scan.ranges, 6), np.delete(expected, 6))
 
 
-def test_any_number_of_beams_is_a_scan():
-    for count in cases(0, 1, 2, 1081):
-        scan = to_scan(robot_scan(np.full(count, 2.0), first=-1.0, step=0.002))
-        np.testing.assert_array_equal(scan.ranges, np.full(count, 2.0))
-        np.testing.assert_allclose(scan.bearings, -1.0 + 0.002 * np.arange(count), atol=1e-6)
+@each("count", [0, 1, 2, 1081])
+def test_any_number_of_beams_is_a_scan(count):
+    scan = to_scan(robot_scan(np.full(count, 2.0), first=-1.0, step=0.002))
+    np.testing.assert_array_equal(scan.ranges, np.full(count, 2.0))
+    np.testing.assert_allclose(scan.bearings, -1.0 + 0.002 * np.arange(count), atol=1e-6)
 
 
 def test_a_scan_comes_back_as_it_went():
@@ -67,9 +67,8 @@ def test_the_stamp_in_a_header_is_that_of_the_first_beam():
 
 
 @pytest.mark.slow
-@given(
-    beams=st.integers(2, 95), share=st.floats(0.05, 0.99), start=st.floats(-math.pi, math.pi), turns=st.integers(-1, 1)
-)
+@given(beams=st.integers(2, 95), share=st.floats(0.05, 0.99), start=st.floats(-math.pi, math.pi),
+       turns=st.integers(-1, 1))  # fmt: skip
 def test_wherever_the_beams_begin_the_same_is_seen(beams, share, start, turns):
     step = share * math.tau / (beams - 1) if share * math.tau / (beams - 1) * beams <= math.tau else math.tau / beams
     ranges = DISTANCE[:beams]
@@ -94,17 +93,17 @@ def test_a_full_circle_from_0_to_2_pi_is_turned_to_look_ahead():
     np.testing.assert_array_equal(again.ranges, scan.ranges)
 
 
-def test_bearings_are_those_of_the_car_however_the_lidar_is_mounted():
-    for yaw, roll in cases((0.0, 0.0), (0.3, 0.0), (0.0, math.pi), (-0.4, math.pi), (math.pi, 0.0)):
-        turned = _rotation(rotation(yaw, roll))
-        scan = to_scan(robot_scan(DISTANCE[:40], first=-2.0, step=0.1), Mount.of(turned, "laser"))
-        assert_ordered(scan)
-        angles = -2.0 + 0.1 * np.arange(40)
-        directions = turned @ np.array((np.cos(angles), np.sin(angles), np.zeros(40)))  # in 3D, from first principles
-        for direction, distance in zip(directions.T, DISTANCE[:40], strict=True):
-            (bearing,) = scan.bearings[scan.ranges == distance]
-            off = math.remainder(bearing - math.atan2(direction[1], direction[0]), math.tau)
-            assert abs(off) <= (1e-5 if yaw < 3.0 else 0.05)  # in the circle, a beam is within half a step of its place
+@each("yaw, roll", [(0.0, 0.0), (0.3, 0.0), (0.0, math.pi), (-0.4, math.pi), (math.pi, 0.0)])
+def test_bearings_are_those_of_the_car_however_the_lidar_is_mounted(yaw, roll):
+    turned = _rotation(rotation(yaw, roll))
+    scan = to_scan(robot_scan(DISTANCE[:40], first=-2.0, step=0.1), Mount.of(turned, "laser"))
+    assert_ordered(scan)
+    angles = -2.0 + 0.1 * np.arange(40)
+    directions = turned @ np.array((np.cos(angles), np.sin(angles), np.zeros(40)))  # in 3D, from first principles
+    for direction, distance in zip(directions.T, DISTANCE[:40], strict=True):
+        (bearing,) = scan.bearings[scan.ranges == distance]
+        off = math.remainder(bearing - math.atan2(direction[1], direction[0]), math.tau)
+        assert abs(off) <= (1e-5 if yaw < 3.0 else 0.05)  # in the circle, a beam is within half a step of its place
 
 
 def test_a_tilted_lidar_is_refused():
@@ -112,14 +111,13 @@ def test_a_tilted_lidar_is_refused():
         Mount.of(_rotation(rotation(0.2, math.radians(30.0))), "laser")
 
 
-def test_angles_and_limits_that_no_lidar_has_are_refused():
-    for changes, named in cases(
-        ({"step": 0.0}, "angle_increment is 0 rad with 9 beams"),
-        ({"step": 3.0}, "a full turn at most"),
-        ({"angle_min": math.nan}, "angle_min is nan"),
-        ({"range_max": math.inf}, "range_max is inf"),
-        ({"range_max": 0.0}, "range_max 0"),
-        ({"range_min": -1.0}, "range_min is -1"),
-    ):
-        with pytest.raises(BagError, match=named):
-            to_scan(robot_scan(np.ones(9), **changes))
+@each("changes, named",
+      [({"step": 0.0}, "angle_increment is 0 rad with 9 beams"),
+       ({"step": 3.0}, "a full turn at most"),
+       ({"angle_min": math.nan}, "angle_min is nan"),
+       ({"range_max": math.inf}, "range_max is inf"),
+       ({"range_max": 0.0}, "range_max 0"),
+       ({"range_min": -1.0}, "range_min is -1")])  # fmt: skip
+def test_angles_and_limits_that_no_lidar_has_are_refused(changes, named):
+    with pytest.raises(BagError, match=named):
+        to_scan(robot_scan(np.ones(9), **changes))

@@ -4,19 +4,17 @@ import shutil
 import sqlite3
 import struct
 import warnings
+from itertools import product
 
 import pytest
 
-from bag_worlds import SECOND, robot_odometry, robot_scan, write_bag
-from case_loops import cases, fresh
+from bag_worlds import CAR, EPOCH, SECOND, robot_odometry, robot_scan, write_bag
+from cases import each
 from fg_mujoco.addons.ros.bag_messages import type_store
 from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import BagError
-from fg_mujoco.vehicle.vehicle import Vehicle
 
-CAR = Vehicle.load().parameters
-EPOCH = 1_700_000_000 * SECOND
 STEP = SECOND // 40
 SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -32,9 +30,9 @@ def entries(count=40, first=0):
     return found
 
 
-def nearest(path, **options):
+def nearest(path):
     """The first range of each scan, of which no two are the same."""
-    with ScanBag(path, CAR, **options) as bag:
+    with ScanBag(path, CAR) as bag:
         return [delivery.scan.ranges[0] for delivery in bag]
 
 
@@ -94,32 +92,15 @@ def of_mcap(path, found, *, finish=True, compression="NONE", chunk=4096, profile
     return path
 
 
-def split(folder, *, storage="MCAP", compression=None, mode="FILE", metadata=True):
+def split(folder, metadata=True, **options):
     """Write a bag of three files that follow each other, as `ros2 bag record --max-bag-duration` does."""
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-
     folder.mkdir()
     names = []
-    for part, count in ((0, 12), (1, 1), (2, 27)):
-        first = (0, 12, 13)[part]
-        piece = folder.parent / f"piece_{part}"
-        writer = Writer(piece, version=9, storage_plugin=StoragePlugin[storage])
-        if compression:
-            writer.set_compression(getattr(CompressionMode, mode), CompressionFormat.ZSTD)
-        store, connections = type_store(), {}
-        with writer:
-            for topic, time, message in entries(count, first):
-                kind = message.__msgtype__
-                if topic not in connections:
-                    connections[topic] = writer.add_connection(topic, kind, typestore=store)
-                writer.write(connections[topic], time, store.serialize_cdr(message, kind))
+    for name, first, count in (("drive_0", 0, 12), ("drive_1", 12, 1), ("drive_10", 13, 27)):  # in order of numbers
+        piece = write_bag(folder.parent / f"piece_{first}", entries(count, first), **options)
         (file,) = [path for path in piece.iterdir() if path.suffix != ".yaml"]
-        suffixes = file.name[file.name.index(".") :]
-        names.append(f"drive_{part}{suffixes}")
+        names.append(name + file.name[file.name.index(".") :])
         shutil.move(file, folder / names[-1])
-    # 10 after 9: their order is that of numbers
-    (folder / names[2]).rename(folder / names[2].replace("drive_2", "drive_10"))
-    names[2] = names[2].replace("drive_2", "drive_10")
     if metadata:
         files = "".join(f"    - {name}\n" for name in names)
         (folder / "metadata.yaml").write_text(
@@ -128,23 +109,18 @@ def split(folder, *, storage="MCAP", compression=None, mode="FILE", metadata=Tru
     return folder
 
 
-def test_files_that_follow_each_other_are_one_bag(tmp_path):
-    for storage, compression, mode in cases(
-        ("MCAP", None, ""), ("SQLITE3", None, ""), ("SQLITE3", "zstd", "FILE"), ("SQLITE3", "zstd", "MESSAGE")
-    ):
-        for metadata in cases(True, False):
-            folder = split(
-                fresh(tmp_path) / "drive", storage=storage, compression=compression, mode=mode, metadata=metadata
-            )
-            assert nearest(folder) == EXPECTED
+@each("storage, compression, metadata", [("MCAP", None, False), *product(["SQLITE3"], [None, "FILE", "MESSAGE"], [1]),
+                                         ("MCAP", None, True), ("SQLITE3", "FILE", False)])  # fmt: skip
+def test_files_that_follow_each_other_are_one_bag(storage, compression, metadata, tmp_path):
+    assert nearest(split(tmp_path / "drive", metadata, storage=storage, compression=compression)) == EXPECTED
 
 
 def test_a_bag_is_read_however_compressed_and_in_the_order_of_time(tmp_path):
     found = sorted(entries(), key=lambda entry: entry[0])
-    for compression in cases("NONE", "LZ4", "ZSTD"):
+    for compression in ("NONE", "LZ4", "ZSTD"):
         assert nearest(of_mcap(tmp_path / "drive.mcap", found, compression=compression)) == EXPECTED
-    for compression in cases(None, "BZ2", "LZ4"):
-        assert nearest(of_ros1(fresh(tmp_path) / "drive.bag", entries(), compression=compression)) == EXPECTED
+    for compression in (None, "BZ2", "LZ4"):
+        assert nearest(of_ros1(tmp_path / f"{compression}.bag", entries(), compression=compression)) == EXPECTED
 
 
 def test_a_bag_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tmp_path, capsys):
@@ -155,7 +131,7 @@ def test_a_bag_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tm
             said = capsys.readouterr().err
             assert said.count("\n") == 1 and f"{file}: is unfinished or damaged" in said and command in said
 
-    for compression in cases("NONE", "ZSTD"):
+    for compression in ("NONE", "ZSTD"):
         path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression)
         unfinished = of_mcap(tmp_path / "other.mcap", entries(), compression=compression, finish=False, chunk=600)
         whole, recover = path.read_bytes(), "`mcap recover drive.mcap -o drive_whole.mcap`"
@@ -172,23 +148,23 @@ def test_a_bag_that_is_not_whole_is_refused_with_the_command_that_recovers_it(tm
     refused(folder, file, recover, whole[: len(whole) // 3], whole[: 9 * len(whole) // 10])
 
 
-def test_a_bit_that_is_wrong_is_said_and_never_read_as_a_range(tmp_path):
-    for compression in cases("NONE", "ZSTD"):
-        path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression, chunk=2000)
-        whole = bytearray(path.read_bytes())
-        for place in range(400, len(whole), 197 * (1 + len(whole) // 4000)):
-            damaged = bytearray(whole)
-            damaged[place] ^= 0x40
-            path.write_bytes(damaged)
-            with warnings.catch_warnings(record=True) as said:
-                warnings.simplefilter("always")
-                try:
-                    read = nearest(path)
-                except BagError as error:
-                    assert str(path) in str(error)
-                    continue
-            assert set(read) <= set(EXPECTED)
-            assert read == EXPECTED or said
+@each("compression", ["NONE", "ZSTD"])
+def test_a_bit_that_is_wrong_is_said_and_never_read_as_a_range(compression, tmp_path):
+    path = of_mcap(tmp_path / "drive.mcap", entries(), compression=compression, chunk=2000)
+    whole = bytearray(path.read_bytes())
+    for place in range(400, len(whole), 197 * (1 + len(whole) // 4000)):
+        damaged = bytearray(whole)
+        damaged[place] ^= 0x40
+        path.write_bytes(damaged)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                read = nearest(path)
+            except BagError as error:
+                assert str(path) in str(error)
+                continue
+        assert set(read) <= set(EXPECTED)
+        assert read == EXPECTED or said
 
 
 def test_messages_that_are_in_the_log_of_a_database_are_read_and_the_files_stay_as_they_are(tmp_path):
@@ -201,9 +177,8 @@ def test_messages_that_are_in_the_log_of_a_database_are_read_and_the_files_stay_
     topics = dict(base.execute("SELECT name, id FROM topics"))
     for topic, time, message in entries(20, 20):
         data = store.serialize_cdr(message, message.__msgtype__)
-        base.execute(
-            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (topics[topic], time, bytes(data))
-        )
+        base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
+                     (topics[topic], time, bytes(data)))  # fmt: skip
     base.commit()
     log = file.with_name(f"{file.name}-wal")
     assert log.stat().st_size > 0
@@ -217,17 +192,15 @@ def test_an_old_database_has_the_types_of_its_distribution(tmp_path):
     folder = write_bag(tmp_path / "drive", entries(), storage="SQLITE3")
     (file,) = folder.glob("*.db3")
     base = sqlite3.connect(file)  # as Foxy wrote them: no definitions, no schema
+    columns = "id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT"
     base.executescript(
-        "DROP TABLE message_definitions; DROP TABLE schema; DROP TABLE metadata;"
-        "CREATE TABLE t(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
-        " offered_qos_profiles TEXT);"
+        f"DROP TABLE message_definitions; DROP TABLE schema; DROP TABLE metadata; CREATE TABLE t({columns});"
         "INSERT INTO t SELECT id, name, type, serialization_format, offered_qos_profiles FROM topics;"
         "DROP TABLE topics; ALTER TABLE t RENAME TO topics;"
     )
     base.close()
     (folder / "metadata.yaml").unlink()
-    assert nearest(folder) == EXPECTED
-    assert nearest(file) == EXPECTED
+    assert nearest(folder) == nearest(file) == EXPECTED
 
 
 def test_a_message_of_ones_own_type_beside_is_no_obstacle(tmp_path):

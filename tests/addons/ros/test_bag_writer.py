@@ -6,15 +6,15 @@ import math
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 import fg_mujoco as fg
-from case_loops import cases, fresh
+from bag_worlds import decoded
+from cases import each
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
-from fg_mujoco.cli.main import main
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
+from refusals import refused
 
 ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
 
@@ -46,12 +46,8 @@ def bag(folder):
 
 @pytest.fixture(scope="module")
 def messages(bag):
-    """The bag as the MCAP organisation's ROS 2 support reads it: (log time, message) by topic."""
-    found = {topic: [] for topic in TOPICS}
-    with bag.open("rb") as file:
-        for _, channel, raw, message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
-            found[channel.topic].append((raw.log_time, message))
-    return found
+    """(log time, message) by topic."""
+    return decoded(bag)
 
 
 def test_bag_opens_with_a_summary_a_schema_a_topic_and_the_run_itself(bag, folder):
@@ -68,29 +64,26 @@ def test_bag_opens_with_a_summary_a_schema_a_topic_and_the_run_itself(bag, folde
 
 
 @pytest.mark.slow
-def test_a_run_is_sensed_again_bit_for_bit(tmp_path):
-    for track, effects, lidar in cases(
-        ("oval", LidarEffects(), "raycast"),
-        ("oval", ALL_EFFECTS, "raycast"),
-        ("scene:crossing_box:1", LidarEffects(no_return="range_max"), "raycast"),
-        ("oval", LidarEffects(range_noise_std=0.02), "rangefinder"),
-    ):
-        planner, here = Listener(), fresh(tmp_path) / "run"
-        fg.write_run(
-            fg.race(track, planner, laps=1, time_limit=0.49, effects=effects, lidar=lidar, seed=3), here,
-            picture=False,
-        )  # fmt: skip
-        run = fg.read_run(here)
-        ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
-        assert len(ticks) == len(planner.heard) == 20
-        for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
-            assert tick.scan.stamp == scan.stamp
-            np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
-            assert tick.odometry.stamp == run.time[index]
-            for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
-                np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
-            # at the start the sensor is read with a solver that is warm already
-            np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
+@each("track, effects, lidar",
+      [("oval", LidarEffects(), "raycast"),
+       ("oval", ALL_EFFECTS, "raycast"),
+       ("scene:crossing_box:1", LidarEffects(no_return="range_max"), "raycast"),
+       ("oval", LidarEffects(range_noise_std=0.02), "rangefinder")])  # fmt: skip
+def test_a_run_is_sensed_again_bit_for_bit(track, effects, lidar, tmp_path):
+    planner, here = Listener(), tmp_path / "run"
+    fg.write_run(fg.race(track, planner, laps=1, time_limit=0.49, effects=effects, lidar=lidar, seed=3), here,
+                 picture=False)  # fmt: skip
+    run = fg.read_run(here)
+    ticks = [tick.sensed for tick in resimulate(run, load_world(run))]
+    assert len(ticks) == len(planner.heard) == 20
+    for index, (tick, (scan, odometry)) in enumerate(zip(ticks, planner.heard, strict=True)):
+        assert tick.scan.stamp == scan.stamp
+        np.testing.assert_array_equal(tick.scan.ranges, scan.ranges)
+        assert tick.odometry.stamp == run.time[index]
+        for name in ("stamp", "speed", "steering_angle", "angular_velocity", "wheel_speeds", "pose"):
+            np.testing.assert_array_equal(getattr(tick.odometry, name), getattr(odometry, name))
+        # at the start the sensor is read with a solver that is warm already
+        np.testing.assert_allclose(tick.odometry.linear_acceleration, odometry.linear_acceleration, atol=1e-6)
 
 
 def test_scans_read_by_another_library_are_those_of_the_run(messages, folder):
@@ -133,9 +126,8 @@ def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
         assert joints.name[0] == "steering"
         assert joints.position[0] == run.column("steering_angle_rad")[i]
         wheels = np.array(joints.velocity[1:])
-        assert 0.04899 * wheels.mean() == pytest.approx(
-            messages["/odom"][i][1].twist.twist.linear.x, rel=0.01, abs=1e-9
-        )
+        assert 0.04899 * wheels.mean() == pytest.approx(messages["/odom"][i][1].twist.twist.linear.x, rel=0.01,
+                                                        abs=1e-9)  # fmt: skip
     _, imu = messages["/imu"][20]
     assert imu.header.frame_id == "imu"
     assert imu.orientation_covariance[0] == -1.0  # it measures none
@@ -174,14 +166,9 @@ def test_same_run_same_bytes(folder, bag, tmp_path):
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
 
 
-def test_bags_that_cannot_be_are_refused_in_one_line(folder, tmp_path, monkeypatch, capsys):
-    for arguments, named in cases(
-        (("--format", "rosbag"), "'rosbag'; accepted: mcap"),
-        (("--out", "run.bag"), "ends in .mcap"),
-        (("--out", "nowhere/run.mcap"), "cannot be written"),
-    ):
-        monkeypatch.chdir(tmp_path)
-        assert main(["export", str(folder), *arguments]) == 2
-        error = capsys.readouterr().err
-        assert named in error and error.count("\n") == 1
-        assert not list(tmp_path.iterdir())
+@each("arguments, named",
+      [(("--format", "rosbag"), "'rosbag'; accepted: mcap"),
+       (("--out", "run.bag"), "ends in .mcap"),
+       (("--out", "nowhere/run.mcap"), "cannot be written")])  # fmt: skip
+def test_bags_that_cannot_be_are_refused_in_one_line(arguments, named, folder, here, capsys):
+    assert named in refused(here, capsys, "export", str(folder), *arguments)

@@ -5,30 +5,12 @@ import numpy as np
 import pytest
 
 import ros_planners
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.errors import ControllerError
+from ros_planners import ROS1, write
 
-HEAD = """
-import rospy
-from sensor_msgs.msg import LaserScan
-from ackermann_msgs.msg import AckermannDriveStamped
-
-def drive(speed, angle=0):
-    message = AckermannDriveStamped()
-    message.drive.speed, message.drive.steering_angle = speed, angle
-    publisher.publish(message)
-
-rospy.init_node("mine")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-"""
 LISTENS = 'rospy.Subscriber("/scan", LaserScan, lambda scan: {})\nrospy.spin()\n'
-
-
-def write(folder, text, name="mine.py"):
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / name).write_text(text)
-    return f"ros:{folder / name}"
 
 
 def commands(source, count=2, **settings):
@@ -36,19 +18,17 @@ def commands(source, count=2, **settings):
 
 
 def test_the_only_scan_and_the_only_odometry_of_another_name_are_taken(tmp_path):
-    text = HEAD + "from nav_msgs.msg import Odometry\nseen = []\n"
+    text = ROS1 + "from nav_msgs.msg import Odometry\nseen = []\n"
     text += 'rospy.Subscriber("/car_1/odom", Odometry, lambda odometry: seen.append(odometry.twist.twist.linear.x))\n'
     text += "take = lambda scan: seen and drive(seen[-1] + len(scan.ranges) / 1081)\n"
     text += 'rospy.Subscriber("/car_1/scan", LaserScan, take)\n'
-    with pytest.warns(
-        UserWarning,
-        match=r"/car_1/scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*line 17\)",
-    ):
+    with pytest.warns(UserWarning,
+        match=r"/car_1/scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*line 18\)"):
         assert commands(write(tmp_path, text + "rospy.spin()\n"))[1][0] == 2.0
 
 
 def test_a_callback_that_sleeps_is_not_called_again_before_it_has_come_back(tmp_path):
-    text = HEAD + "depths = []\ndef call(scan):\n    depths.append(len(depths))\n    drive(max(depths) + 1.0)\n"
+    text = ROS1 + "depths = []\ndef call(scan):\n    depths.append(len(depths))\n    drive(max(depths) + 1.0)\n"
     text += '    rospy.sleep(0.06)\n    depths.pop()\nrospy.Subscriber("/scan", LaserScan, call)\n'
     text += "def tick(event):\n    global ticks\n    ticks += 1\n    drive(3.0 if ticks > 8 else 1.0, ticks / 100)\n"
     text += "ticks = 0\nrospy.Timer(rospy.Duration(0.02), tick)\nrospy.spin()\n"
@@ -59,39 +39,38 @@ def test_a_callback_that_sleeps_is_not_called_again_before_it_has_come_back(tmp_
 
 def test_messages_beside_a_node_are_those_of_its_package_and_hide_no_module(tmp_path):
     write(tmp_path, "float32 gain 1.5\n", "Gain.msg")
-    text = HEAD + "import collections, math\nfrom race.msg import Gain\nfrom collections import deque\n"
+    text = ROS1 + "import collections, math\nfrom race.msg import Gain\nfrom collections import deque\n"
     assert (
         commands(write(tmp_path, text + LISTENS.format("drive(Gain(gain=1.5).gain + math.floor(1.2))")))[-1][0] == 2.5
     )
 
 
-def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(tmp_path):
-    for start in cases(
-        "from car import run\nrun()",
-        "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
-        "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
-        "import runpy\ntry:\n    runpy.run_path(__file__.replace('start', 'mine'))\nexcept ImportError:\n    pass",
-    ):  # fmt: skip
-        write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
-        write(tmp_path, HEAD + LISTENS.format("drive(1.0)"))
-        write(tmp_path / "lib", "from car import run\n", "car_again.py")
-        assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
+@each("start",
+      ["from car import run\nrun()",
+       "import os, sys\nsys.path.insert(0, os.path.dirname(__file__) + '/lib')\nfrom car_again import run\nrun()",
+       "import importlib\nif __name__ == '__main__':\n    importlib.import_module('car').run()",
+       "import runpy\ntry:\n    runpy.run_path(__file__.replace('start', 'mine'))\nexcept ImportError:\n    pass"])
+def test_a_program_whose_first_file_names_no_ros_is_of_the_ros_that_it_imports(start, tmp_path):
+    write(tmp_path, "\ndef run():\n    import mine\n", "car.py")
+    write(tmp_path, ROS1 + LISTENS.format("drive(1.0)"))
+    write(tmp_path / "lib", "from car import run\n", "car_again.py")
+    assert commands(write(tmp_path, start, "start.py"))[-1][0] == 1.0
 
 
-def test_a_command_that_rospy_cannot_send_is_told_with_its_field(tmp_path):
-    for value in cases("'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"):
-        old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
-        source = write(tmp_path, HEAD + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
-        if old:
-            assert commands(source)[-1][1] == 1.0
-            continue
-        said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
-        with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
-            commands(source, 202)
+@each("value", ["'fast'", "[1.0]", "np.ones(2)", "np.ones(1)"])
+def test_a_command_that_rospy_cannot_send_is_told_with_its_field(value, tmp_path):
+    old = value == "np.ones(1)" and np.lib.NumpyVersion(np.__version__) < "2.4.0"
+    source = write(tmp_path, ROS1 + "import numpy as np\n" + LISTENS.format(f"drive(1, {value})"))
+    if old:
+        assert commands(source)[-1][1] == 1.0
+        return
+    said = "accepted by rospy: a number" + (".*pip install 'numpy<2.4'" if value == "np.ones(1)" else "")
+    with pytest.raises(NodeError, match=rf"its callback failed: .*AckermannDrive.steering_angle is .*{said}"):
+        commands(source, 202)
 
 
 def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path):
-    text = HEAD + "import argparse, sys\nassert sys.argv == rospy.myargv()\nname, speed = rospy.myargv()[1:]\n"
+    text = ROS1 + "import argparse, sys\nassert sys.argv == rospy.myargv()\nname, speed = rospy.myargv()[1:]\n"
     text += (
         'parser = argparse.ArgumentParser()\nparser.add_argument("name")\nparser.add_argument("speed", type=float)\n'
     )
@@ -108,7 +87,7 @@ def test_arguments_reach_a_node_from_the_setting_and_from_a_launch_file(tmp_path
 
 def test_a_file_whose_tabs_only_python_2_reads_is_read_as_it_does(tmp_path):
     body = "if scan.ranges:\n\t\tspeed = 1.0\n        \tspeed += 1.0\n        drive(speed)\n"
-    text = HEAD + f"def call(scan):\n\t{body}" + 'rospy.Subscriber("/scan", LaserScan, call)\nrospy.spin()\n'
+    text = ROS1 + f"def call(scan):\n\t{body}" + 'rospy.Subscriber("/scan", LaserScan, call)\nrospy.spin()\n'
     with pytest.warns(UserWarning, match=r"mine.py mixes tabs and spaces, and is read as Python 2 does"):
         assert commands(write(tmp_path, text))[-1][0] == 2.0
 
@@ -124,7 +103,7 @@ gen.add("name", str_t, 0, "of the car")
 exit(gen.generate("wall", "wall", "Wall"))
 """
     write(tmp_path / "cfg", cfg, "Wall.cfg")
-    text = HEAD + "from dynamic_reconfigure.server import Server\nfrom wall.cfg import WallConfig\n"
+    text = ROS1 + "from dynamic_reconfigure.server import Server\nfrom wall.cfg import WallConfig\n"
     text += 'def changed(config, level):\n    assert level == -1 and config.name == ""\n    return config\n'
     text += "server = Server(WallConfig, changed)\n" + LISTENS.format(
         "drive(server.config['speed'], server.config.angle)"
@@ -133,13 +112,12 @@ exit(gen.generate("wall", "wall", "Wall"))
     assert commands(source)[-1] == (1.0, -0.25)
     assert commands(source, speed=2)[-1] == (2.0, -0.25)
     write(tmp_path / "cfg", cfg.replace("-0.25", "limit / 2"), "Wall.cfg")
-    with pytest.raises(
-        ControllerError, match=r"the default of 'angle' is limit / 2 \(.*Wall.cfg, line 5\); accepted: a"
-    ):
+    with pytest.raises(ControllerError,
+                       match=r"the default of 'angle' is limit / 2 \(.*Wall.cfg, line 5\); accepted: a"):  # fmt: skip
         commands(source)
 
 
-def test_python_2_is_refused_with_its_line(tmp_path):
-    for line in cases('print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"):
-        with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[34]\); it is Python 2$"):
-            commands(write(tmp_path, HEAD + line + "\n"))
+@each("line", ['print "started"', "try: pass\nexcept ValueError, error: pass", "mode = 0777"])
+def test_python_2_is_refused_with_its_line(line, tmp_path):
+    with pytest.raises(ControllerError, match=r"does not import: .* \(.*mine.py, line 1[45]\); it is Python 2$"):
+        commands(write(tmp_path, ROS1 + line + "\n"))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.node_host.program import read_program
 from fg_mujoco.errors import ControllerError
 from fg_mujoco.racing.trust import require_trusted, source_code
@@ -106,71 +106,43 @@ def speeds(source, count=2, **settings):
     return speed, round(100 * angle)
 
 
-def test_a_launch_file_in_python_starts_its_nodes(workspace):
-    for body, speed in cases(
-        ("return LaunchDescription([drive(parameters=[{'speed': 2.5}])])", 2.5),
-        ("ld = LaunchDescription()\nld.add_action(drive(parameters=[{'speed': 3}]))\nreturn ld", 3.0),
-        (
-            "share = get_package_share_directory('my_car')\n"
-            "return LaunchDescription([drive(name='driver', parameters=[os.path.join(share, 'config', 'car.yaml')])])",
-            1.5,
-        ),
-        (
-            "file = PathJoinSubstitution([FindPackageShare('my_car'), 'config', 'car.yaml'])\n"
-            "return LaunchDescription([drive(name='driver', parameters=[file, {'speed': 30.0}])])",
-            4.0,
-        ),
-        (
-            "path = os.path.join(os.path.dirname(__file__), 'inner.launch.py')\n"
-            "return LaunchDescription([IncludeLaunchDescription(PythonLaunchDescriptionSource([path]))])",
-            1.25,
-        ),
-        (
-            "back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"
-            "    DeclareLaunchArgument('back', default_value='true'),\n"
-            "    drive(parameters=[{'back': ParameterValue(back, value_type=bool)}], condition=IfCondition(back)),\n"
-            "    drive(package='nothing', condition=UnlessCondition(back))])",
-            -1.0,
-        ),
-        (
-            "mode = LaunchConfiguration('mode')\nreturn LaunchDescription([\n"
-            "    DeclareLaunchArgument('mode', default_value='slow'),\n"
-            "    drive(parameters=[{'speed': 4.0}], condition=LaunchConfigurationEquals('mode', 'fast')),\n"
-            "    drive(parameters=[{'speed': 0.5}],\n"
-            "          condition=IfCondition(PythonExpression([\"'\", mode, \"' == 'slow'\"])))])",
-            0.5,
-        ),
-        (
-            "def later(context, factor):\n"
-            "    speed = float(LaunchConfiguration('v').perform(context)) * factor\n"
-            "    return [drive(parameters=[{'speed': speed}])]\n"
-            "return LaunchDescription([DeclareLaunchArgument('v', default_value='1.5'),\n"
-            "    OpaqueFunction(function=later, args=[2.0])])",
-            3.0,
-        ),
-        (
-            "nodes = []\nfor i, speed in enumerate([1.0, 2.0]):\n    if i > 0:\n"
-            "        nodes += [drive(parameters=[{'speed': speed + 0.25}], name=f'driver_{i}')]\n"
-            "return LaunchDescription([TimerAction(period=1.0, actions=[GroupAction([SetParameter('limits.top', 2.0),\n"
-            "    *nodes])])])",
-            2.0,
-        ),
-        (
-            "return LaunchDescription([GroupAction([PushRosNamespace('car'),\n"
-            "    drive(remappings=[('out', TextSubstitution(text='/drive')), ('/car/scan', '/scan')])])])",
-            1.0,
-        ),
-    ):  # fmt: skip
-        assert speeds(workspace(body))[0] == speed
+@each("body, speed",
+    [("return LaunchDescription([drive(parameters=[{'speed': 2.5}])])", 2.5),
+     ("ld = LaunchDescription()\nld.add_action(drive(parameters=[{'speed': 3}]))\nreturn ld", 3.0),
+     ("share = get_package_share_directory('my_car')\n"
+      "return LaunchDescription([drive(name='driver', parameters=[os.path.join(share, 'config', 'car.yaml')])])", 1.5),
+     ("file = PathJoinSubstitution([FindPackageShare('my_car'), 'config', 'car.yaml'])\n"
+      "return LaunchDescription([drive(name='driver', parameters=[file, {'speed': 30.0}])])", 4.0),
+     ("path = os.path.join(os.path.dirname(__file__), 'inner.launch.py')\n"
+      "return LaunchDescription([IncludeLaunchDescription(PythonLaunchDescriptionSource([path]))])", 1.25),
+     ("back = LaunchConfiguration('back')\nreturn LaunchDescription([\n"
+      "    DeclareLaunchArgument('back', default_value='true'),\n"
+      "    drive(parameters=[{'back': ParameterValue(back, value_type=bool)}], condition=IfCondition(back)),\n"
+      "    drive(package='nothing', condition=UnlessCondition(back))])", -1.0),
+     ("mode = LaunchConfiguration('mode')\nreturn LaunchDescription([\n"
+      "    DeclareLaunchArgument('mode', default_value='slow'),\n"
+      "    drive(parameters=[{'speed': 4.0}], condition=LaunchConfigurationEquals('mode', 'fast')),\n"
+      "    drive(parameters=[{'speed': 0.5}],\n"
+      "          condition=IfCondition(PythonExpression([\"'\", mode, \"' == 'slow'\"])))])", 0.5),
+     ("def later(context, factor):\n" "    speed = float(LaunchConfiguration('v').perform(context)) * factor\n"
+      "    return [drive(parameters=[{'speed': speed}])]\n"
+      "return LaunchDescription([DeclareLaunchArgument('v', default_value='1.5'),\n"
+      "    OpaqueFunction(function=later, args=[2.0])])", 3.0),
+     ("nodes = []\nfor i, speed in enumerate([1.0, 2.0]):\n    if i > 0:\n"
+      "        nodes += [drive(parameters=[{'speed': speed + 0.25}], name=f'driver_{i}')]\n"
+      "return LaunchDescription([TimerAction(period=1.0, actions=[GroupAction([SetParameter('limits.top', 2.0),\n"
+      "    *nodes])])])", 2.0),
+     ("return LaunchDescription([GroupAction([PushRosNamespace('car'),\n"
+      "    drive(remappings=[('out', TextSubstitution(text='/drive')), ('/car/scan', '/scan')])])])", 1.0)])
+def test_a_launch_file_in_python_starts_its_nodes(body, speed, workspace):
+    assert speeds(workspace(body))[0] == speed
 
 
 def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
-    source = workspace(
-        "return LaunchDescription([DeclareLaunchArgument('v', default_value='2.0'),\n"
+    source = workspace("return LaunchDescription([DeclareLaunchArgument('v', default_value='2.0'),\n"
         "    DeclareLaunchArgument('side', default_value='left', choices=['left', 'right']),\n"
         "    drive(parameters=[{'speed': LaunchConfiguration('v')}],\n"
-        "          arguments=['one', '--ros-args', '--log-level', 'info', '-p', 'back:=true', '--', 'two'])])"
-    )
+        "          arguments=['one', '--ros-args', '--log-level', 'info', '-p', 'back:=true', '--', 'two'])])")
     assert speeds(source) == (-2.0, 2)
     assert speeds(source, **{"launch.v": 3})[0] == -3.0
     assert speeds(source, speed=1.5)[0] == -1.5
@@ -197,21 +169,20 @@ def test_nodes_that_are_not_here_are_left_out_with_a_warning(workspace):
     assert "package 'nav2' is not here" in said
 
 
-def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(workspace):
-    for first in cases(True, False):
-        for fails, said in cases(
-            ("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
-            (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
-            ("print 'python 2'", "it is Python 2"),
-            (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero"),
-        ):  # fmt: skip
-            nodes = ["Node(package='my_car', executable='board')", "drive()"]
-            source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
-            board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
-            board.parent.mkdir(exist_ok=True)
-            board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
-            with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
-                assert speeds(source, 4)[0] == 1.0
+@each("first", [True, False])
+@each("fails, said",
+      [("import no_such_module\nno_such_module.show()", r"No module named 'no_such_module' \(.*board, line 2\)"),
+       (f"{BOARD}node.create_publisher(AckermannDriveStamped, '/nav', 1)\nopen('/dev/none')", "FileNotFoundError"),
+       ("print 'python 2'", "it is Python 2"),
+       (f"{BOARD}node.create_timer(0.04, lambda: 1 / 0)\nrclpy.spin(node)", "division by zero")])  # fmt: skip
+def test_a_node_that_fails_and_that_no_other_needs_ends_alone_with_a_warning(fails, said, first, workspace):
+    nodes = ["Node(package='my_car', executable='board')", "drive()"]
+    source = workspace(f"return LaunchDescription([{', '.join(nodes if first else nodes[::-1])}])")
+    board = Path(source.removeprefix("ros:")).parents[1] / "scripts" / "board"
+    board.parent.mkdir(exist_ok=True)
+    board.write_text(f"#!/usr/bin/env python3\n{fails}\n")
+    with pytest.warns(UserWarning, match=rf"{said}.*; the other nodes drive on"):
+        assert speeds(source, 4)[0] == 1.0
 
 
 def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(workspace):
@@ -222,40 +193,37 @@ def test_nodes_that_all_fail_or_a_driver_that_fails_in_the_race_are_refused(work
     node = car / "my_car" / "drive_node.py"
     text = node.read_text()
     node.write_text(text.replace("out = Ack", "out = 1 / 0 and Ack"))
-    with (
-        pytest.warns(UserWarning, match="drive on"),
-        pytest.raises(Exception, match=r"division by zero \(.*drive_node"),
-    ):
+    with (pytest.warns(UserWarning, match="drive on"),
+          pytest.raises(Exception, match=r"division by zero \(.*drive_node")):  # fmt: skip
         speeds(source)
     node.write_text(text.replace("def __init__(self):", "def __init__(self):\n        1 / 0"))
     with pytest.warns(UserWarning, match="drive on"), pytest.raises(ControllerError, match="FileNotFoundError"):
         speeds(source)
 
 
-def test_what_a_launch_file_fails_of_is_named_with_its_line(workspace):
-    for body, said in cases(
-        ("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"'guess' is not .*, line 20\)"),
-        ("n = xacro.process('a').toxml()\nreturn LaunchDescription([drive(executable=n)])", "'xacro' .*, line 17"),
-        ("if xacro.process('a'):\n    pass\nreturn LaunchDescription([drive()])", r"named 'xacro'.*, line 20\)"),
-        ("while True:\n    pass", r"not come back within 0.5 s .*, line (20|21)\)"),
-        ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' .*, line 17\)"),
-        ("return LaunchDescription([drive(condition=IfCondition(LaunchConfiguration('x')))])", "'x' is not declared"),
-        ("return LaunchDescription([DeclareLaunchArgument('x'), drive()])", r"'x' has no default .*\[launch.x=VALUE\]"),
-        ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python"),
-        ("return LaunchDescription([drive(package='gone')])", "no node .*left out are drive of gone, whose package"),
-        ("return LaunchDescription([drive(remappings=['out'])])", r"a remapping is 'out' .*accepted: \(from, to\)"),
-        ("x = PythonExpression('1 / 0')\nreturn [drive(name=x)]", r"ZeroDivisionError: .* \(.*, line 20\)"),
-        ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "has failed: RecursionError"),
-        ("return LaunchDescription([Node(package='my_' + 'lib', executable='tool')])", "starts .*tool, of a package"),
-    ):  # fmt: skip
-        source = workspace(body)
-        scripts = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib" / "scripts"
-        scripts.mkdir(exist_ok=True)
-        (scripts / "tool").write_text("#!/usr/bin/env python3\n")
-        node = scripts.parents[2] / "my_car" / "my_car" / "drive_node.py"
-        node.write_text(node.read_text().replace("from my_lib.numbers import gain", "gain = float"))
-        with pytest.raises(ControllerError, match=said):
-            speeds(source, **{"host.wall_limit": 0.5})
+@each("body, said",
+      [("return LaunchDescription([drive(parameters=[{'speed': guess()}])])", r"'guess' is not .*, line 20\)"),
+       ("n = xacro.process('a').toxml()\nreturn LaunchDescription([drive(executable=n)])", "'xacro' .*, line 17"),
+       ("if xacro.process('a'):\n    pass\nreturn LaunchDescription([drive()])", r"named 'xacro'.*, line 20\)"),
+       ("while True:\n    pass", r"not come back within 0.5 s .*, line (20|21)\)"),
+       ("return LaunchDescription([drive(condition=IfCondition('maybe'))])", r"a condition is 'maybe' .*, line 17\)"),
+       ("return LaunchDescription([drive(condition=IfCondition(LaunchConfiguration('x')))])", "'x' is not declared"),
+       ("return LaunchDescription([DeclareLaunchArgument('x'), drive()])", r"'x' has no default .*\[launch.x=VALUE\]"),
+       ("return LaunchDescription([])", "starts no node that is here; accepted: nodes in Python"),
+       ("return LaunchDescription([drive(package='gone')])", "no node .*left out are drive of gone, whose package"),
+       ("return LaunchDescription([drive(remappings=['out'])])", r"a remapping is 'out' .*accepted: \(from, to\)"),
+       ("x = PythonExpression('1 / 0')\nreturn [drive(name=x)]", r"ZeroDivisionError: .* \(.*, line 20\)"),
+       ("def f():\n    return f()\nf()\nreturn LaunchDescription([drive()])", "has failed: RecursionError"),
+       ("return LaunchDescription([Node(package='my_' + 'lib', executable='tool')])", "starts .*tool, of a package")])
+def test_what_a_launch_file_fails_of_is_named_with_its_line(body, said, workspace):
+    source = workspace(body)
+    scripts = Path(source.removeprefix("ros:")).parents[2] / "tools" / "my_lib" / "scripts"
+    scripts.mkdir(exist_ok=True)
+    (scripts / "tool").write_text("#!/usr/bin/env python3\n")
+    node = scripts.parents[2] / "my_car" / "my_car" / "drive_node.py"
+    node.write_text(node.read_text().replace("from my_lib.numbers import gain", "gain = float"))
+    with pytest.raises(ControllerError, match=said):
+        speeds(source, **{"host.wall_limit": 0.5})
 
 
 def test_a_launch_file_is_executed_when_its_planner_is_built_and_not_before(workspace, tmp_path):
@@ -291,9 +259,8 @@ return LaunchDescription(nodes)
     with pytest.warns(UserWarning) as caught:
         assert speeds(source)[0] == 2.5
     said = " ".join(str(each.message) for each in caught)
-    assert (
-        "car.yaml is taken" in said and "No module named 'xacro'" in said and "package 'gone' is not here/a.py" in said
-    )
+    assert ("car.yaml is taken" in said and "No module named 'xacro'" in said
+            and "package 'gone' is not here/a.py" in said)  # fmt: skip
 
 
 def test_the_hash_of_a_launch_file_covers_what_it_may_start(workspace):

@@ -3,13 +3,12 @@
 
 import numpy as np
 import pytest
-from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
 from fg_mujoco.addons.look.live.browser import LiveView
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
-from ros_planners import commands, make
+from ros_planners import ROS2, commands, make, node2
 
 SHOWS = """
         from visualization_msgs.msg import Marker, MarkerArray
@@ -45,11 +44,7 @@ SHOWS = """
 
 @pytest.fixture
 def source(tmp_path):
-    path = tmp_path / "mine.py"
-    path.write_text(
-        f"{NODE}{SHOWS}\n    def callback(self, message):\n        self.show()\n        self.drive(1.0)\n{DRIVES}"
-    )
-    return f"ros:{path}:Mine"
+    return node2(tmp_path, "self.show()\nself.drive(1.0)", head=ROS2 + SHOWS)
 
 
 def test_drawings_are_those_of_rviz_in_the_frame_of_the_map(source):

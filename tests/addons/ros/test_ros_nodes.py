@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_class
 from fg_mujoco.addons.ros.node_host.transform_modules import (
     euler_from_quaternion,
     quaternion_from_euler,
-    quaternion_matrix,
+    quaternion_matrix,  # fmt: skip
     quaternion_multiply,
 )
 from fg_mujoco.cli.main import main
@@ -69,17 +69,13 @@ def node(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_node_of_a_course_laps_the_oval_unedited():
-    for source, speed in cases(
-        ("follow_the_gap.py:ReactiveFollowGap", 3.0),
-        ("follow_the_gap.py", 3.0),
-        ("wall_follow.py", 2.0),
-        ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0),
-        ("pure_pursuit_ros1.py", 2.5),
-    ):
-        result = fg.race("oval", f"ros:{NODES / source}", laps=1)
-        assert result.car.end_reason == "finished"
-        assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.1)
+@each("source, speed",
+      [("follow_the_gap.py:ReactiveFollowGap", 3.0), ("follow_the_gap.py", 3.0), ("wall_follow.py", 2.0),
+       ("pure_pursuit/pure_pursuit/pure_pursuit_node.py", 3.0), ("pure_pursuit_ros1.py", 2.5)])  # fmt: skip
+def test_a_node_of_a_course_laps_the_oval_unedited(source, speed):
+    result = fg.race("oval", f"ros:{NODES / source}", laps=1)
+    assert result.car.end_reason == "finished"
+    assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.1)
 
 
 def test_the_safety_node_brakes_before_the_wall():
@@ -228,10 +224,8 @@ def test_topics_are_remapped(node):
     source = node("self.drive(1)", head=HEAD.replace("/scan", "/my_scan") + PUBLISHER.replace("/drive", "/nav"))
     listens = '        self.create_subscription(LaserScan, "/no_scan", self.callback, 10)\n'
     two = HEAD.replace("/scan", "/my_scan") + listens + PUBLISHER
-    with pytest.warns(
-        UserWarning,
-        match=r"/my_scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*mine.py, line 12\)",
-    ):
+    with pytest.warns(UserWarning,
+        match=r"/my_scan has no publisher here, and is taken for /scan; node 'mine' listens \(.*mine.py, line 12\)"):
         assert speeds(make(source), 2) == [1.0, 1.0]
     with pytest.warns(UserWarning, match=r"/no_scan has no publisher here; node 'mine' listens \(.*mine.py, line 13\)"):
         assert speeds(make(node("self.drive(1)", head=two)), 2) == [0.0, 0.0]
@@ -250,13 +244,11 @@ _TELLS_ODOMETRY = """
 """
 
 
-def test_a_topic_that_may_be_something_else_stays_silent(node):
-    for more in cases(
-        _ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")
-    ):
-        source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
-        with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
-            assert speeds(make(source), 2) == [0.0, 0.0]
+@each("more", [_ODOMETRY_ON.format("/opp2/odom"), _ODOMETRY_ON.format("/a/odom") + _ODOMETRY_ON.format("/b/odom")])
+def test_a_topic_that_may_be_something_else_stays_silent(more, node):
+    source = node("pass", _TELLS_ODOMETRY, HEAD + PUBLISHER + more)
+    with pytest.warns(UserWarning, match=r"/odom has no publisher here; node 'mine' listens"):
+        assert speeds(make(source), 2) == [0.0, 0.0]
 
 
 def test_poses_and_transforms_are_those_of_the_car(node):
@@ -281,37 +273,34 @@ self.drive(laser.translation.y)
 
 def test_messages_of_ones_own_package_are_read(node, tmp_path):
     (tmp_path / "race_msgs" / "msg").mkdir(parents=True)
-    (tmp_path / "race_msgs" / "msg" / "Goal.msg").write_text(
-        "uint8 LEFT=3\nstd_msgs/Header header\nfloat64 gain 2.5  # default\nfloat32[] values\n"
-    )
+    (tmp_path / "race_msgs" / "msg"
+     / "Goal.msg").write_text("uint8 LEFT=3\nstd_msgs/Header header\nfloat64 gain 2.5  # default\nfloat32[] values\n")
     body = "from race_msgs.msg import Goal\ngoal = Goal(values=[1.0])\nself.drive(goal.gain + len(goal.values))"
     assert speeds(make(node(body)), 1) == [3.5]
 
 
-def test_messages_of_a_package_deep_in_the_workspace_are_read(node, tmp_path, monkeypatch):
-    for above in cases("libs/deep", "../other/libs/deep"):
-        monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
-        package = tmp_path / above / "race_msgs"
-        (package / "msg").mkdir(parents=True)
-        (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
-        (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
-        (package / "msg" / "Goal.msg").write_text("float64 gain\n")
-        assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
-        shutil.rmtree(package)
+@each("above", ["libs/deep", "../other/libs/deep"])
+def test_messages_of_a_package_deep_in_the_workspace_are_read(above, node, tmp_path, monkeypatch):
+    monkeypatch.setattr("fg_mujoco.addons.ros.node_host.workspace._MOST_FOLDERS", 10**6)  # as pytest has many
+    package = tmp_path / above / "race_msgs"
+    (package / "msg").mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>race_msgs</name></package>")
+    (tmp_path / "package.xml").write_text("<package><name>mine</name></package>")
+    (package / "msg" / "Goal.msg").write_text("float64 gain\n")
+    assert speeds(make(node("from race_msgs.msg import Goal\nself.drive(Goal(gain=1.5).gain)")), 1) == [1.5]
+    shutil.rmtree(package)
 
 
-def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(node, tmp_path):
-    for module in cases("car.py", "car/__init__.py"):
-        for path, text in {
-            "package.xml": "<package><name>car</name></package>", "msg/Goal.msg": "float64 gain\n",
-            module: "def gain():\n    return 0.5\n",
-        }.items():  # fmt: skip
-            (tmp_path / path).parent.mkdir(exist_ok=True)
-            (tmp_path / path).write_text(text)
-        body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
-        body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
-        assert speeds(make(node(body)), 1) == [2.0]
-        (tmp_path / module).unlink()
+@each("module", ["car.py", "car/__init__.py"])
+def test_a_package_has_its_messages_and_the_module_beside_the_node_of_its_name(module, node, tmp_path):
+    for path, text in {"package.xml": "<package><name>car</name></package>", "msg/Goal.msg": "float64 gain\n",
+                       module: "def gain():\n    return 0.5\n"}.items():  # fmt: skip
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text)
+    body = "from car import gain\nimport car\nimport car.msg\nfrom car.msg import Goal\n"
+    body += "self.drive(car.msg.Goal(gain=1.0).gain + Goal().gain + car.gain() + gain())"
+    assert speeds(make(node(body)), 1) == [2.0]
+    (tmp_path / module).unlink()
 
 
 def test_two_nodes_of_a_launch_file_talk_and_drive(tmp_path):
@@ -353,10 +342,8 @@ class Driver(Node):
 """
     )
     launch = tmp_path / "launch.yaml"
-    launch.write_text(
-        "nodes:\n- {file: driver.py, class: Driver, remap: {/speed: /wish}}\n"
-        "- {file: thinker.py, parameters: {speed: 2.0}}\n"
-    )
+    launch.write_text("nodes:\n- {file: driver.py, class: Driver, remap: {/speed: /wish}}\n"
+                      "- {file: thinker.py, parameters: {speed: 2.0}}\n")  # fmt: skip
     source = f"ros:{launch}"
     assert speeds(make(source), 2) == [2.0, 2.0]
     text = source_code(type(make(source)))
@@ -372,53 +359,37 @@ class Driver(Node):
         make(source)
 
 
-def test_a_node_that_cannot_drive_is_refused_in_one_line(node, capsys):
-    for head, said in cases(
-        (
-            HEAD,
-            r"node 'Mine' publishes on no drive topic; accepted: AckermannDriveStamped on /drive; .*mine.py, line 9\)",
-        ),
-        (
-            HEAD + PUBLISHER.replace("/drive", "/a") + PUBLISHER.replace("/drive", "/b"),
-            r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)",
-        ),
-        (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
-        ("import cv_bridge_2\ncv_bridge_2.A()\n" + HEAD, r"No module named 'cv_bridge_2' .*mine.py, line 1\)"),
-        (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
-        (
-            HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n",
-            r"'qos_profile' .*mine.py, line 13\)",
-        ),
-        (HEAD + "        print 'hello'\n", r"Missing parentheses .*mine.py, line 13\); it is Python 2"),
-    ):
-        assert main(["race", "--controller", node("pass", head=head)]) == 2
-        error = capsys.readouterr().err
-        assert error.count("\n") == 1
-        assert re.search(said, error), error
+@each("head, said",
+    [(HEAD, r"node 'Mine' publishes on no drive topic; accepted: AckermannDriveStamped on /drive; .*mine.py, line 9\)"),
+     (HEAD + PUBLISHER.replace("/drive", "/a") + PUBLISHER.replace("/drive", "/b"),
+      r"node 'Mine' has 2 drive topics, /a and /b .*mine.py, line 14\)"),
+     (HEAD.replace("LaserScan\n", "LaserScam\n", 1), r"sensor_msgs.msg has no 'LaserScam' .*mine.py, line 5\)"),
+     ("import cv_bridge_2\ncv_bridge_2.A()\n" + HEAD, r"No module named 'cv_bridge_2' .*mine.py, line 1\)"),
+     (HEAD.replace("Node):", "object):"), r"object.__init__\(\) takes .*mine.py, line 11\)"),
+     (HEAD + "        self.create_publisher(AckermannDriveStamped, '/drive')\n", r"'qos_profile' .*mine.py, line 13\)"),
+     (HEAD + "        print 'hello'\n", r"Missing parentheses .*mine.py, line 13\); it is Python 2")])  # fmt: skip
+def test_a_node_that_cannot_drive_is_refused_in_one_line(head, said, node, capsys):
+    assert main(["race", "--controller", node("pass", head=head)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert re.search(said, error), error
 
 
-def test_a_mistake_in_a_callback_is_told_with_its_line(node):
-    for body, said, line in cases(
-        (
-            "AckermannDriveStamped().speed = 1.0",
-            "has no field 'speed'; accepted: header, drive; did you mean drive.speed?",
-            16,
-        ),
-        (
-            "AckermannDriveStamped().drive.speed = 1",
-            "AckermannDrive.speed is 1 of type int; accepted by rclpy: of type float",
-            16,
-        ),
-        ("message.range", "sensor_msgs/LaserScan has no field 'range'", 16),
-        ("self.publisher.publish(message)", "publish of a LaserScan on /drive; accepted: a AckermannDriveStamped", 16),
-        ("self.get_parameter('gain')", "node 'mine' has declared no parameter 'gain'", 16),
-        ("rclpy.spinn(self)", "rclpy has no 'spinn' here, where no ROS is installed", 16),
-    ):
-        with pytest.warns(UserWarning) as warned:
-            failure = fg.race("oval", node(body), laps=1).car.planner_failure
-        assert said in str(warned[-1].message) and said in str(failure)
-        assert failure.line == line
-        assert failure.file.endswith("mine.py")
+@each("body, said, line",
+      [("AckermannDriveStamped().speed = 1.0",
+        "has no field 'speed'; accepted: header, drive; did you mean drive.speed?", 16),
+       ("AckermannDriveStamped().drive.speed = 1",
+        "AckermannDrive.speed is 1 of type int; accepted by rclpy: of type float", 16),
+       ("message.range", "sensor_msgs/LaserScan has no field 'range'", 16),
+       ("self.publisher.publish(message)", "publish of a LaserScan on /drive; accepted: a AckermannDriveStamped", 16),
+       ("self.get_parameter('gain')", "node 'mine' has declared no parameter 'gain'", 16),
+       ("rclpy.spinn(self)", "rclpy has no 'spinn' here, where no ROS is installed", 16)])  # fmt: skip
+def test_a_mistake_in_a_callback_is_told_with_its_line(body, said, line, node):
+    with pytest.warns(UserWarning) as warned:
+        failure = fg.race("oval", node(body), laps=1).car.planner_failure
+    assert said in str(warned[-1].message) and said in str(failure)
+    assert failure.line == line
+    assert failure.file.endswith("mine.py")
 
 
 def test_a_node_that_never_publishes_is_named_with_the_line_of_its_publisher(node):
@@ -434,7 +405,7 @@ def test_a_node_that_blocks_is_named_with_its_line_and_its_thread_ends(node):
         commands(planner, 1)
     del planner
     gc.collect()
-    for thread in [each for each in threading.enumerate() if each.name == "ros:Mine"]:
+    for thread in [one for one in threading.enumerate() if one.name == "ros:Mine"]:
         thread.join(10.0)
         assert not thread.is_alive()
 
@@ -502,31 +473,23 @@ self.drive(1.0 + sum(draws) / 100 + float(np.float64(0.0)))
     assert speeds(make(seeded), 1) == [float(np.float32(random.Random(5).random()))]
 
 
-def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(node, tmp_path):
-    for read in cases(
-        "open(os.path.join('/home/me/ws', 'src', name + '.csv')).read()",
-        "open(file=f'src/{name}.csv', mode='r').read()",
-        "np.loadtxt(os.path.abspath('src') + '/' + name + '.csv')",
-        "np.genfromtxt(Path('~') / 'ws' / 'src' / f'{name}.csv')",
-    ):
-        (tmp_path / "src").mkdir(exist_ok=True)
-        (tmp_path / "src" / "levine.csv").write_text("1.5\n")
-        head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
-        source = node(
-            "self.drive(self.speed)", head=head + f"        name = 'levine'\n        self.speed = float({read})\n"
-        )
-        with pytest.warns(
-            UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"
-        ):
-            assert speeds(make(source), 1) == [1.5]
+@each("read",
+      ["open(os.path.join('/home/me/ws', 'src', name + '.csv')).read()",
+       "open(file=f'src/{name}.csv', mode='r').read()", "np.loadtxt(os.path.abspath('src') + '/' + name + '.csv')",
+       "np.genfromtxt(Path('~') / 'ws' / 'src' / f'{name}.csv')"])  # fmt: skip
+def test_a_file_of_data_at_a_path_that_is_put_together_is_found_when_it_is_read(read, node, tmp_path):
+    (tmp_path / "src").mkdir(exist_ok=True)
+    (tmp_path / "src" / "levine.csv").write_text("1.5\n")
+    head = f"import os\nfrom pathlib import Path\nimport numpy as np\n{HEAD}{PUBLISHER}"
+    source = node("self.drive(self.speed)",
+                  head=head + f"        name = 'levine'\n        self.speed = float({read})\n")  # fmt: skip
+    with pytest.warns(UserWarning, match=r"levine.csv is not there; .*/src/levine.csv is taken \(.*mine.py, line 18\)"):
+        assert speeds(make(source), 1) == [1.5]
 
 
 def test_locks_events_and_threads_wait_in_simulated_time(node):
-    head = (
-        HEAD
-        + PUBLISHER
-        + "        import threading\n        self.lock, self.event = threading.Lock(), threading.Event()\n"
-    )
+    head = (HEAD + PUBLISHER
+            + "        import threading\n        self.lock, self.event = threading.Lock(), threading.Event()\n")
     head += "        threading.Thread(target=self.other, daemon=True).start()\n        self.value = 0.0\n"
     more = """
     def other(self):

@@ -2,55 +2,17 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.node_host.sensing import STEERING, THROTTLE
-from ros_planners import ODOMETRY, commands, make, speeds
+from ros_planners import ODOMETRY, ROS2, commands, make, node2, speeds
 from scan_worlds import odometry_of
 
-NODE = """
-import rclpy
-from rclpy.node import Node
-from rclpy.qos import QoSProfile, DurabilityPolicy
-from sensor_msgs.msg import LaserScan
-from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
-from ackermann_msgs.msg import AckermannDriveStamped
-
-
-class Mine(Node):
-    def __init__(self):
-        super().__init__("mine")
-        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
-        self.create_subscription(LaserScan, "/scan", self.callback, 10)
-        self.got = {}
-"""
-DRIVES = """
-    def drive(self, speed, angle=0.0):
-        message = AckermannDriveStamped()
-        message.drive.speed, message.drive.steering_angle = float(speed), float(angle)
-        self.publisher.publish(message)
-"""
-
-
-@pytest.fixture
-def written(tmp_path):
-    def write(init, body, more="", head=NODE, name="mine.py"):
-        lines = "".join(f"        {line}\n" for line in init.splitlines())
-        inside = "".join(f"        {line}\n" for line in body.splitlines())
-        path = tmp_path / name
-        path.write_text(f"{head}{lines}\n    def callback(self, message):\n{inside}{DRIVES}{more}")
-        return f"ros:{path}:Mine"
-
-    return write
-
-
 MAP = """
-import numpy as np
 grid = self.got["map"]
 cells = np.array(grid.data, dtype=np.int8).reshape(grid.info.height, grid.info.width)
 at = self.got["odom"].pose.pose.position
@@ -73,72 +35,54 @@ self.drive(1.0)
 """
 
 
-def test_a_node_gets_the_map_once_with_the_walls_that_the_lidar_sees(written):
+def test_a_node_gets_the_map_once_with_the_walls_that_the_lidar_sees(tmp_path):
     init = """
 latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 self.create_subscription(OccupancyGrid, "/map", self.take, latched)
 self.create_subscription(MapMetaData, "/map_metadata", lambda m: self.got.update(info=m), latched)
 self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)
-self.count = 0
+self.taken = 0
 """
     more = """
     def take(self, message):
-        self.count += 1
-        assert self.count == 1
+        self.taken += 1
+        assert self.taken == 1
         self.got["map"] = message
 """
     body = "if 'odom' not in self.got: return\n" + MAP + "assert self.got['info'].width == grid.info.width\n"
-    result = fg.race("oval", written(init, body, more), laps=1, time_limit=1.0)
+    result = fg.race("oval", node2(tmp_path, body, init, more), laps=1, time_limit=1.0)
     assert result.car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_own(written, tmp_path):
+def test_a_node_gets_the_odometry_of_the_other_car_and_that_of_an_opponent_its_own(tmp_path):
     """The other car stands where its own /odom says; both are the poses of the engine."""
-    log = tmp_path / "log.txt"
-    ego = written(
-        'self.create_subscription(Odometry, "/opp_racecar/odom", self.other, 1)\n'
-        f'self.file = open({str(log)!r}, "w")\n',
-        "self.drive(1.5)",
-        """
+    logs = [str(tmp_path / name) for name in ("log.txt", "opponent.txt")]
+    writes = """
     def other(self, message):
         p, q = message.pose.pose.position, message.pose.pose.orientation
         print(message.header.stamp.sec, message.header.stamp.nanosec, p.x, p.y, q.z, message.twist.twist.linear.x,
               file=self.file, flush=True)
-""",
-    )
-    opponent_log = tmp_path / "opponent.txt"
-    opponent = written(
-        'self.create_subscription(LaserScan, "/opp_scan", self.callback, 1)\n'
-        'self.create_subscription(Odometry, "/opp_racecar/odom", self.own, 1)\n'
-        'self.create_subscription(Odometry, "/opp_racecar/opp_odom", lambda m: self.got.update(ego=m), 1)\n'
-        f'self.file = open({str(opponent_log)!r}, "w")\n',
-        "if 'ego' in self.got: self.drive(1.0)",
-        """
-    def own(self, message):
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        print(message.header.stamp.sec, message.header.stamp.nanosec, p.x, p.y, q.z, message.twist.twist.linear.x,
-              file=self.file, flush=True)
-""",
-        head=NODE.replace('"/drive"', '"/opp_drive"').replace(
-            'self.create_subscription(LaserScan, "/scan", self.callback, 10)', "pass"
-        ),
-        name="opponent.py",
-    )
+"""
+    opens = 'self.create_subscription(Odometry, "/opp_racecar/odom", self.other, 1)\nself.file = open({!r}, "w")\n'
+    ego = node2(tmp_path, "self.drive(1.5)", opens.format(logs[0]), writes)
+    listens = 'self.create_subscription(Odometry, "/opp_racecar/opp_odom", lambda m: self.got.update(ego=m), 1)\n'
+    head = ROS2.replace('"/drive"', '"/opp_drive"').replace('"/scan"', '"/opp_scan"')
+    opponent = node2(tmp_path, "if 'ego' in self.got: self.drive(1.0)", listens + opens.format(logs[1]), writes, head,
+                     "opponent.py")  # fmt: skip
     entries = [fg.Entry(controller=ego), fg.Entry(controller=opponent)]
     result = fg.race("oval", entries=entries, laps=1, time_limit=2.0)
     assert [round(car.max_speed_m_s, 1) for car in result.cars] == [1.5, 1.0]
-    seen, own = np.loadtxt(log), np.loadtxt(opponent_log)
+    seen, own = map(np.loadtxt, logs)
     assert len(seen) == len(own) > 70
     np.testing.assert_allclose(seen[:, :5], own[:, :5], atol=1e-12)
     np.testing.assert_allclose(seen[40:, 5], own[40:, 5], atol=0.05)  # over ground; of the wheels
 
 
 @pytest.mark.slow
-def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(written):
-    source = written(
-        'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)',
-        "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)",
-    )
+def test_nodes_with_a_map_and_others_have_the_same_bits_alone_and_in_threads(tmp_path):
+    body = "assert len(self.got['map'].data) > 1000\nself.drive(1.0 + message.ranges[540] / 100.0)"
+    init = 'self.create_subscription(OccupancyGrid, "/map", lambda m: self.got.update(map=m), 1)'
+    source = node2(tmp_path, body, init)
     alone = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6)
     other = fg.rollout("oval", source, n=4, laps=1, time_limit=0.6, executor="processes", workers=1)
     assert (alone["max_speed_m_s"] > 0.5).all()
@@ -172,30 +116,28 @@ class Mine(Node):
 """
 
 
-def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(written):
+@each("asked, expected",
+      [("at.position.x", 2.0 * math.sin(1.0)),
+       ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
+       ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0)])  # fmt: skip
+def test_a_node_that_is_told_no_pose_gets_the_one_that_follows_from_speed_and_yaw_rate(asked, expected, tmp_path):
     """After 1 s at 2 m/s and 1 rad/s: on a circle of 2 m, a rad further."""
-    for asked, expected in cases(
-        ("at.position.x", 2.0 * math.sin(1.0)),
-        ("at.position.y", 2.0 * (1.0 - math.cos(1.0))),
-        ("2 * np.arctan2(at.orientation.z, at.orientation.w)", 1.0),
-    ):
-        init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
-        body = "import numpy as np\nif 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\n"
-        body += f"self.drive({asked})"
-        planner = make(written(init, body))
-        turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
-        # the scan of a tick is heard before its odometry
-        assert commands(planner, 42, turning)[-1][0] == pytest.approx(expected, abs=1e-3)
+    init = 'self.create_subscription(Odometry, "/odom", lambda m: self.got.update(odom=m), 1)'
+    body = f"if 'odom' not in self.got: return\nat = self.got['odom'].pose.pose\nself.drive(float({asked}))"
+    planner = make(node2(tmp_path, body, init))
+    turning = replace(odometry_of(2.0), angular_velocity=np.array((0.0, 0.0, 1.0)))
+    # the scan of a tick is heard before its odometry
+    assert commands(planner, 42, turning)[-1][0] == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_node_of_autodrive_drives_by_throttle_and_steering(tmp_path):
-    for car in cases("f1tenth_1", "roboracer_1"):
-        path = tmp_path / "racer.py"
-        path.write_text(AUTODRIVE.replace("CAR", car))
-        planner = make(f"ros:{path}:Mine")
-        found = commands(planner, 2, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
-        expected = [0.1 * THROTTLE, 0.25 * STEERING, 0.1 * THROTTLE, 0.5 * STEERING]
-        assert np.ravel(found).tolist() == pytest.approx(expected, rel=1e-6)
+@each("car", ["f1tenth_1", "roboracer_1"])
+def test_a_node_of_autodrive_drives_by_throttle_and_steering(car, tmp_path):
+    path = tmp_path / "racer.py"
+    path.write_text(AUTODRIVE.replace("CAR", car))
+    planner = make(f"ros:{path}:Mine")
+    found = commands(planner, 2, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))
+    expected = [0.1 * THROTTLE, 0.25 * STEERING, 0.1 * THROTTLE, 0.5 * STEERING]
+    assert np.ravel(found).tolist() == pytest.approx(expected, rel=1e-6)
 
 
 TEAM = """
@@ -264,25 +206,18 @@ def main():
 
 def test_nodes_answer_each_others_services_and_actions(tmp_path):
     (tmp_path / "srv").mkdir()
-    for name, text in {
-        "package.xml": "<package><name>team</name></package>", "server.py": TEAM + SERVER, "client.py": TEAM + CLIENT,
-        "srv/Plan.srv": "float64 wish\n---\nfloat64 speed\nstring why\n",
-        "launch.yaml": "nodes:\n- {file: client.py}\n- {file: server.py}\n",
-    }.items():  # fmt: skip
+    for name, text in {"package.xml": "<package><name>team</name></package>", "server.py": TEAM + SERVER,
+                       "client.py": TEAM + CLIENT, "srv/Plan.srv": "float64 wish\n---\nfloat64 speed\nstring why\n",
+                       "launch.yaml": "nodes:\n- {file: client.py}\n- {file: server.py}\n"}.items():  # fmt: skip
         (tmp_path / name).write_text(text)
     assert speeds(make(f"ros:{tmp_path / 'launch.yaml'}"), 4)[-1] == 1.5 + 1.0 + 0.75
 
 
-def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(written):
-    source = written("", "self.drive(1.0)").removesuffix(":Mine")
-    path = Path(source.removeprefix("ros:"))
-    path.write_text(
-        path.read_text()
-        + "\n\nfrom std_srvs.srv import Trigger\nrclpy.init()\nnode = Mine()\n"
-        + "client = node.create_client(Trigger, 'ready')\nwhile not client.wait_for_service(1.0):\n    pass\n"
-    )
-    planner = make(source)
-    with pytest.raises(
-        Exception, match=r"it waits for the service /ready, which nobody offers \(.*mine.py, line \d+\)"
-    ):
-        commands(planner, 210)
+def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(tmp_path):
+    source = node2(tmp_path, "self.drive(1.0)").removesuffix(":Mine")
+    with open(source.removeprefix("ros:"), "a") as file:
+        file.write("\nfrom std_srvs.srv import Trigger\nrclpy.init()\n")
+        file.write("client = Mine().create_client(Trigger, 'ready')\nwhile not client.wait_for_service(1.0): pass\n")
+    said = r"it waits for the service /ready, which nobody offers \(.*mine.py, line \d+\)"
+    with pytest.raises(Exception, match=said):
+        commands(make(source), 210)

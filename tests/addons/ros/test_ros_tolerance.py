@@ -9,118 +9,47 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.ros.node_host.graph import NodeError
 from fg_mujoco.simulation.planner_failure import one_line
-from ros_planners import ODOMETRY, commands, make, speeds
-
-HEAD1 = """
-import rospy
-from sensor_msgs.msg import LaserScan
-from ackermann_msgs.msg import AckermannDriveStamped
-
-def drive(speed, angle=0):
-    message = AckermannDriveStamped()
-    message.drive.speed, message.drive.steering_angle = speed, angle
-    publisher.publish(message)
-
-rospy.init_node("mine")
-publisher = rospy.Publisher("/drive", AckermannDriveStamped, queue_size=1)
-count = [0]
-"""
-HEAD2 = """
-import numpy as np
-import rclpy
-from rclpy.node import Node
-from ackermann_msgs.msg import AckermannDriveStamped
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Bool, Float32, Float32MultiArray, Int32
-
-class Mine(Node):
-    def __init__(self):
-        super().__init__("mine")
-        self.count, self.order = 0, []
-        self.publisher = self.create_publisher(AckermannDriveStamped, "/drive", 10)
-        self.create_subscription(LaserScan, "/scan", self.callback, 10)
-"""
-DRIVE2 = """
-    def drive(self, speed, angle=0.0):
-        message = AckermannDriveStamped()
-        message.drive.speed, message.drive.steering_angle = speed, angle
-        self.publisher.publish(message)
-"""
-
-
-@pytest.fixture
-def node1(tmp_path):
-    """Write a node of ROS 1 whose callback of scans has a body, and return what names it."""
-
-    def write(body, more=""):
-        path = tmp_path / "mine.py"
-        lines = "".join(f"    {line}\n" for line in ("count[0] += 1", *body.splitlines()))
-        path.write_text(
-            f'{HEAD1}{more}\ndef take(scan):\n{lines}\nrospy.Subscriber("/scan", LaserScan, take)\nrospy.spin()\n'
-        )
-        return f"ros:{path}"
-
-    return write
-
-
-@pytest.fixture
-def node2(tmp_path):
-    """Write a node of ROS 2 whose callback of scans has a body, and return what names it."""
-
-    def write(body, init="", more=""):
-        path = tmp_path / "mine.py"
-        lines = "".join(f"        {line}\n" for line in ("self.count += 1", *body.splitlines()))
-        init = "".join(f"        {line}\n" for line in init.splitlines())
-        path.write_text(f"{HEAD2}{init}{more}\n    def callback(self, message):\n{lines}{DRIVE2}")
-        return f"ros:{path}:Mine"
-
-    return write
-
+from ros_planners import ODOMETRY, commands, make, node1, node2, speeds
 
 # Callbacks of rospy
 
 
-def test_an_exception_of_a_rospy_callback_is_logged_and_the_node_goes_on(node1, caplog):
+def test_an_exception_of_a_rospy_callback_is_logged_and_the_node_goes_on(tmp_path, caplog):
     body = "if 2 <= count[0] < 30: 1 / 0\ndrive(count[0])"
     with caplog.at_level(logging.ERROR, "fg_mujoco.addons.ros"):
-        assert speeds(make(node1(body)), 31)[:4] == [1.0, 1.0, 1.0, 1.0]
+        assert speeds(make(node1(tmp_path, body)), 31)[:4] == [1.0, 1.0, 1.0, 1.0]
     logged = [record.getMessage() for record in caplog.records]
     assert len(logged) == 2  # the first time, and the tenth
     assert logged[0].startswith("bad callback: <function take") and "ZeroDivisionError: division by zero" in logged[0]
-    assert re.fullmatch(
-        r"bad callback, the 10th time: ZeroDivisionError: division by zero \(.*mine.py, line 17\)", logged[1]
-    )
+    assert re.fullmatch(r"bad callback, the 10th time: ZeroDivisionError: division by zero \(.*mine.py, line 17\)",
+                        logged[1])  # fmt: skip
 
 
-def test_a_node_whose_callbacks_only_fail_is_told_why_it_is_silent(node1):
-    planner = make(node1("drive(undefined)"))
-    with pytest.raises(
-        NodeError, match=r"has published nothing .*; its callback failed: NameError: .*mine.py, line 17"
-    ):
+def test_a_node_whose_callbacks_only_fail_is_told_why_it_is_silent(tmp_path):
+    planner = make(node1(tmp_path, "drive(undefined)"))
+    with pytest.raises(NodeError,
+                       match=r"has published nothing .*; its callback failed: NameError: .*mine.py, line 17"):
         commands(planner, 210)
 
 
 # Commands that are no numbers
 
 
-def test_one_command_that_is_no_number_holds_the_last_with_a_warning(node2):
-    for bad in cases("float('nan')", "2.0, float('nan')", "2.0, float('inf')", "2.0, 1e300"):
-        planner = make(node2(f"self.drive({bad}) if self.count == 3 else self.drive(1.0 + self.count / 10, 0.1)"))
-        with pytest.warns(
-            UserWarning, match=r"has published \w+ .* on /drive \(.*mine.py, line 15\).*last command is held"
-        ):
-            found = commands(planner, 4)
-        assert found[2] == found[1] == pytest.approx((1.2, 0.1), abs=1e-6)
-        assert found[3][0] == pytest.approx(1.4, abs=1e-6)
+@each("bad", ["float('nan')", "2.0, float('nan')", "2.0, float('inf')", "2.0, 1e300"])
+def test_one_command_that_is_no_number_holds_the_last_with_a_warning(bad, tmp_path):
+    planner = make(node2(tmp_path, f"self.drive({bad}) if self.calls == 3 else self.drive(1.0 + self.calls / 10, 0.1)"))
+    with pytest.warns(UserWarning,
+                      match=r"has published \w+ .* on /drive \(.*mine.py, line 16\).*last command is held"):
+        found = commands(planner, 4)
+    assert found[2] == found[1] == pytest.approx((1.2, 0.1), abs=1e-6)
+    assert found[3][0] == pytest.approx(1.4, abs=1e-6)
 
 
-def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
-    planner = make(node2("self.drive(float('nan') if self.count > 1 else 1.0)"))
+def test_ten_commands_in_a_row_that_are_no_numbers_fail(tmp_path):
+    planner = make(node2(tmp_path, "self.drive(float('nan') if self.calls > 1 else 1.0)"))
     with pytest.warns(UserWarning, match="the last command is held"):
         assert speeds(planner, 10) == [1.0] * 10
     with pytest.raises(NodeError, match=r"has published speed nan on /drive .*, 10 times in a row; accepted"):
@@ -130,7 +59,7 @@ def test_ten_commands_in_a_row_that_are_no_numbers_fail(node2):
 # Scalars of NumPy in messages
 
 
-def test_scalars_of_numpy_are_taken_with_one_warning(node2):
+def test_scalars_of_numpy_are_taken_with_one_warning(tmp_path):
     body = """
 self.drive(np.float32(1.5), np.array(0.25))
 assert Int32(data=np.int64(3)).data == 3 and Bool(data=np.bool_(True)).data is True
@@ -138,85 +67,79 @@ assert list(Float32MultiArray(data=[np.float32(1.0), 2.0]).data) == [1.0, 2.0]
 """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert commands(make(node2(body)), 3)[-1] == (1.5, 0.25)
+        assert commands(make(node2(tmp_path, body)), 3)[-1] == (1.5, 0.25)
     said = [str(each.message) for each in caught if "scalar of NumPy" in str(each.message)]
     assert len(said) == 1
-    assert re.search(
-        r"AckermannDrive.speed is .*1.5.* of type float32, .*mine.py, line \d+\); it is taken here", said[0]
-    )
+    assert re.search(r"AckermannDrive.speed is .*1.5.* of type float32, .*mine.py, line \d+\); it is taken here",
+                     said[0])  # fmt: skip
 
 
 # Brakes
 
 
-def test_a_switch_of_a_brake_overrides_the_drive_topic_from_true_to_false(node2):
-    for topic in cases("/brake_bool", "/emergency_brake"):
-        source = node2(
-            "self.drive(2.0, 0.2)\nself.brake.publish(Bool(data=3 <= self.count < 6))",
-            f"self.brake = self.create_publisher(Bool, '{topic}', 1)",
-        )
-        found = commands(make(source), 7)
-        assert [speed for speed, _ in found] == [2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0]
-        assert {round(angle, 6) for _, angle in found} == {0.2}
+@each("topic", ["/brake_bool", "/emergency_brake"])
+def test_a_switch_of_a_brake_overrides_the_drive_topic_from_true_to_false(topic, tmp_path):
+    source = node2(tmp_path, "self.drive(2.0, 0.2)\nself.brake.publish(Bool(data=3 <= self.calls < 6))",
+                   f"self.brake = self.create_publisher(Bool, '{topic}', 1)")  # fmt: skip
+    found = commands(make(source), 7)
+    assert [speed for speed, _ in found] == [2.0, 2.0, 0.0, 0.0, 0.0, 2.0, 2.0]
+    assert {round(angle, 6) for _, angle in found} == {0.2}
 
 
-def test_a_command_on_brake_overrides_the_drive_topic_for_a_fifth_of_a_second(node2):
-    source = node2(
-        "self.drive(2.0)\nif self.count == 3: self.brake.publish(AckermannDriveStamped())",
-        "self.brake = self.create_publisher(AckermannDriveStamped, '/brake', 1)",
-    )
+def test_a_command_on_brake_overrides_the_drive_topic_for_a_fifth_of_a_second(tmp_path):
+    source = node2(tmp_path, "self.drive(2.0)\nif self.calls == 3: self.brake.publish(AckermannDriveStamped())",
+                   "self.brake = self.create_publisher(AckermannDriveStamped, '/brake', 1)")  # fmt: skip
     assert speeds(make(source), 12) == [2.0] * 2 + [0.0] * 8 + [2.0] * 2
 
 
 # The order of a tick, poses of any name, names that rclpy keeps for itself
 
 
-def test_scans_are_delivered_before_odometry_and_poses(node2):
+def test_scans_are_delivered_before_odometry_and_poses(tmp_path):
     init = "kinds = {'/odom': Odometry, '/gt_pose': PoseStamped, '/amcl_pose': PoseWithCovarianceStamped}\n"
     init += "for topic, kind in kinds.items():\n"
     init += "    self.create_subscription(kind, topic, lambda m: self.order.append(type(m).__name__), 1)"
-    body = "told = ['Odometry', 'PoseStamped', 'PoseWithCovarianceStamped'] if self.count > 1 else []\n"
+    body = "told = ['Odometry', 'PoseStamped', 'PoseWithCovarianceStamped'] if self.calls > 1 else []\n"
     body += "assert self.order == told, self.order\n"
     body += "self.order.clear()\nself.drive(1.0)"
-    assert speeds(make(node2(body, init)), 3) == [1.0] * 3
+    assert speeds(make(node2(tmp_path, body, init)), 3) == [1.0] * 3
 
 
-def test_poses_with_covariance_come_on_a_topic_of_any_name(node2):
-    for topic in cases("/my_localization", "/pf/estimate", "/pf/viz/inferred_pose", "/odom"):
-        init = f"self.create_subscription(PoseWithCovarianceStamped, '{topic}', self.pose, 1)\n"
-        init += "self.create_subscription(PoseWithCovarianceStamped, '/initialpose', lambda m: 1 / 0, 1)"
-        more = "\n    def pose(self, message):\n        self.drive(message.pose.pose.position.x)\n"
-        planner = make(node2("pass", init, more))
-        with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
-            assert commands(planner, 1, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))[0][0] == 3.0
+@each("topic", ["/my_localization", "/pf/estimate", "/pf/viz/inferred_pose", "/odom"])
+def test_poses_with_covariance_come_on_a_topic_of_any_name(topic, tmp_path):
+    init = f"self.create_subscription(PoseWithCovarianceStamped, '{topic}', self.pose, 1)\n"
+    init += "self.create_subscription(PoseWithCovarianceStamped, '/initialpose', lambda m: 1 / 0, 1)"
+    more = "\n    def pose(self, message):\n        self.drive(message.pose.pose.position.x)\n"
+    planner = make(node2(tmp_path, "pass", init, more))
+    with pytest.warns(UserWarning, match=rf"{topic} (has no publisher|is \S+) here, and is taken for /amcl_pose"):
+        assert commands(planner, 1, replace(ODOMETRY, pose=np.array((3.0, 4.0, math.pi / 2))))[0][0] == 3.0
 
 
 # Names that NumPy has no longer
 
 
-def test_what_dies_of_numpy_2_is_told_which_version_to_install():
-    for code, said in cases(
-        ("np.product([1])", r"install an older one: pip install 'numpy<2'$"),
-        ("np.in1d([1], [1])", r"pip install 'numpy<2'$"),
-        ("np.cast", r"`np.cast` was removed in the NumPy 2.0 release.*pip install 'numpy<2'$"),
-        ("float(np.ones(1))", r"is no number from NumPy 2.4 on: write value.item\(\).*'numpy<2.4'$"),
-        ("np.zeros(2).__setitem__(0, np.ones(1))", r"pip install 'numpy<2.4'$"),
-        ("np.float(1)", r"np.float went with NumPy 1.24, .*: write float in its place"),
-        ("exec('from numpy import product')", r"cannot import name 'product'.*pip install 'numpy<2'$"),
-    ):
-        if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
-            continue  # this NumPy takes an array of one element as a number
-        with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
-            eval(code, {"np": np})
-        assert re.search(said, one_line(raised.value)), one_line(raised.value)
+@each("code, said",
+      [("np.product([1])", r"install an older one: pip install 'numpy<2'$"),
+       ("np.in1d([1], [1])", r"pip install 'numpy<2'$"),
+       ("np.cast", r"`np.cast` was removed in the NumPy 2.0 release.*pip install 'numpy<2'$"),
+       ("float(np.ones(1))", r"is no number from NumPy 2.4 on: write value.item\(\).*'numpy<2.4'$"),
+       ("np.zeros(2).__setitem__(0, np.ones(1))", r"pip install 'numpy<2.4'$"),
+       ("np.float(1)", r"np.float went with NumPy 1.24, .*: write float in its place"),
+       ("exec('from numpy import product')", r"cannot import name 'product'.*pip install 'numpy<2'$")])  # fmt: skip
+def test_what_dies_of_numpy_2_is_told_which_version_to_install(code, said):
+    if "ones(1)" in code and np.lib.NumpyVersion(np.__version__) < "2.4.0":
+        return  # this NumPy takes an array of one element as a number
+    with pytest.raises((AttributeError, ImportError, TypeError, ValueError)) as raised:
+        eval(code, {"np": np})
+    assert re.search(said, one_line(raised.value)), one_line(raised.value)
 
 
 # Points and images
 
 
-def test_messages_of_sensors_are_converted_as_their_packages_do(node1, node2):
-    for flavour in cases(1, 2):
-        body = """
+@each("flavour", [1, 2])
+def test_messages_of_sensors_are_converted_as_their_packages_do(flavour, tmp_path):
+    body = """
 import numpy as np
 from PACKAGE import point_cloud2 as pc2
 from control_msgs.msg import JointControllerState, JointTrajectoryControllerState
@@ -244,10 +167,10 @@ assert bridge.cv2_to_imgmsg(np.ones((2, 2), np.float32)).encoding == "32FC1"
 assert JointControllerState().set_point == 0.0 and JointTrajectoryControllerState().desired.positions is not None
 DRIVE(1.0)
 """
-        names = ("sensor_msgs", "scan", "drive") if flavour == 1 else ("sensor_msgs_py", "message", "self.drive")
-        for name, put in zip(("PACKAGE", "MESSAGE", "DRIVE"), names, strict=True):
-            body = body.replace(name, put)
-        assert speeds(make(node1(body) if flavour == 1 else node2(body)), 2) == [1.0, 1.0]
+    names = ("sensor_msgs", "scan", "drive") if flavour == 1 else ("sensor_msgs_py", "message", "self.drive")
+    for name, put in zip(("PACKAGE", "MESSAGE", "DRIVE"), names, strict=True):
+        body = body.replace(name, put)
+    assert speeds(make(node1(tmp_path, body) if flavour == 1 else node2(tmp_path, body)), 2) == [1.0, 1.0]
 
 
 # Lifecycle nodes
@@ -296,14 +219,14 @@ def test_a_lifecycle_node_is_configured_and_activated_when_it_is_spun(tmp_path):
 # The beams of f1tenth_gym_ros
 
 
-def test_a_node_for_1080_beams_is_told_of_the_setting_and_drives_with_it(node2):
-    source = node2("assert len(message.ranges) > 1\nself.drive(float((np.array(message.ranges) + np.ones(1080))[540]))")
+def test_a_node_for_1080_beams_is_told_of_the_setting_and_drives_with_it(tmp_path):
+    source = node2(tmp_path, "self.drive(float((np.array(message.ranges) + np.ones(1080))[540]))")
     told = pytest.warns(UserWarning, match=r"written for the 1080 beams of f1tenth_gym_ros.*\[host.beams=1080\]")
     with told, pytest.raises(ValueError, match="1081"):
         commands(make(source), 1)
     assert speeds(make(source, **{"host.beams": 1080}), 1)[0] > 1.0
     body = "angles = message.angle_min + message.angle_increment * np.arange(len(message.ranges))\n"
-    wall = node2(body + "self.drive(float(np.array(message.ranges)[np.argmin(abs(angles - np.pi / 2))]))")
+    wall = node2(tmp_path, body + "self.drive(float(np.array(message.ranges)[np.argmin(abs(angles - np.pi / 2))]))")
     assert speeds(make(wall, **{"host.beams": 720}), 1)[0] == pytest.approx(speeds(make(wall), 1)[0], abs=1e-3)
     with pytest.raises(Exception, match=r"host\.beams is 1; accepted: a whole number from 2"):
         make(source, **{"host.beams": 1})

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from test_ros_surroundings import DRIVES, NODE
 
 import fg_mujoco as fg
+from browsers import opened
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.racing.setup import Setup
+from ros_planners import ROS2, node2
 from scan_worlds import corridor
 from shown_values import SHOWS, file_of_shows
 
@@ -46,11 +47,8 @@ def test_debug_has_the_values_of_each_decision(shows):
 @pytest.mark.slow
 def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows, tmp_path, page_of):
     seen = fg.debug(fg.race("oval", shows, time_limit=1.0), window=1.0)
-    path, errors = seen.write_page(tmp_path / "debug.html"), []
-    with page_of(viewport={"width": 1280, "height": 1100}) as page:
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(path.as_uri())
-        page.wait_for_selector("html[data-ready=yes]")
+    path = seen.write_page(tmp_path / "debug.html")
+    with opened(page_of, path) as page:
         rows = page.locator(".numbers tbody tr")
         names = [row.locator("td").first.inner_text() for row in rows.all()]
         assert names == ["ahead", "count", "odd", "nothing known"]
@@ -78,7 +76,6 @@ def test_the_page_has_a_table_and_a_plot_of_each_number_and_draws_the_rest(shows
             assert pixels() != before, name
             before = pixels()
         assert page.locator("img, b >> text=bad").count() == 0
-    assert errors == []
 
 
 def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_path):
@@ -89,17 +86,15 @@ def test_the_live_view_draws_the_values_of_its_own_car_on_the_map(shows, tmp_pat
     for _ in range(20):
         scan, pose = session.scan, session.simulation.pose
         session.tick()
-    assert set(session.values.now) == {"ahead", "count", "odd", "nothing known", "halved", "hit", "box", "start"} - (
-        {"odd"} if session.values.now["count"].array % 2 == 0 else set()
-    )
+    assert set(session.values.now) == {"ahead", "count", "odd", "nothing known", "halved", "hit", "box",
+                                       "start"} - ({"odd"} if session.values.now["count"].array % 2 == 0 else set())
     assert session.message.startswith("value '<b>bad</b>' is not shown")
     sketches = {sketch.name: sketch for sketch in session.drawings()}
     assert set(sketches) == {"halved", "hit", "box", "start"}
     x, y, heading = pose
     reach = float(scan.ranges[BEAMS // 2]) + session.world.parameters.lidar_offset
-    np.testing.assert_allclose(
-        sketches["hit"].points[:, :2], [[x + reach * math.cos(heading), y + reach * math.sin(heading)]]
-    )
+    np.testing.assert_allclose(sketches["hit"].points[:, :2],
+                               [[x + reach * math.cos(heading), y + reach * math.sin(heading)]])  # fmt: skip
     np.testing.assert_allclose(sketches["start"].points[:, :2], [[0.0, 0.0]])
     assert sketches["box"].points.shape == (3, 2, 3)
     assert sketches["halved"].points.shape[0] > 900
@@ -112,38 +107,32 @@ NODE_SHOWS = """
         import fg_mujoco as fg
         from visualization_msgs.msg import Marker
         from nav_msgs.msg import Path
-        from geometry_msgs.msg import PoseStamped
-        self.goal = self.create_publisher(Marker, "/goal", 1)
-        self.plan = self.create_publisher(Path, "/plan", 1)
-        self.fg = fg
+        self.goal, self.plan = self.create_publisher(Marker, "/goal", 1), self.create_publisher(Path, "/plan", 1)
+        self.fg, self.kinds = fg, (Marker, Path)
 """
-NODE_CALLBACK = """
-    def callback(self, message):
-        from visualization_msgs.msg import Marker
-        from nav_msgs.msg import Path
-        from geometry_msgs.msg import PoseStamped
-        self.fg.show("ahead", message.ranges[len(message.ranges) // 2])
-        self.fg.show("halved", [0.5 * reach for reach in message.ranges])
-        self.fg.show("corner", (1.0, 2.0))
-        marker = Marker(id=1, type=Marker.SPHERE)
-        marker.header.frame_id, marker.scale.x, marker.pose.position.x = "laser", 0.2, 2.0
-        marker.color.r = marker.color.a = 1.0
-        self.goal.publish(marker)
-        path = Path()
-        path.header.frame_id = "base_link"
-        for at in range(3):
-            path.poses.append(PoseStamped())
-            path.poses[-1].pose.position.x = float(at)
-        self.plan.publish(path)
-        self.drive(1.0)
+CALLBACK = """
+Marker, Path = self.kinds
+self.fg.show("ahead", message.ranges[len(message.ranges) // 2])
+self.fg.show("halved", [0.5 * reach for reach in message.ranges])
+self.fg.show("corner", (1.0, 2.0))
+marker = Marker(id=1, type=Marker.SPHERE)
+marker.header.frame_id, marker.scale.x, marker.pose.position.x = "laser", 0.2, 2.0
+marker.color.r = marker.color.a = 1.0
+self.goal.publish(marker)
+path = Path()
+path.header.frame_id = "base_link"
+for at in range(3):
+    path.poses.append(PoseStamped())
+    path.poses[-1].pose.position.x = float(at)
+self.plan.publish(path)
+self.drive(1.0)
 """
 
 
 @pytest.fixture
 def node(tmp_path):
     """A node of ROS that shows values, and publishes a marker and a path."""
-    (tmp_path / "mine.py").write_text(f"{NODE}{NODE_SHOWS}{NODE_CALLBACK}{DRIVES}")
-    return f"ros:{tmp_path / 'mine.py'}:Mine"
+    return node2(tmp_path, CALLBACK, head=ROS2 + NODE_SHOWS)
 
 
 def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
@@ -155,25 +144,19 @@ def test_debug_draws_the_markers_and_paths_of_nodes_over_the_scan(node):
         offset = race.world.parameters.lidar_offset
         np.testing.assert_allclose(drawn["/goal"].points, [[offset + 2.0, 0.0]], atol=1e-6)
         assert drawn["/goal"].colour == (255, 0, 0)
-        np.testing.assert_allclose(
-            drawn["/plan"].points, [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [2.0, 0.0]]], atol=1e-6
-        )
+        np.testing.assert_allclose(drawn["/plan"].points, [[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [2.0, 0.0]]],
+                                   atol=1e-6)  # fmt: skip
         np.testing.assert_allclose(drawn["corner"].points, [[offset + 1.0, 2.0]])
         assert decision.numbers["ahead"] == np.float32(decision.scan.ranges[BEAMS // 2])
         assert "halved" in decision.scans
 
 
 def test_debug_tells_a_node_what_surrounds_its_car(tmp_path):
-    path = tmp_path / "follows.py"
-    path.write_text(
-        f"{NODE}"
-        '        self.create_subscription(Odometry, "/opp_racecar/odom", self.other, 1)\n'
-        "\n    def other(self, message):\n        self.got['x'] = message.pose.pose.position.x\n"
-        "\n    def callback(self, message):\n        import fg_mujoco as fg\n"
-        "        fg.show('other', self.got.get('x'))\n"
-        f"        self.drive(0.1 + 0.1 * ('x' in self.got))\n{DRIVES}"
-    )
-    entries = [fg.Entry(controller=f"ros:{path}:Mine"), fg.Entry(controller="wall_follow", start=fg.Start(s=3.0))]
+    init = "self.create_subscription(Odometry, '/opp_racecar/odom', self.other, 1)"
+    other = "\n    def other(self, message):\n        self.got['x'] = message.pose.pose.position.x\n"
+    body = "import fg_mujoco as fg\nfg.show('other', self.got.get('x'))\nself.drive(0.1 + 0.1 * ('x' in self.got))"
+    node = node2(tmp_path, body, init, other)
+    entries = [fg.Entry(controller=node), fg.Entry(controller="wall_follow", start=fg.Start(s=3.0))]
     race = fg.race("oval", entries=entries, time_limit=0.5)
     seen = fg.debug(race, window=0.5)
     assert seen.notes == ()

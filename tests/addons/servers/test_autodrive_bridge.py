@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
 from fg_mujoco.addons.servers.autodrive import devkit as devkit_module
 from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
@@ -23,6 +23,7 @@ from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_an
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import MessageError, SettingsError
 from fg_mujoco.messages import LaserScan, Odometry
+from refusals import refused
 
 pytest.importorskip("PIL")
 from fg_mujoco.addons.servers.autodrive.front_camera import BlankCamera
@@ -47,18 +48,14 @@ def a_scan(ranges=None):
     """Return a scan of the LiDAR that the bridge has, and of one beam more; beam k reads 1 m + k mm."""
     if ranges is None:
         ranges = 1.0 + 0.001 * np.arange(1081)
-    return LaserScan(
-        angle_min=math.radians(-135.0), angle_max=math.radians(135.0), angle_increment=QUARTER, range_min=0.02,
-        range_max=30.0, ranges=ranges, stamp=0.0,
-    )  # fmt: skip
+    return LaserScan(angle_min=math.radians(-135.0), angle_max=math.radians(135.0), angle_increment=QUARTER,
+                     range_min=0.02, range_max=30.0, ranges=ranges, stamp=0.0)  # fmt: skip
 
 
 def an_odometry(**changed):
-    values = {
-        "stamp": 0.0, "speed": 2.0, "steering_angle": 0.2618, "angular_velocity": np.array((0.0, 0.1, 0.5)),
-        "linear_acceleration": np.array((0.4, 0.2, 9.81)), "wheel_speeds": np.full(4, 2.0),
-        "pose": np.array((1.5, -2.0, math.pi / 2.0)),
-    }  # fmt: skip
+    values = {"stamp": 0.0, "speed": 2.0, "steering_angle": 0.2618, "angular_velocity": np.array((0.0, 0.1, 0.5)),
+              "linear_acceleration": np.array((0.4, 0.2, 9.81)), "wheel_speeds": np.full(4, 2.0),
+              "pose": np.array((1.5, -2.0, math.pi / 2.0))}  # fmt: skip
     return Odometry(**(values | changed))
 
 
@@ -110,21 +107,20 @@ def test_full_throttle_and_steering_are_the_simulators_greatest():
     assert read_answer({"V1 Throttle": "0", "V1 Steering": "0", "Reset": "True"}).reset
 
 
-def test_an_answer_without_commands_is_refused():
-    for answer, said in cases(
-        (None, "the DevKit has answered None; accepted: a dictionary of commands"),
-        (["V1 Throttle"], "the DevKit has answered ['V1 Throttle']; accepted: a dictionary"),
-        ({"V1 Throttle": "0.1"}, "the DevKit has answered no 'V1 Steering'; accepted: a number from -1 to 1"),
-        ({"V1 Throttle": "fast", "V1 Steering": "0"}, "'V1 Throttle' 'fast'; accepted: a number"),
-        ({"V1 Throttle": "nan", "V1 Steering": "0"}, "'V1 Throttle' 'nan'; accepted: a number"),
-        ({"V1 Throttle": "0", "V1 Steering": "1e999"}, "'V1 Steering' '1e999'; accepted: a number"),
-        ({"V1 Throttle": None, "V1 Steering": "0"}, "'V1 Throttle' None; accepted: a number"),
-        ({"V1 Throttle": 10**400, "V1 Steering": "0"}, "; accepted: a number"),
-        ({"V1 Throttle": _NESTED, "V1 Steering": "0"}, "; accepted: a number"),
-    ):
-        with pytest.raises(MessageError) as refused:
-            read_answer(answer)
-        assert said in str(refused.value)
+@each("answer, said",
+      [(None, "the DevKit has answered None; accepted: a dictionary of commands"),
+       (["V1 Throttle"], "the DevKit has answered ['V1 Throttle']; accepted: a dictionary"),
+       ({"V1 Throttle": "0.1"}, "the DevKit has answered no 'V1 Steering'; accepted: a number from -1 to 1"),
+       ({"V1 Throttle": "fast", "V1 Steering": "0"}, "'V1 Throttle' 'fast'; accepted: a number"),
+       ({"V1 Throttle": "nan", "V1 Steering": "0"}, "'V1 Throttle' 'nan'; accepted: a number"),
+       ({"V1 Throttle": "0", "V1 Steering": "1e999"}, "'V1 Steering' '1e999'; accepted: a number"),
+       ({"V1 Throttle": None, "V1 Steering": "0"}, "'V1 Throttle' None; accepted: a number"),
+       ({"V1 Throttle": 10**400, "V1 Steering": "0"}, "; accepted: a number"),
+       ({"V1 Throttle": _NESTED, "V1 Steering": "0"}, "; accepted: a number")])  # fmt: skip
+def test_an_answer_without_commands_is_refused(answer, said):
+    with pytest.raises(MessageError) as refused:
+        read_answer(answer)
+    assert said in str(refused.value)
 
 
 def test_a_lap_in_lockstep_has_the_same_bits_twice():
@@ -145,50 +141,41 @@ def test_a_lap_in_lockstep_has_the_same_bits_twice():
     assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.025 * speed, rel=0.05)
 
 
-def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kept():
-    for answer, said in cases(
-        (lambda number, packet: SILENT if number == 5 else commands(), "an exception has ended its handler"),
-        (lambda number, packet: GONE if number == 5 else commands(), "the DevKit has gone"),
-        (lambda number, packet: {"V1 Throttle": "full"} if number == 5 else commands(), "has answered 'V1 Throttle'"),
-    ):
-        with (
-            devkit_server(answer) as (address, _), DevKit(address, BlankCamera(), patience=0.3) as devkit,
-            pytest.warns(UserWarning, match="DevKit failed"),
-        ):  # fmt: skip
-            result = fg.race("oval", controller=devkit, laps=1)
-        assert result.car.end_reason == "planner_failed"
-        assert said in str(result.car.planner_failure)
-        assert len(result.ctrl) == 5
+@each("answer, said",
+      [(lambda number, packet: SILENT if number == 5 else commands(), "an exception has ended its handler"),
+       (lambda number, packet: GONE if number == 5 else commands(), "the DevKit has gone"),
+       (lambda number, packet: {"V1 Throttle": "full"} if number == 5 else commands(), "has answered 'V1 Throttle'")])
+def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kept(answer, said):
+    with (devkit_server(answer) as (address, _), DevKit(address, BlankCamera(), patience=0.3) as devkit,
+          pytest.warns(UserWarning, match="DevKit failed")):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1)
+    assert result.car.end_reason == "planner_failed"
+    assert said in str(result.car.planner_failure)
+    assert len(result.ctrl) == 5
 
 
-def test_a_devkit_stays_while_the_race_pauses():
-    for revision in cases(3, 4):
-        with (
-            devkit_server(lambda number, packet: commands(), revision) as (address, kit),
-            DevKit(address, BlankCamera()) as devkit,
-        ):  # fmt: skip
-            time.sleep(2.0 * PATIENCE)  # kernels are compiled, or a run folder is written
-            result = fg.race("oval", controller=devkit, laps=1, time_limit=0.2)
-        assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
+@each("revision", [3, 4])
+def test_a_devkit_stays_while_the_race_pauses(revision):
+    with (devkit_server(lambda number, packet: commands(), revision) as (address, kit),
+          DevKit(address, BlankCamera()) as devkit):  # fmt: skip
+        time.sleep(2.0 * PATIENCE)  # kernels are compiled, or a run folder is written
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.2)
+    assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
 
 
-def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(monkeypatch):
-    for delays in cases((0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)):
-        monkeypatch.setattr(devkit_module, "_SETTLE", 0.6)  # on a busy machine an answer takes longer than it is given
-        with (
-            devkit_server(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays]) as (address, _),
-            DevKit(address, BlankCamera()) as devkit,
-        ):  # fmt: skip
-            result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
-        commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
-        assert commanded.tolist() == list(range(20))
+@each("delays", [(0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)])
+def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays, monkeypatch):
+    monkeypatch.setattr(devkit_module, "_SETTLE", 0.6)  # on a busy machine an answer takes longer than it is given
+    with (devkit_server(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays]) as (address, _),
+          DevKit(address, BlankCamera()) as devkit):  # fmt: skip
+        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
+    commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
+    assert commanded.tolist() == list(range(20))
 
 
 def test_answers_that_come_at_any_time_are_refused_in_lockstep():
-    with (
-        devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
-        DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed"),
-    ):  # fmt: skip
+    with (devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
+          DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed")):  # fmt: skip
         result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
     assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
 
@@ -196,10 +183,8 @@ def test_answers_that_come_at_any_time_are_refused_in_lockstep():
 def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
     hashes = []
     for drive in (steer_by_sides, classic):
-        with (
-            devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
-            contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic"),
-        ):  # fmt: skip
+        with (devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
+              contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic")):
             result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
         hashes.append(result.trajectory_sha256)
     assert hashes[0] == hashes[1]
@@ -224,30 +209,27 @@ def test_the_command_begins_anew_where_the_devkit_asks_for_it(tmp_path, capsys):
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(tmp_path, monkeypatch, capsys):
-    for resets, races in cases((lambda number: True, 2), (lambda number: number % 2 == 0, 3)):
-        monkeypatch.setattr("fg_mujoco.addons.servers.commands._MOST_RACES", 3)
-        out = tmp_path / "served"
-        with devkit_server(lambda number, packet: commands(Reset=str(resets(number)))) as (address, _):
-            code = main(["serve", "autodrive", "--devkit", address, "--time-limit", "0.2", "--out", str(out)])
-        assert len(list(out.iterdir())) == races
-        assert (code == 2) == ("has asked for a reset 3 times" in capsys.readouterr().err) == (races == 3)
+@each("resets, races", [(lambda number: True, 2), (lambda number: number % 2 == 0, 3)])
+def test_a_devkit_that_always_asks_for_a_reset_makes_few_folders(resets, races, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("fg_mujoco.addons.servers.commands._MOST_RACES", 3)
+    out = tmp_path / "served"
+    with devkit_server(lambda number, packet: commands(Reset=str(resets(number)))) as (address, _):
+        code = main(["serve", "autodrive", "--devkit", address, "--time-limit", "0.2", "--out", str(out)])
+    assert len(list(out.iterdir())) == races
+    assert (code == 2) == ("has asked for a reset 3 times" in capsys.readouterr().err) == (races == 3)
 
 
-def test_a_handshake_that_is_none_is_refused_in_one_line(capsys):
+@each("said",
+      [b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe", b"",
+       b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44"])  # fmt: skip
+def test_a_handshake_that_is_none_is_refused_in_one_line(said, here, capsys):
     """The bytes come as a text of WebSocket, and as they are."""
-    for said in cases(
-        b"0" + b"[" * 40, b"0" + b"[" * 50_000, b"0" + b"9" * 5000, b"0{}41", b'0{"pingInterval": []}', b"\xff\xfe",
-        b"", b'0{"pingInterval": 1e999}', b'0{"pingInterval": 0}', b'0{"pingInterval": -1}', b"3", b"44",
-    ):  # fmt: skip
-        frame = (b"\x81" + (bytes([len(said)]) if len(said) < 126 else b"\x7e" + len(said).to_bytes(2, "big"))) + said
-        for told in (frame, said):
-            with socket.create_server(("127.0.0.1", 0)) as listening:
-                threading.Thread(target=_talk_nonsense, args=(listening, told), daemon=True).start()
-                address = f"127.0.0.1:{listening.getsockname()[1]}"
-                assert main(["serve", "autodrive", "--devkit", address]) == 2
-            error = capsys.readouterr().err
-            assert error.count("\n") == 1 and "Traceback" not in error
+    frame = (b"\x81" + (bytes([len(said)]) if len(said) < 126 else b"\x7e" + len(said).to_bytes(2, "big"))) + said
+    for told in (frame, said):
+        with socket.create_server(("127.0.0.1", 0)) as listening:
+            threading.Thread(target=_talk_nonsense, args=(listening, told), daemon=True).start()
+            address = f"127.0.0.1:{listening.getsockname()[1]}"
+            refused(here, capsys, "serve", "autodrive", "--devkit", address)
 
 
 def _talk_nonsense(listening, told):
@@ -269,9 +251,8 @@ def test_collisions_are_told_and_the_car_goes_on_from_a_checkpoint():
     assert all(b - a in (0, 1) for a, b in itertools.pairwise(told_collisions))
 
 
-def test_an_address_that_is_none_is_refused_in_one_line(capsys):
-    for address in cases("", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:x", "127.0.0.1:70000", ":4567"):
-        with pytest.raises(SettingsError, match=r"accepted: HOST or HOST:PORT, such as 127\.0\.0\.1:4567"):
-            split_address(address)
-        assert main(["serve", "autodrive", "--devkit", address]) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+@each("address", ["", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:x", "127.0.0.1:70000", ":4567"])
+def test_an_address_that_is_none_is_refused_in_one_line(address, here, capsys):
+    with pytest.raises(SettingsError, match=r"accepted: HOST or HOST:PORT, such as 127\.0\.0\.1:4567"):
+        split_address(address)
+    refused(here, capsys, "serve", "autodrive", "--devkit", address)

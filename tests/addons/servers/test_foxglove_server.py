@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import drive_message, from_cdr, heading_of, to_cdr
 from fg_mujoco.addons.ros.bag_writer import TOPICS
@@ -202,43 +202,42 @@ def test_parameters_are_read_and_set_and_bad_values_are_said():
             client.wait_for(lambda name=name: any(name in said and "accepted" in said for said in client.said))
 
 
-def test_a_message_that_cannot_be_used_is_said_and_the_race_goes_on(shared_server):
-    for topic, encoding, content, said in cases(
-        ("/nonsense", "json", b"{}", "nobody listens to /nonsense; accepted: /drive, /cmd_vel, /initialpose"),
-        ("/drive", "json", b"{", "a message on /drive cannot be read as json"),
-        ("/drive", "json", b"[1]", "a message on /drive cannot be read as json"),
-        ("/drive", "cdr", b"\x00\x01", "a message on /drive cannot be read as cdr"),
-        ("/drive", "protobuf", b"", "is encoded as 'protobuf'; accepted: json or cdr"),
-        ("/drive", "json", b'{"drive": {"speed": NaN}}', "a message on /drive: "),
-        ("/drive", "json", b'{"drive": {"speed": "fast"}}', "a message on /drive: "),
-        ("/drive", "json", b'{"drive": {"speed": "2.0"}}', "'2.0' is no number"),
-        ("/drive", "json", b'{"drive": {"speed": 1' + b"0" * 400 + b"}}", "a message on /drive: "),
-        ("/cmd_vel", "json", b'{"linear": 3}', "a message on /cmd_vel: "),
-        ("/initialpose", "json", b'{"pose": {"pose": {"position": {"x": Infinity}}}}', "a message on /initialpose: "),
-    ):
-        session, server, client = shared_server
-        client.said.clear()
-        client.advertise(1, topic, encoding)
-        client.publish(1, content)
-        client.wait_for(lambda: any(said in each for each in client.said))
-        client.send(op="unadvertise", channelIds=[1])
-        assert not session.held_from_outside
-        server.tick()
+@each("topic, encoding, content, said",
+      [("/nonsense", "json", b"{}", "nobody listens to /nonsense; accepted: /drive, /cmd_vel, /initialpose"),
+       ("/drive", "json", b"{", "a message on /drive cannot be read as json"),
+       ("/drive", "json", b"[1]", "a message on /drive cannot be read as json"),
+       ("/drive", "cdr", b"\x00\x01", "a message on /drive cannot be read as cdr"),
+       ("/drive", "protobuf", b"", "is encoded as 'protobuf'; accepted: json or cdr"),
+       ("/drive", "json", b'{"drive": {"speed": NaN}}', "a message on /drive: "),
+       ("/drive", "json", b'{"drive": {"speed": "fast"}}', "a message on /drive: "),
+       ("/drive", "json", b'{"drive": {"speed": "2.0"}}', "'2.0' is no number"),
+       ("/drive", "json", b'{"drive": {"speed": 1' + b"0" * 400 + b"}}", "a message on /drive: "),
+       ("/cmd_vel", "json", b'{"linear": 3}', "a message on /cmd_vel: "),
+       ("/initialpose", "json", b'{"pose": {"pose": {"position": {"x": Infinity}}}}', "a message on /initialpose: ")])
+def test_a_message_that_cannot_be_used_is_said_and_the_race_goes_on(topic, encoding, content, said, shared_server):
+    session, server, client = shared_server
+    client.said.clear()
+    client.advertise(1, topic, encoding)
+    client.publish(1, content)
+    client.wait_for(lambda: any(said in each for each in client.said))
+    client.send(op="unadvertise", channelIds=[1])
+    assert not session.held_from_outside
+    server.tick()
 
 
-def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_versions_connect():
-    for protocols in cases(["foxglove.websocket.v1"], ["else"], None):
-        lines = []
-        with FoxgloveServer(LiveSession(fg.Setup.of("oval")), port=0, log=lines.append) as server:
-            with pytest.raises(InvalidStatus):
-                connect(server.url, subprotocols=protocols, proxy=None)
-            until = time.monotonic() + _PATIENCE
-            while not lines:
-                assert time.monotonic() < until
-                time.sleep(0.01)
-            Client(server.url)
-        (line,) = lines
-        assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
+@each("protocols", [["foxglove.websocket.v1"], ["else"], None])
+def test_a_client_of_another_protocol_is_refused_and_the_terminal_says_which_versions_connect(protocols):
+    lines = []
+    with FoxgloveServer(LiveSession(fg.Setup.of("oval")), port=0, log=lines.append) as server:
+        with pytest.raises(InvalidStatus):
+            connect(server.url, subprotocols=protocols, proxy=None)
+        until = time.monotonic() + _PATIENCE
+        while not lines:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        Client(server.url)
+    (line,) = lines
+    assert "127.0.0.1" in line and "accepted: the protocol foxglove.sdk.v1, which Foxglove since 2025" in line
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from case_loops import cases
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import DriveCommand
@@ -101,40 +101,40 @@ def in_process(scan, odometry):
     return DriveCommand(steering_angle=angle, speed=speed)
 
 
-def test_an_exchange_as_the_libraries_have_it(shared):
+@each("of", ["roslibpy", "roslibjs"])
+def test_an_exchange_as_the_libraries_have_it(of, shared):
     """The texts are those that roslibpy 2.1.0 and roslibjs 2.1.0 have sent."""
-    for of in cases("roslibpy", "roslibjs"):
-        session, _, peer = shared
-        before = session.simulation.time
-        at, compression = ("msg/", "cbor") if of == "roslibjs" else ("", "none")
-        peer.send(op="subscribe", id="subscribe:/scan:1", type=f"sensor_msgs/{at}LaserScan", topic="/scan",
-                  compression=compression, throttle_rate=0, queue_length=0)  # fmt: skip
-        first = peer.receive("publish", topic="/scan")["msg"]
-        assert first["ranges"] == ranges_of(session.scan) and len(first["ranges"]) == 1081
-        assert list(first) == ["header", "angle_min", "angle_max", "angle_increment", "time_increment", "scan_time",
-                               "range_min", "range_max", "ranges", "intensities"]  # fmt: skip
-        assert set(first["header"]["stamp"]) == {"sec", "nanosec"} and first["header"]["frame_id"] == "laser"
-        peer.send(op="advertise", id="advertise:/drive:2", type=f"ackermann_msgs/{at}AckermannDriveStamped",
-                  topic="/drive", latch=False, queue_size=100)  # fmt: skip
-        drive = {"steering_angle": 0.0034925924241542817, "speed": 2 if of == "roslibjs" else 2.0}
-        peer.send(op="publish", id="publish:/drive:3", topic="/drive", msg={"drive": drive}, latch=False)
-        assert peer.receive("publish", topic="/scan")["msg"]["ranges"] == ranges_of(session.scan) != first["ranges"]
-        assert session.simulation.time == pytest.approx(before + 0.025)
-        assert session.simulation.engine.commands[0].tolist() == [float(np.float32(0.0034925924241542817)), 2.0]
-        peer.send(op="unsubscribe", id="subscribe:/scan:1", topic="/scan")
-        topics = peer.call("/rosapi/topics")
-        assert topics["result"] is True
-        kinds = dict(zip(topics["values"]["topics"], topics["values"]["types"], strict=True))
-        assert kinds["/scan"] == SCAN and kinds["/drive"] == DRIVE and "/ego_racecar/odom" in kinds
-        assert peer.call("/rosapi/topic_type", topic="/odom")["values"] == {"type": "nav_msgs/msg/Odometry"}
-        assert "/reset" in peer.call("/rosapi/services")["values"]["services"]
-        seconds = peer.call("/rosapi/get_time")["values"]["time"]
-        assert seconds["sec"] + seconds["nanosec"] / 1e9 == pytest.approx(1e9 + session.simulation.time)
-        details = peer.call("/rosapi/message_details", type="geometry_msgs/Twist")["values"]["typedefs"]
-        assert [each["type"] for each in details] == ["geometry_msgs/Twist", "geometry_msgs/Vector3"]
-        raw = peer.call("/rosapi/topics_and_raw_types")["values"]
-        text = raw["typedefs_full_text"][raw["topics"].index("/drive")]
-        assert "float32 speed" in text and "MSG: ackermann_msgs/AckermannDrive" in text
+    session, _, peer = shared
+    before = session.simulation.time
+    at, compression = ("msg/", "cbor") if of == "roslibjs" else ("", "none")
+    peer.send(op="subscribe", id="subscribe:/scan:1", type=f"sensor_msgs/{at}LaserScan", topic="/scan",
+              compression=compression, throttle_rate=0, queue_length=0)  # fmt: skip
+    first = peer.receive("publish", topic="/scan")["msg"]
+    assert first["ranges"] == ranges_of(session.scan) and len(first["ranges"]) == 1081
+    assert list(first) == ["header", "angle_min", "angle_max", "angle_increment", "time_increment", "scan_time",
+                           "range_min", "range_max", "ranges", "intensities"]  # fmt: skip
+    assert set(first["header"]["stamp"]) == {"sec", "nanosec"} and first["header"]["frame_id"] == "laser"
+    peer.send(op="advertise", id="advertise:/drive:2", type=f"ackermann_msgs/{at}AckermannDriveStamped",
+              topic="/drive", latch=False, queue_size=100)  # fmt: skip
+    drive = {"steering_angle": 0.0034925924241542817, "speed": 2 if of == "roslibjs" else 2.0}
+    peer.send(op="publish", id="publish:/drive:3", topic="/drive", msg={"drive": drive}, latch=False)
+    assert peer.receive("publish", topic="/scan")["msg"]["ranges"] == ranges_of(session.scan) != first["ranges"]
+    assert session.simulation.time == pytest.approx(before + 0.025)
+    assert session.simulation.engine.commands[0].tolist() == [float(np.float32(0.0034925924241542817)), 2.0]
+    peer.send(op="unsubscribe", id="subscribe:/scan:1", topic="/scan")
+    topics = peer.call("/rosapi/topics")
+    assert topics["result"] is True
+    kinds = dict(zip(topics["values"]["topics"], topics["values"]["types"], strict=True))
+    assert kinds["/scan"] == SCAN and kinds["/drive"] == DRIVE and "/ego_racecar/odom" in kinds
+    assert peer.call("/rosapi/topic_type", topic="/odom")["values"] == {"type": "nav_msgs/msg/Odometry"}
+    assert "/reset" in peer.call("/rosapi/services")["values"]["services"]
+    seconds = peer.call("/rosapi/get_time")["values"]["time"]
+    assert seconds["sec"] + seconds["nanosec"] / 1e9 == pytest.approx(1e9 + session.simulation.time)
+    details = peer.call("/rosapi/message_details", type="geometry_msgs/Twist")["values"]["typedefs"]
+    assert [each["type"] for each in details] == ["geometry_msgs/Twist", "geometry_msgs/Vector3"]
+    raw = peer.call("/rosapi/topics_and_raw_types")["values"]
+    text = raw["typedefs_full_text"][raw["topics"].index("/drive")]
+    assert "float32 speed" in text and "MSG: ackermann_msgs/AckermannDrive" in text
 
 
 def test_200_ticks_in_lockstep_have_the_bits_of_the_same_planner_in_a_race():
@@ -203,8 +203,7 @@ def test_a_peer_that_is_dropped_leaves_the_others_and_the_car_stops():
         assert other.call("/rosapi/subscribers", topic="/scan")["values"]["subscribers"] == ["/rosbridge_websocket"]
 
 
-_GARBAGE = [
-    ("{", "is no JSON"),
+_GARBAGE = [("{", "is no JSON"),
     ("[" * 100_000, "is no JSON"),
     ("[1]", "is no operation; accepted: an object with the field op"),
     (b"\x00\x01", "2 bytes were sent; accepted: a text"),
@@ -221,19 +220,18 @@ _GARBAGE = [
     ('{"op": "subscribe", "topic": "/scan", "id": "' + "a" * 300 + '"}', "id is 'aaa"),
     ('{"op": "publish", "topic": "/drive", "msg": ' + "[" * 900 + "]" * 900 + "}", "accepted: an object of"),
     ('{"op": "set_level", "level": "loud"}', "level is 'loud'; accepted: info, warning, error, none"),
-    ('{"op": "advertise_service", "service": "/a"}', "op is 'advertise_service'; accepted: advertise"),
-]
+    ('{"op": "advertise_service", "service": "/a"}', "op is 'advertise_service'; accepted: advertise")]  # fmt: skip
 
 
-def test_what_cannot_be_used_is_said_and_the_connection_lives_on(shared):
-    for text, said in cases(*_GARBAGE):
-        session, _, peer = shared
-        before = session.simulation.time, session.simulation.pose
-        peer.send_raw(text)
-        status = peer.receive("status")
-        assert status["level"] == "error" and said in status["msg"], status["msg"]
-        assert (session.simulation.time, session.simulation.pose) == before
-        assert peer.call("/rosapi/get_time")["result"] is True
+@each("text, said", _GARBAGE)
+def test_what_cannot_be_used_is_said_and_the_connection_lives_on(text, said, shared):
+    session, _, peer = shared
+    before = session.simulation.time, session.simulation.pose
+    peer.send_raw(text)
+    status = peer.receive("status")
+    assert status["level"] == "error" and said in status["msg"], status["msg"]
+    assert (session.simulation.time, session.simulation.pose) == before
+    assert peer.call("/rosapi/get_time")["result"] is True
 
 
 def test_services_place_and_pause_the_car(shared):
@@ -279,9 +277,8 @@ def test_topics_and_subscriptions_of_a_client_have_a_greatest_number():
             peer.send(op="subscribe", topic="/scan", id=number, throttle_rate=1000)
             peer.send(op="advertise", topic=f"/{number}", type="std_msgs/String")
         said = [peer.receive("status")["msg"] for _ in range(2)]
-        assert said == [
-            f"1000 {what} are there; accepted: no more of a client" for what in ("subscriptions to /scan", "topics")
-        ]
+        assert said == [f"1000 {what} are there; accepted: no more of a client" for what in ("subscriptions to /scan",
+                            "topics")]  # fmt: skip
 
 
 def test_texts_that_wait_for_a_client_have_a_greatest_length():
@@ -304,10 +301,8 @@ def test_a_message_is_as_rosbridge_has_it():
     assert written["data"] == "AAEC" and written["header"]["stamp"] == {"sec": 1, "nanosec": 500_000_000}
     odd = drive_message(DriveCommand(steering_angle=0.1, speed=1.0), 0)
     odd.drive.speed, odd.drive.jerk = math.nan, math.inf
-    assert to_json(odd, DRIVE)["drive"] == {
-        "steering_angle": 0.10000000149011612, "steering_angle_velocity": 0.0, "speed": None, "acceleration": 0.0,
-        "jerk": None,
-    }  # fmt: skip
+    assert to_json(odd, DRIVE)["drive"] == {"steering_angle": 0.10000000149011612, "steering_angle_velocity": 0.0,
+                                            "speed": None, "acceleration": 0.0, "jerk": None}  # fmt: skip
     assert from_json({}, PLACE, now=0).pose.pose.orientation.w == 1.0  # as ROS 2 has it
     with pytest.raises(MessageError, match=r"data\[1\] is 300; accepted: a whole number from -128 to 127"):
         from_json({"data": [0, 300]}, "nav_msgs/msg/OccupancyGrid", now=0)
