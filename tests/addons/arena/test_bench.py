@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from fg_mujoco.addons.arena.bench.card import bench
 from fg_mujoco.addons.arena.bench.card_page import write_card_page
 from fg_mujoco.addons.arena.study.suite import read_suite
@@ -87,21 +86,6 @@ def test_the_command_writes_the_page_and_the_numbers_of_a_planner_without_stages
 def test_a_name_of_a_planner_is_text_on_its_page(suite, tmp_path):
     card = replace(bench("straight", suite, workers=1), planner="<script>alert(1)</script>")
     assert "<script>alert(1)" not in write_card_page(card, tmp_path / "card.html").read_text()
-
-
-@each("old, new, said",
-      [('name = "small"', 'nam = "small"', "nam is no setting of a suite"),
-       ('name = "boxes"', 'name = "circuits"', "has the group 'circuits' twice"),
-       ("obstacles = 2", "obstacle = 2", "group 'boxes': .*obstacle.*did you mean"),
-       ("obstacles = 2", 'assist = "full"', "assist is of the planner"),
-       ('track = "oval"', "", "group 'boxes': it has no track"),
-       ('["none", "full"]', '["none", "ful"]', "assists.*did you mean 'full'"),
-       ("max_speed = 4.0", "max_speed = -4.0", "max_speed is -4.0")])  # fmt: skip
-def test_a_suite_that_cannot_be_is_refused_in_a_line(tmp_path, old, new, said):
-    path = tmp_path / "wrong.toml"
-    path.write_text(SUITE.replace(old, new))
-    with pytest.raises(fg.SettingsError, match=said):
-        read_suite(path)
 
 
 def test_why_a_planner_failed_stands_on_its_card(suite, tmp_path):

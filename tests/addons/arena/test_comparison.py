@@ -14,7 +14,6 @@ from fg_mujoco.addons.arena.study.kinds import Comparison
 from fg_mujoco.addons.arena.study.pages import write_comparison_report
 from fg_mujoco.course.moving_obstacles import MovingObstacle
 from fg_mujoco.course.scene import Scene
-from fg_mujoco.racing.planners import ControllerChoice
 from fg_mujoco.racing.resolved import Ground
 from fg_mujoco.rollouts.rollout_result import wilson
 
@@ -36,12 +35,6 @@ def compare(controller=GRID, **options):
 
 
 # what a run is
-
-
-@each("text", ["f[", "f[]", "f]", "[a=1]", "f[a]", "f[a=1,a=2]", "f[a=1:2]", "f[a=1|2]", "f[a=]", "f[a=1]x", ""])
-def test_what_is_no_controller_with_settings_is_refused(text):
-    with pytest.raises(fg.SettingsError, match="accepted: "):
-        ControllerChoice.of(text)
 
 
 def test_a_run_is_the_race_that_it_says():
@@ -201,23 +194,6 @@ def test_a_folder_of_other_settings_or_versions_is_refused(here, monkeypatch):
     (here / "full/notes.txt").write_text("mine")
     with pytest.raises(fg.RunFolderError, match="is not empty"):
         compare(GRID[:1], out="full")
-
-
-@each("options, said",
-      [({"controller": []}, "no planner is given"),
-       ({"controller": ["gap_finder", "gap_finder"]}, "planner gap_finder is given twice"),
-       ({"controller": ["nobody"]}, "'nobody' is not known"),
-       ({"controller": ["nothing.py"]}, "there is no file nothing.py"),
-       ({"controller": ["nothing.py:Mine"]}, "there is no file nothing.py"),
-       ({"controller": ["gap_finder[nothing=1]"]}, "no setting 'nothing'"),
-       ({"track": ["nowhere"]}, "unknown track 'nowhere'"),
-       ({"seed": []}, "no seed is given"),
-       ({"max_speed": [4.0, 4.0]}, "max_speed 4.0 is given twice"),
-       ({"obstacles": 500}, "500 obstacles on track 'oval'; accepted: at most")])  # fmt: skip
-def test_what_cannot_be_driven_is_refused_before_anything_is(here, options, said):
-    with pytest.raises(fg.FgMujocoError, match=said):
-        compare(**options)
-    assert not (here / "out").exists()
 
 
 def test_a_worker_that_dies_is_told_of_and_the_other_runs_are_driven(here):

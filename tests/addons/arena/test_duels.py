@@ -26,7 +26,6 @@ from fg_mujoco.addons.arena.study.suite import read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.rollouts.rollout_result import wilson
-from refusals import refused
 
 SHORT = {"track": ["oval"], "opponents": ["centreline"], "workers": 1, "pictures": False}
 EXAMPLES = Path(__file__).parents[3] / "examples" / "scenarios"
@@ -191,38 +190,3 @@ def test_the_overtaker_passes_a_slow_opponent_and_stays_behind_one_that_is_faste
     assert passed["outcome"] == "overtaken" and passed["ahead_m"] > 5.0 and passed["taken_s"] == pytest.approx(8.0)
     faster = figures(track="hairpins", opponent="raceline", speed=1.0, headway_m=12.0, seconds=2.0)
     assert faster["outcome"] == "behind"
-
-
-GROUP = '[[groups]]\nname = "a"\ntrack = "oval"\nopponent = "middle"\nspeed = 0.5\n'
-
-
-@each("text, said", [
-    ("time_limit = 8.0\n", "has no groups; accepted: one or more groups"),
-    (f"{GROUP}starts = 0\n", "starts is 0; accepted: a whole number from 1"),
-    (f"{GROUP}starts = 1000000000000\n", "accepted: a whole number from 1 to 100000"),
-    (f'{GROUP}starts = {"9" * 400}\n', "accepted: whole numbers from -922"),
-    (f"{GROUP}starts = 1000\nheadway = [1, 1, 1]\noffset = {[0] * 99}\n", "make 297000"),
-    (GROUP.replace('"middle"', "[1]"), "opponent 1; accepted: "),
-    (GROUP.replace('"oval"', "[]"), "no track is given"),
-    (GROUP.replace('"middle"', "[]"), "opponent is empty; accepted: right"),
-    (f"passing = 3\n{GROUP}", "passing is 3 without checks"), (f"name = 5\n{GROUP}", "name is 5; accepted: a text"),
-    (f'{GROUP}starts = ["a"]\n', "starts has 'a'; accepted"),
-    (GROUP.replace("middle", "midle"), "did you mean 'middle'?"),
-    (f"{GROUP}speeds = [0.5]\n", "speeds is no setting of a group"),
-    (GROUP.replace("0.5", "[-0.5]"), "speed has -0.5; accepted: numbers above 0"),
-    (f"{GROUP}headway = []\n", "headway is empty; accepted"),
-    (GROUP.replace('"oval"', "3"), "track is 3; accepted: one or more names or paths"),
-    (f"time_limit = -1\n{GROUP}", "time_limit is -1; accepted"),
-    (GROUP.replace("oval", "scene:gap"), "scene"),
-    (f'{GROUP}[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "groups of several kinds: duels, heats"),
-    (f"{GROUP}ratio = [0.9, 0.3]\n", "ratio is (0.9, 0.3); accepted: the least and the greatest"),
-    (f"{GROUP}ratio = [0.3, 0.8]\n", "ratio is (0.3, 0.8) in duels from given places; accepted: without it"),
-    (GROUP.replace("middle", "blocking").replace("speed", "headway"), "headway is (0.5,) in drawn duels"),
-    (f"{GROUP}seeds = [1]\n", "seeds is (1,) in a group of duels from given places"),
-    (f"laps = 2\n{GROUP}", "laps is 2 in a group of duels from given places"),
-    (f"{GROUP}start_s = 2.0\n", "start_s is 2.0 in a group of heats or duels"),
-    ('assists = ["none"]\n[[groups]]\nname = "b"\ntrack = "oval"\nheats = 2\n', "heats; accepted: NAME"),
-])  # fmt: skip
-def test_a_suite_of_duels_that_cannot_be_is_refused_in_one_line(here, capsys, text, said):
-    (here / "suite.toml").write_text(text)
-    assert said in refused(here, capsys, "study", "suite.toml", "gap_finder", "--out", "out")

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from cases import each
 from fault_cases import CAR, CASES, GRIP, Case, Drive, incident, staged
-from fg_mujoco import SettingsError
 from fg_mujoco.addons.arena.race_control import fault
 from fg_mujoco.addons.arena.race_control.fault import Approach, Incident, judge
 from fg_mujoco.addons.arena.race_control.recent_motion import contact_normal
@@ -101,11 +100,3 @@ def test_the_normal_of_a_contact_is_that_of_the_side_that_is_hit(x, y, heading, 
     first, second = footprint(np.zeros(3), CAR), footprint(np.array([x, y, heading]), CAR)
     assert contact_normal(first, second) == pytest.approx(normal, abs=0.11)
     assert contact_normal(second, first) == pytest.approx(-contact_normal(first, second))
-
-
-@each("name, value", [("along", [math.nan]), ("across", []), ("heading", [0.0, 0.0]), ("length", 0.0),
-                      ("grip", math.inf)])  # fmt: skip
-def test_an_approach_that_cannot_be_is_refused(name, value):
-    good = {"length": 0.5, "width": 0.3, "along": [0.0], "across": [0.0], "heading": [0.0], "grip": 10.0}
-    with pytest.raises(SettingsError, match="accepted"):
-        Approach(**good | {name: value})

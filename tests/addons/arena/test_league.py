@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from cases import each
 from comparison_worlds import files
 from fg_mujoco.addons.arena.runs.run import CarFigures, RunRow, car_figures
 from fg_mujoco.addons.arena.runs.turn import read_turn
@@ -23,7 +22,6 @@ from fg_mujoco.addons.arena.study.ratings import MEAN, POINTS, ratings
 from fg_mujoco.addons.arena.study.suite import Group, Suite, read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
-from refusals import refused
 
 PLANNERS = """
 import time
@@ -43,7 +41,6 @@ class Goes(Stands):
 class Hangs(Stands):
     hangs_at = 4
 """
-BOX = fg.load_track("oval").start_pose(-0.8, -0.15)
 SHORT = {"track": "oval", "laps": 1, "time_limit": 1.2, "workers": 1}
 
 
@@ -51,16 +48,6 @@ SHORT = {"track": "oval", "laps": 1, "time_limit": 1.2, "workers": 1}
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(PLANNERS)
-    (tmp_path / "broken.py").write_text("import nothing_there\n\nclass Planner: pass\n")
-    (tmp_path / "starts.toml").write_text(
-        '[[entries]]\ncontroller = "gap_finder"\nstart_s = 1.0\n\n[[entries]]\ncontroller = "pure_pursuit"\n'
-    )
-    (tmp_path / "cars.toml").write_text(
-        'laps = 1\ntime_limit = 0.1\n\n[[entries]]\ncontroller = "mine.py:Stands"\nvehicle = "nuc2"\nname = "slow"\n\n'
-        '[[entries]]\ncontroller = "mine.py:Stands"\nname = "other"\n'
-    )
-    (tmp_path
-     / "box.toml").write_text(f"obstacles = [{{kind = 'box', x = {BOX[0]}, y = {BOX[1]}, length = 0.3, width = 0.3}}]")
     return tmp_path
 
 
@@ -201,24 +188,6 @@ def test_the_league_is_the_same_with_any_workers_and_goes_on_where_it_was_left(h
     with pytest.raises(RunFolderError, match="holds another league: rules is"):
         league(planners, out="one", rules="none", **settings)
     shutil.rmtree(here / "one")
-
-
-@each("arguments, said",
-      [(["gap_finder"], "planners of a league: 1; accepted: two or more"),
-       (["gap_finder", "gap_finder"], "planner gap_finder is given twice; accepted: one or more, each once"),
-       (["gap_finder", "broken.py:Planner"], "No module named 'nothing_there'"),
-       (["gap_finder", "gap_findr"], "did you mean 'gap_finder'?"),
-       (["gap_finder", "pure_pursuit", "--cars", "3"], "--cars is 3 for 2 planners; accepted: 2 to 2"),
-       (["gap_finder", "pure_pursuit", "--rules", "f1"], "--rules is 'f1'; accepted: none, roboracer_2026"),
-       (["gap_finder", "pure_pursuit", "--grid", "row"], "--grid is 'row'; accepted: staggered"),
-       (["gap_finder", "pure_pursuit", "--tracks", "oval"], "did you mean '--track'"),
-       (["gap_finder", "pure_pursuit", "--seed", "-1"], "seed is -1"),
-       (["--config", "starts.toml"], "accepted: none, it is the grid's"),
-       (["gap_finder", "pure_pursuit", "--config", "box.toml", "--track", "oval"],
-        "'pure_pursuit' does not fit on 'oval'")])  # fmt: skip
-def test_what_cannot_be_raced_is_refused_in_one_line_before_anything_starts(here, capsys, arguments, said):
-    line = refused(here, capsys, "league", *arguments, "--out", "out")
-    assert said in line and not (here / "out").exists()
 
 
 LOOP = """

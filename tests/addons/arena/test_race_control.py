@@ -15,7 +15,6 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.cli.options import with_opponents
 from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
 from fg_mujoco.racing.run_folder import SUMMARY
-from refusals import refused
 
 
 class Straight:
@@ -158,20 +157,6 @@ def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None
     assert fails.end_time_s == fails.planner_failure.time_s == pytest.approx(0.5)
     assert abs(fails.column("speed_m_s")[-1]) < 0.01  # it has braked, and stands there
     assert result.car.planner_failure is None
-
-
-@each("options, message",
-    [(["--opponents", "nobody"], "car_1: controller 'nobody'"),
-     (["--opponents", "wall_follow", "--opponent-max-speed", "1", "--opponent-max-speed", "2"], "given 2 times for 1"),
-     (["--opponent-max-speed", "1"], "given 1 times for 0 opponents"),
-     (["--opponents", "wall_follow", "--opponent-tires", "soap"], "soap"),
-     (["--opponents", "wall_follow", *["--opponent-vehicle", "nuc2"] * 3],
-      "--opponent-vehicle is given 3 times for 1 opponents; accepted: once, or once for each --opponents"),
-     (["--opponents", "wall_follow"] * 16, "17 entries; accepted: 1 to 16"),
-     (["--opponents", "wall_follow", "--grid", "heap"], "--grid is 'heap'"),
-     (["--opponents", "wall_follow", "--rules", "f1"], "--rules is 'f1'")])  # fmt: skip
-def test_bad_opponents_are_one_line_and_exit_2(options, message, here, capsys):
-    assert message in refused(here, capsys, "race", "--laps", "1", *options)
 
 
 def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(tmp_path: Path,

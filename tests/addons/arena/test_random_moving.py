@@ -2,14 +2,12 @@
 
 
 import numpy as np
-import pytest
 
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.arena.random_courses.moving import with_moving
 from fg_mujoco.course.course import outline, wall_outlines
 from fg_mujoco.course.definitions import course_of
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.resolved import ground_of
 from fg_mujoco.racing.setup import Setup
 from fg_mujoco.vehicle.vehicle import Vehicle
@@ -55,16 +53,3 @@ def test_what_moves_is_drawn_by_the_seed_and_boxes_stand_elsewhere():
     again = course_of(course.name, course.definition)
     assert again.moving == course.moving
     assert "moving" not in fg.load_track("oval").definition
-
-
-@each("track, moving, message",
-      [("oval", "pedestrain", "'pedestrain'; accepted: box, crossing, pedestrian; did you mean 'pedestrian'"),
-       ("oval", "box:0", "'box:0'; accepted: box, or box:N with N from 1 to 32"),
-       ("oval", "box:x", "'box:x'; accepted"),
-       ("oval", 3, "moving is 3; accepted: a text of box, crossing, pedestrian"),
-       ("oval", [{"length": 1}], r"moving\[0\]"),
-       ("oval", "box:20", "on track 'oval', which has no room for it; accepted: fewer"),
-       ("scene:crossing_box", "box", "accepted: on a track")])  # fmt: skip
-def test_bad_input_is_named(track, moving, message):
-    with pytest.raises(SettingsError, match=message):
-        ground_of(Setup.of(track, moving=moving))

@@ -146,13 +146,3 @@ def test_same_seed_same_bytes_and_other_seed_other_circuit():
     assert drawn.centreline.tobytes() == first.centreline.tobytes()
     assert (first.name, drawn.name) == ("random:7:tight", "random:tight")
     assert fg.load_track("random:7:tight").centreline.tobytes() == first.centreline.tobytes()
-
-
-@each("name, message",
-      [("random:7:tigth", r"asks for a random circuit of kind 'tigth'; accepted: .*; did you mean 'random:7:tight'\?"),
-       ("random:7:oval", r"kind 'oval'; accepted: random:SEED or random:SEED:tight, with SEED an integer from 0.*7$"),
-       ("random:7:", "kind ''"),
-       ("random:x:tight", "'random:x:tight' has no seed; accepted: random:SEED or random:SEED:tight")])  # fmt: skip
-def test_names_that_are_none_are_refused(name, message):
-    with pytest.raises(fg.TrackError, match=message):
-        fg.load_track(name)

@@ -9,7 +9,6 @@ from cases import each
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.gym2d import gym_world
 from fg_mujoco.course.maps.map_track import read_map
-from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.simulation.cars import first_overlap
 from fg_mujoco.simulation.world import LIDAR_PREFIX
@@ -122,29 +121,6 @@ def test_a_collision_ends_an_episode_and_a_reset_begins_another(drawn):
     assert obs["collisions"].tolist() == [1.0] and obs["lap_counts"].tolist() == [0.0]
     obs, _, done, _ = env.reset(np.array([[7.5, 2.25, 0.0]]))
     assert not done and obs["collisions"].tolist() == [0.0]
-
-
-@each("settings, error, message",
-      [({"params": {"m": "heavy"}}, SettingsError, r"params\['m'\] is 'heavy'; accepted: a finite number"),
-       ({"params": {"mu": 0.0}}, SettingsError, r"params\['mu'\] is 0.0; accepted: above 0, up to 3"),
-       ({"num_agents": 0}, SettingsError, "num_agents is 0; accepted: a whole number from 1 to 8"),
-       ({"num_agents": 2, "ego_idx": 2}, SettingsError, "ego_idx is 2; accepted: a whole number from 0 to 1"),
-       ({"timestep": 0.0}, SettingsError, "timestep is 0.0 s; accepted: 1e-05 to 1 s"),
-       ({"map": "nowhere"}, TrackError, "unknown track 'nowhere'.*FG_MUJOCO_MAPS=FOLDER"),
-       ({"map": "./nowhere", "map_ext": ".png"}, TrackError, "nowhere.yaml: no such file"),
-       ({"map": "oval", "map_ext": "./"}, SettingsError, "map_ext is './'; accepted: an ending such as '.png'"),
-       ({"map": "oval", "map_ext": 10**400}, SettingsError, "scale is .*; accepted: a finite number from 0.01 to 100")])
-def test_settings_that_are_wrong_are_refused(settings, error, message):
-    with pytest.raises(error, match=message):
-        f110.make(**settings)
-
-
-@each("action", [[[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]]])
-def test_an_action_that_is_none_is_refused(action):
-    env = f110.make(map="oval")
-    env.reset(np.array([[0.0, 0.0, 0.0]]))
-    with pytest.raises(SettingsError, match=r"accepted: finite numbers of shape \(1, 2\), steering angle, speed"):
-        env.step(np.array(action))
 
 
 def run(env, poses, actions):

@@ -206,21 +206,6 @@ def test_configuration_objects_are_the_settings(drawn):
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
 
 
-@each("kind, named, said",
-      [("EnvConfig", {"max_laps": 3}, "no argument 'max_laps'"),
-       ("EnvConfig", {"reward_config": 1}, "no argument 'reward_config'"),
-       ("EnvConfig", {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
-       ("SimulationConfig", {"max_lap": 3}, "did you mean 'max_laps'"),
-       ("ControlConfig", {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
-       ("ControlConfig", {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
-       ("LiDARConfig", {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01")])  # fmt: skip
-def test_a_field_of_a_configuration_that_is_not_here_is_refused_by_its_name(kind, named, said):
-    from fg_mujoco.addons.gym2d import gym_config
-
-    with pytest.raises(SettingsError, match=said):
-        getattr(gym_config, kind)(**named)
-
-
 @each("way", [1, -1])
 def test_with_an_envconfig_lap_times_are_of_the_lap_that_was_driven_last(way):
     """Driven by hand: a lap in 10 s, then one in 5 s."""

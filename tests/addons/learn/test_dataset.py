@@ -124,14 +124,6 @@ def test_the_beam_straight_ahead_is_among_the_recorded(step, beams):
 # -- what is refused
 
 
-@each("record", ["scans:", "scans:0", "scans:-1", "scans:1.5", "scan", "states:2", "", None, 10])
-def test_another_record_is_refused_in_one_line(record):
-    with pytest.raises(SettingsError) as caught:
-        fg.rollout("oval", n=1, record=record, time_limit=0.1)
-    assert "accepted: summary, telemetry, states, scans, or scans:STEP" in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 def test_a_folder_without_scans_is_refused(tmp_path):
     result = fg.rollout("oval", n=1, time_limit=0.1, out=tmp_path / "out")
     with pytest.raises(RunFolderError, match="has no scans, but 'summary'; accepted: what `rollout --record scans`"):

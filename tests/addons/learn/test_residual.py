@@ -108,22 +108,6 @@ def test_a_command_is_the_planned_one_and_the_correction_within_the_limits(plann
     np.testing.assert_allclose(commands[0], expected, atol=1e-12)
 
 
-@each("settings, said",
-      [("gap_findr", "residual has the planner 'gap_findr', which is no registered one; accepted:"),
-       ("gap_finder[lern=true]", "residual: controller 'gap_finder' has no setting 'lern'"),
-       ("pure_pursuit", "residual: controller 'pure_pursuit' drives by a map; accepted: where there is one"),
-       (f"{BASE[:-1]},pose_map=a.csv]", "with the setting pose_map; accepted: its own settings"),
-       ({"steering": 0.1}, "residual is {'steering': 0.1}, without planner"),
-       ({"planner": BASE, "steering": 0.0}, "Residual.steering is 0.0; accepted: a positive number"),
-       ({"planner": BASE, "slow": -1.0}, "Residual.slow is -1.0; accepted: a number from 0"),
-       ({"planner": BASE, "spede": 1.0}, "did you mean 'speed'?"),
-       (3, "residual is 3; accepted: Residual")])  # fmt: skip
-def test_a_planner_that_cannot_be_corrected_is_refused(settings, said):
-    with pytest.raises(fg.SettingsError) as caught:
-        F1TenthEnv(residual=settings)
-    assert said in str(caught.value) and "\n" not in str(caught.value)
-
-
 @each("ending, planner", product((".json", ".onnx", ".zip"), (
         "mine.py", "./mine.py", "mine.py:mine", "mine.py[speed=1]", "ros:mine.py", "ros:mine.launch.py", "p"
     )))

@@ -12,10 +12,8 @@ from fg_mujoco.addons.learn.policy_batch import PolicyBatch
 from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.addons.learn.policy_planner import PolicyPlanner, find_policy
 from fg_mujoco.addons.learn.self_play import SelfPlay, Snapshots
-from fg_mujoco.addons.learn.training_settings import TrainingSettings
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
-from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.simulation.planner_adapter import MessagePlanners
 from small_policies import FLAT, network_for
 
@@ -50,21 +48,6 @@ def test_the_last_snapshots_are_kept_and_later_ones_than_the_checkpoint_forgotte
     again = Snapshots(tmp_path, settings, 300)
     assert [int(path.stem) for path in again.files] == [256] and not again.due(299) and again.due(300)
     assert [path.name for path in (tmp_path / "opponents").iterdir()] == ["0000000256.json"]
-
-
-@each("own, environment, said",
-      [({"share": 1.5}, {}, "SelfPlay.share is 1.5; accepted: a number from 0 to 1"),
-       ({"planners": []}, {}, "self_play.planners is []; accepted: one or more planners"),
-       ({"planners": "gap_findr"}, {}, "did you mean 'gap_finder'?"),
-       ({"kept": 0}, {}, "kept is 0"),
-       ({"sare": 0.5}, {}, "did you mean 'share'?"),
-       ({}, {"opponents": []}, "self_play, in an environment without opponents; accepted:"),
-       ({}, {"randomize": {"opponent": ["gap_finder"]}}, "opponent is in randomize and drawn by self_play"),
-       ({}, {"opponents": [lambda seen: (0.0, 1.0)]}, "in an environment of self_play; accepted: a planner's name")])
-def test_what_cannot_be_played_is_refused(own, environment, said):
-    with pytest.raises(FgMujocoError) as error:
-        TrainingSettings(environment={"track": "oval", "opponents": ["gap_finder"], **environment}, self_play=own)
-    assert said in str(error.value) and "\n" not in str(error.value)
 
 
 TICKS, COUNT = 30, 3

@@ -19,21 +19,6 @@ SMALL = {"environment": {"observation": "beams:20,speed,flat", "privileged": "mu
          "worlds": 2, "ppo": {"n_steps": 32, "minibatches": 2, "n_epochs": 1, "net": (8,)}}  # fmt: skip
 
 
-@each("options, said",
-      [(["--env", "trak=oval"], "an environment has no setting 'trak'; accepted:"),
-       (["--ppo", "gama=.9"], "did you mean 'gamma'?"),
-       (["--ppo", "gamma=2"], "PPO.gamma is 2; accepted: a number from 0 to 1"),
-       (["--worlds", str(10**12)], "worlds is 1000000000000; accepted: a whole number from 1 to 65536"),
-       (["--worlds", "65536", "--ppo", "n_steps=2000"], "steps at most in an iteration"),
-       (["--ppo", f"net={'9' * 400}"], "accepted: whole numbers from -922"),
-       (["--ppo", "minibatches=7"], "minibatches is 7, of 32 worlds times 128 steps"),
-       (["--estimate", "slpi"], "estimate has 'slpi'; accepted: mu, slip"),
-       (["--estimate", "mu", "--env", "observation=speed"], "estimate with the observation 'speed'; accepted:"),
-       (["nothing.toml"], "nothing.toml: there is no such file")])  # fmt: skip
-def test_what_cannot_be_trained_is_refused_before_it_begins(options, said, tmp_path, capsys):
-    assert said in refused(tmp_path, capsys, "train", "--out", str(tmp_path / "first"), *options)
-
-
 @pytest.fixture
 def train():
     pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")

@@ -22,7 +22,6 @@ from fg_mujoco.controllers.safety.safety_filter import EVASIVE
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.vehicle.car import WHEELS
 from pages import MARKUP, Page
-from refusals import refused
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 LAW = {"assist": "safe"}
@@ -177,16 +176,6 @@ def test_a_planner_whose_file_was_edited_is_not_shown_as_the_one_that_raced(fold
     (copy / "summary.json").write_text(json.dumps(summary | {"controller": "no_such_planner"}))
     (note,) = fg.debug(copy, trust=True).notes
     assert "no_such_planner" in note
-
-
-@each("arguments, said", [
-    (["--at", "2.5"], "accepted: 0 to 2.000 s"), (["--at", "-1"], "accepted: 0 to 2.000 s"),
-    (["--at", "nan"], "accepted: 0 to 2.000 s"), (["--window", "0"], "--window is 0; accepted: seconds above 0"),
-    (["--out", "no/folder/page.html"], "cannot be written")
-])
-def test_what_cannot_be_shown_is_refused_in_a_line(arguments, said, folder, here, capsys):
-    assert said in refused(here, capsys, "debug", str(folder), *arguments)
-    assert not (folder / "debug.html").exists()
 
 
 def test_no_text_of_a_run_or_of_its_planner_becomes_markup(failed):

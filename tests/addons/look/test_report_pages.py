@@ -66,15 +66,6 @@ def test_report_of_a_result_and_of_its_folder_show_the_same(report, lap, tmp_pat
     assert body.search(other).group() == body.search(report.read_text()).group()
 
 
-@each("arguments, said",
-      [(["nowhere"], "summary.json"),
-       (["{run}", "--clip", "0"], "--clip"),
-       (["{run}", "--out", "page.txt"], ".html"),
-       (["{run}", "--out", "no/such/folder/page.html", "--no-clip"], "cannot be written")])  # fmt: skip
-def test_what_cannot_be_is_refused_in_one_line(arguments, said, folder, here, capsys):
-    assert said in refused(here, capsys, "report", *(text.format(run=folder) for text in arguments))
-
-
 def test_without_bokeh_the_race_is_written_all_the_same(here, monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["race", "--laps", "1", "--time-limit", "0.2", "--out", "run"]) == 1

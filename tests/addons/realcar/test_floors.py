@@ -6,7 +6,6 @@ import gymnasium
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from fg_mujoco.addons.realcar.floors import Floor, floor_names
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.errors import SettingsError
@@ -64,16 +63,3 @@ def test_rollouts_and_environments_have_it_too(tmp_path) -> None:
     assert [car.mu for car in settings.make_world().cars] == [mu, mu]
     with pytest.raises(SettingsError, match="randomize has mu, and floor is 'ipz8'; accepted: one of them"):
         EnvironmentSettings.of({"floor": "ipz8", "randomize": {"mu": (0.5, 0.9)}})
-
-
-@each("given, words",
-      [({"floor": "ipz9"}, "did you mean 'ipz8'"),
-       ({"floor": "ipz8", "mu": 0.5}, "floor is 'ipz8' and mu 0.5; accepted: one of them"),
-       ({"floor": {"name": "ice"}}, "has no mu; accepted: name, mu"),
-       ({"floor": {"name": "glue", "mu": 7.0}}, "accepted: a positive number up to 3"),
-       ({"floor": {"name": "x", "mu": 0.5, "least": 0.6}}, "accepted: a range that holds mu"),
-       ({"floor": {"name": "x", "mu": 0.5, "frictoin": 1}}, "has 'frictoin'; accepted: name"),
-       ({"floor": 3}, "floor is 3; accepted: a bundled name")])  # fmt: skip
-def test_what_is_no_floor_is_refused(given, words):
-    with pytest.raises(SettingsError, match=words):
-        fg.Setup.of("oval", **given)

@@ -9,7 +9,6 @@ import pytest
 import fg_mujoco as fg
 from browsers import opened
 from cases import each
-from refusals import refused
 
 pytest.importorskip("scipy")
 
@@ -308,19 +307,6 @@ def test_the_command_writes_tires_and_a_page_of_a_bag(bag, tmp_path, capsys, pag
     with opened(page_of, report) as page:
         assert page.locator(".bk-Figure, .bk-Canvas").count() >= 3 or page.locator("canvas").count() >= 3
         assert page.locator("td", has_text="front stiffness B C D").count() == 1
-
-
-@each("words, said",
-      [(("nothing", "--out", "tires.toml"), "nothing: cannot be read"),
-       ((".", "--out", "tires.toml"), "has no summary.json"),
-       (("run", "--out", "tires.txt"), "tires.txt: is no name for a file of tires; accepted: one that ends in .toml"),
-       (("run", "--out", "there.toml"), "there.toml: exists; accepted: a new file, or --force"),
-       (("run", "--out", "tires.toml", "--report", "page.pdf"), "page.pdf: is no name for a page"),
-       (("run", "--out", "tires.toml", "--vehicle", "nuc"), "did you mean 'nuc2'?"),
-       (("run",), "--out")])  # fmt: skip
-def test_the_command_refuses_in_one_line(words, said, here, capsys):
-    (here / "there.toml").write_text("")
-    assert said in refused(here, capsys, "identify", *words)
 
 
 def test_a_run_has_the_sensors_that_its_car_had(tmp_path):

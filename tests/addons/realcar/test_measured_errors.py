@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from fg_mujoco.addons.realcar.measured_errors import MeasuredErrors
-from fg_mujoco.errors import SettingsError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.lidar.scan_pipeline import EffectsOfRows, ScanPipeline, error_at
@@ -82,16 +80,3 @@ def test_a_file_is_read_back_and_a_setup_keeps_it(tmp_path) -> None:
     assert setup.first.effects == LidarEffects(measured=ERRORS, range_noise_std=0.01)
     assert fg.Setup.read(setup.write(tmp_path / "race.toml")) == setup
     assert setup != fg.Setup.of("oval", lidar_noise=0.01)
-
-
-@each("change, words",
-      [({"ranges": (3.0, 1.0)}, "increasing"),
-       ({"noise": ((0.01, 0.03),)}, "accepted: 2 rows"),
-       ({"noise": ((0.01, 0.03), (0.02, -0.06))}, "noise has -0.06; accepted: 0 to 10 m"),
-       ({"dropout": ((0, 0), (0, 1.5))}, "dropout has 1.5; accepted: 0 to 1"),
-       ({"bias": ((0, "a"), (0, 0))}, "bias has 'a'; accepted: numbers"),
-       ({"angles": (1.0,)}, "has 'angles'; accepted: ranges, bearings")])  # fmt: skip
-def test_what_no_lidar_has_is_refused(change, words):
-    content = {name: getattr(ERRORS, name) for name in ("ranges", "bearings", "noise", "bias", "dropout")}
-    with pytest.raises(SettingsError, match=words.replace("(", r"\(")):
-        MeasuredErrors.load(content | change)

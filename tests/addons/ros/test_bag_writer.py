@@ -14,7 +14,6 @@ from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.lidar.effects import LidarEffects
 from fg_mujoco.racing.resimulation import load_world, resimulate
-from refusals import refused
 
 ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
 
@@ -164,11 +163,3 @@ def test_every_beam_ends_on_an_occupied_cell_of_the_map(messages):
 def test_same_run_same_bytes(folder, bag, tmp_path):
     export_bag(folder, tmp_path / "again.mcap")
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
-
-
-@each("arguments, named",
-      [(("--format", "rosbag"), "'rosbag'; accepted: mcap"),
-       (("--out", "run.bag"), "ends in .mcap"),
-       (("--out", "nowhere/run.mcap"), "cannot be written")])  # fmt: skip
-def test_bags_that_cannot_be_are_refused_in_one_line(arguments, named, folder, here, capsys):
-    assert named in refused(here, capsys, "export", str(folder), *arguments)

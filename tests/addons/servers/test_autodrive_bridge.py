@@ -18,10 +18,10 @@ import fg_mujoco as fg
 from cases import each
 from devkit_server import GONE, PATIENCE, SILENT, commands, devkit_server
 from fg_mujoco.addons.servers.autodrive import devkit as devkit_module
-from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit, split_address
+from fg_mujoco.addons.servers.autodrive.devkit import WHEEL_RADIUS, DevKit
 from fg_mujoco.addons.servers.autodrive.packets import LapTimes, packet, read_answer
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import MessageError, SettingsError
+from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import LaserScan, Odometry
 from refusals import refused
 
@@ -249,10 +249,3 @@ def test_collisions_are_told_and_the_car_goes_on_from_a_checkpoint():
     told_collisions = [int(packet["V1 Collisions"]) for packet in kit.packets]
     assert told_collisions[0] == 0 and told_collisions[-1] >= 1
     assert all(b - a in (0, 1) for a, b in itertools.pairwise(told_collisions))
-
-
-@each("address", ["", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:x", "127.0.0.1:70000", ":4567"])
-def test_an_address_that_is_none_is_refused_in_one_line(address, here, capsys):
-    with pytest.raises(SettingsError, match=r"accepted: HOST or HOST:PORT, such as 127\.0\.0\.1:4567"):
-        split_address(address)
-    refused(here, capsys, "serve", "autodrive", "--devkit", address)
