@@ -235,7 +235,7 @@ FAULTS = {
         file="controllers/perception/gaps.py",
         old="best_first, best_end = first, beam + 1",
         new="best_first, best_end = first, beam",
-        tests="test_gaps.py test_follow_the_gap.py",
+        tests="test_gaps.py test_goals.py",
     ),
     "a limiter that may take more than the tires hold": Fault(
         file="controllers/safety/friction_limiter.py",

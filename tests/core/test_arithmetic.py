@@ -4,7 +4,6 @@ import numpy as np
 
 from cases import each
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.vehicle.tire_patch import unlikely
 from fg_mujoco.vehicle.tire_solve import add_scaled_4, add_scaled_16
 
 
@@ -18,13 +17,6 @@ def add_to_16(numbers, to, of, factor):
     add_scaled_16(numbers, to, of, factor)
 
 
-@kernel
-def larger(a, b):
-    if unlikely(a > b):
-        return a
-    return b
-
-
 @each(("lanes", "add"), [(4, add_to_4), (16, add_to_16)])
 @each(("to", "of"), [(0, 16), (21, 3), (7, 7)])
 def test_a_sum_of_several_numbers_has_the_bits_of_a_loop(lanes, add, to, of):
@@ -34,8 +26,3 @@ def test_a_sum_of_several_numbers_has_the_bits_of_a_loop(lanes, add, to, of):
         expected[to + k] += 0.3 * other
     add(numbers, to, of, 0.3)
     assert numbers.tobytes() == expected.tobytes()
-
-
-@each(("a", "b"), [(1.0, 2.0), (2.0, 1.0)])
-def test_what_is_unlikely_is_done_where_it_is_so(a, b):
-    assert larger(a, b) == 2.0

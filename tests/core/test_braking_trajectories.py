@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from cases import each
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
-from fg_mujoco.controllers.safety.braking_trajectories import TRAJECTORIES, BrakingSettings, BrakingTrajectories
+from fg_mujoco.controllers.safety.braking_trajectories import BrakingSettings, BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from scan_worlds import CAR, INCREMENT, MU, corridor, room, scan_of
+from scan_worlds import CAR, INCREMENT, MU, corridor
 
 TOP_SPEED = 8.0
 LIMITER = FrictionLimiter(CAR, MU)
@@ -63,12 +63,6 @@ def test_speeds_are_looked_at_as_finely_up_to_any_limit(top):
     assert np.diff(speeds).max() < 0.1601
 
 
-@each("distance", [0.0, 0.2, 0.4])
-def test_in_a_closed_box_none_is(distance):
-    walls = [(quarter * math.pi / 2, distance) for quarter in range(4)]
-    assert safe_speed(room(*walls)) == 0.0
-
-
 # -- the search, against one of all paths
 
 
@@ -99,12 +93,6 @@ def test_it_finds_what_a_search_of_all_paths_finds(seed, size, speed, steering_a
     for widened in (widen_all(ranges, INCREMENT, STOPPING.radius), ranges):  # what is not widened fails at any point
         expected = exhaustive_safe_speed(widened, start, INCREMENT, speed, steering_angle)
         assert STOPPING.safe_speed(widened, start, INCREMENT, speed, steering_angle) == expected
-
-
-def test_a_post_at_the_beginning_of_all_paths_blocks_them_all():
-    ranges = np.full(1081, 30.0)
-    ranges[540] = 0.5 * (BUMPER - 0.25 * CAR.width)  # of one beam, before the point where the disc is now
-    assert STOPPING.safe_speed(ranges, -540 * INCREMENT, INCREMENT, 3.0, 0.1) == 0.0
 
 
 @given(st.floats(), st.floats(), st.floats(), st.floats())
@@ -164,22 +152,3 @@ def test_cars_of_the_same_kind_share_one_table_that_cannot_be_written_to():
     ):
         assert not np.shares_memory(other.record, STOPPING.record)
         assert not np.array_equal(other.record["distances"], STOPPING.record["distances"])
-
-
-def test_a_table_takes_a_megabyte_and_a_half():
-    assert TRAJECTORIES.itemsize < 1_400_000
-
-
-# -- what holds for any scan
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.0, 8.0), st.floats(-0.4, 0.4))
-def test_more_room_never_makes_it_slower(seed, speed, steering_angle):
-    rng = np.random.default_rng(seed)
-    near = np.repeat(rng.uniform(0.2, 12.0, 47), 23)
-    far = near + np.repeat(rng.uniform(0.0, 3.0, 47), 23)
-    widened = [widen_all(ranges, INCREMENT, STOPPING.radius) for ranges in (near, far)]
-    start = scan_of(near).angle_min
-    slow, fast = (STOPPING.safe_speed(ranges, start, INCREMENT, speed, steering_angle) for ranges in widened)
-    assert slow <= fast

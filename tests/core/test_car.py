@@ -135,15 +135,6 @@ def test_pose_is_where_the_car_was_set(x, y, heading, speed, prefix):
     assert odometry.steering_angle == 0.0 and odometry.yaw_rate == pytest.approx(0.0, abs=1e-9)
 
 
-def test_apply_saturates_at_the_limits(flat):
-    _, data, car = flat
-    car.set_pose(data, 0, 0, 0)
-    car.apply(data, DriveCommand(steering_angle=1.0, speed=99.0))
-    assert data.ctrl.tolist() == pytest.approx([0.4189, 20.0])
-    car.apply(data, DriveCommand(steering_angle=-1.0, speed=-99.0))
-    assert data.ctrl.tolist() == pytest.approx([-0.4189, -5.0])
-
-
 def test_imu_feels_the_turn():
     model, data, car = flat_world()
     car.set_pose(data, 0, 0, 0, 2.0)

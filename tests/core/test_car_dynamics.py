@@ -1,6 +1,5 @@
 """The car drives as closed forms say: Ackermann geometry, servo rates, traction limits, steady circles."""
 
-
 import numpy as np
 import pytest
 

@@ -90,20 +90,6 @@ def test_pose_and_speeds_are_what_the_engine_says(seed, prefix):
     assert car_motion.surface_speed(data.qvel, car.constants) == pytest.approx(tendon, abs=1e-9)
 
 
-def test_an_odometry_keeps_its_values_when_the_next_is_read():
-    model, data, car = flat_world()
-    car.set_pose(data, 0, 0, 0, 2.0)
-    first = car.odometry(data)
-    assert first.readings == {}  # the car has no sensors of its own
-    kept = {name: np.copy(value) for name, value in vars(first).items() if name != "readings"}
-    car.apply(data, DriveCommand(steering_angle=0.2, speed=3.0))
-    run(model, data, 0.5)
-    second = car.odometry(data)
-    for name, value in kept.items():
-        assert np.array_equal(getattr(first, name), value), name
-        assert not np.array_equal(getattr(second, name), value), name
-
-
 def test_each_of_two_cars_reads_its_own_state_and_drives_its_own_wheels():
     model, data, first, second = two_cars()
     data.ctrl[:] = 0.5

@@ -67,13 +67,6 @@ def test_cars_alone_move_as_in_their_worlds(worlds, changes):
         np.testing.assert_array_equal(own, other)
 
 
-def test_cars_alone_are_what_is_stepped(worlds):
-    """Guard of the test above: it fails where the cars alone are others."""
-    engine, plain = rebuilt(worlds), Engine(worlds)
-    alone(engine)._model.opt.gravity[2] = -5.0
-    assert not np.array_equal(driven(engine)[0][0], driven(plain)[0][0])
-
-
 def test_cars_alone_are_the_cars_of_the_world(worlds):
     """All that belongs to bodies, joints, actuators, pairs, tendons, equalities and sensors, but for ids of geoms."""
     texts = [without_course(world.xml) for world in worlds]

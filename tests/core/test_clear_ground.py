@@ -12,7 +12,6 @@ from fg_mujoco.course.obstacles import Box
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.cars import WorldCar
 from fg_mujoco.simulation.clear_ground import (
-    REACH,
     distances_of,
     find_clear_ground,
     touches_nothing,
@@ -103,18 +102,6 @@ def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
     assert shares[0] > 60 and shares[1] == 0
 
 
-def test_a_wrong_map_of_distances_would_miss_the_crash():
-    """The guard of the tests above: were everything clear, the car would drive through the wall."""
-    world = fg.World("oval")
-    world.distances = np.full((1, 1), REACH), np.zeros(2)
-    engine = Engine(world)
-    engine.place([Start(s=2.0, heading=0.9, speed=3.0)])
-    for _ in range(60):
-        engine.commands[:] = 0.0, 3.0
-        engine.drive()
-    assert not engine.crashed[0]
-
-
 def test_cars_near_each_other_are_searched_and_cars_apart_are_not():
     world = fg.World("fast", others=(WorldCar(), WorldCar()))
     engine = Engine(world)
@@ -144,11 +131,3 @@ def test_what_is_in_the_way_is_known_and_what_moves_or_is_too_large_leaves_nothi
     monkeypatch.setattr("fg_mujoco.simulation.clear_ground.MOST_CELLS", 100)
     assert distances_of(plain.model)[0].size == 0
     assert find_clear_ground(NOTHING, plain.model, ("car/",)).distances.size == 0
-
-
-def test_a_car_that_is_no_number_is_searched():
-    engine = Engine(fg.World("fast"))
-    engine.place([Start(s=2.0)])
-    assert is_clear(engine)
-    engine.state(0)[1] = math.nan
-    assert not is_clear(engine)

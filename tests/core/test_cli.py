@@ -1,7 +1,6 @@
 import json
 import os
 import pty
-import re
 import signal
 import subprocess
 import sys
@@ -9,14 +8,9 @@ import sys
 import pytest
 
 import fg_mujoco as fg
-from cases import each
-from fg_mujoco.addons.arena.tight_courses.tight import generate_tight_track
-from fg_mujoco.cli.command import OUTPUT
 from fg_mujoco.cli.main import main
-from fg_mujoco.cli.options import GROUPS
 from fg_mujoco.controllers import BASELINES
 from fg_mujoco.errors import SettingsError, install_command
-from fg_mujoco.racing.setup import SETUP_KEYWORDS
 from refusals import contents, refused
 from terminals import read_to_the_end
 
@@ -48,39 +42,6 @@ def command(*arguments, **options):
     )
 
 
-@each(
-    ("text", "name", "said"),
-    [
-        ("raise SystemExit(0)\n", "P", "does not import"),
-        ("class P:\n    def __init__(self): raise RuntimeError('two\\nlines')\n", "P", "two lines"),
-    ],
-)
-def test_a_bad_controller_file_is_refused(here, capsys, text, name, said):
-    (here / "planner.py").write_text(text)
-    assert said in refused(here, capsys, "race", "--controller", f"planner.py:{name}", "--out", "run")
-
-
-@each("form", ["table", "json"])
-def test_a_race_whose_folder_cannot_be_written_in_the_end_prints_what_it_was_and_exits_2(
-    here, capsys, monkeypatch, form, without_pictures
-):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("fg_mujoco.racing.run_folder.np.savez_compressed", full)
-    arguments = ["race", "--time-limit", "0.5", "--out", "runs/a"] + ["--json"] * (form == "json")
-    assert main(arguments) == 2
-    shown = capsys.readouterr()
-    assert (
-        shown.err == "fg-mujoco: runs/a: cannot be written: No space left on device; accepted: a folder that can be\n"
-    )
-    if form == "json":
-        assert json.loads(shown.out)["end_reason"] == "time_limit"
-    else:
-        assert "time limit" in shown.out and "written to" not in shown.out
-    assert list(here.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(here, capsys, monkeypatch):
     def full(*_):
@@ -92,14 +53,6 @@ def test_a_video_that_fails_after_the_race_leaves_the_run_folder_and_exits_1(her
     shown = capsys.readouterr()
     assert shown.err == "fg-mujoco: a.mp4: cannot be written: No space left on device\n"
     assert "written to" in shown.out and (here / "run" / "report.html").exists()
-
-
-@pytest.mark.slow
-def test_refusals_of_the_installed_command_are_one_line_and_exit_2(here):
-    for arguments in [("race", "--laps", "0"), ("race", "--laps", "x"), ("race", "--track", "nowhere")]:
-        run = command(*arguments)
-        assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
-    assert contents(here) == {}
 
 
 @pytest.mark.slow
@@ -241,13 +194,6 @@ def test_track_new_writes_what_track_show_and_race_read(here, capsys):
     assert main(["race", "--track", "out.csv", "--time-limit", "0.2"]) == 1
 
 
-def test_track_new_writes_a_tight_circuit(here, capsys):
-    assert main(["track", "new", "--seed", "7", "--tight", "out.csv"]) == 0
-    drawn, made = fg.load_track("out.csv"), generate_tight_track(7)
-    assert drawn.centreline == pytest.approx(made.centreline) and drawn.width_left == pytest.approx(made.width_left)
-    assert "fg-mujoco track new --seed 7 --tight" in (here / "out.csv").read_text().splitlines()[0]
-
-
 def test_track_new_replaces_a_file_only_by_force(here, capsys):
     (here / "out.csv").write_text("mine")
     assert "--force" in refused(here, capsys, "track", "new", "--seed", "7", "out.csv")
@@ -261,55 +207,3 @@ def test_lists_name_everything_there_is(capsys):
     assert main(["controllers"]) == 0
     heads = [line.split(":")[0] for line in capsys.readouterr().out.splitlines() if line and line[0] != " "]
     assert tuple(heads) == (*fg.controller_names(), *BASELINES)
-
-
-def test_controllers_as_json_has_every_setting_with_its_unit(capsys):
-    assert main(["controllers", "--json"]) == 0
-    described = json.loads(capsys.readouterr().out)
-    assert [each["name"] for each in described if not each["baseline"]] == list(fg.controller_names())
-    for row in described:
-        assert row["summary"] and row["distribution"] == "fg-mujoco"
-        rows = {setting["name"]: setting for setting in row["settings"]}
-        assert rows["safe_distance"]["unit"] == "m" and rows["safe_distance"]["default"] == 0.2
-        assert all(row["text"] for row in rows.values())
-
-
-def test_version_is_the_packages(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["--version"])
-    assert end.value.code == 0
-    assert capsys.readouterr().out == f"fg-mujoco {fg.__version__}\n"
-
-
-def test_a_controllers_settings_follow_its_name(capsys):
-    """`NAME[SETTING=VALUE]` is driven with that setting, and the summary says so."""
-    plain, slow = (
-        ["race", "--laps", "1", "--time-limit", "1", "--json"],
-        "gap_finder[lookahead=2,assist=mean_range]",
-    )
-    summaries = []
-    for controller in ("gap_finder", slow):
-        assert main([*plain, "--controller", controller]) == 1
-        summaries.append(json.loads(capsys.readouterr().out))
-    first, second = summaries
-    assert first["planner_settings"] == {}
-    assert second["planner_settings"] == {"lookahead": 2.0, "assist": "mean_range"}
-    assert second["trajectory_sha256"] != first["trajectory_sha256"]
-    assert main([*plain, "--controller", "gap_finder[lookahead"]) == 2
-    assert "accepted: NAME, or NAME[SETTING=VALUE,SETTING=VALUE]" in capsys.readouterr().err
-
-
-def test_the_help_of_a_race_has_groups_and_its_docstring_every_keyword(capsys):
-    with pytest.raises(SystemExit):
-        main(["race", "--help"])
-    said = capsys.readouterr().out
-    places = [said.index(f"\n{title}:\n") for title in (*GROUPS, OUTPUT)]
-    assert places == sorted(places) and said.rindex("--tires NAME") > places[1] and said.rindex("--mu MU") > places[2]
-    assert not [name for name in SETUP_KEYWORDS if not re.search(rf"\b{name}\b", fg.race.__doc__)]
-
-
-def test_a_doubt_of_pythons_compiler_about_a_planner_is_one_line(here, capsys):
-    (here / "planner.py").write_text("def drive(scan, odometry):\n    return [][0.5]\n")
-    assert main(["race", "--controller", "planner.py:drive", "--time-limit", "0.1"]) == 1
-    said = [line for line in capsys.readouterr().err.splitlines() if "indices must be" in line and "warning" in line]
-    assert said and all(line.startswith("fg-mujoco: warning: planner.py, line 2: ") for line in said)

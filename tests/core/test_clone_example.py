@@ -36,38 +36,6 @@ def straight(example, count=2048):
     )
 
 
-def test_turns_are_those_that_the_seed_and_the_tick_say(example):
-    ticks = np.arange(140)
-    turns = example.in_turn(2, ticks)
-    assert turns.tolist() == ([False] * 40 + [True] * 30) * 2
-    assert example.in_turn(3, ticks).tolist() == [True] * 30 + ([False] * 40 + [True] * 30) + [False] * 40
-    assert [bool(example.in_turn(2, tick)) for tick in range(140)] == turns.tolist()
-
-
-def test_a_mirrored_example_is_the_same_left_for_right(example):
-    examples = straight(example)
-    mirrored = examples.mirrored()
-    np.testing.assert_allclose(mirrored.commands[:, 0], -examples.commands[:, 0])
-    np.testing.assert_array_equal(mirrored.scans[:, 28], examples.scans[:, 80])
-    np.testing.assert_array_equal(mirrored.mirrored().commands, examples.commands)
-
-
-def test_what_is_slow_or_lost_is_no_example(example, tmp_path):
-    dataset = fg.rollout(
-        "oval", n=2, time_limit=1.5, randomize={"start_speed": [0.0, 6.0], "start_heading": [0.0, 1.2]}, seed=2,
-        record="scans:10",
-    ).dataset()  # fmt: skip
-    ends = [episode.end_reason for episode in dataset]
-    assert set(ends) == {"crash", "time_limit"}
-    examples = example.Examples.of(dataset)
-    assert 0 < len(examples.commands) <= sum(
-        len(episode) - (example.LOST_TICKS if episode.end_reason == "crash" else 0)
-        for episode in dataset
-        if len(episode) > example.LOST_TICKS or episode.end_reason != "crash"
-    )
-    assert (examples.commands[:, 1] > example.SLOWEST).all()
-
-
 def test_without_torch_the_command_that_installs_it_is_named(tmp_path):
     code = f"import sys; sys.modules['torch'] = None; sys.argv = ['clone', '--data', {str(tmp_path / 'data')!r}]; "
     code += f"import runpy; runpy.run_path({str(EXAMPLE)!r}, run_name='__main__')"

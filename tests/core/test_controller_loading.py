@@ -5,10 +5,9 @@ import textwrap
 import pytest
 
 from cases import each
-from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.errors import ControllerError
-from fg_mujoco.messages import DriveCommand, PlannerContext
-from fg_mujoco.racing.planners import build_controller, controller_names, find_controller, make_controller
+from fg_mujoco.messages import DriveCommand
+from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.planner_adapter import plan
 from scan_worlds import CAR, MU, corridor, odometry_of
 
@@ -76,22 +75,10 @@ def refusal(action, *names):
 # -- what loads
 
 
-def test_a_bundled_planner_loads_by_its_name():
-    assert isinstance(make("gap_finder"), GapFinder)
-    assert "gap_finder" in controller_names()
-
-
 def test_a_planner_in_a_file_is_built_with_what_its_constructor_names(in_file):
     planner = make(in_file(GOOD))
     assert planner.gain == 1.0
     assert plan(planner, SCAN, ODOMETRY) == DriveCommand(steering_angle=0.0, speed=3.0)
-
-
-def test_a_constructor_may_name_all_or_nothing(in_file):
-    given = answering("None", setup="self.given = car, mu, max_speed, rest, more")
-    given = given.replace("def __init__(self)", "def __init__(self, car, mu, max_speed, *rest, **more)")
-    assert make(in_file(given)).given == (CAR, MU, 3.0, (), {})
-    assert make(in_file(answering("None")))
 
 
 def test_a_file_is_read_afresh_each_time(in_file):
@@ -126,18 +113,6 @@ def test_a_constructor_that_wants_something_else_is_told_what_it_may_name(in_fil
 def test_a_constructor_that_raises_is_told_what(in_file, raised):
     raising = answering("None", setup=f"raise {raised}")
     refusal(lambda: make(in_file(raising)), "mine.py:Planner", "cannot be built", raised.split("(")[0])
-
-
-@each(
-    "body",
-    [
-        "class Planner:\n    def __call__(self, scan, odometry): pass\n",  # no reset
-        "class Planner:\n    def reset(self): pass\n",  # not callable
-        "class Planner:\n    reset = None\n    def __call__(self, scan, odometry): pass\n",
-    ],
-)
-def test_what_has_not_both_methods_is_no_controller(in_file, body):
-    refusal(lambda: make(in_file(body)), "mine.py:Planner", "is no controller", "__call__(scan, odometry) and reset()")
 
 
 # -- its settings
@@ -177,16 +152,3 @@ def make_with(source, **settings):
 def test_settings_that_are_given_differ_and_the_others_are_its_own(in_file):
     settings = make_with(in_file(SETTINGS), gain=2, mirrored=True).settings
     assert (settings.gain, settings.window, settings.mirrored, settings.side) == (2, 3, True, "left")
-
-
-def test_settings_of_an_object_are_refused():
-    refusal(lambda: make_with(GapFinder(CAR, MU), lookahead=5.0), "GapFinder", "is made already")
-
-
-def test_a_class_that_was_found_once_builds_many(in_file):
-    source = in_file(GOOD)
-    found = find_controller(source)
-    contexts = [PlannerContext(car=CAR, mu=MU, max_speed=speed) for speed in (3.0, 4.0)]
-    first, second = (build_controller(found, source, context) for context in contexts)
-    assert type(first) is type(second) is found
-    assert (first.max_speed, second.max_speed) == (3.0, 4.0)

@@ -1,6 +1,5 @@
 """A crash says into what, where, when and at what speed, in the table, the summary, the report and the picture."""
 
-import json
 import math
 
 import numpy as np
@@ -8,36 +7,12 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.cli.main import main
-from fg_mujoco.racing.crash import Crash, crash_of
+from fg_mujoco.racing.crash import crash_of
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.telemetry import TELEMETRY
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.car import WHEELS
-
-PLANNER = """
-import fg_mujoco as fg
-class Steady:
-    def __init__(self, max_speed):
-        self.speed = max_speed
-    def reset(self):
-        pass
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.0, speed=self.speed)
-"""
-
-
-class Held:
-    """Holds one command."""
-
-    def __init__(self, steering, speed):
-        self.command = fg.DriveCommand(steering_angle=steering, speed=speed)
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return self.command
+from hand_planners import driven
 
 
 def wall_distance(track, point):
@@ -51,7 +26,7 @@ def wall_distance(track, point):
 
 @each(("steering", "side"), ((0.2, "left wall"), (-0.2, "right wall")))
 def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
-    result = fg.race("oval", Held(steering, 2.0), laps=1)
+    result = fg.race("oval", driven((steering, 2.0)), laps=1)
     crash = result.car.crash
     assert (result.car.end_reason, crash.into) == ("crash", side)
     assert wall_distance(result.world.track, (crash.x_m, crash.y_m)) < 0.02
@@ -66,7 +41,7 @@ def test_the_wall_on_the_side_that_the_car_steers_to(steering, side):
 
 def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     boxes = (fg.Box(x=8.0, y=0.9, length=0.2, width=0.2), fg.Box(x=5.0, y=0.05, length=0.4, width=0.3))
-    result = fg.race("oval", Held(0.0, 3.0), laps=1, obstacles=boxes)
+    result = fg.race("oval", driven((0.0, 3.0)), laps=1, obstacles=boxes)
     crash = result.car.crash
     assert (crash.into, crash.geom) == ("obstacle 1", "obstacle_1")
     assert crash.x_m == pytest.approx(4.8, abs=0.02) and -0.11 <= crash.y_m <= 0.21
@@ -78,16 +53,14 @@ def test_a_box_ahead_is_hit_at_its_face_by_its_number():
     assert str(crash).startswith(f"hit obstacle 1 at ({crash.x_m:.2f}, {crash.y_m:.2f}) m, ")
 
 
-class Skidding(Held):
-    """Turns in, and back again, at a speed that the tires do not hold."""
-
-    def __call__(self, scan, odometry):
-        angle = 0.0 if odometry.stamp < 1.2 else 0.4 if odometry.stamp < 1.7 else -0.4
-        return fg.DriveCommand(steering_angle=angle, speed=6.0 if odometry.stamp < 1.2 else 12.0)
+def skids(odometry):
+    """Turn in, and back again, at a speed that the tires do not hold."""
+    before = odometry.stamp < 1.2
+    return 0.0 if before else 0.4 if odometry.stamp < 1.7 else -0.4, 6.0 if before else 12.0
 
 
 def test_a_car_that_slides_into_the_wall_is_told_at_its_speed_over_the_ground_and_how_long_which_tires_had_slid():
-    result = fg.race("oval", Skidding(0.0, 8.0), laps=1, mu=0.3)
+    result = fg.race("oval", driven(skids), laps=1, mu=0.3)
     crash, column = result.car.crash, result.car.column
     # the car's last rows, carried on to the contact; the speed along the heading is another
     ground = np.hypot(column("vx_m_s"), column("vy_m_s"))
@@ -104,32 +77,16 @@ def test_a_car_that_slides_into_the_wall_is_told_at_its_speed_over_the_ground_an
     assert f", {crash.speed_m_s:.1f} m/s, {degrees:.0f} degrees of sideslip; had slid: " in str(crash)
 
 
-@each(
-    ("times", "said"),
-    [
-        ((0.0, 0.0, 0.0, 0.0), ""),
-        ((0.4, 0.4, 0.4, 0.4), "; had slid: all tires for 0.40 s"),
-        ((0.1, 0.0, 10.5, 10.5), "; had slid: the rear tires for 10.50 s, front left for 0.10 s"),
-        ((0.2, 0.0, 0.0, 0.2), "; had slid: front left and rear right for 0.20 s"),
-    ],
-)
-def test_the_tires_that_had_slid_are_told_the_longest_first(times, said):
-    slid = {f"slid_{wheel}_s": time for wheel, time in zip(WHEELS, times, strict=True)}
-    crash = Crash(into="left wall", geom="wall_0", time_s=1.0, x_m=0.0, y_m=0.0, speed_m_s=2.0, sideslip_rad=0.0,
-                  lap=1, s_m=3.0, **slid)  # fmt: skip
-    assert str(crash).endswith(f", 2.0 m/s{said}")
-
-
 def test_a_moving_obstacle_a_dead_end_and_a_wall_behind():
-    leader = fg.race("scene:slow_leader:0", Held(0.0, 4.0))
+    leader = fg.race("scene:slow_leader:0", driven((0.0, 4.0)))
     assert (leader.car.crash.into, leader.car.crash.geom) == ("moving obstacle 0", "moving_0")
     (obstacle,) = leader.world.moving
     low, high = (corner(obstacle.corners(leader.car.crash.time_s), axis=0) for corner in (np.min, np.max))
     place = np.array((leader.car.crash.x_m, leader.car.crash.y_m))
     assert (low - 0.03 <= place).all() and (place <= high + 0.03).all()
-    end = fg.race("scene:dead_end:0", Held(0.0, 4.0))
+    end = fg.race("scene:dead_end:0", driven((0.0, 4.0)))
     assert str(end.car.crash).startswith("hit the wall across the course at (")
-    behind = fg.race("oval", Held(0.3, -2.0), laps=1).car.crash
+    behind = fg.race("oval", driven((0.3, -2.0)), laps=1).car.crash
     assert behind.speed_m_s == pytest.approx(2.0, abs=0.1)
     assert str(behind).endswith(", 2.0 m/s in reverse")
 
@@ -143,30 +100,3 @@ def test_a_car_that_is_in_a_wall_at_the_beginning_has_crashed_at_once():
     crash = crash_of(engine.world, states, ctrl, telemetry, engine.monitor.timers[0], 1, engine.period)
     assert END_REASONS[engine.monitor.reasons[0]] == "crash"
     assert (crash.into, crash.time_s, crash.speed_m_s) == ("left wall", 0.0, 0.0)
-
-
-@pytest.mark.slow
-def test_table_json_report_and_picture_tell_of_the_crash(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "planner.py").write_text(PLANNER)
-    drawn = []
-    monkeypatch.setattr("fg_mujoco.pictures.pages.figure_kit.save_figure", lambda figure, path: drawn.append(figure))
-    assert main(["race", "--controller", "planner.py:Steady", "--max-speed", "3", "--out", "runs/hit"]) == 1
-    table = capsys.readouterr().out
-    crash = json.loads((tmp_path / "runs/hit/summary.json").read_text())["crash"]
-    assert set(crash) == {"into", "geom", "time_s", "x_m", "y_m", "speed_m_s", "lap", "s_m", "sideslip_rad"} | {
-        f"slid_{wheel}_s" for wheel in WHEELS
-    }
-    said = (
-        f"hit the {crash['into']} at ({crash['x_m']:.2f}, {crash['y_m']:.2f}) m, {crash['s_m']:.1f} m into lap 1, "
-        f"t = {crash['time_s']:.2f} s, {crash['speed_m_s']:.1f} m/s"
-    )
-    assert f"  crash             {said}\n" in table
-    assert table.splitlines()[-1] == "  report            runs/hit/report.html"
-    page = (tmp_path / "runs/hit/report.html").read_text()
-    assert f"Crash: {said}." in page
-    assert '"name":"crash"' in page and '"name":"wrong_way"' not in page
-    axes = drawn[0].axes[0]
-    assert (crash["x_m"], crash["y_m"]) in [tuple(line.get_xydata()[0]) for line in axes.lines if len(line.get_xdata())]
-    assert "crashed here" in [text.get_text() for text in axes.texts]

@@ -18,7 +18,7 @@ from fg_mujoco.cli.options import CAR as CAR_OPTIONS
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.worlds import Worlds
 from fg_mujoco.racing.setup import Setup
-from fg_mujoco.simulation.settings import CarSettings, DriveSettings, Start
+from fg_mujoco.simulation.settings import CarSettings, Start
 from refusals import refused
 from vehicle_worlds import F1TENTH, made_file
 
@@ -127,13 +127,6 @@ def test_commands_have_the_options_of_a_car_with_the_same_help(command):
 
 
 # -- what is written down
-
-
-def test_settings_read_back_from_their_description():
-    settings = DriveSettings(planner_mu=float("inf"), start=START, effects=NOISE, **CAR)
-    description = json.loads(json.dumps(settings.described(), allow_nan=False))
-    assert DriveSettings.of(description) == settings
-    assert description["planner_mu"] == "off" and description["vehicle"] == "nuc2"
 
 
 def test_a_run_of_a_file_vehicle_is_raced_again_while_the_file_is_the_same(here, capsys, without_pictures):

@@ -1,8 +1,5 @@
 """Worlds driven together give the bits of the same worlds driven alone, and one that fails harms no other."""
 
-import threading
-
-import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch
@@ -10,7 +7,6 @@ from mujoco.batch import Batch
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.lidar.effects import LidarEffects
-from fg_mujoco.racing.result import trajectory_sha256
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
@@ -45,47 +41,6 @@ def alone(scenario, **settings):
     names = ("planner_mu", "max_speed", "seed", "obstacles", "effects", "changes", "start", "mu", "tires")
     told = {name: getattr(scenario, name) for name in names}
     return fg.race(scenario.track, laps=100, time_limit=DURATION, **told, **settings)
-
-
-def same_bits(first, second):
-    return first.shape == second.shape and first.tobytes() == second.tobytes()
-
-
-@each("i", range(len(SCENARIOS)))
-def test_a_world_of_a_batch_is_that_world_raced_alone(together, i):
-    raced = alone(SCENARIOS[i])
-    assert same_bits(together.states[i], raced.states)
-    assert same_bits(together.ctrl[i], raced.ctrl)
-    assert same_bits(together.telemetry[i], raced.car.telemetry)
-    assert trajectory_sha256(together.states[i], together.ctrl[i]) == raced.trajectory_sha256
-    row = together.rows[i]
-    told = raced.summary()
-    for name in ("end_reason", "sim_time_s", "collisions", "max_slide_m_s", "slide_time_fraction", "mean_speed_m_s",
-                 "max_speed_m_s", "laps_completed", "seed"):  # fmt: skip
-        assert row[name] == told[name], name
-
-
-@each("order", ([3, 1, 2], [8, 0], [6], [5, 4, 9, 7]))
-def test_the_others_and_the_order_make_no_difference(together, order):
-    again = drive_worlds([SCENARIOS[i] for i in order], "gap_finder", time_limit=DURATION, record="states")
-    for place, i in enumerate(order):
-        assert same_bits(again.states[place], together.states[i])
-        assert again.rows[place].tobytes() == together.rows[i].tobytes()
-
-
-def test_threads_make_no_difference(together):
-    found = {}
-
-    def work(place):
-        found[place] = drive_worlds(SCENARIOS[place::2], "gap_finder", time_limit=DURATION)
-
-    threads = [threading.Thread(target=work, args=(place,)) for place in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for place, results in found.items():
-        assert results.rows.tobytes() == together.rows[place::2].tobytes()
 
 
 @each(
@@ -184,14 +139,3 @@ def test_stop_ends_what_still_runs(monkeypatch):
     assert results.rows["end_reason"].tolist() == ["interrupted"] * 2
     assert results.rows["sim_time_s"] == pytest.approx([0.1, 0.1])
     assert np.isnan(results.rows["first_lap_s"]).all() and np.isnan(results.lap_times_s).all()
-
-
-def test_models_are_left_alone():
-    """The world that a batch shares is never changed."""
-    world = fg.World("oval")
-    before = [getattr(world.model, name).copy() for name in ("body_mass", "pair_friction", "actuator_gainprm")]
-    batch = Batch(world.model, 1, nthread=1, persistent=True)
-    change_worlds(batch, [CarChanges(mass=5.0, mu=0.2, speed_gain=2.0)], world.vehicle.compile(), CAR_PREFIX)
-    after = [getattr(world.model, name) for name in ("body_mass", "pair_friction", "actuator_gainprm")]
-    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
-    assert mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION) == batch.nstate

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco.controllers.control.planner_settings import for_car
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.scan_filters import valid_ranges, widen_all
 from fg_mujoco.controllers.perception.scan_geometry import beams_between, scan_record
 from fg_mujoco.controllers.safety.braking_trajectories import BrakingTrajectories
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.controllers.safety.safety_filter import SafetyFilterSettings
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 TOP = 8.0
@@ -66,13 +64,6 @@ def test_friction_is_the_limiter_and_nothing_else():
     assert command(near, "full", speed=2.0).speed < 2.0
 
 
-def test_the_friction_law_alone_is_that_of_the_steering_angle_and_holds_nothing():
-    scan = corridor(8.0, 0.8, ahead=2.5)
-    asked = command(scan, "friction_law", speed=7.0)
-    law = math.sqrt(CAR.gravity * MU * CAR.wheelbase / math.tan(abs(asked.steering_angle)))
-    assert (abs(asked.steering_angle), asked.speed) == (CAR.max_steering_angle, pytest.approx(law, rel=1e-12))
-
-
 def test_sight_is_the_speed_from_which_the_car_stops_within_what_it_sees():
     scan = corridor(1.0, 1.0, ahead=3.0)
     paths = BrakingTrajectories(CAR, FrictionLimiter(CAR, MU), TOP)
@@ -88,15 +79,6 @@ def test_without_the_friction_law_the_wheels_turn_as_sharply_as_possible():
     assert angles["distance_ahead"] == angles["mean_range"] == angles["sight"] == CAR.max_steering_angle
     assert 0.0 < angles["limiter"] < 0.1 and abs(angles["full"]) < 0.1
     assert 0.0 < command(scan, "mean_range,distance_ahead,sight,limiter", speed=7.0).steering_angle < 0.1
-
-
-def test_the_minimum_is_never_faster_than_any_law_but_to_crawl():
-    for ahead in (0.5, 0.9, 1.4, 2.5, 6.0):
-        scan = corridor(1.2, 0.9, ahead=ahead)
-        speeds = {law: command(scan, law, mu=math.inf).speed for law in ("full", "distance_ahead", "mean_range")}
-        assert speeds["full"] == min(speeds["distance_ahead"], speeds["mean_range"])
-        limited = {law: command(scan, law).speed for law in ASSISTS}
-        assert limited["full"] <= max(min(limited.values()), for_car(SafetyFilterSettings(), CAR).crawl_speed) + 1e-12
 
 
 def test_the_beams_between_two_bearings_are_those_within():

@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("dm_control", reason="there is no dm_control for this Python")
 
-
 from fg_mujoco.envs.dm_environment import TASKS, load
 
 CRASHING = np.array([0.3, 4.0], np.float32)

@@ -17,16 +17,6 @@ from fg_mujoco.racing.resolved import Ground as CourseGround
 gymnasium = pytest.importorskip("gymnasium")
 
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
-
-
-def _bytes_of(values, count):
-    """The bits of the first worlds, all the way down."""
-    if isinstance(values, dict):
-        return {name: _bytes_of(value, count) for name, value in values.items()}
-    if isinstance(values, tuple):
-        return [_bytes_of(value, count) for value in values]
-    return np.asarray(values)[:count].tobytes()
 
 WORLD = fg.World("oval")
 CAR, PERIOD = WORLD.parameters, 0.025
@@ -207,20 +197,6 @@ def test_terms_sum_up_to_the_reward_and_their_sums_to_the_return():
         assert info["return_progress"] == pytest.approx(info["progress_m"])
 
 
-def test_the_compiled_terms_are_their_functions():
-    defaults = {"progress": 1.0, "collision": 10.0, "sliding": 1.0, "impact": 1.0}
-    weights = {f"{name}_function": (REWARDS.find(name), weight) for name, weight in defaults.items()}
-    env = F1TenthEnv(start="line", beam_step=540, rewards=weights)
-    env.reset(seed=0)
-    terminated, slid = False, 0.0
-    while not terminated:
-        _, _, terminated, _, info = env.step(np.array([0.1, 6.0]))
-        slid += info["sliding"]
-        for name in defaults:
-            assert info[f"reward_{name}_function"] == pytest.approx(info[f"reward_{name}"], abs=1e-12)
-    assert slid > 0.0
-
-
 def told_by_gym(settings, commands):
     env = gymnasium.make(ID, disable_env_checker=True, start="line", **settings)
     rows = [env.reset(seed=0)[::-1]]
@@ -230,23 +206,6 @@ def told_by_gym(settings, commands):
         if terminated or truncated:
             break
     return rows
-
-
-def told_by_vector(settings, commands):
-    envs = gymnasium.make_vec(ID, num_envs=3, start="line", **settings)
-    seen, info = envs.reset(seed=0)
-    rows = [(info, seen)]
-    for command in commands:
-        seen, values, terminated, truncated, info = envs.step(np.tile(command, (3, 1)))
-        rows.append((info | {"reward": values}, seen))
-        if (terminated | truncated).any():
-            break
-
-    def first(values):
-        return {name: value[1].item() if np.ndim(value[1]) == 0 and not isinstance(value[1], str) else value[1]
-                for name, value in values.items() if not name.startswith("_")}  # fmt: skip
-
-    return [(first(info), {name: value[1] for name, value in seen.items()}) for info, seen in rows]
 
 
 def told_by_dm_env(settings, commands):
@@ -280,7 +239,7 @@ def told_by_pettingzoo(settings, commands):
     return rows
 
 
-@each("told", [told_by_vector, told_by_dm_env, told_by_pettingzoo])
+@each("told", [told_by_dm_env, told_by_pettingzoo])
 def test_all_doors_tell_the_same(told):
     @reward
     def mine_at_all_doors(state):
@@ -306,23 +265,6 @@ def test_all_doors_tell_the_same(told):
     assert info["end_reason"] == "far" and info["return_mine_at_all_doors"] != 0.0 != info["return_other"]
 
 
-def test_worlds_and_threads_make_no_difference():
-    def told(count, threads):
-        envs = F1TenthVectorEnv(count, threads=threads, beam_step=60, autoreset_mode="SameStep", **ALL)
-        rng = np.random.default_rng(1)
-        rows, ends = [envs.reset(seed=4)], 0
-        for _ in range(60):
-            drawn = rng.uniform((-0.4, 1.0), (0.4, 6.0), (24, 2))
-            rows.append(envs.step(drawn[:count]))
-            ends += int(rows[-1][2][:3].sum())
-        envs.close()
-        assert ends  # and some of them began anew
-        parts = [(*row[:-1], {name: row[-1][name] for name in row[-1] if "return_" in name}) for row in rows]
-        return [_bytes_of(part, 3) for part in parts]
-
-    assert told(3, 1) == told(24, 1) == told(24, 3)
-
-
 def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_before():
     def at(seconds, outcome):
         return lambda name: EndCondition(name=name, function=lambda s: s.time > seconds - 0.01, outcome=outcome)
@@ -346,21 +288,6 @@ def test_the_first_condition_that_holds_is_the_reason_and_the_races_own_come_bef
     env.reset(seed=0)
     infos = [env.step(STAND)[4] for _ in range(4)]
     assert infos[-1]["end_reason"] == "time_limit"
-
-
-def test_passing_a_car_is_rewarded_once_and_taken_back_when_it_passes_again():
-    env = F1TenthEnv(
-        start="line", beam_step=540, grid_order="reversed", rewards={"overtaking": 2.0},
-        opponents=[lambda observation: STAND],
-    )  # fmt: skip
-    _, info = env.reset(seed=0)
-    assert info["position"] == 2
-    while info["position"] == 2 and info["time_s"] < 4.0:
-        *_, info = env.step(np.array([0.0, 1.5]))
-    assert info["position"] == 1 and info["reward_overtaking"] == info["return_overtaking"] == 2.0
-    for _ in range(120):
-        *_, info = env.step(np.array([0.0, -1.5]))
-    assert info["position"] == 2 and info["return_overtaking"] == 0.0
 
 
 def test_own_terms_are_registered_by_their_functions_names():

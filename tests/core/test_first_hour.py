@@ -233,6 +233,3 @@ def test_a_window_without_a_display_is_refused_and_the_program_goes_on(display):
     assert [line.partition("; ")[2] for line in said[1:3]] == ["accepted: rgb_array, None"] * 2
     assert said[3:] == ["goes on"]
     assert ran.returncode == 0
-
-
-# commands

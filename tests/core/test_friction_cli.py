@@ -1,6 +1,5 @@
 """The command `friction`: what it prints, writes, refuses and answers."""
 
-import importlib.util
 import os
 import signal
 import subprocess
@@ -12,12 +11,10 @@ import pytest
 
 from cases import each
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.errors import install_command
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import run_lab
 from lab_experiments import COUNT, DIES, FAILS, SLOW
-from refusals import refused
 
 SAID = """\
 Squares of <numbers>
@@ -49,10 +46,6 @@ def command(*arguments):
 
 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "worlds")}
-
-
-def refusal(here, capsys, *arguments):
-    return refused(here, capsys, "friction", *arguments)
 
 
 def test_without_a_folder_the_result_is_printed_and_nothing_is_written(here, capsys):
@@ -87,11 +80,6 @@ def test_options_are_settings_and_all_is_every_experiment(monkeypatch):
     assert everything == list(lab.EXPERIMENTS) and others["settings"] == LabSettings(mus=(0.7,))
 
 
-def test_a_folder_of_something_else_is_refused(here, capsys):
-    run_lab(["squares"], out="out", workers=1, pictures=False)
-    assert "quick is false there and true here" in refusal(here, capsys, "squares", "--quick", "--out", "out")
-
-
 @each("fares", [FAILS, DIES])
 def test_a_cell_that_fails_exits_1_and_says_which(capsys, fares):
     assert main(["friction", "squares", "--out", "out", "--workers", "2", "--seed", str(fares)]) == 1
@@ -99,14 +87,6 @@ def test_a_cell_that_fails_exits_1_and_says_which(capsys, fares):
     assert out == ""
     last = err.splitlines()[-1]
     assert last.startswith('fg-mujoco: squares, cell {"fares"') and last.endswith("; finished cells are kept")
-
-
-def test_without_matplotlib_the_tables_are_written_and_the_install_command_is_said(here, capsys, monkeypatch):
-    find = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
-    assert main(["friction", "squares", "--workers", "1", "--out", "out"]) == 0
-    assert install_command("plot") in capsys.readouterr().err
-    assert (here / "out/report.html").exists() and not list(here.glob("out/*.svg"))
 
 
 @each("workers", [1, 2])

@@ -49,22 +49,6 @@ def test_what_is_written_is_the_same_whatever_the_workers(tmp_path):
     assert one.text() == two.text() == run_lab(["squares"], workers=1).text()
 
 
-def test_csvs_have_all_columns_and_what_is_no_number_is_empty_with_its_reason(tmp_path):
-    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
-    assert rows(tmp_path / "squares_areas.csv")[BAD] == {"side_m": "3.0", "area_m2": "9", "even": "False"}
-    first, second, *_ = rows(tmp_path / "squares_roots.csv")
-    assert first == {"side_m": "0.0", "root": "", "reason": "nothing there"}
-    assert second == {"side_m": "1.0", "root": "1.0", "reason": ""}
-
-
-def test_a_finished_folder_is_not_measured_again(tmp_path):
-    run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
-    before = files(tmp_path)
-    again = run_lab(["squares"], out=tmp_path, workers=1, pictures=False)
-    assert again.cells_measured == 0
-    assert files(tmp_path) == before
-
-
 def swap(lines):
     lines[1], lines[4] = (
         lines[1].replace(b'"number": 1', b'"number": 4'),

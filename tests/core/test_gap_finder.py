@@ -39,55 +39,19 @@ def decide_all(batch, scans, odometries):
     return [tuple(command) for command in commands.tolist()]
 
 
-@each("side", [1.0, -1.0])
-def test_it_passes_an_obstacle_on_the_wider_side(side):
-    scan = corridor(2.0, 2.0)
-    hidden = np.abs(scan.bearings - side * 0.05) < 0.12  # a box 3 m ahead, a little to one side
-    blocked = scan_of(np.where(hidden, 3.0, scan.ranges))
-    bearing, _ = finder().find_goal(blocked)
-    assert side * bearing < 0.0
-    # the goal's beam clears the box's near corner by half the car's width, and no less than by some of the clearance
-    assert 3.0 * math.sin(abs(bearing - side * 0.05) - 0.12) > 0.5 * CAR.width
-
-
-def test_a_single_longer_beam_counts_as_the_mean_of_its_bubble():
-    ranges = np.full(1081, 5.0)
-    ranges[800] = 6.0
-    smooth, rough = (finder(disparity_threshold=100.0, mean_radius=radius) for radius in (0.3, 1e-6))
-    # a window of .3 m / (6 m * .25 degrees), rounded up: 12 beams to either side
-    assert smooth.find_goal(scan_of(ranges))[1] == pytest.approx(5.0 + 1.0 / 25)
-    assert rough.find_goal(scan_of(ranges))[1] == pytest.approx(5.0 + 1.0 / 3)
-
-
 def test_the_wished_speed_is_by_the_mean_range_over_the_width_in_front():
     # a tent, 3 m ahead and 2 m less for each radian, no filter of which does much: over 10 degrees to either side
     # the mean is 3 - 2 * (5 degrees) = 2.825 m, and top speed is at 10 m / 3
     bearings = INCREMENT * (np.arange(1081) - 540)
     tent = scan_of(np.maximum(3.0 - 2.0 * np.abs(bearings), 0.1))
-    plain = finder(disparity_threshold=100.0, nearest_bubble=0.001, mean_radius=1e-6)
-    bearing, distance = plain.find_goal(tent)
-    assert bearing == 0.0
-    assert distance == pytest.approx(3.0, abs=0.01)
     speed = ratio_speed(tent, disparity_threshold=100.0, nearest_bubble=0.001, mean_radius=1e-6)
     assert speed == pytest.approx(8.0 * 2.825 / (10.0 / 3.0), rel=1e-3)
-
-
-def test_it_stops_where_nothing_can_be_driven_along():
-    assert finder()(scan_of(np.zeros(1081)), odometry_of(0.0)) == STOP
-    braking = finder()(scan_of(np.zeros(1081)), odometry_of(3.0))  # within the grip: STOP at once would slide the car
-    assert braking.steering_angle == 0.0 and 2.5 < braking.speed < 3.0
-    assert finder().find_goal(scan_of(np.zeros(1081))) is None
-    assert finder()(scan_of(np.full(1081, 0.05)), odometry_of(0.0)).speed == 0.0
 
 
 @each("mu", [MU, math.inf])
 def test_without_odometry_it_stops(mu):
     for speed, angle in ((math.nan, 0.0), (1.0, math.nan), (math.inf, 0.0)):
         assert GapFinder(CAR, mu, 8.0)(corridor(1.0, 1.0), odometry_of(speed, angle)) == STOP
-
-
-def test_a_speed_beyond_all_reckoning_is_no_odometry():
-    assert finder()(corridor(1.0, 1.0), odometry_of(1e200, 0.0)) == STOP
 
 
 # -- many at once; that they decide alike is in the controller contract
@@ -106,10 +70,6 @@ def test_in_a_batch_each_has_settings_a_grip_and_a_top_speed_of_its_own():
     assert len(set(alone)) == len(planners)
     commands = decide_all(GapFinder.batch(planners), [scan] * 5, [odometry] * 5)
     assert commands == [(command.steering_angle, command.speed) for command in alone]
-
-
-def test_a_batch_of_none_is_one():
-    assert decide_all(GapFinder.batch([]), [], []) == []
 
 
 @pytest.mark.slow

@@ -47,10 +47,6 @@ def test_no_return_is_beyond_any_threshold_and_a_failed_reading_beyond_none():
     assert gaps.runs_beyond(ranges, 8.0, 1).tolist() == [[0, 2], [3, 4]]
 
 
-def test_the_longest_run_of_the_slides_masked_array_is_what_the_bubble_left():
-    assert gaps.longest_run(np.array([4.8, 0.0, 0.0, 0.0, 6.0, 10.1, 8.3])) == (4, 7)
-
-
 @given(ranges=scans)
 @unhurried
 def test_the_longest_run_is_that_of_all_runs_of_non_zeros(ranges):

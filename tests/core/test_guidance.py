@@ -8,10 +8,8 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car
-from fg_mujoco.controllers.gap_finder import GapFinder
 from fg_mujoco.controllers.perception.scan_geometry import scan_record
 from fg_mujoco.controllers.safety.guidance import GuidanceSettings, _speed_to_stop
-from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
@@ -46,32 +44,6 @@ def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     race = fg.race(f"scene:dead_end:{seed}", "gap_finder")
     assert race.car.finished and race.car.collisions_wall == 0
     assert abs(race.car.column("speed_m_s")[-1]) < 0.1
-
-
-def test_alone_and_in_a_batch_of_three_the_commands_have_the_same_bits():
-    """Scans and odometry of a guided race; in the batch, two other cars see other ticks of it."""
-    seen = []
-
-    class Listener(GapFinder):
-        def __call__(self, scan, odometry):
-            seen.append((scan, odometry))
-            return super().__call__(scan, odometry)
-
-    fg.race("scene:u_turn_trap:0", Listener(CAR, MU, 8.0), laps=1)
-    alone = GapFinder(CAR, MU, 8.0)
-    expected = [alone(*each) for each in seen]
-    batch = GapFinder.batch([GapFinder(CAR, MU, 8.0) for _ in range(3)])
-    got = []
-    for tick in range(len(seen)):
-        three = [seen[tick - 40], seen[tick], seen[tick // 2]]
-        rows, commands = np.zeros(3, ODOMETRY), np.zeros((3, 2))
-        for row, (_, odometry) in zip(rows, three, strict=True):
-            for name in ODOMETRY.names:
-                row[name] = getattr(odometry, name)
-        batch(seen[0][0], np.array([scan.ranges for scan, _ in three]), rows, np.ones(3, bool), commands)
-        got.append(tuple(commands[1].tolist()))
-    assert len(seen) > 100 and got == [(command.steering_angle, command.speed) for command in expected]
-    assert alone._alone._driven[0]["memory"]["guidance"]["way"]["ticks"] == len(seen)
 
 
 @each("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])

@@ -28,14 +28,8 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from fg_mujoco.envs.gym_environment import ID, F1TenthEnv  # noqa: E402
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv  # noqa: E402
 
 CAR = car_parameters(fg.World("oval").model, "car/")
-
-
-def commands(race):
-    """The commands of a race (ticks, 2) [rad, m/s]."""
-    return np.column_stack((race.car.column("command_steering_rad"), race.car.column("command_speed_m_s")))
 
 
 @pytest.fixture
@@ -62,89 +56,6 @@ def test_env_checker_of_gymnasium_finds_nothing(settings):
     texts = [str(warning.message) for warning in found]
     advice = [] if "beam_step" in settings else ["symmetric and normalized"]  # for who wants it, `normalised_actions`
     assert len(texts) == len(advice) and all(part in text for part, text in zip(advice, texts, strict=True)), texts
-
-
-@each("kind", [F1TenthEnv, F1TenthVectorEnv])
-def test_episode_is_the_race_of_the_same_commands(kind, lap):
-    many = kind is F1TenthVectorEnv
-    env = kind(track="oval", start="line", speed_range=(-5.0, 20.0))
-    env.reset(seed=0)
-    total = 0.0
-    for tick, command in enumerate(commands(lap), start=1):
-        action = command[np.newaxis] if many else command
-        observation, reward, terminated, truncated, info = env.step(action)
-        total += float(reward[0] if many else reward)
-        over = bool(np.any(terminated))
-        assert not np.any(truncated)
-        assert over == (tick == len(commands(lap)))
-    known = {name: values[0] for name, values in info.items()} if many else info
-    assert known["end_reason"] == "finished"
-    assert tuple(known["lap_times_s"]) == lap.car.lap_times_s
-    assert known["time_s"] == lap.sim_time_s
-    slid = lap.car.slide_time_fraction * lap.sim_time_s
-    assert total == pytest.approx(known["progress_m"] - slid, abs=1e-9)
-    assert known["clipped_actions"] == 0
-    assert math.isclose(float(np.ravel(observation["speed"])[0]), lap.car.column("speed_m_s")[-1], abs_tol=0.3)
-
-
-@each("kind", [F1TenthEnv, F1TenthVectorEnv])
-def test_nothing_of_an_episode_is_left_in_the_next(kind, lap):
-    """After a lap, one that crashes: its rewards, laps and counts are its own."""
-    count = 1 if kind is F1TenthEnv else 2
-    env = F1TenthEnv(start="line") if kind is F1TenthEnv else F1TenthVectorEnv(2, start="line")
-
-    def drive(action):
-        action = np.asarray(action)
-        told = env.step(action if kind is F1TenthEnv else np.tile(action, (2, 1)))
-        return [np.ravel(values)[-1] for values in told[1:4]], {
-            name: np.ravel(values)[-1] if name != "lap_times_s" else np.reshape(values, (count, -1))[-1]
-            for name, values in told[4].items()
-        }
-
-    env.reset()
-    for command in commands(lap):
-        (_, terminated, _), info = drive(command)
-    assert (terminated, info["laps"], info["lap_times_s"].tolist()) == (True, 1, list(lap.car.lap_times_s))
-    env.reset()
-    total, terminated, ticks = 0.0, False, 0
-    while not terminated:
-        (reward, terminated, _), info = drive([0.4, 99.0])
-        total, ticks = total + reward, ticks + 1
-    costs = info["return_sliding"] + info["return_impact"]
-    assert total == pytest.approx(info["progress_m"] - 10.0 + costs, abs=1e-9)
-    assert info["return_sliding"] < 0.0 and 1.0 < -info["return_impact"] < 20.0  # m/s, at which it crashed
-    assert (info["end_reason"], info["laps"], info["clipped_actions"]) == ("crash", 0, ticks)
-    assert info["time_s"] == pytest.approx(0.025 * ticks)
-    assert np.isnan(info["lap_times_s"]).all()
-
-
-def test_observation_is_the_scan_and_odometry_of_the_simulation(env):
-    start = {"s": 4.0, "offset": 0.3, "heading": 0.1, "speed": 1.5}
-    seen, _ = env.reset(options={"start": start})
-    simulation = fg.Simulation(fg.World("oval"))
-    scan, odometry = simulation.reset(**start)
-    for _ in range(20):
-        ranges = np.minimum(np.nan_to_num(scan.ranges, posinf=30.0), 30.0)
-        middle = len(ranges) // 2
-        assert seen["scan"].tolist() == ranges[middle % 10 :: 10].astype(np.float32).tolist()
-        assert seen["speed"].item() == np.float32(odometry.speed)
-        assert seen["yaw_rate"].item() == np.float32(odometry.yaw_rate)
-        assert seen["steering_angle"].item() == np.float32(odometry.steering_angle)
-        assert seen["acceleration"].tolist() == odometry.linear_acceleration[:2].astype(np.float32).tolist()
-        seen, *_ = env.step(np.array([0.1, 2.0]))
-        scan, odometry = simulation.step(fg.DriveCommand(steering_angle=0.1, speed=2.0))
-
-
-def test_same_seed_same_bits_and_another_seed_another_start():
-    def told(seed):
-        env = F1TenthEnv(beam_step=60, effects={"range_noise_std": 0.01})
-        scans = [env.reset(seed=seed)[0]["scan"]]
-        scans += [env.step(np.array([0.05, 2.0]))[0]["scan"] for _ in range(5)]
-        return np.array([*scans, env.reset()[0]["scan"]])
-
-    assert told(1).tobytes() == told(1).tobytes()
-    assert told(1)[0].tobytes() != told(2)[0].tobytes()
-    assert told(1)[0].tobytes() != told(1)[-1].tobytes()  # another episode, another start
 
 
 def observer(step):

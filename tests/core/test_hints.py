@@ -1,14 +1,11 @@
 """A race says in one line what its planner's mistake may be: degrees, late decisions, a scan in another order."""
 
-import json
 import math
 
 import numpy as np
-import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.cli.main import main
 from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.decision_times import DecisionTimes
 from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
@@ -54,18 +51,6 @@ def telemetry(angles, speeds):
 
 
 # -- commands beyond the limits
-
-
-def test_degrees_are_told_and_radians_are_not():
-    degrees, radians = (
-        fg.race("oval", Deepest(as_it_is, unit=unit), laps=1, time_limit=6.0) for unit in (180.0 / math.pi, 1.0)
-    )
-    (hint,) = race_hints(degrees)
-    assert hint.startswith(
-        f"{degrees.car.clamped_commands} of {len(degrees.car.telemetry)} commands were beyond the car's limits"
-    )
-    assert "Steering angles are in radians: if these are degrees, try math.radians(angle)" in hint
-    assert race_hints(radians) == ()
 
 
 @each(
@@ -135,14 +120,6 @@ def test_most_decisions_over_a_tick_are_told(late, told):
         assert "--lidar-latency 0.05" in hint
 
 
-def test_a_race_says_that_its_planner_is_late(monkeypatch):
-    result = fg.race("oval", Deepest(as_it_is), laps=1, time_limit=1.0)
-    assert race_hints(result) == ()
-    slow = DecisionTimes.of([0.05] * 40, PERIOD)
-    object.__setattr__(result.car, "decision_times", slow)
-    assert race_hints(result) == (late_hint(vars(slow)),)
-
-
 # -- a scan that is read in another order
 
 
@@ -165,31 +142,3 @@ def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, sp
         "the planner steered to the other. Does it read the scan as it is? ranges[0] of 1081 is the rightmost" in hint
     )
     assert "at -135 degrees, ranges[540] looks straight ahead" in hint
-
-
-# -- where it is said
-
-
-PLANNER = """
-import math
-from fg_mujoco.messages import DriveCommand
-class Degrees:
-    def reset(self):
-        pass
-    def __call__(self, scan, odometry):
-        return DriveCommand(steering_angle=20.0 * math.sin(20.0 * scan.stamp), speed=1.0)
-"""
-
-
-@pytest.mark.slow
-def test_command_line_and_report_say_it_in_a_line(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("bokeh", reason="no bokeh here: pip install -e '.[report]'")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(PLANNER)
-    main(["race", "--controller", "mine.py:Degrees", "--time-limit", "1", "--out", "run", "--json"])
-    out, err = capsys.readouterr()
-    assert json.loads(out)["clamped_commands"] > 20
-    assert [line for line in err.splitlines() if line.startswith("fg-mujoco: hint: ") and "math.radians" in line]
-    assert "if these are degrees, try math.radians(angle)." in (tmp_path / "run" / "report.html").read_text()
-    main(["race", "--time-limit", "1"])
-    assert "hint" not in capsys.readouterr().err

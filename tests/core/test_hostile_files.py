@@ -150,15 +150,6 @@ def test_what_is_no_file_is_refused_at_every_door(kind, here, capsys):
         assert len(err) < 4500
 
 
-@each("file", ["summary.json", "scene.xml", "states.npz", "telemetry.csv"])
-def test_a_run_folder_of_fifos_is_refused(file, short_race, here, capsys):
-    folder = fg.write_run(short_race, here / "run", picture=False)
-    (folder / file).unlink()
-    os.mkfifo(folder / file)
-    for command in (("replay", "run"), ("report", "run")):
-        assert file in refused(here, capsys, *command)
-
-
 def test_only_regular_files_of_a_bounded_size_are_read(here):
     (here / "text").write_bytes(b"\xef\xbb\xbfone\r\ntwo")
     assert (read_text("text"), read_bytes("text", 11)) == ("one\ntwo", b"\xef\xbb\xbfone\r\ntwo")

@@ -3,10 +3,8 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from cases import each
 from fg_mujoco.cli.main import main
 from fg_mujoco.rollouts.drive_worlds import drive_worlds
 from fg_mujoco.simulation.planner_adapter import plan
-from fg_mujoco.simulation.planner_failure import is_of_planner, without_exit
+from fg_mujoco.simulation.planner_failure import without_exit
 from fg_mujoco.simulation.settings import Scenario
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -184,28 +182,6 @@ def test_a_fork_of_a_planner_drives_nothing_and_holds_nothing_up(command, text, 
     assert found["end_reason"] == ends if command == "race" else found["end_reasons"] == {ends: 3}
 
 
-def test_ctrl_c_is_not_the_planners():
-    def caught(function):
-        try:
-            function()
-        except KeyboardInterrupt as error:
-            return error
-
-    def wait():
-        signal.raise_signal(signal.SIGINT)
-        time.sleep(5.0)
-
-    def planners():
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        assert not is_of_planner(caught(wait))
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert is_of_planner(caught(planners))
-
-
 # -- many worlds
 
 
@@ -276,15 +252,3 @@ def test_a_planner_that_hangs_ends_its_world_by_the_decision_limit(capfd, honest
     assert same(result.worlds[~hit], honest.worlds[~hit])
     with pytest.raises(fg.SettingsError, match="decision_limit is 0"):
         fg.rollout("oval", n=1, decision_limit=0)
-
-
-def test_a_comparison_goes_on_without_the_run_whose_planner_ended_its_worker(capfd):
-    grid = ["compare", "--controller", planner(v4="killed"), "--track", "oval", "--max-speed", "3,4,5", "--laps", "1"]
-    assert main([*grid, "--time-limit", "0.3", "--workers", "2", "--out", "out"]) == 1
-    assert "warning: mine.py:Planner on oval, max_speed 4.0: the worker ended by SIGKILL" in capfd.readouterr().err
-    again = fg.compare(
-        ["mine.py:Planner"], track=["oval"], max_speed=[3, 4, 5], laps=1, time_limit=0.3, workers=2, out="out",
-        pictures=False,
-    )  # fmt: skip
-    assert again.runs_driven == 0
-    assert [row.cars[0].end_reason for row in again.rows] == ["time_limit", "worker_died", "time_limit"]

@@ -4,7 +4,6 @@ import io
 import json
 import shutil
 import zipfile
-from copy import copy
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
-from fg_mujoco.course.files import read_arrays
 from fg_mujoco.course.mjcf import MOST_BODIES
 from fg_mujoco.racing.run_folder import read_summary
 from forging import without_checksums
@@ -301,45 +299,3 @@ def test_what_a_race_writes_is_accepted_of_every_vehicle(tmp_path):
     for vehicle in (*fg.vehicle_names(), made_file()):
         result = fg.race("hairpins", laps=1, vehicle=vehicle, time_limit=0.1)
         assert fg.replay(fg.write_run(result, tmp_path / fg.Vehicle.load(vehicle).name, picture=False)).identical
-
-
-def test_a_vehicle_with_meshes_in_its_file_and_a_look_beside_it_is_read(tmp_path):
-    mesh = '<asset><mesh name="cone" vertex="0 0 0 .1 0 0 0 .1 0 0 0 .1"/></asset>'
-    text = fg.Vehicle.load("f1tenth").text.replace("<worldbody>", mesh + "<worldbody>", 1)
-    (tmp_path / "my_look.xml").write_text("<mujoco/>", "utf-8")
-    (tmp_path / "mine.xml").write_text(text.replace("f1tenth_look.xml", "my_look.xml"), "utf-8")
-    result = fg.race("oval", laps=1, vehicle=str(tmp_path / "mine.xml"), time_limit=0.1)
-    run = fg.read_run(fg.write_run(result, tmp_path / "run", picture=False))
-    assert 'name="car/cone"' in run.xml and f'data="{tmp_path / "my_look.xml"}"' in run.xml
-    assert fg.replay(run.folder).holds
-
-
-def test_arrays_are_those_that_numpy_wrote(tmp_path):
-    given = {"a": np.arange(6.0).reshape(2, 3), "b": np.float64(3.0), "c": np.array("text"), "d": np.zeros((0, 4)),
-             "e": np.asfortranarray(np.arange(6).reshape(2, 3))}  # fmt: skip
-    np.savez_compressed(tmp_path / "all.npz", **given)
-    found = read_arrays(tmp_path / "all.npz", tuple(given), 1000)
-    for name, array in given.items():
-        np.testing.assert_array_equal(found[name], array)
-        assert found[name].dtype == np.asarray(array).dtype
-
-
-def written(here, **changes):
-    """Write changed values into a summary, or take them out of it where they are None; return it as it was."""
-    path = here / "run/summary.json"
-    plain = json.loads(path.read_text("utf-8"))
-    path.write_text(json.dumps({k: v for k, v in (plain | changes).items() if v is not None}), "utf-8")
-    return plain
-
-
-def test_a_run_is_exported_from_wherever_its_car_begins(here):
-    """A state outside of the walls is no place in the map: what is outside is free up to its border."""
-    from fg_mujoco.addons.ros.occupancy_grid import FREE, grid_of
-
-    world = fg.World("oval")
-    inside, outside = (grid_of(world.model, np.array(place)).cells for place in ((0.0, 0.0), (1e9, -1e9)))
-    assert (inside == FREE).any() and outside[0, -1] == FREE
-    far = copy(world.model)
-    far.mesh_vert[:] *= 1e6
-    with pytest.raises(fg.ModelError, match="accepted for a map: 30000 m"):
-        grid_of(far, np.zeros(2))

@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 
 import fg_mujoco as fg
-from cases import each
 
 PACKAGE = Path(fg.__file__).parent
 TOP_FOLDERS = {f"fg_mujoco.{name}": Path(getattr(fg, name).__file__).parent for name in ("controllers", "addons")}
@@ -92,28 +91,6 @@ def wrong(name, text):
 def test_no_module_imports_from_above_by_name():
     names = [name for name in MODULES if not name.endswith("__main__")]
     assert [each for name in names for each in wrong(name, MODULES[name].read_text("utf-8"))] == []
-
-
-@each(
-    "text",
-    [
-        'import importlib\nimportlib.import_module("fg_mujoco.addons.ros.node_host.ros_planner")',
-        "from importlib import import_module\nimport_module(name)",
-        '__import__(f"fg_mujoco.{room}")',
-        'PLACES = {"node": "fg_mujoco.addons.ros.node_host.ros_planner:find_node"}',
-        "from .. import race",
-        "from fg_mujoco import race",
-        "def late():\n    import fg_mujoco as fg",
-    ],
-)
-def test_an_import_from_above_by_name_is_found(text):
-    assert len(wrong("fg_mujoco.racing.planners", text)) == 1
-
-
-def test_each_exception_is_needed():
-    texts = {name: path.read_text("utf-8") for name, path in MODULES.items()}
-    needed = {name for name, text in texts.items() if any(target is None for _, target in arrows(name, text))}
-    assert needed == set(NAMED_AT_RUN_TIME)
 
 
 LOADS_NOTHING_OF = (

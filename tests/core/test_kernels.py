@@ -15,7 +15,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.compiled.kernel_files import made_once
-from fg_mujoco.compiled.kernels import cache_folder, kernel, package_files
+from fg_mujoco.compiled.kernels import cache_folder, kernel
 from fg_mujoco.compiled.machine_code import machine
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from installed_package import install_into
@@ -193,36 +193,6 @@ def test_a_process_waits_for_what_another_one_makes(tmp_path, patience, found):
             assert other.stdout.readline() == "True\n"
 
 
-def times(factor):
-    @kernel
-    def product(x):
-        return factor * x
-
-    return product
-
-
-def plus_one(function):
-    @kernel
-    def more(x):
-        return function(x) + 1.0
-
-    return more
-
-
-def test_closures_are_told_apart_and_found_again(cache):
-    for _ in range(2):
-        assert [times(factor)(3.0) for factor in (2.0, 5.0)] == [6.0, 15.0]
-        assert [plus_one(times(factor))(3.0) for factor in (2.0, 5.0)] == [7.0, 16.0]
-        assert len(kept_in(cache)) == 6, "two products for Python, two for kernels, and what is called with them"
-
-
-def test_a_function_without_source_is_not_kept(cache):
-    scope = {"__name__": "nowhere"}
-    exec("def half(x):\n    return 0.5 * x", scope)
-    assert kernel(scope["half"])(3.0) == 1.5
-    assert not (cache / "fg_mujoco").exists() or kept_in(cache) == []
-
-
 def test_names_are_the_same_in_a_checkout_and_installed(tmp_path):
     install_into(tmp_path)
     code = (
@@ -231,13 +201,6 @@ def test_names_are_the_same_in_a_checkout_and_installed(tmp_path):
     )
     here, there = run(code), run(code, cwd=tmp_path)
     assert here.returncode == 0 and here.stdout == there.stdout
-
-
-def test_every_source_is_hashed_once_under_its_path_in_the_package():
-    paths = [path for path, _ in package_files(".py")]
-    assert {"compiled/kernels.py", "controllers/perception/gaps.py", "models/__init__.py"} <= set(paths)
-    assert len(paths) == len(set(paths)) and sorted(paths) == paths
-    assert not [path for path in paths if path.startswith("fg_mujoco/") or "__pycache__" in path]
 
 
 CALLS = """
@@ -417,10 +380,6 @@ def test_the_first_compilation_is_announced_once(tmp_path):
     assert (done.returncode, done.stdout) == (0, CRASH)
     assert done.stderr.count(ANNOUNCEMENT) == 1 and done.stderr.count("\n") == 1
     assert run(both, XDG_CACHE_HOME=str(tmp_path)).stderr == ""
-
-
-def test_without_stderr_kernels_are_compiled_all_the_same(tmp_path):
-    assert run(f"import sys; sys.stderr = None; {REASON}", XDG_CACHE_HOME=str(tmp_path)).stdout == CRASH
 
 
 BESIDE = """

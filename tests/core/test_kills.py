@@ -8,10 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from cases import each
-
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "kills.py"
 RACE = "race --time-limit 0.5 --out runs/a"
 
@@ -50,17 +46,3 @@ def test_without_a_home_a_race_is_written(tmp_path):
     environment = {name: value for name, value in os.environ.items() if name != "HOME"}
     assert command(RACE, tmp_path, env=environment).returncode == 1  # the time limit ends it
     assert (tmp_path / "runs" / "a" / "summary.json").exists()
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-@each(
-    "arguments",
-    [RACE, "rollout --n 2 --time-limit 0.5 --out a", "compare --out a", "friction skidpad --quick --out a",
-     "track new --seed 1 a.csv", "track show oval --out a.png"],
-)  # fmt: skip
-def test_a_folder_that_is_read_only_is_refused_in_one_line(tmp_path, arguments):
-    (tmp_path / "here").mkdir(mode=0o500)
-    done = command(arguments, tmp_path / "here")
-    assert done.returncode == 2
-    assert "Permission denied" in done.stderr and done.stderr.count("\n") == 1
-    assert list((tmp_path / "here").iterdir()) == []

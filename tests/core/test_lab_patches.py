@@ -1,6 +1,5 @@
 """Patches of floor: the friction that acts is the one asked for, and nothing else changes."""
 
-
 import mujoco
 import numpy as np
 import pytest
@@ -11,16 +10,11 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.lab.lab_laps import drive_laps
-from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, edge_load, sliding_sideways
-from fg_mujoco.simulation.cars import CAR_PREFIX
-from fg_mujoco.simulation.physics import STATE
-from fg_mujoco.simulation.simulation import complete_state
+from fg_mujoco.lab.patch_manoeuvres import brake_onset, circle, sliding_sideways
 from fg_mujoco.vehicle.car import WHEELS, Car
 from fg_mujoco.vehicle.friction_patches import Patch, PatchedFloor, add_patches, random_patches
 from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
-
-ICE = Patch(x=6.0, y=-0.2, length=4.0, width=1.5, heading=0.1, mu=0.35)
 
 
 def floor_under(x, y, heading, *patches):
@@ -62,20 +56,6 @@ def test_friction_that_acts_on_a_patch_is_the_one_asked_for(mu):
     assert sliding_sideways("site", mu) == pytest.approx(mu, rel=0.005)
 
 
-@each("way", ["maximum", "priority", "pair"])
-def test_geom_flush_with_the_ground_has_the_ground_s_friction(way):
-    """The counter-example. MuJoCo takes the greater friction of two geoms, and with `priority` or a `pair` the ground's
-    own contact is there still: once a tire slides, that has all of its load."""
-    assert sliding_sideways(way, 0.35) > 0.95 * Vehicle.load().nominal_mu
-
-
-def test_only_a_patch_without_thickness_has_no_edge():
-    assert edge_load("site", 0.35) == pytest.approx(1.0, abs=0.01)
-    assert edge_load("pair", 0.35) > 2.0  # measured 2.9
-    assert edge_load("raised", 0.35) > 3.0  # 4.2
-    assert sliding_sideways("raised", 0.35) == pytest.approx(0.35, rel=0.01)  # that much is right
-
-
 @each("mu", [0.35, 0.7])
 def test_circle_on_a_patch_holds_up_to_its_law_and_widens_beyond(mu):
     # measured: onset .9996; beyond, 1.004 to 1.008 times the square, and .992 to .996 mu g
@@ -100,23 +80,6 @@ def test_patch_of_the_tires_own_friction_changes_no_bit_and_without_patches_it_i
         assert laps.trajectory_sha256 == expected.trajectory_sha256
         assert laps.lap_times_s == expected.car.lap_times_s
         assert np.array_equal(laps.telemetry, expected.car.telemetry, equal_nan=True)
-
-
-def test_laps_over_patches_are_simulated_again_bit_for_bit_from_the_xml_alone():
-    """By MuJoCo alone, on its contacts; tires of ours are stepped in tests of the engine."""
-    world = fg.World("oval", patches=(ICE,), tires="contact")
-    laps = drive_laps(world, laps=1)
-    assert (laps.floor_mu == ICE.mu).any()
-    model = mujoco.MjModel.from_xml_string(world.xml)
-    data, floor = mujoco.MjData(model), PatchedFloor(model, CAR_PREFIX)
-    mujoco.mj_setState(model, data, laps.states[0], STATE)
-    for ctrl, expected in zip(laps.ctrl, laps.states[1:], strict=True):
-        data.ctrl[:] = ctrl
-        for _ in range(5):
-            floor.apply(data.qpos)
-            mujoco.mj_step(model, data)
-        assert np.array_equal(complete_state(model, data), expected)
-    assert drive_laps(fg.World("oval", tires="contact"), laps=1).trajectory_sha256 != laps.trajectory_sha256
 
 
 def test_random_patches_are_those_of_the_seed_on_the_track_and_away_from_the_start():

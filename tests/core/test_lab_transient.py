@@ -1,6 +1,5 @@
 """Transients: the guard keeps tires from sliding where the law read one way does not; what a trace tells is true."""
 
-
 import numpy as np
 import pytest
 

@@ -76,19 +76,6 @@ def test_readings_outside_the_limits_are_infinite(backend: str, distance: float,
     assert lidar.ranges(data)[0] == math.inf
 
 
-@both_backends
-def test_no_return_reads_what_the_message_says(backend: str) -> None:
-    model, data, lidar = scanner(rig_spec(sensors=backend == "rangefinder"), backend)
-    place(model, data, (0, 0, 0.2), pitch=0.1)
-    plain = lidar.beams.to_scan(lidar.ranges(data), 1.5)
-    at_most = lidar.beams.to_scan(lidar.ranges(data), 1.5, no_return="range_max")
-    assert (plain.no_return, at_most.no_return) == (math.inf, 30.0)
-    assert plain.ranges[0] == math.inf
-    assert at_most.ranges[0] == 30.0
-    assert at_most.ranges[540] == plain.ranges[540] < 30.0
-    np.testing.assert_allclose(plain.bearings, lidar.beams.bearings, rtol=0, atol=1e-12)
-
-
 # --- the back ends against each other and mj_ray ---
 
 
@@ -179,13 +166,6 @@ def test_rangefinder_reads_the_present_state_at_every_tick_and_leaves_the_state_
 def test_model_without_lidar_is_refused(backend: str) -> None:
     with pytest.raises(ModelError, match="no body 'car/hokuyo'"):
         make_lidar(backend, rig_spec().compile(), "car/")
-
-
-def test_other_beams_than_those_of_the_model_are_refused() -> None:
-    model = rig_spec().compile()
-    model.site_quat[7] = (1, 0, 0, 0)
-    with pytest.raises(ModelError, match="site_quat"):
-        make_lidar("rangefinder", model, PREFIX)
 
 
 def test_raycast_refuses_shapes_it_cannot_see() -> None:

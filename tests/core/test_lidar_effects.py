@@ -89,17 +89,6 @@ def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
     assert all(np.array_equal(scan[~np.isnan(scan)], truth[~np.isnan(scan)]) for scan in scans)
 
 
-def test_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
-    effects = LidarEffects(range_noise_std=0.01, dropout_probability=0.01)
-
-    def bits(seed: int) -> bytes:
-        rig = Rig(effects, seed=seed)
-        return b"".join(rig.scan(tick).ranges.tobytes() for tick in range(3))
-
-    assert bits(7) == bits(7)
-    assert bits(7) != bits(8)
-
-
 # --- latency ---
 
 

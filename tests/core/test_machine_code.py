@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.compiled.kernels import cache_folder, kernel
+from fg_mujoco.compiled.kernels import cache_folder
 from fg_mujoco.compiled.machine_code import kinds, text_of
 
 Pair = namedtuple("Pair", ["first", "second"])
@@ -125,12 +125,6 @@ def test_arguments_of_other_types_are_of_other_kinds_and_of_one_type_of_one():
     assert text_of(kinds([whole[:2]])) == text_of(kinds([whole])), "who owns the memory does not matter"
     of_one_row, of_two = np.zeros((1, 3)), np.zeros((2, 3))
     assert text_of(kinds([of_one_row])) == text_of(kinds([of_two])), "and both are of one type to numba"
-
-
-def test_what_only_numba_knows_is_of_no_kind():
-    for value in ("text", [1.0], {}, 2**63, object(), kernel(lambda x: x), (1, [])):
-        assert kinds([1.0, value]) is None and text_of(None) is None
-    assert text_of(kinds([np.zeros(2).view(np.recarray)])) is None
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco import errors
 from fg_mujoco.addons.learn.dataset import require_minari
 from fg_mujoco.addons.learn.onnx_policy import require_onnx, require_onnxruntime
 from fg_mujoco.addons.learn.ray_cluster import require_ray
@@ -70,31 +69,6 @@ def test_the_command_installs_from_the_clone_for_the_python_that_runs_and_works_
     dry = [*words[:4], "--dry-run", "--no-deps", "--no-build-isolation", "--no-index", "--quiet", *words[4:]]
     done = subprocess.run(dry, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, "does not provide the extra" in done.stderr) == (0, False), done.stderr
-
-
-def test_a_clone_with_a_blank_in_its_path_is_quoted(tmp_path, monkeypatch):
-    clone = tmp_path / "my clone"
-    (clone / "fg_mujoco").mkdir(parents=True)
-    (clone / "pyproject.toml").touch()
-    monkeypatch.setattr(errors, "__file__", str(clone / "fg_mujoco" / "errors.py"))
-    assert shlex.split(install_command("maps"))[-1] == f"{clone}[maps]"
-
-
-def test_without_a_clone_the_packages_of_the_extra_are_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(errors, "__file__", str(tmp_path / "fg_mujoco" / "errors.py"))
-    assert shlex.split(install_command("maps"))[4:] == ["pillow>=10.1", "pyyaml>=6", "scipy>=1.11"]
-
-
-@pytest.mark.skipif(not PYPROJECT.exists(), reason="not a clone of the repository")
-def test_no_file_says_that_the_package_can_be_had_from_pypi():
-    files = [*ROOT.glob("*file"), *ROOT.glob("*.toml")]
-    files += [
-        path for folder in ("fg_mujoco", "controllers", "examples", "tests") for path in (ROOT / folder).rglob("*.py")
-    ]
-    files += [path for pattern in ("*.md", "docs/**/*.md", "docs/*.ipynb") for path in ROOT.glob(pattern)]
-    files.remove(ROOT / "CONTRIBUTING.md")  # which says what it becomes with a release
-    wrong = re.compile("pip install ['\"]?" + "fg-mujoco")
-    assert [str(path) for path in files if wrong.search(path.read_text(encoding="utf-8"))] == []
 
 
 def test_without_dm_control_everything_but_its_interface_is_there():

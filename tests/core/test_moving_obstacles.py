@@ -10,19 +10,10 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
+from hand_planners import driven
 
 TICK = 0.025
 ANYWHERE = st.floats(-20.0, 20.0)
-
-
-class Standing:
-    """Does not move."""
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.0, speed=0.0)
 
 
 def scene(*moving, width=4.0):
@@ -106,11 +97,8 @@ def test_the_lidar_sees_it_without_lag(lidar):
 
 def test_it_runs_into_a_standing_car_when_the_closed_form_says():
     oncoming = box(end=(-2.0, 0.0))
-    result = fg.race(scene(oncoming), Standing())
+    result = fg.race(scene(oncoming), driven((0.0, 0.0)))
     car = result.world.parameters
     gap = 6.0 - 0.2 - (car.length - car.rear_overhang)
     assert result.car.end_reason == "crash"
     assert result.sim_time_s == pytest.approx(gap / oncoming.speed, abs=TICK + 0.01)
-
-
-# The same again

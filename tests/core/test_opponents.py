@@ -1,6 +1,5 @@
 """Opponents in the Gymnasium environments: planners and policies that drive beside the one that learns."""
 
-
 import numpy as np
 import pytest
 
@@ -8,34 +7,17 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.errors import MessageError
 from fg_mujoco.racing.entries import Entry, grid_starts
+from hand_planners import driven
 
 pytest.importorskip("gymnasium")
 
 from fg_mujoco.envs.gym_environment import F1TenthEnv
-from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 
 PARKED = np.zeros(2)
 
 
 def parked(observation):
     return PARKED
-
-
-def steady(observation):
-    """A policy that drives slowly and steers to where there is more room."""
-    scan = observation["scan"]
-    half = len(scan) // 2
-    return np.array([np.clip(0.2 * (scan[half + 1 :].mean() - scan[:half].mean()), -0.4, 0.4), 2.0])
-
-
-class Parked:
-    """A planner that stands."""
-
-    def __call__(self, scan, odometry):
-        return fg.STOP
-
-    def reset(self):
-        pass
 
 
 def states(env, ticks, action=PARKED):
@@ -48,63 +30,12 @@ def states(env, ticks, action=PARKED):
 
 
 def test_an_opponent_drives_the_bits_that_it_drives_in_a_race():
-    entries = [Entry(controller=Parked()), Entry(controller="gap_finder", max_speed=5.0)]
+    entries = [Entry(controller=driven((0.0, 0.0))), Entry(controller="gap_finder", max_speed=5.0)]
     race = fg.race("oval", entries=entries, laps=1, time_limit=2.5)
     env = F1TenthEnv(start="line", opponents=[{"controller": "gap_finder", "max_speed": 5.0}])
     env.reset(seed=0)
     np.testing.assert_array_equal(states(env, 100), race.states[1:101])
     assert race.cars[1].max_speed_m_s > 2.0
-
-
-@pytest.mark.slow
-@each("opponents", [["gap_finder"], [steady], [steady, "pure_pursuit"]])
-def test_same_seed_same_bits_and_nothing_is_left_of_an_episode(opponents):
-    def driven(seed, episodes=1):
-        env = F1TenthEnv(opponents=opponents, beam_step=20, effects={"range_noise_std": 0.01})
-        for _ in range(episodes - 1):
-            env.reset(seed=seed + 100)
-            states(env, 30, (0.0, 1.0))
-        env.reset(seed=seed)
-        return states(env, 40, (0.05, 1.0))
-
-    first = driven(1)
-    assert first.tobytes() == driven(1).tobytes()
-    assert first.tobytes() == driven(1, episodes=3).tobytes()
-    assert first.tobytes() != driven(2).tobytes()
-
-
-@pytest.mark.slow
-@each("mode", ["NextStep", "SameStep"])
-def test_worlds_of_the_vector_environment_are_environments_of_their_own(mode):
-    """Any number of worlds and threads, crashes and new episodes in between: the bits of one environment each."""
-    settings = {"track": "oval", "beam_step": 60, "opponents": ["gap_finder", steady], "grid_order": "random"}
-    rng = np.random.default_rng(1)  # of which world 0 crashes, without touching a car
-    actions = rng.uniform((-0.4, 1.0), (0.4, 5.0), (60, 9, 2))
-    told = {}
-    for count, threads in ((2, 1), (9, 2)):
-        envs = F1TenthVectorEnv(count, autoreset_mode=mode, threads=threads, **settings)
-        seen, infos = envs.reset(seed=5)
-        rows = [(seen["scan"][:2].copy(), infos["position"][:2].copy())]
-        for tick in range(60):
-            seen, rewards, terminated, _, infos = envs.step(actions[tick, :count])
-            rows.append((seen["scan"][:2], rewards[:2], terminated[:2], infos["touches"][:2], infos["position"][:2]))
-        told[count] = rows
-        envs.close()
-    assert any(row[2].any() for row in told[2][1:])
-    for few, many in zip(told[2], told[9], strict=True):
-        for one, other in zip(few, many, strict=True):
-            np.testing.assert_array_equal(one, other)
-    single = [F1TenthEnv(**settings) for _ in range(2)]
-    for i, env in enumerate(single):
-        seen, info = env.reset(seed=5 + i)
-        assert seen["scan"].tobytes() == told[2][0][0][i].tobytes() and info["position"] == told[2][0][1][i]
-        for tick in range(60):
-            seen, reward, terminated, _, info = env.step(actions[tick, i])
-            row = told[2][tick + 1]
-            assert (reward, terminated, info["touches"]) == (row[1][i], row[2][i], row[3][i])
-            if terminated:
-                break
-            assert seen["scan"].tobytes() == row[0][i].tobytes()
 
 
 def test_a_policy_sees_what_the_learning_car_would_see_and_its_actions_mean_the_same():

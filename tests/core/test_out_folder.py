@@ -155,14 +155,6 @@ def test_a_study_is_gone_on_with_and_another_one_is_refused_with_both_ways_on(tm
         raise AssertionError
 
 
-@each("name", ["race", "drive", "rollout", "compare", "overtake", "friction"])
-def test_every_command_that_writes_a_folder_has_both_ways(name, capsys):
-    with pytest.raises(SystemExit):
-        main([name, "--help"])
-    text = " ".join(capsys.readouterr().out.split())
-    assert "--force" in text and "DIR/ numbers itself" in text
-
-
 def test_a_run_that_this_user_raced_is_debugged_without_trust(raced, tmp_path):
     assert fg.debug(raced, window=0.1).notes == ()
     copy = tmp_path / "copy"
@@ -188,14 +180,6 @@ def test_a_run_with_another_summary_needs_trust(raced, tmp_path):
     assert (edited / "summary.json").read_text() != text
     (note,) = fg.debug(edited, window=0.1).notes
     assert "--trust" in note
-
-
-def test_a_planner_that_was_edited_since_is_not_loaded_without_its_copy(raced, tmp_path):
-    run = tmp_path / "run"
-    shutil.copytree(raced, run)
-    (run / "controller.py").write_text(PLANNER + "# edited\n")
-    (note,) = fg.debug(run, window=0.1).notes
-    assert "controller.py" in note and "sha256" in note
 
 
 @each("wrong", ["open", "link"])

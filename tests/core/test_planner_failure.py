@@ -1,7 +1,5 @@
 """A planner that fails is told by its line and its own traceback, and the run up to there is kept with the scan."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -133,13 +131,6 @@ def test_what_fails_before_the_race_has_its_line_and_is_refused(here, capsys, na
     assert main(["race", "--controller", f"mine.py:{name}", "--out", "run"]) == 2
     assert said in capsys.readouterr().err
     assert not (here / "run").exists()
-
-
-def test_the_option_traceback_prints_all_of_it(capsys):
-    assert main(["race", "--controller", "mine.py:Late", "--traceback", "--json"]) == 1
-    out, err = capsys.readouterr()
-    assert json.loads(out)["planner_failure"]["line"] == 15
-    assert "planner_adapter.py" in err and 'File "mine.py", line 15, in steer' in err
 
 
 def test_the_live_view_pauses_and_says_so_until_the_reset():

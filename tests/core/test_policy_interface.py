@@ -10,7 +10,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from driven_environments import commands_of_ticks
-from fg_mujoco.envs.observation_description import Observation, even_beams
+from fg_mujoco.envs.observation_description import even_beams
 from fg_mujoco.envs.observations import ObservationTerm
 from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import MessageError
@@ -236,12 +236,6 @@ def test_a_repeated_action_sums_the_rewards_of_its_ticks_and_ends_with_the_tick_
         assert sums == pytest.approx({name: info[name] for name in sums}, abs=1e-12)
         assert info["time_s"] == tick_info["time_s"] and info["return_survival"] == pytest.approx(info["time_s"])
     assert (info["end_reason"] == "crash" and ticks < 3) or info["time_s"] > 0.0
-
-
-def test_the_text_of_an_observation_is_that_observation():
-    for text in (ISSUE, "scan,speed:delay=0.05:noise=0.1", "beams:9:max=8.0,command,normalised,flat"):
-        found = Observation.of(text)
-        assert Observation.of(str(found)) == found == Observation.of([*text.split(",")])
 
 
 ANOTHER = ObservationTerm(name="another", function=len, bounds=(0.0, 1.0))

@@ -7,9 +7,7 @@ import threading
 
 import pytest
 
-from cases import each
 from fg_mujoco.cli import progress
-from fg_mujoco.cli.main import main
 from fg_mujoco.cli.progress import ProgressLine, shown_as, to_go
 
 
@@ -70,30 +68,3 @@ def test_the_thread_ends_with_the_work_and_a_closed_stderr_does_no_harm(stderr):
         line.write("1/3 runs")
         raise ValueError("of the work")
     assert threading.active_count() == threads
-
-
-@each(
-    ("command", "function"),
-    [
-        ("race --laps 1 --time-limit 0.1", "fg_mujoco.cli.race.race_setup"),
-        ("rollout --n 2 --time-limit 0.1 --workers 1", "fg_mujoco.cli.rollout.rollout_setup"),
-        ("compare --track oval --laps 1 --workers 1 --out out", "fg_mujoco.addons.arena.commands.compare"),
-        ("overtake --track oval --seed 0:1 --workers 1 --out out", "fg_mujoco.addons.arena.commands.overtake"),
-    ],
-)
-def test_every_long_command_shows_it_by_the_same_line(command, function, stderr, tmp_path, monkeypatch):
-    """Work that hangs in its first part is told of: the functions wait until something is written."""
-    monkeypatch.chdir(tmp_path)
-    stream = stderr(terminal=True)
-
-    def hangs(*args, **options):
-        assert stream.written.wait(60.0)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(function, hangs)
-    try:
-        code = main(command.split())
-    except KeyboardInterrupt:
-        code = 130
-    assert code == 130
-    assert re.search(r"\r\x1b\[K(preparing|reading) [a-z ]+  0:00:00 elapsed", stream.getvalue())

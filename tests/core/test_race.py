@@ -169,14 +169,6 @@ def test_the_planner_hears_the_scan_and_the_odometry_and_nothing_else():
     assert set(vars(odometry)) == known | {"readings"} and odometry.readings == {}
 
 
-def test_whoever_watches_is_told_once_a_tick():
-    told = []
-    result = race(lambda time: (0.0, 1.0), time_limit=0.5, laps=3, watch=told.append)
-    assert [progress.time for progress in told] == pytest.approx([TICK * tick for tick in range(1, 21)])
-    assert {(progress.laps_completed, progress.laps_requested) for progress in told} == {(0, 3)}
-    assert [progress.speed for progress in told[:-1]] == pytest.approx(result.car.column("speed_m_s")[1:])
-
-
 # What it leaves
 
 
@@ -260,17 +252,6 @@ def test_the_figures_of_sliding_are_those_of_the_rows():
     assert np.nanmax(uses) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_greatest_sideways_sliding_is_that_of_the_slip_meter():
-    simulation, greatest = fg.Simulation(fg.World("oval")), 0.0
-    simulation.reset(speed=5.0)
-    for _ in range(20):
-        simulation.step(fg.DriveCommand(steering_angle=0.4, speed=8.0))
-        greatest = max(greatest, np.nanmax(simulation.slip.lateral_sliding_speed))
-        values = simulation.slip
-        assert not (values.lateral_sliding_speed > values.sliding_speed * (1 + 1e-9)).any()
-    assert simulation.engine.statistics["max_lateral_slide"][0] == greatest > SLIDING_SPEED
-
-
 MOTION = ("vx_m_s", "vy_m_s", "sideslip_rad", "ax_m_s2", "ay_m_s2")
 
 
@@ -347,10 +328,3 @@ def test_the_hash_is_of_every_bit_of_states_and_controls(short_race):
     again = fg.race("oval", Straight(), laps=1, time_limit=0.99)
     assert again.trajectory_sha256 == digest
     assert fg.race("oval", Straight(0.9), laps=1, time_limit=0.99).trajectory_sha256 != digest
-
-
-def test_no_planner_bends_the_others_race():
-    """A race leaves nothing behind: the same one again, after another, is the same."""
-    first = fg.race("oval", laps=1, time_limit=1.0)
-    fg.race("oval", laps=1, time_limit=1.0, mu=0.4, obstacles=(fg.Box(x=9.0, y=0.0, length=1.0, width=1.0),))
-    assert fg.race("oval", laps=1, time_limit=1.0).trajectory_sha256 == first.trajectory_sha256

@@ -11,52 +11,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.config import parse
 from fg_mujoco.cli.main import _parser, main
-from fg_mujoco.cli.options import OPPONENT_OPTIONS, setup_of
-
-FULL = """\
-# every option of the command line
-track = "l_corridor"
-vehicle = "nuc2"
-tires = "forzaeth_nuc2"
-controller = "follow_the_gap[point=deepest]"
-laps = 2
-obstacles = 3
-obstacle-seed = 4
-moving = "crossing:2"
-mu = 0.9
-planner_mu = "off"
-max-speed = 5
-lidar = "rangefinder"
-lidar-effects = "ipz20"
-lidar-noise = 0.01
-"lidar-dropout" = 0.02
-lidar_latency = 0.05
-motion-distortion = true
-odometry-drift = 0.05
-seed = 6
-opponents = ["wall_follow"]
-sensors = ["imu"]
-knows = "opponents"
-assist = "safe"
-patches = [{x = 1, y = 2, length = 3, width = 1, mu = 0.4}]
-start-s = 2.5
-start-offset = 0.1
-start-heading = 0.2
-start-speed = 1.5
-mass = 4
-cog-height = 0.08
-steering-gain = 0.9
-speed-gain = 0.8
-command-delay = 0.02
-grid = "side_by_side"
-rules = "roboracer_2026"
-time-limit = 7.5
-decision-limit = 2.5
-out = "here"
-video = "race.mp4"
-json = true
-traceback = true
-"""
+from fg_mujoco.cli.options import setup_of
 
 
 def options(*arguments):
@@ -73,33 +28,6 @@ def config(tmp_path):
         return path
 
     return write
-
-
-def as_options(text):
-    """The command line that says what a flat TOML text says, by hand."""
-    for line in text.splitlines()[1:]:
-        key, value = line.split(" = ", 1)
-        yield "--" + key.strip('"').replace("_", "-")
-        if value.startswith("["):  # of one value, or one table
-            value = value.strip("[]{}").replace(" = ", "=").replace(", ", ",")
-        if value != "true":
-            yield value.strip('"')
-
-
-def test_a_file_says_what_the_command_line_says(config):
-    path = config(FULL)
-    read, given = options("--config", path), options(*as_options(FULL))
-    read_setup, given_setup = setup_of(read), setup_of(given)
-    assert read_setup == given_setup
-    own = ("out", "video", "json", "traceback")
-    assert [getattr(read, name) for name in own] == [getattr(given, name) for name in own]
-    assert [type(getattr(read, name)) for name in own] == [type(getattr(given, name)) for name in own]
-
-
-def test_every_option_can_be_in_a_file():
-    known = {action.dest for action in options().command._actions if action.option_strings}
-    written = {key.strip('"').replace("-", "_") for key in (line.split(" = ")[0] for line in FULL.splitlines()[1:])}
-    assert known - {"help", "config", "trust", "force", *OPPONENT_OPTIONS, "floor"} == written  # or mu
 
 
 def test_opponents_are_a_list_with_commas_or_given_again():
@@ -130,11 +58,6 @@ def test_the_command_line_wins_over_the_file_in_any_order_even_with_a_default(co
         assert (read.first.seed, read.track, read.laps, read.first.planner_mu) == (0, "oval", 3, math.inf)
 
 
-def test_what_the_file_leaves_out_has_its_default(config):
-    assert setup_of(options("--config", config("laps = 2\n"))) == fg.Setup(laps=2)
-    assert setup_of(options()) == fg.Setup()  # and the next command line knows nothing of it
-
-
 @each(
     ("text", "line", "named"),
     [
@@ -162,12 +85,6 @@ def test_what_is_wrong_is_named_with_its_line(config, capsys, text, line, named)
     assert named in error
 
 
-def test_a_text_that_is_no_toml_is_refused_with_its_line(config, capsys):
-    assert main(["race", "--config", str(config("laps = 1\ntrack = oval\n"))]) == 2
-    error = capsys.readouterr().err
-    assert "race.toml: is no TOML: Invalid value (at line 2, column 9)" in error and error.count("\n") == 1
-
-
 def test_a_folder_that_holds_no_settings_is_refused(tmp_path, short_race, capsys):
     assert main(["race", "--config", str(tmp_path)]) == 2
     assert "has no summary.json" in capsys.readouterr().err
@@ -175,14 +92,6 @@ def test_a_folder_that_holds_no_settings_is_refused(tmp_path, short_race, capsys
     assert main(["race", "--config", str(folder)]) == 2
     error = capsys.readouterr().err
     assert "settings: there are none" in error and error.count("\n") == 1
-
-
-def test_settings_of_a_folder_that_were_changed_are_checked_as_any_file(tmp_path, short_race, capsys):
-    folder = fg.write_run(short_race, tmp_path / "run", picture=False)
-    edited = json.loads((folder / "summary.json").read_text()) | {"settings": {"laps": 0, "track": "oval"}}
-    (folder / "summary.json").write_text(json.dumps(edited))
-    assert main(["race", "--config", str(folder)]) == 2
-    assert "summary.json, settings: laps is " in capsys.readouterr().err
 
 
 PLANNER = """

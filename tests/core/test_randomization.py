@@ -71,10 +71,6 @@ def test_the_same_ranges_in_another_order_are_the_same_randomisation():
     assert list(Randomization.of(backwards).ranges) == list(Randomization.of(SOME).ranges)
 
 
-def test_a_randomisation_reads_back_from_its_texts():
-    assert Randomization.of(Randomization.of(SOME).texts()) == Randomization.of(SOME)
-
-
 # -- draws
 
 

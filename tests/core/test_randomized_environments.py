@@ -22,63 +22,6 @@ CAR = {
     "mu": (0.5, 1.1), "mass": (3.3, 4.2), "cog_height": (0.06, 0.09), "steering_gain": (0.8, 1.2),
     "speed_gain": (0.8, 1.2), "command_delay": (0.0, 0.04),
 }  # fmt: skip
-EVERYTHING = {
-    **CAR, "lidar_noise": (0.0, 0.02), "lidar_dropout": (0.0, 0.02), "lidar_latency": (0.0, 0.05),
-    "odometry_drift": (-0.02, 0.02), "start_speed": (0.0, 2.0), "start_offset": (-0.2, 0.2), "obstacles": (0, 3),
-    "patches": (0, 2), "patch_mu": (0.3, 0.6), "vehicle": ["f1tenth"], "tires": ["coulomb", "forzaeth_sim"],
-}  # fmt: skip
-SETTINGS = {"track": ["oval", "random:0:3"], "builds": 3, "beam_step": 90, "randomize": EVERYTHING}
-COUNT, TICKS = 3, 30
-
-
-def actions(ticks=TICKS, count=COUNT, seed=0):
-    return np.random.default_rng(seed).uniform([-0.3, 0.0], [0.3, 4.0], (ticks, count, 2)).astype(np.float32)
-
-
-def told(observation, info, i=None):
-    """Return the bits of what world i is told; None: of the only one."""
-    of = (lambda values: values) if i is None else (lambda values: values[i])
-    drawn = {name: of(values) for name, values in info.items() if name.startswith("drawn_")}
-    return {name: of(values).tobytes() for name, values in observation.items()}, drawn
-
-
-def test_world_i_is_the_single_environment_of_seed_plus_i():
-    single, together = [[] for _ in range(COUNT)], [[] for _ in range(COUNT)]
-    for i in range(COUNT):
-        env = F1TenthEnv(**SETTINGS)
-        single[i].append(told(*env.reset(seed=5 + i)))
-        for tick, action in enumerate(actions()[:, i]):
-            if tick % 10 == 9:  # whatever has become of the episode
-                single[i].append(told(*env.reset()))
-            elif env._episodes.running[0]:
-                observation, *_, info = env.step(action)
-                single[i].append(told(observation, info))
-        env.close()
-    envs = F1TenthVectorEnv(COUNT, threads=2, autoreset_mode="Disabled", **SETTINGS)
-    observation, info = envs.reset(seed=5)
-    running = np.ones(COUNT, np.bool_)
-
-    def keep(which):
-        for i in np.flatnonzero(which).tolist():
-            together[i].append(told(observation, info, i))
-
-    keep(running)
-    for tick, action in enumerate(actions()):
-        if tick % 10 == 9:
-            observation, info = envs.reset()
-            running = np.ones(COUNT, np.bool_)
-            keep(running)
-        elif running.all():
-            observation, _, terminated, truncated, info = envs.step(action)
-            keep(running)
-            running = ~(terminated | truncated)
-        else:  # a world that is over cannot be stepped, so that the others wait
-            for i in np.flatnonzero(running).tolist():
-                del single[i][len(together[i])]
-    envs.close()
-    assert [len(each) for each in single] == [len(each) for each in together]
-    assert single == together
-    assert len({str(each[0][1]) for each in together}) == COUNT
 
 
 @each("made_with", ["settings", "options"])
@@ -95,7 +38,7 @@ def test_an_episode_is_that_of_the_environment_with_what_was_drawn(made_with):
         changes = {field: values[name] for name, (owner, field) in PARAMETERS.items() if owner is fg.CarChanges}
         plain = F1TenthEnv(track=values["track"], start={"s": values["start_s"]}, changes=changes)
         plain.reset(seed=7)
-    for action in actions(20, 1)[:, 0]:
+    for action in np.random.default_rng(0).uniform([-0.3, 0.0], [0.3, 4.0], (20, 2)).astype(np.float32):
         drawn.step(action), plain.step(action)
         np.testing.assert_allclose(drawn._world.state(0), plain._world.state(0), rtol=1e-9, atol=1e-12)
 

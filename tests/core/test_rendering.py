@@ -2,18 +2,14 @@
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, Renderer, render
-from fg_mujoco.pictures.rendering.cameras import View
+from fg_mujoco.pictures.rendering import CAMERAS, LABELS, Film, Overlays, render
 from fg_mujoco.pictures.rendering.planner_view import PlannerEye
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
-from fg_mujoco.pictures.rendering.ribbons import wall_chains
-from fg_mujoco.pictures.rendering.scenery import SUN
 from fg_mujoco.vehicle.car import WHEELS
 from rendered import inside, needs_gl, pixel
 
@@ -110,67 +106,9 @@ def test_two_renders_of_one_state_are_equal_whatever_was_drawn_between(films, la
     assert (film.frame(5.31) != first).mean() > 0.1
 
 
-def test_overlaid_beams_stay_within_what_the_lidar_sees(lap):
-    """Drawn beams change pixels of road, car and walls, and none behind a wall."""
-    shapes = []
-    for overlays in (Overlays(), Overlays(beams=True)):
-        with Film(lap, camera="top", size=(640, 480), quality="draft", overlays=overlays) as film:
-            shapes.append(film.frame(6.0))
-            labels, view = film.segmentation(6.0), film.view(6.0)
-    changed = (shapes[0] != shapes[1]).any(axis=2)
-    changed[:150, :160] = False  # the legend
-    outside = changed & (labels == GROUND)
-    assert changed.sum() > 5000
-    assert outside.sum() < 0.01 * changed.sum()
-    seen = PlannerEye(read_drive(lap)).at_tick(read_drive(lap).tick_at(6.0))
-    column, row = pixel(view, seen.goal, (640, 480))
-    assert inside(column, row, (640, 480))
-    near = shapes[1][row - 3 : row + 4, column - 3 : column + 4].astype(int)  # half of it is in the wall
-    assert (np.minimum(near[..., 0], near[..., 2]) > near[..., 1] + 60).any()  # magenta
-    away = shapes[1][row - 3 : row + 4, column + 20 : column + 27].astype(int)
-    assert (np.minimum(away[..., 0], away[..., 2]) > away[..., 1] + 60).sum() < 10  # but for the line to it
-
-
 def test_a_scene_with_obstacles_that_move_is_drawn():
     race = fg.race("scene:crossing_box:1", max_speed=1.0, time_limit=1.0)
     with Film(race, camera="track", size=SIZE, quality="draft", overlays=Overlays()) as film:
         first, later = (film.segmentation(time) == LABELS.index("obstacle") for time in (0.0, 0.9))
     assert first.any() and later.any()
     assert (first != later).any()
-
-
-def sunlit_wall_views(world):
-    """Return for places where the sun grazes a wall's face: a view of it, and points just under its upper edge."""
-    spec = mujoco.MjSpec.from_string(world.xml)  # it owns what the mesh shows
-    prisms = np.array(spec.mesh("walls").uservert).reshape(-1, 8, 3)
-    sun = np.array(SUN) / np.linalg.norm(SUN)
-    for prism in (prism for chain in wall_chains(prisms)[:2] for prism in chain[::7]):
-        outwards = prism[[0, 1]].mean(axis=0) - prism[[2, 3]].mean(axis=0)
-        outwards /= np.linalg.norm(outwards)
-        if not 0.03 < -outwards @ sun < 0.3:
-            continue
-        along = (prism[1] - prism[0]) / np.linalg.norm(prism[1] - prism[0])
-        edge = prism[[4, 5]].mean(axis=0)
-        target = edge + np.array([0.0, 0.0, -0.02])
-        eye = edge + 0.8 * outwards + np.array([0.0, 0.0, 0.25])
-        forward = (target - eye) / np.linalg.norm(target - eye)
-        right = np.cross(forward, (0.0, 0.0, 1.0)) / np.linalg.norm(np.cross(forward, (0.0, 0.0, 1.0)))
-        view = View(
-            position=eye, forward=forward, up=np.cross(right, forward), fovy=0.5, focus=target, shadow_radius=5.0
-        )
-        below = -np.array([0.01, 0.02, 0.03])[:, None, None] * np.array([0.0, 0.0, 1.0])
-        yield view, (edge + below + np.linspace(-0.15, 0.15, 200)[:, None] * along).reshape(-1, 3)
-
-
-def test_wall_that_the_sun_shines_on_has_no_specks_of_shadow(lap):
-    """Nothing stands between it and the sun, so with shadows it is as bright as without."""
-    state, brightness, views = lap.states[0], {}, list(sunlit_wall_views(lap.world))
-    assert len(views) >= 4
-    for quality in ("draft", "good"):
-        with Renderer(lap.world, size=SIZE, quality=quality) as renderer:
-            brightness[quality] = []
-            for view, points in views:
-                columns, rows = np.floor(view.project(points, SIZE)[0]).astype(int).T
-                brightness[quality].append(renderer.rgb(state, view).mean(axis=2)[rows, columns])
-    assert np.min(brightness["good"]) > 40.0  # in the light, and not the sky's
-    assert np.var(np.subtract(brightness["good"], brightness["draft"]), axis=1).max() < 0.5  # with specks: 12 to 76

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.cli.main import main
-from fg_mujoco.pictures.rendering import LABELS, Film, Overlays, Renderer
+from fg_mujoco.pictures.rendering import LABELS, Film, Overlays
 from fg_mujoco.pictures.rendering.recorded_drive import read_drive
 from fg_mujoco.pictures.rendering.ribbons import box_faces
 from fg_mujoco.pictures.rendering.scenery import compile_scenery
@@ -105,19 +103,3 @@ def test_overlays_are_of_the_car_that_is_followed(folder):
         np.testing.assert_array_equal(made.frame(2.0), made.frame(2.0))
     from_folder = read_drive(folder, 1)
     assert from_folder.start == pytest.approx(read_drive(folder, 2).start)  # one start line, whoever is followed
-
-
-@needs_gl
-def test_command_draws_any_car(folder, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    small = ["--size", "64x48", "--quality", "draft", "--frame", "1"]
-    pictures = []
-    for car in ("0", "2"):
-        assert main(["render", str(folder), *small, "--car", car]) == 0
-        pictures.append(np.asarray(Image.open(f"three-chase{'-car_2' if car == '2' else ''}.png")))
-    assert (pictures[0] != pictures[1]).any()
-    capsys.readouterr()
-    assert main(["render", str(folder), *small, "--car", "3"]) == 2
-    assert capsys.readouterr().err == "fg-mujoco: --car is 3; accepted: 0 to 2\n"
-    with pytest.raises(fg.SettingsError, match="car is 1; accepted: 0, the only one"):
-        Renderer(fg.World("oval"), size=(64, 48), car=1)

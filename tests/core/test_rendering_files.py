@@ -1,6 +1,5 @@
 """`fg-mujoco render`, `race --video` and what they write: whole files or none, and one line for what is refused."""
 
-import math
 import os
 import pty
 import resource
@@ -17,8 +16,7 @@ from fg_mujoco.cli.main import main
 from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.rendering import video
 from fg_mujoco.pictures.rendering.gl import INSTALL_COMMAND
-from fg_mujoco.pictures.rendering.video import write_picture, write_video
-from fg_mujoco.racing.run_folder import write_run
+from fg_mujoco.pictures.rendering.video import write_video
 from rendered import needs_gl
 from terminals import read_to_the_end
 
@@ -61,12 +59,6 @@ def test_video_has_the_frames_at_the_rate(here, name):
     shown = [np.frombuffer(frame, np.uint8).reshape(48, 64, 3) for frame in reader]
     red = [(frame[24, :, 0] > 150).sum() for frame in shown]
     assert red[0] < 6 < 18 < red[23] < 30
-
-
-def test_picture_is_stored_as_it_is(here):
-    picture = np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8)
-    path = write_picture(here / "a.png", picture)
-    np.testing.assert_array_equal(np.asarray(Image.open(path)), picture)
 
 
 def test_interrupted_video_leaves_what_was_there_before(here):
@@ -119,21 +111,6 @@ def test_render_writes_a_video_and_says_what_drew_it(here, run, capsys):
     said = capsys.readouterr()
     assert said.err == "" and "oval-chase.mp4: 9 frames of 64 x 48 pixels" in said.out and "through" in said.out
     assert imageio_ffmpeg.count_frames_and_secs("oval-chase.mp4")[0] == 9
-
-
-@needs_gl
-def test_of_several_laps_the_best_is_filmed_unless_a_time_is_given(here, monkeypatch, capsys):
-    monkeypatch.setattr("fg_mujoco.cli.render._LONG", 0.0)
-    result = fg.race("oval", laps=3, max_speed=8.0)
-    write_run(result, here / "three")
-    first, second, third = result.car.lap_times_s
-    assert main(["render", "three", *SMALL, "--fps", "5"]) == 0
-    said = capsys.readouterr()
-    lap, seconds = (2, second) if second <= third else (3, third)
-    assert f"three-chase.mp4: lap {lap}, the best" in said.out
-    assert f"{math.floor(5 * seconds) + 1} frames take some" in said.err
-    assert main(["render", "three", *SMALL, "--fps", "1", "--from", "0"]) == 0
-    assert f"{math.floor(first + second + third) + 1} frames of" in capsys.readouterr().out
 
 
 @needs_gl

@@ -1,8 +1,6 @@
 """The command `rollout`: what it prints, writes and answers."""
 
 import json
-import os
-import pty
 import signal
 import subprocess
 import sys
@@ -12,11 +10,8 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import EngineError
-from fg_mujoco.registry import PARTS
 from fg_mujoco.rollouts.rollout_result import wilson
 from rollout_worlds import stand_in
-from terminals import read_to_the_end
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -76,17 +71,6 @@ def test_json_is_one_object_without_nan(no_engine, here, capsys):
     assert summary["world_seconds_per_second"] > 0
 
 
-def test_a_cluster_that_fails_exits_1(no_engine, capsys, monkeypatch):
-    def lost(*arguments, **options):
-        raise EngineError("a chunk was lost\nfor good")
-        yield
-
-    monkeypatch.setitem(PARTS._own, "require ray", lambda: None)
-    monkeypatch.setitem(PARTS._own, "drive on ray", lost)
-    assert main(["rollout", "--executor", "ray"]) == 1
-    assert capsys.readouterr() == ("", "fg-mujoco: a chunk was lost for good; nothing is kept without --out\n")
-
-
 def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     (here / "slow.py").write_text(SLOW)
     arguments = ["--controller", "slow.py:Planner", "--n", "12", "--time-limit", "1", "--chunk", "1", "--out", "out"]
@@ -105,19 +89,3 @@ def test_ctrl_c_exits_130_and_the_same_command_goes_on(here):
     done = subprocess.run(command(*arguments, "--json"), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["worlds_driven"] == 12 - found
-
-
-def test_progress_is_shown_on_a_terminal_and_what_planners_print_is_not_our_output(here):
-    (here / "slow.py").write_text(SLOW)
-    arguments = ["--controller", "slow.py:Planner", "--n", "8", "--time-limit", "0.5", "--chunk", "1"]
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(command(*arguments), stdout=subprocess.PIPE, stderr=theirs, text=True)
-    os.close(theirs)
-    shown = read_to_the_end(ours)
-    out = process.communicate(timeout=60)[0]
-    assert process.returncode == 0
-    assert "ready" not in out
-    assert "8: 8 time limit" in out
-    assert b"/8 worlds  " in shown
-    assert b" world-seconds/s" in shown
-    assert b" to go" in shown

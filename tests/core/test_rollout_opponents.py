@@ -1,6 +1,5 @@
 """Rollouts and comparisons with opponents: each world is its own, and is its race; what is told, and refused."""
 
-
 import pytest
 
 import fg_mujoco as fg
@@ -24,7 +23,6 @@ DRAWN = {
 }
 SHORT = {"randomize": DRAWN, "time_limit": 0.5, "record": "states"}
 FIELDS = {2: MIXED[:1], 4: MIXED}
-AHEAD = Entry(max_speed=1.0, start=fg.Start(s=4.0))
 
 
 def same(a, b):
@@ -89,27 +87,6 @@ def test_other_opponents_are_another_rollout(tmp_path):
         with pytest.raises(fg.RunFolderError, match=r"holds another rollout: (opponents|grid) is"):
             fg.rollout("oval", **options | changed)
         assert files(tmp_path) == before
-
-
-@pytest.mark.slow
-def test_a_comparison_is_the_same_for_any_number_of_workers_and_gone_on_with(here):
-    slowest = Entry(controller="wall_follow", max_speed=0.5, start=fg.Start(s=16.0))
-    options = {"track": ["oval"], "laps": 1, "time_limit": 6.0, "opponents": [AHEAD, slowest]}
-    options |= {"max_speed": (4.0,), "pictures": False}
-    one = fg.compare(["gap_finder", "wall_follow"], out="one", workers=1, **options)
-    fg.compare(["gap_finder"], out="two", workers=1, **options)
-    two = fg.compare(["gap_finder", "wall_follow"], out="two", workers=2, **options)
-    assert two.runs_driven == 1
-    assert one.rows == two.rows
-    assert files(here / "one") == files(here / "two")
-    row = one.rows[0]
-    assert row.car.overtakes == 1
-    assert one.summary()["table"][0]["overtakes"] == 1
-    assert one.cells[0]["mean_position"] == row.car.position
-    assert "won | mean position | overtakes" in one.markdown()
-    assert {"position", "contacts", "at_fault"} < {*(here / "one/runs.csv").read_text().split("\n")[0].split(",")}
-    with pytest.raises(fg.RunFolderError, match="holds another comparison: entries is"):
-        fg.compare(["gap_finder"], out="one", workers=1, **options | {"opponents": [AHEAD]})
 
 
 # -- what is refused

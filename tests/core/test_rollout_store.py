@@ -11,7 +11,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
-from fg_mujoco.rollouts.chunk_store import FolderStore, MemoryStore, TemporaryFolderStore
+from fg_mujoco.rollouts.chunk_store import MemoryStore, TemporaryFolderStore
 from rollout_worlds import stand_in
 
 ROLLOUT = {"track": ["oval", "tight"], "n": 21, "seed": 5, "executor": fg.Executor(chunk=4), "workers": 1, "laps": 2}
@@ -270,15 +270,3 @@ def test_a_second_process_on_the_same_folder_is_refused(engine, tmp_path):
     with claimed_folder(tmp_path / "out"):
         refusal("another process is writing to it", out=tmp_path / "out")
     drive(out=tmp_path / "out")
-
-
-def test_tracks_are_kept_bit_for_bit(tmp_path):
-    sparse = fg.Track(
-        name="sparse", centreline=[[0, 0], [9, 0], [9.1, 8], [0.3, 9]], width_right=[1, 1.1, 1.2, 1.3],
-        width_left=[2, 2, 2, 1.7],
-    )  # fmt: skip
-    store = FolderStore(tmp_path / "out")
-    store.open({"tracks": [{"name": "sparse"}]}, {}, 4, [sparse])
-    (read,) = store.tracks()
-    for line in ("centreline", "width_right", "width_left"):
-        assert same(getattr(read, line), getattr(sparse, line))

@@ -17,33 +17,12 @@ from rollout_worlds import stand_in
 
 RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
 MANY = {"randomize": RANDOMIZE, "time_limit": 0.5}
-PLANNER = """
-import threading
-from fg_mujoco.messages import DriveCommand
-class Planner:
-    def __init__(self, max_speed):
-        self.speed = max_speed
-    def reset(self):
-        pass
-    def __call__(self, scan, odometry):
-        {}
-        return DriveCommand(steering_angle=0.0, speed=self.speed)
-"""
 
 
 @pytest.fixture
 def no_engine(monkeypatch):
     """The stand-in in place of the engine."""
     monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", stand_in)
-
-
-@pytest.fixture
-def planner_file(tmp_path):
-    def write(line="pass", name="mine.py"):
-        (tmp_path / name).write_text(PLANNER.format(line))
-        return f"{tmp_path / name}:Planner"
-
-    return write
 
 
 def same(a, b):
@@ -77,12 +56,6 @@ def test_chunks_workers_and_budget_change_nothing(twelve, options):
             assert same(getattr(again, trace)(world), getattr(twelve, trace)(world))
 
 
-def test_a_world_of_a_known_seed_and_track_is_the_same_alone(twelve):
-    alone = fg.rollout("hairpins", seeds=[int(twelve["seed"][7])], **MANY)
-    for name in set(twelve.names) - {"world", "track"}:
-        assert same(alone[name], twelve[name][7:8]), name
-
-
 def assert_is_its_race(result, world):
     race = fg.race(result.setup(world))
     assert trajectory_sha256(result.states(world), result.ctrl(world)) == race.trajectory_sha256
@@ -103,17 +76,6 @@ def test_so_it_is_where_everything_differs_from_world_to_world():
     result = fg.rollout(["oval", "tight"], n=6, record="states", **settings)
     for world in range(6):
         assert_is_its_race(result, world)
-
-
-def test_workers_drive_at_the_same_time(monkeypatch):
-    together = threading.Barrier(3, timeout=10)
-
-    def engine(*args, **options):
-        together.wait()
-        return stand_in(*args, **options)
-
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
-    assert len(fg.rollout("oval", n=3, workers=3)) == 3
 
 
 # -- what a result says
@@ -145,30 +107,6 @@ def test_the_summary_counts_all_worlds(no_engine):
 
 
 # -- worlds that fail, and workers that are stopped
-
-
-def test_a_world_whose_planner_fails_ends_and_the_others_go_on(planner_file):
-    source = planner_file("if self.speed < 5.0 and scan.stamp > 0.2: raise ValueError('slow')")
-    result = fg.rollout("oval", source, n=12, randomize={"max_speed": [4, 6]}, time_limit=0.5)
-    reasons = set(zip(result["max_speed"].tolist(), result["end_reason"].tolist(), strict=True))
-    assert reasons == {(4, "planner_failed"), (6, "time_limit")}
-
-
-def test_what_the_engine_raises_is_raised_and_the_other_workers_stop(no_engine, monkeypatch):
-    before = threading.active_count()
-
-    def engine(scenarios, controller, *, stop, **options):
-        if scenarios[0].seed == seeds[2]:
-            raise RuntimeError("out of memory")
-        while not stop():
-            time.sleep(0.01)
-        return stand_in(scenarios, controller)
-
-    monkeypatch.setattr("fg_mujoco.rollouts.job.drive_worlds", engine)
-    seeds = [2, 4, 6]
-    with pytest.raises(RuntimeError, match="out of memory"):
-        fg.rollout("oval", seeds=seeds, executor=fg.Executor(chunk=1), workers=3)
-    assert threading.active_count() == before
 
 
 def test_ctrl_c_stops_the_workers_and_is_raised(no_engine, monkeypatch):

@@ -13,6 +13,7 @@ from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.simulation.termination import END_REASONS
 from fg_mujoco.vehicle.motion import ROLLED_OVER, uprightness
+from hand_planners import driven
 
 STEP_STEER = "step_steer[speed=6,angle=0.3]"
 TALL = {"mu": 1.3, "changes": fg.CarChanges(center_of_gravity_height=0.16)}
@@ -99,19 +100,10 @@ def test_one_of_two_cars_that_rolls_over_is_out_and_the_other_goes_on():
     assert engine.qpos(0)[first + 2] > 0.04
 
 
-class Swerve:
-    """A planner that steers hard at speed."""
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.4 if odometry.stamp > 0.2 else 0.0, speed=7.0)
-
-
 @pytest.fixture(scope="module")
 def rolled():
-    return fg.race("oval", Swerve(), tires="coulomb", start=Start(speed=7.0, offset=-0.5), planner_mu=math.inf, **TALL)
+    swerves = driven(lambda odometry: (0.4 if odometry.stamp > 0.2 else 0.0, 7.0))
+    return fg.race("oval", swerves, tires="coulomb", start=Start(speed=7.0, offset=-0.5), planner_mu=math.inf, **TALL)
 
 
 @pytest.mark.slow

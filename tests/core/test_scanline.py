@@ -233,35 +233,6 @@ def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw: 
         np.testing.assert_allclose(lidar.ranges(data), exact, rtol=0, atol=1e-9)
 
 
-def test_wall_across_the_blind_sector_is_seen_on_both_sides_of_it() -> None:
-    spec = rig_spec(sensors=False, floor=False)
-    spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(0.1, 50, 1), pos=(-1.1, 0, 0))
-    model, data, lidar = scanner(spec)
-    place(model, data, (0, 0, 0.2))
-    exact = -1.0 / np.minimum(np.cos(lidar.beams.bearings), -1e-9)
-    np.testing.assert_allclose(lidar.ranges(data), np.where(exact < 30.0, exact, np.inf), rtol=0, atol=1e-9)
-
-
-def test_order_of_the_geoms_does_not_matter_to_the_bit() -> None:
-    rng = np.random.default_rng(4)
-    plain = random_spec(np.random.default_rng(4)).compile()
-    shuffled = random_spec(np.random.default_rng(4), order=rng.permutation(21)).compile()
-    lidars = [RaycastLidar(model, PREFIX) for model in (plain, shuffled)]
-    all_data = [mujoco.MjData(model) for model in (plain, shuffled)]
-    free = {f"free_{index}": (*rng.uniform(-8, 8, 2), 0.3, *rng.normal(size=4)) for index in range(8, 12)}
-    returns = 0
-    for position, rotation in zip(*random_poses(rng, 50), strict=True):
-        scans = []
-        for model, data, lidar in zip((plain, shuffled), all_data, lidars, strict=True):
-            for name, pose in free.items():
-                data.joint(name).qpos[:] = pose
-            put(model, data, position, rotation)
-            scans.append(lidar.ranges(data))
-        assert np.array_equal(*scans)
-        returns += np.isfinite(scans[0]).sum()
-    assert returns > 10000
-
-
 # --- where the LiDAR is ---
 
 

@@ -10,8 +10,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.arena.scenes.parts import corridor, walls_round
 from fg_mujoco.course.lap_timer import LapTimer
-from fg_mujoco.rollouts.drive_worlds import drive_worlds
-from fg_mujoco.simulation.settings import Scenario
+from hand_planners import driven
 from scene_search import Clearances, disc_gets_through
 
 TICK = 0.025
@@ -24,19 +23,6 @@ def scene(**changes):
         "walls": walls_round(corridor(-4.0, 20.0, 2.0)), "time_limit": 30.0,
     }  # fmt: skip
     return fg.Scene(**values | changes)
-
-
-class Law:
-    """Commands the speed that a function of the time says, straight on."""
-
-    def __init__(self, speed):
-        self.speed = speed
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        return fg.DriveCommand(steering_angle=0.0, speed=self.speed(odometry.stamp))
 
 
 # Its line
@@ -91,7 +77,7 @@ def test_walls_stand_outside_of_their_room_and_meet_at_its_corners():
 
 
 def test_finished_is_the_goal_passed():
-    result = fg.race(scene(), Law(lambda time: 2.0), start=fg.Start(speed=2.0))
+    result = fg.race(scene(), driven((0.0, 2.0)), start=fg.Start(speed=2.0))
     assert (result.car.end_reason, result.laps_requested, result.car.laps_completed) == ("finished", 1, 1)
     assert result.car.lap_times_s[0] == pytest.approx(6.0, rel=0.01)
     assert result.car.column("progress_m")[0] == pytest.approx(0.0, abs=1e-9)
@@ -109,7 +95,7 @@ STOP = {
 
 
 def brakes_at(when, creep=0.0):
-    return Law(lambda time: 2.0 if time < when else creep)
+    return driven(lambda odometry: (0.0, 2.0 if odometry.stamp < when else creep))
 
 
 def test_to_stand_two_seconds_behind_the_goal_is_to_finish():
@@ -132,23 +118,9 @@ def test_nor_is_to_stand_before_it():
 
 
 def test_nor_is_to_come_back_and_stand_there():
-    there_and_back = Law(lambda time: 2.0 if time < 6.5 else -2.0 if time < 8.5 else 0.0)
-    result = fg.race(scene(**STOP), there_and_back, start=fg.Start(speed=2.0))
+    def there_and_back(odometry):
+        return 0.0, 2.0 if odometry.stamp < 6.5 else -2.0 if odometry.stamp < 8.5 else 0.0
+
+    result = fg.race(scene(**STOP), driven(there_and_back), start=fg.Start(speed=2.0))
     assert (result.car.end_reason, result.car.laps_completed) == ("no_progress", 1)
     assert result.car.column("progress_m")[-1] < result.world.track.length - 1.0
-
-
-# In a batch
-
-
-def test_a_batch_keeps_the_scenes_rules():
-    short = scene(time_limit=1.0)
-    results = drive_worlds([Scenario(track=short, max_speed=0.5)], "gap_finder", laps=1)
-    assert results.rows["end_reason"].tolist() == ["time_limit"]
-    with pytest.raises(fg.SettingsError, match="laps is 2"):
-        drive_worlds([Scenario(track=short)], "gap_finder", laps=2)
-    results = drive_worlds([Scenario(track=scene(), max_speed=4.0)], "gap_finder", time_limit=20.0)
-    assert (results.rows["end_reason"].tolist(), results.rows["laps_completed"].tolist()) == (["finished"], [1])
-
-
-# By name

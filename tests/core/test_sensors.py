@@ -260,25 +260,6 @@ def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):
     assert odometry.readings["pose"].columns == ("x_m", "y_m", "heading_rad")
 
 
-def test_a_bag_has_each_reading_when_it_was_measured(tmp_path):
-    pytest.importorskip("mcap")
-    from fg_mujoco.addons.ros.bag_recording import Recording
-    from fg_mujoco.addons.ros.bag_writer import export_bag
-
-    result, told = heard(MIXED, seed=4)
-    export_bag(fg.write_run(result, tmp_path / "run", picture=False), tmp_path / "run.mcap")
-    with Recording(tmp_path / "run.mcap") as bag:
-        for name in told[0].readings:
-            topic = ("fg_mujoco_msgs/msg/Reading", f"/sensors/{name}")
-            messages = [heard.message for heard in bag.messages({topic})]
-            expected = [sample for odometry in told for sample in odometry.readings[name].samples]
-            np.testing.assert_array_equal([message.values for message in messages], expected)
-            stamps = [message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec for message in messages]
-            assert stamps == pytest.approx([t for each in told for t in each.readings[name].stamps])
-            assert tuple(messages[0].names) == told[0].readings[name].columns
-            assert messages[0].header.frame_id == as_sensors(MIXED)[list(told[0].readings).index(name)].frame
-
-
 # -- settings
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import permutations
 
 import mujoco
 import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco import Entry, World, race
+from fg_mujoco import World
 from fg_mujoco.course.open_ground import OpenGround
 from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import grid_starts
@@ -138,23 +137,6 @@ def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed: float, hea
     assert touched
     assert change < 1e-3
     assert gain < 1e-3
-
-
-@pytest.mark.slow
-def test_in_another_order_every_car_drives_the_same_line_until_the_first_contact() -> None:
-    entries = [
-        Entry(name="gap", controller="gap_finder", max_speed=4.0, start=Start(s=4.0)),
-        Entry(name="wall", controller="wall_follow", max_speed=3.0, start=Start(s=2.0, offset=0.2)),
-        Entry(name="line", controller="pure_pursuit", max_speed=2.0, start=Start(s=0.0, offset=-0.2)),
-    ]
-    lines = []
-    for order in permutations(entries):
-        result = race("oval", entries=order, laps=1, time_limit=4.0)
-        assert result.contacts == ()
-        lines.append({car.name: np.column_stack((car.column("x_m"), car.column("y_m"))) for car in result.cars})
-    for other in lines[1:]:
-        for name, line in lines[0].items():
-            assert np.abs(other[name] - line).max() < 1e-6
 
 
 def test_the_grids_are_those_of_the_rules() -> None:

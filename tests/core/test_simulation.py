@@ -24,31 +24,8 @@ def simulation(world):
     return fg.Simulation(world)
 
 
-def wander(simulation, ticks, seed=0):
-    """Drive at random, as the seed says, and return states and scans."""
-    rng = np.random.default_rng(seed)
-    states, scans = [], []
-    for _ in range(ticks):
-        command = fg.DriveCommand(steering_angle=rng.uniform(-0.2, 0.2), speed=rng.uniform(0.0, 4.0))
-        scan, _ = simulation.step(command)
-        states.append(simulation.state)
-        scans.append(scan.ranges)
-    return np.array(states), np.array(scans)
-
-
 def same_bits(first, second):
     return np.array_equal(first.view(np.uint64), second.view(np.uint64))
-
-
-def test_reset_leaves_nothing_of_what_was_before(world, simulation):
-    fresh, fresh_scans = wander(fg.Simulation(world), 20)
-    simulation.reset(speed=6.0)
-    while not simulation.crashed:
-        simulation.step(fg.DriveCommand(steering_angle=0.3, speed=6.0))
-    simulation.reset()
-    assert not simulation.crashed and simulation.time == 0.0 and simulation.slip.sliding_speed.shape == (0, 4)
-    states, scans = wander(simulation, 20)
-    assert same_bits(states, fresh) and same_bits(scans, fresh_scans)
 
 
 def measured_anew(world, state, others=()):
@@ -127,11 +104,3 @@ def test_a_crash_is_remembered_and_told_by_the_next_tick(simulation):
         told = simulation.crashed
         touching = measured_anew(simulation.world, simulation.state).sensor("car/chassis_contact").data[0] > 0.0
     assert told
-
-
-@each("timestep", (0.004, 0.002 + 1e-6, 0.03))
-def test_a_timestep_that_does_not_divide_the_period_is_refused(timestep):
-    world = fg.World("oval")
-    world.model.opt.timestep = timestep
-    with pytest.raises(fg.ModelError, match=rf"timestep is {timestep} s; accepted: a whole fraction.*0\.025 s"):
-        fg.Simulation(world)

@@ -32,13 +32,6 @@ def test_cars_slide_at_the_default_step_as_at_a_tenth_of_it(vehicle, tires, name
     assert coarse.lateral < 1.03
 
 
-def test_contacts_do_not():
-    """What the default tires were: twice mu g in the mean of a tick, and then on its side; at a fine step upright."""
-    coarse, fine, _ = apart("step_8_0.4", "contact")
-    assert coarse.rolled and coarse.lateral > 1.5
-    assert not fine.rolled
-
-
 @each("name", ["sideways_2", "sideways_3.5", "sideways_5", "locked_5", "wheelspin"])
 def test_a_sliding_car_moves_as_coulomb_says(name):
     """v^2 / (2 mu g) to a stop, and mu g t from it; the car's rolling moves load for a moment, and so takes some mm."""

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from test_gaps import SLIDES
 
 from cases import each
 from fg_mujoco.controllers import BASELINES
@@ -13,16 +12,12 @@ from fg_mujoco.controllers.disparity_selection import source_beam
 from fg_mujoco.controllers.follow_the_gap import FollowTheGapSettings
 from fg_mujoco.controllers.perception.scan_filters import mask_bubble, mask_nearest
 from fg_mujoco.messages import ODOMETRY
-from fg_mujoco.racing.planners import controller_names, find_controller, make_controller
-from scan_worlds import CAR, MU, corridor, odometry_of, rough_scan, scan_of
+from fg_mujoco.racing.planners import find_controller, make_controller
+from scan_worlds import CAR, MU, corridor, odometry_of, scan_of
 
 
 def planner(name, mu=MU, **settings):
     return make_controller(name, car=CAR, mu=mu, max_speed=8.0, settings={"method": "source", **settings})
-
-
-def goal(name, ranges, increment=0.1, **settings):
-    return planner(name, **settings).find_goal(scan_of(ranges, increment))
 
 
 def test_the_notes_bubble_is_the_arctangent_cut_off_to_whole_beams():
@@ -42,35 +37,6 @@ def test_disparity_selection_takes_the_index_before_each_jump_and_the_first_two(
     box = np.array([3.0, 3.0, 3.1, 1.0, 1.0, 1.0, 3.0, 3.0])
     assert source_beam(box, 0, 8, 0.5) == 3  # (2 + 5) // 2, which is the box
     assert source_beam(np.array([2.5, 2.5, 0.5]), 0, 3, 0.5) == 0  # one disparity: the furthest, the first of two
-    # by its kernel: .6 m is masked, atan(.4 / .6) / .3 is 1.96, one beam; of the rest the longest run is the left one
-    ranges = [2.0, 0.6, 2.0, 2.0, 2.8, 2.8, 2.8, 2.8, 2.0, 2.0]
-    assert goal("disparity_selection", ranges, 0.3) == pytest.approx((0.3 * (5 - 4.5), 2.8))
-
-
-def test_follow_the_gap_takes_the_furthest_point_however_far_and_the_first_of_several():
-    ranges = np.array([4.8, 3.1, 4.3, 4.5, 6.0, 10.1, 8.3])
-    # atan(1 / 3.1) is .312 rad: three beams to either side
-    assert goal("follow_the_gap", ranges, 0.1, bubble_radius=1.0) == pytest.approx((0.2, 10.1))
-    ranges[4:] = math.inf
-    assert goal("follow_the_gap", ranges, 0.1, bubble_radius=1.0)[0] == pytest.approx(0.2)  # not between the two
-    settings = FollowTheGapSettings()
-    assert (settings.field_of_view, for_method(settings, "source").field_of_view) == (None, 2.0 * math.pi)
-
-
-def test_the_threshold_gap_has_the_slides_n_and_t():
-    bearing, distance = planner("threshold_gap").find_goal(scan_of(SLIDES, 0.1, angle_min=-0.55))
-    assert (bearing, distance) == pytest.approx((-0.55 + 2.5 * 0.1, 6.0))  # of 5.1, 6.0, 7.0, inf
-
-
-def test_the_widest_gap_heads_for_the_middle_of_the_two_points():
-    """Readings 600 and 601 at 15 and 15.25 degrees: C = (5 cos 15 + 2 cos 15.25, 5 sin 15 + 2 sin 15.25) / 2."""
-    ranges, x, y = np.full(1081, 5.0), 3.379602, 0.910087
-    ranges[601:] = 2.0
-    bearing, distance = planner("widest_gap").find_goal(scan_of(ranges))
-    assert (bearing, distance) == pytest.approx((math.atan2(y, x), math.hypot(x, y)), abs=1e-5)
-    assert planner("widest_gap").find_centre(scan_of(ranges)) == pytest.approx((x + CAR.lidar_offset, y), abs=1e-5)
-    ranges[640:] = 1.0  # another jump, narrower, and the last: the source's loop would keep its a and b
-    assert planner("widest_gap").find_goal(scan_of(ranges))[1] == pytest.approx(distance)
 
 
 def test_the_disparity_extender_covers_the_farther_side_only():
@@ -78,10 +44,8 @@ def test_the_disparity_extender_covers_the_farther_side_only():
     made = planner("disparity_extender")
     scan = scan_of([2.2, 2.0, 4.0, 4.0, 4.0, 4.0, 4.0], 0.1)
     assert made.intermediate_scans(scan)["extended"].tolist() == [2.2, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
-    assert made.find_goal(scan) == pytest.approx((0.1, 4.0))
     refined = planner("disparity_extender", method="refined")
     assert refined.intermediate_scans(scan)["extended"].tolist() == [2.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
-    assert refined.find_goal(scan) == pytest.approx((0.2, 4.0))
 
 
 def test_the_gap_finders_components_one_after_the_other():
@@ -91,9 +55,6 @@ def test_the_gap_finders_components_one_after_the_other():
     assert scans["extended"].tolist() == [4.0, 2.0, 2.0, 2.0, 2.0, 2.0, 4.0]
     assert scans["bubble"].tolist() == [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 4.0]  # round the first of the nearest
     assert scans["filtered"].tolist() == pytest.approx([2.0, 2.0, 2.0, 2.0, 12.0 / 5, 10.0 / 4, 3.0])
-    assert made.find_goal(scan) == pytest.approx((0.3, 3.0))
-    flat = scan_of(np.full(7, 3.0), 0.1)
-    assert made.find_goal(flat) == pytest.approx((0.0, 3.0))  # of equal ranges it goes straight on
 
 
 @each(("left", "expected"), [(0.3, 0.3), (1.0, CAR.max_steering_angle)])
@@ -121,6 +82,11 @@ def test_without_stages_a_planner_has_the_method_and_the_speed_laws_of_its_sourc
     assert [each.settings.method for each in (none, grip, full)] == ["source", "source", "refined"]
 
 
+def test_follow_the_gap_looks_all_round_in_its_source():
+    settings = FollowTheGapSettings()
+    assert (settings.field_of_view, for_method(settings, "source").field_of_view) == (None, 2.0 * math.pi)
+
+
 def test_the_speed_laws_of_the_sources_in_closed_form():
     """The mean of 2, 2, 2, 2, 2.4, 2.5 and 3 m over 10 m, of 8 m/s; sqrt(g mu b / tan .3), of less friction."""
     scan = scan_of([4.0, 4.0, 4.0, 2.0, 4.0, 4.0, 40.0], 0.1)
@@ -133,18 +99,6 @@ def test_the_speed_laws_of_the_sources_in_closed_form():
 
 
 # -- baselines
-
-
-def test_baselines_are_found_by_name_and_not_among_the_planners():
-    assert not set(BASELINES) & set(controller_names())
-    for name in BASELINES:
-        assert find_controller(name).__doc__.startswith("Baseline: ")
-
-
-def test_straight_and_hard_left_look_at_nothing():
-    for name, bearing in (("straight", 0.0), ("hard_left", 1.0)):
-        for scan in (corridor(1.0, 1.0), rough_scan(3)):
-            assert planner(name).find_goal(scan)[0] == bearing
 
 
 def test_the_draws_are_those_of_the_seed_and_the_tick_whoever_else_draws():

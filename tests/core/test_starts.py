@@ -62,14 +62,6 @@ def test_a_rollout_has_a_crash_at_0_s_where_it_is_drawn():
     assert (result["collisions"][clear] == 0).all()
 
 
-def test_other_worlds_are_the_same_bits():
-    result = fg.rollout("oval", n=6, randomize={"start_offset": [0.0, 3.0]}, time_limit=0.5, record="states")
-    own = int(np.flatnonzero(result["start_offset"] == 0.0)[0])
-    alone = fg.race(result.setup(own))
-    assert (alone.states == result.states(own)).all()
-    assert len(result.states(int(np.flatnonzero(result["start_offset"] == 3.0)[0]))) == 1
-
-
 # -- scripts of f1tenth_gym
 
 

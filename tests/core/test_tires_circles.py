@@ -1,6 +1,5 @@
 """Steady circles on tires with a curve: where the first tire passes its peak, by closed forms."""
 
-
 import numpy as np
 import pytest
 

@@ -10,7 +10,6 @@ import pytest
 from cases import each
 from fg_mujoco.addons.arena.random_courses.generator import generate_track
 from fg_mujoco.course.centreline_csv import DENSE, read_centreline, write_centreline
-from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import enclosed_area, step_lengths
 from fg_mujoco.errors import TrackError
 from fg_mujoco.simulation.course_loading import load_track
@@ -241,11 +240,3 @@ def test_what_is_no_track_is_refused_in_one_line_that_names_the_file(read, text,
     assert "some.csv" in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert "accepted" in str(refusal.value)
-
-
-@each("name", ["ovall", "", "random:", "random:x", "random:-1", "random:1.5", "Oval"])
-def test_unknown_name_is_refused_with_the_known_ones(name):
-    with pytest.raises(TrackError, match=r"accepted: .*random:SEED") as refusal:
-        load_track(name)
-    if not name.startswith("random"):
-        assert all(known in str(refusal.value) for known in track_names())

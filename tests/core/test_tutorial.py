@@ -4,21 +4,18 @@ import ast
 import json
 import os
 import re
-import shlex
 import sys
 from pathlib import Path
 
 import pytest
 
 import fg_mujoco as fg
-from fg_mujoco.cli.main import _parser
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "tutorial.ipynb"
 if not NOTEBOOK.exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
 
 CELLS = json.loads(NOTEBOOK.read_text("utf-8"))["cells"]
-TEXT = "\n".join("".join(cell["source"]) for cell in CELLS if cell["cell_type"] == "markdown")
 MAGIC = re.compile(r"%%writefile (\S+)\n")
 
 
@@ -113,14 +110,3 @@ def test_friction_does_what_the_text_says(ran):
     assert honest.car.finished and honest.car.mu == honest.car.planner_mu == 0.5
     dry = fg.race(names["track"], "gap_finder", laps=2)
     assert f"{dry.car.mu:.2f}" == "1.05" and dry.car.mean_speed_m_s > honest.car.mean_speed_m_s
-
-
-def test_its_commands_are_accepted():
-    (block,) = re.findall(r"```sh\n(.*?)```", TEXT, re.DOTALL)
-    for line in block.splitlines():
-        program, *words = shlex.split(line)
-        assert program == "fg-mujoco" and _parser().parse_args(words)
-
-
-def test_the_names_in_its_text_are_there():
-    assert {name for name in re.findall(r"\bfg\.(\w+)", TEXT) if not hasattr(fg, name)} == set()

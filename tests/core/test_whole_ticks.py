@@ -74,18 +74,6 @@ def test_a_tick_of_one_call_has_the_bits_of_the_verbs(controller):
     assert alone["state 0"].tobytes() == expected["state 1"].tobytes()
 
 
-@each("attribute", ["before_substep", "after_substep"])
-def test_hooks_are_called(attribute):
-    engine, called = engine_of("pure_pursuit"), []
-    engine.tick()
-    getattr(engine, attribute).append(lambda engine, worlds: called.append(worlds.tolist()))
-    engine.tick()
-    assert called == [[0, 1, 2]] * engine.substeps
-    getattr(engine, attribute).clear()
-    engine.tick()
-    assert len(called) == engine.substeps and engine.time(0) == pytest.approx(3 * engine.period)
-
-
 def planner_that(fails):
     """A class of planners that fail after 0.1 s: those with a pursuit distance of more than 2 m."""
 
@@ -184,31 +172,3 @@ def test_code_at_an_address_is_called_and_raises():
     assert calls(address, 4) == 5
     with pytest.raises(ValueError, match="odd"):
         calls(address, 3)
-
-
-FAILING = """
-from fg_mujoco.controllers.control.driving import DrivingSettings
-from fg_mujoco.controllers.control.planner import Planner
-from fg_mujoco.compiled.kernels import kernel
-@kernel
-def reference(scan, ranges, odometry, car, settings, memory, line):
-    if odometry.stamp > 0.09:
-        raise ValueError("too late")
-    return 0.0, 1.0, 0.0
-class Failing(Planner):
-    Settings = DrivingSettings
-    reference = staticmethod(reference)
-"""
-
-
-def test_a_planner_that_was_compiled_in_another_folder_fails_in_its_own(tmp_path):
-    """What numba compiled is kept by its text, and says the file of then."""
-    for folder in ("first", "second"):
-        file = tmp_path / folder / "failing_planner.py"
-        file.parent.mkdir()
-        file.write_text(FAILING)
-        with pytest.warns(UserWarning, match="too late"):
-            failure = fg.race("oval", f"{file}:Failing", laps=1).car.planner_failure
-        line = FAILING.splitlines().index('        raise ValueError("too late")') + 1
-        assert (failure.file, failure.line) == (str(file), line)
-        assert f'"{file}", line {line}' in failure.traceback

@@ -1,14 +1,12 @@
 """A world is what its XML says; who touches whom; and what is seen is what is hit."""
 
-import dataclasses
-
 import mujoco
 import numpy as np
 import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.simulation.cars import CAR_PREFIX, WorldCar
+from fg_mujoco.simulation.cars import CAR_PREFIX
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.settings import Start
 from fg_mujoco.vehicle.car import WHEELS
@@ -137,27 +135,3 @@ def test_a_car_in_a_wall_finds_room_for_its_contacts(world):
         simulation.step(fg.DriveCommand(steering_angle=0.4, speed=5.0))
     assert not simulation.unstable and simulation.data.warning.number.sum() == 0
     assert simulation.data.maxuse_arena < 0.25 * world.model.narena
-
-
-def test_worlds_that_differ_in_anything_are_not_taken_for_each_other():
-    patch = fg.Patch(x=1.0, y=0.0, length=1.0, width=1.0, mu=0.3)
-    worlds = [
-        fg.World("oval", **what)
-        for what in (
-            {}, {"mu": 0.5}, {"lidar": "rangefinder"}, {"obstacles": (BOX,)}, {"changes": fg.CarChanges(mass=4.0)},
-            {"tires": fg.Tires.load("forzaeth_nuc2")}, {"patches": (patch,)}, {"others": (WorldCar(),)},
-            {"others": (WorldCar(mu=0.5),)},
-        )
-    ]  # fmt: skip
-    worlds.append(fg.World(dataclasses.replace(fg.load_track("oval"), name="another")))
-    assert len({world.xml for world in worlds}) == len(worlds)
-
-
-def test_a_warning_of_mujoco_leaves_no_log_where_somebody_works(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    body = "<body><freejoint/><geom size='1'/></body>"
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
-    data = mujoco.MjData(model)
-    data.qpos[0] = np.nan
-    mujoco.mj_step(model, data)
-    assert data.warning[mujoco.mjtWarning.mjWARN_BADQPOS].number == 1 and not list(tmp_path.iterdir())

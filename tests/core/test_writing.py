@@ -17,7 +17,6 @@ from fg_mujoco.course import writing
 from fg_mujoco.course.writing import (
     claimed_folder,
     require_writable,
-    staged_file,
     staged_folder,
     sweep,
     write_file,
@@ -79,15 +78,6 @@ def test_a_file_is_written_and_replaced(tmp_path):
     assert names(tmp_path) == ["a.txt"]
 
 
-def test_its_mode_is_that_of_any_new_file(tmp_path):
-    before = os.umask(0o027)
-    try:
-        write_file(tmp_path / "a.txt", b"")
-    finally:
-        os.umask(before)
-    assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
-
-
 def test_a_link_stays_and_what_it_points_to_is_written(tmp_path):
     (tmp_path / "to").mkdir()
     (tmp_path / "a.txt").symlink_to(tmp_path / "to" / "b.txt")
@@ -140,14 +130,6 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     write_file(tmp_path / "a.txt", b"a")
     file, folder = (tmp_path / "a.txt").stat().st_ino, tmp_path.stat().st_ino
     assert calls.index(file) < calls.index("moved") < calls.index(folder)
-
-
-def test_names_of_files_aside_are_not_to_be_guessed(tmp_path):
-    seen = set()
-    for _ in range(20):
-        with staged_file(tmp_path / "a.txt") as aside:
-            seen.add(aside.name)
-    assert len(seen) == 20
 
 
 def test_what_a_killed_process_left_is_removed_by_the_next_write(tmp_path):

@@ -12,6 +12,7 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.termination import END_REASONS, WRONG_WAY_LIMIT, WrongWay
+from hand_planners import driven
 
 TICK, STEP = 0.025, 0.21  # [s], [m] of which five metres are no multiple
 world_of = functools.cache(fg.World)
@@ -94,20 +95,6 @@ def test_beside_the_next_arm_of_a_hairpin_nothing_is_lost():
         assert reason(judged(world_of("hairpins"), places, offset=offset)) == ""
 
 
-class Driver:
-    """Does what a function of the odometry says."""
-
-    def __init__(self, law):
-        self.law = law
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        steering, speed = self.law(odometry)
-        return fg.DriveCommand(steering_angle=steering, speed=speed)
-
-
 def wide(half_width=3.0):
     """A round track of 30 m radius, wide enough to turn on, driven counterclockwise from (30, 0)."""
     angles = np.linspace(0, 2 * np.pi, 400, endpoint=False)
@@ -123,7 +110,7 @@ def test_a_car_that_turns_round_is_told_of():
         turned = odometry.pose[2] - 0.5 * math.pi
         return (0.4, 1.5) if odometry.stamp > 2.0 and 0.0 <= turned % (2.0 * math.pi) < math.pi else (0.0, 1.5)
 
-    result = fg.race(wide(), Driver(law), laps=1, start=fg.Start(offset=-0.5))
+    result = fg.race(wide(), driven(law), laps=1, start=fg.Start(offset=-0.5))
     assert (result.car.end_reason, result.car.finished, result.car.collisions_wall) == ("wrong_way", False, 0)
     turn, progress = result.car.wrong_way, result.car.column("progress_m")
     tick = int(progress.argmax())

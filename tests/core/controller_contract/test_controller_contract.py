@@ -21,18 +21,13 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from cases import each
-from fg_mujoco.addons.learn.policy_files import save_policy
 from fg_mujoco.controllers import BASELINES
-from fg_mujoco.envs.environment_settings import EnvironmentSettings
-from fg_mujoco.envs.policy_interface import PolicyInterface
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import STOP, DriveCommand, MapLine, PlannerContext, ScanGeometry
 from fg_mujoco.racing.planners import ControllerChoice, controller_names, make_controller
 from scan_worlds import CAR, INCREMENT, MU, corridor, odometry_of, rows_of, scan_of
-from small_policies import FLAT, network_for
 
 RAW = ("disparity_extender", "disparity_selection", "follow_the_gap", "gap_finder", "widest_gap")
 NAMES = (*controller_names(), *(f"{name}[method=source]" for name in RAW), *BASELINES)
@@ -245,24 +240,6 @@ def keeps_its_contract(planner, family):
     assert [planner(scan, odometry) for scan, odometry in begin] == commands[:REPEATED]
 
 
-def test_a_trained_policy_answers_any_scan(tmp_path):
-    """It may drive on where it sees nothing: what it learned there is its own."""
-    settings = EnvironmentSettings.of(FLAT)
-    interface = PolicyInterface.of(settings, CAR, settings.car.lidar.beams, 0.025)
-    path = save_policy(network_for(interface), tmp_path / "policy", interface)
-    policy = made(str(path.parent))
-    for scan in ODD.values():
-        for motion in (*MOTIONS, (math.nan, math.inf)):
-            odometry = odometry_of(*motion)
-            keeps_its_contract(policy, [(scan, odometry)] * 3) if math.isfinite(motion[0]) else policy(scan, odometry)
-    for seed, shape in enumerate(("room", "noise", "steps", "wall")):
-        odd = {math.nan: 0.5, -math.inf: 0.5}
-        keeps_its_contract(policy, list(family_of(
-            seed=seed, count=1081, shape=shape, size=10.0, spikes=0.5, odd=odd, increment=INCREMENT, angle_min=None,
-            range_max=30.0, has_pose=True,
-        )))  # fmt: skip
-
-
 def test_its_assist_is_that_of_its_context():
     context = PlannerContext(car=CAR, mu=MU, max_speed=TOP_SPEED, map_line=OVAL, assist="grip")
     for name in NAMES:
@@ -378,29 +355,6 @@ def test_a_batch_decides_as_its_planners_do(fleet, name):
             [(tick + world) % 4 != 0 for world in worlds],
         )
         for tick in range(8)
-    ]
-    assert_decides_as_its_planners_do(fleet, ticks)
-
-
-@pytest.mark.slow
-@every_fleet
-@settings(max_examples=12, deadline=None)
-@given(
-    ranges=st.integers(0, 40).flatmap(
-        lambda count: arrays(
-            np.float64,
-            (3, len(BELIEFS), count),
-            elements=st.floats(0.0, 30.0) | st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0]),
-        )
-    ),
-    increment=st.floats(1e-3, 0.5),
-    motions=arrays(np.float64, (3, len(BELIEFS), 2), elements=st.floats(-0.4, 8.0) | st.just(math.nan)),
-    running=arrays(np.bool_, (3, len(BELIEFS))),
-)
-def test_whatever_the_worlds_show_a_batch_decides_as_its_planners_do(fleet, ranges, increment, motions, running):
-    ticks = [
-        ([scan_of(row, increment) for row in scans], [odometry_of(*motion) for motion in moving], runs.tolist())
-        for scans, moving, runs in zip(ranges, motions, running, strict=True)
     ]
     assert_decides_as_its_planners_do(fleet, ticks)
 

@@ -58,16 +58,6 @@ def test_it_is_a_course_and_loading_it_returns_it(course):
 
 
 @every_course
-def test_its_rules_go_with_its_line(course):
-    assert course.map_line.closed == course.closed
-    if course.closed:
-        assert (course.modulus, course.origin, course.most_laps) == (course.length, None, None)
-    else:
-        assert course.modulus > 2.0 * course.length and course.most_laps == 1
-    assert 0.0 < course.longest_race(1) < math.inf and course.stop_time >= 0.0
-
-
-@every_course
 def test_poses_along_the_line_project_onto_their_progress(course):
     origin = course.origin or 0.0
     for s in np.linspace(0.0, 0.999 * course.length, 40):
@@ -164,17 +154,6 @@ def test_random_boxes_leave_the_start_clear_or_are_refused(course):
     boxes = sites.place(min(sites.most, 3), 0.0, np.random.default_rng(0))
     assert len(boxes) == min(sites.most, 3)
     assert not fg.Simulation(fg.World(course, obstacles=boxes)).crashed
-
-
-@every_class
-def test_a_world_of_a_rollout_drives_it_as_a_race_does(course):
-    result = fg.rollout(
-        course, n=2, time_limit=0.2, record="states", randomize={"start_offset": (-0.05, 0.05)}, workers=1
-    )
-    for world in range(2):
-        setup = result.setup(world)
-        alone = fg.race(setup)
-        np.testing.assert_array_equal(result.states(world), alone.states)
 
 
 @every_class

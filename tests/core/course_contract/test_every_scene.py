@@ -8,7 +8,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.course.course import SLOWEST_RACE
 from scene_search import Clearances, disc_gets_through
 
 CELL = 0.025
@@ -99,11 +98,3 @@ def test_walls_are_closed_and_the_way_leads_clear_of_them(name):
     beyond = 0.0 if scene.goal_is_to_stop else 3.0 - 1e-6
     assert field.at(scene.position(np.arange(-2.0, scene.length + beyond, 0.05))).min() > 0.2
     assert scene.start >= 2.0 and scene.way_length - scene.goal >= 3.0 - 1e-9
-
-
-@every_scene
-def test_a_race_is_one_lap_and_no_more(name):
-    scene = load(name)
-    with pytest.raises(fg.SettingsError, match=r"laps is 2 on 'scene:.*accepted: 1"):
-        fg.race(scene, laps=2)
-    assert scene.longest_race(1) == scene.time_limit >= scene.length / SLOWEST_RACE

@@ -16,7 +16,7 @@ from fg_mujoco.course.clearance import least_clearance
 from fg_mujoco.course.course import outline
 from fg_mujoco.course.formats import track_names
 from fg_mujoco.course.polyline import self_crossings
-from fg_mujoco.course.track_mesh import wall_mesh, wall_prisms
+from fg_mujoco.course.track_mesh import wall_prisms
 from fg_mujoco.course.track_walls import WALL_TOLERANCE
 from fg_mujoco.simulation.course_loading import default_car, load_track
 
@@ -89,18 +89,6 @@ def test_projection_is_the_nearest_place_in_whose_corridor_the_point_lies(track)
 
 
 @every_track
-def test_followed_along_the_line_progress_never_jumps(track):
-    near = 0.0
-    for s in np.arange(0.0, track.length, 0.3):
-        for offset in (0.3, -0.3):
-            found, _ = track.project(track.position(s, offset), near)
-            gone = (found[0] - near + 0.5 * track.length) % track.length - 0.5 * track.length
-            assert abs(gone) < 1.2
-            near = found[0]
-    assert abs(near - track.length) < 1.2
-
-
-@every_track
 def test_pieces_are_convex_with_volume_and_their_inner_faces_are_the_walls(track):
     prisms = wall_prisms(track)
     feet = prisms[:, :4, :2]
@@ -128,22 +116,6 @@ def test_no_piece_reaches_into_the_corridor(track):
     points = between + (rng.uniform(0.0, 1.0, 400) * (free - 1e-6))[:, None] * beams
     assert not inside_prisms(points, wall_prisms(track)).any()
     assert inside_prisms(between + (free + 1e-6)[:, None] * beams, wall_prisms(track)).mean() > 0.99
-
-
-@every_track
-def test_rays_see_the_walls_that_are_hit(track):
-    rng = np.random.default_rng(0)
-    origins = track.position(rng.uniform(0.0, track.length, 60), rng.uniform(-0.4, 0.4, 60))
-    angles = rng.uniform(0.0, 2.0 * np.pi, 60)
-    beams = np.column_stack((np.cos(angles), np.sin(angles)))
-    expected = np.minimum(*(ray_distances(origins, beams, wall) for wall in (track.left_wall, track.right_wall)))
-    level = np.full((60, 1), 0.1)
-    hits, rays, _ = wall_mesh(track).ray.intersects_location(
-        np.hstack((origins, level)), np.hstack((beams, 0.0 * level)), multiple_hits=False
-    )
-    assert len(rays) == 60
-    measured = np.linalg.norm(hits[:, :2] - origins[rays], axis=1)
-    np.testing.assert_allclose(measured, expected[rays], atol=1e-4)
 
 
 @every_track
