@@ -307,7 +307,7 @@ FAULTS = {
         file="controllers/safety/guidance.py",
         old="return math.sqrt(2.0 * settings.profile_braking * limiter.braking * room)",
         new="return 2.0 * settings.profile_braking * limiter.braking * room",
-        tests="test_guidance.py test_mission.py test_tight_tracks.py controller_contract",
+        tests="test_guidance.py test_mission.py test_random_courses.py controller_contract",
     ),
     "the raceline's heading error not wrapped": Fault(
         file="controllers/control/tracking.py",
@@ -355,8 +355,8 @@ FAULTS = {
     # studies
     "an overtake that counts as soon as a car is level": Fault(
         file="addons/arena/runs/duels.py",
-        old="self._since = progress.time if own - other >= self._half else math.nan",
-        new="self._since = progress.time if own - other >= 0.0 else math.nan",
+        old="self._since = progress.time if self.ahead >= self._half else math.nan",
+        new="self._since = progress.time if self.ahead >= 0.0 else math.nan",
         tests="test_duels.py",
     ),
     "time lost against a planner that started elsewhere": Fault(
@@ -800,13 +800,13 @@ FAULTS = {
         file="addons/drivers/passing.py",
         old="(0.1 if across > 0.0 else 0.0) >= rooms[1]",
         new="(0.1 if across > 0.0 else 0.0) < rooms[1]",
-        tests="test_passing.py test_overtaker.py test_other_cars.py",
+        tests="test_passing.py test_duels.py test_other_cars.py",
     ),
     "a plan that begins where the car was when it was commanded": Fault(
         file="addons/drivers/line_mpc.py",
         old="if delay == 0.0 or not mpc.planned:",
         new="if True:",
-        tests="test_line_mpc.py test_line_trackers.py",
+        tests="test_line_mpc.py test_pure_pursuit.py",
     ),
     # viz
     "pictures upside down": Fault(

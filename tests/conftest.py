@@ -47,7 +47,8 @@ SLOWEST = (
     "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_controller_contract.py",
     "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
     "test_leaks.py", "test_report_pages.py", "test_car_dynamics.py", "test_comparison.py", "test_hostile_runs.py",
-    "test_every_track.py", "test_replay_proof.py", "test_tight_tracks.py", "test_bag_map.py", "test_f110_lap_times.py",
+    "test_every_track.py", "test_replay_proof.py", "test_random_courses.py", "test_bag_map.py",
+    "test_f110_lap_times.py",
     "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
     "test_map_course.py", "test_lidar_tracks.py", "test_readme.py", "test_cli.py", "test_f110_interfaces.py",
     "test_field_report.py", "test_realcar_benchmarks.py", "test_friction_cli.py", "test_compare_cli.py",
@@ -71,7 +72,7 @@ SLOW_FILES = frozenset({
     "test_packaging.py",
     "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
     "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",
-    "test_report_pages.py", "test_rollout_cli.py", "test_rollout_ray.py", "test_slides.py", "test_tight_tracks.py",
+    "test_report_pages.py", "test_rollout_cli.py", "test_rollout_ray.py", "test_slides.py", "test_random_courses.py",
     "test_training_example.py", "test_tutorial.py",
     "test_validation.py",
 })  # fmt: skip

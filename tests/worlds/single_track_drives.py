@@ -16,13 +16,8 @@ from fg_mujoco.addons.realcar.drives.channels import Channel
 from fg_mujoco.addons.realcar.identification.drive_log import Drive
 from fg_mujoco.vehicle.vehicle import Vehicle
 
-SETS = {  # B, C, D, E front and rear; mass [kg], I_z [kg m^2], l_f, l_r, h [m]: ForzaETH, On-Track-SysID, models/
-    "nuc2": ((7.6671, 1.2628, 1.2307, 0.3821), (7.1036, 1.7356, 1.0252, 1.2875), (4.5, 0.0627, 0.17, 0.155, 0.02)),
-    "nuc6": ((6.7948, 1.3492, 0.8768, 0.6186), (6.9876, 2.6412, 0.9679, 0.1296), (3.75, 0.056, 0.176, 0.149, 0.014)),
-}
-
-FINE = 0.005
-"""[s] between the states that are kept."""
+FINE = 0.005  # [s] between the states that are kept
+_SOLVED = {}
 
 
 def random_set(seed):
@@ -85,23 +80,20 @@ def lap(seconds=20.0):
     return time, steering, 4.2 - 6.0 * np.abs(steering)
 
 
-def solve(commands, tires, *, lag=0.1, gain=1.0, offset=0.0, rate=3.2, start_speed=3.0, catches=True):
+def solve(commands, tires, *, lag=0.1, gain=1.0, offset=0.0, rate=3.2):
     """Drive the commands, each held for its tick of 25 ms; return the steering that was commanded, and every FINE the
     states (7, n): x, y, heading of the centre of gravity, v_x, v_y, yaw rate, steering; and a_x, a_y (2, n).
 
-    A driver who `catches` steers along the way that the front axle moves while the car slides by more than .35 rad.
+    The driver steers along the way that the front axle moves while the car slides by more than .35 rad.
     The same drive is solved once.
     """
-    asked = (*(each.tobytes() for each in commands), tires, lag, gain, offset, rate, start_speed, catches)
+    asked = (*(each.tobytes() for each in commands), tires, lag, gain, offset, rate)
     if asked not in _SOLVED:
-        _SOLVED[asked] = _solve(commands, tires, lag, gain, offset, rate, start_speed, catches)
+        _SOLVED[asked] = _solve(commands, tires, lag, gain, offset, rate)
     return _SOLVED[asked]
 
 
-_SOLVED = {}
-
-
-def _solve(commands, tires, lag, gain, offset, rate, start_speed, catches):
+def _solve(commands, tires, lag, gain, offset, rate):
     (front, rear, (mass, inertia, lf, lr, h)), g = tires, 9.81
     time, steering, speed = commands
     steering = steering.copy()
@@ -124,12 +116,12 @@ def _solve(commands, tires, lag, gain, offset, rate, start_speed, catches):
         cos, sin = math.cos(heading), math.sin(heading)
         return np.array((vx * cos - vy * sin, vx * sin + vy * cos, r, ax + vy * r, ay - vx * r, turn, steer))
 
-    state = np.array((0.0, 0.0, 0.0, start_speed, 0.0, 0.0, offset))
+    state = np.array((0.0, 0.0, 0.0, 3.0, 0.0, 0.0, offset))
     states, accelerations, caught = [], [], False
     within = np.arange(5) * FINE
     for tick in range(len(time) - 1):
         slides = abs(np.arctan2(state[4], state[3]))
-        caught = catches and (slides > 0.35 or (caught and slides > 0.1))
+        caught = slides > 0.35 or (caught and slides > 0.1)
         if caught:
             along = np.arctan2(state[4] + lf * state[5], state[3]) if state[3] > 1.0 else 0.0
             steering[tick] = np.clip((along - offset) / gain, -0.4, 0.4)
@@ -152,12 +144,12 @@ def car_of(tires):
     )  # fmt: skip
 
 
-def recorded(commands, tires, *, seed=0, noise=1.0, imu_every=2, **steering):
+def recorded(commands, tires, *, seed=0, noise=1.0, **steering):
     """What a car records: gyro .01 rad/s, accelerometer .2 m/s^2, wheels .05 m/s, poses of 2 cm and .01 rad."""
     rng = np.random.default_rng(seed)
     commanded, states, accelerations = solve(commands, tires, **steering)
     time = FINE * np.arange(states.shape[1])
-    fast, slow = slice(0, None, imu_every), slice(1, None, 5)
+    fast, slow = slice(0, None, 2), slice(1, None, 5)
     lr = tires[2][3]
 
     def channel(name, rows, values, spread):

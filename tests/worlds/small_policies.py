@@ -30,20 +30,16 @@ def interface_of(**settings):
     return PolicyInterface.of(EnvironmentSettings.of(settings), _world().parameters, beams, beams.period)
 
 
-def network_for(interface, *, hidden=8, activation="tanh", seed=0, normalised=False, estimates=0):
+def network_for(interface, *, hidden=8, activation="tanh", seed=0, normalised=False):
     """A network of two layers that takes the interface's observation; it turns to and fro and drives slowly."""
     rng = np.random.default_rng(seed)
     width = sum(int(np.prod(shape)) for shape in observed_shapes(interface).values())
-    weights = rng.normal(size=(hidden, width + estimates)) / width**0.5
+    weights = rng.normal(size=(hidden, width)) / width**0.5
     first = Layer(weights=weights, bias=np.zeros(hidden), activation=activation)
     second = Layer(weights=0.1 * rng.normal(size=(2, hidden)), bias=(0.05, 0.1))
     mean, std = rng.normal(size=width), rng.uniform(0.5, 2.0, width)
-    count = max(estimates, 1)
-    guess = Layer(weights=rng.normal(size=(count, width)), bias=np.ones(count), activation="tanh")
-    return Perceptron(
-        layers=(first, second), normaliser=Normaliser(mean=mean, std=std, clip=3.0) if normalised else None,
-        estimator=Perceptron(layers=(guess,)) if estimates else None,
-    )  # fmt: skip
+    normaliser = Normaliser(mean=mean, std=std, clip=3.0) if normalised else None
+    return Perceptron(layers=(first, second), normaliser=normaliser)
 
 
 def write_onnx(network, path, interface, trained):

@@ -17,7 +17,7 @@ from fg_mujoco.addons.arena.runs.slower_cars import (
     Scaled,
     lane_line,
     least_curvature,
-    make_opponent,  # fmt: skip
+    make_opponent,
     start_on,
 )
 from fg_mujoco.addons.arena.study.functions import overtake
@@ -130,6 +130,15 @@ def test_an_overtake_is_half_a_length_for_a_second_where_the_cars_are(kind):
     assert 0.0 < in_last_tick < 8.0 * result.world.lidar.beams.period
     taken = np.interp(watch.driven, alone.column("progress_m"), alone.column("time_s"))
     assert row.figures["time_lost_s"] == pytest.approx(row.figures["taken_s"] - taken, abs=1e-6)
+
+
+def test_the_overtaker_keeps_behind_where_there_is_no_room(tmp_path):
+    """A ring as wide as two and a half cars, and the other in its middle."""
+    turns = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
+    ring = np.column_stack((6.0 * np.cos(turns), 6.0 * np.sin(turns), np.full((120, 2), 0.4)))
+    np.savetxt(tmp_path / "ring.csv", ring, delimiter=",", header="x_m, y_m, w_tr_right_m, w_tr_left_m")
+    found = figures(track=str(tmp_path / "ring.csv"), seed=0, ratio=(0.5, 0.5))
+    assert (found["outcome"], found["message"]) == ("behind", None)
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path):

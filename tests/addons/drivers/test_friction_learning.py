@@ -13,7 +13,7 @@ from fg_mujoco.addons.drivers.friction_learning import (
     FrictionLearningSettings,
     commanded_steering,
     learn,
-    learning_row,  # fmt: skip
+    learning_row,
     true_steering,
 )
 from fg_mujoco.controllers.control.planner_settings import CAR as CAR_ROW

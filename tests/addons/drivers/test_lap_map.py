@@ -16,7 +16,7 @@ from fg_mujoco.addons.drivers.known_line import (
     free_on,
     place_on,
     shape_line,
-    speed_on,  # fmt: skip
+    speed_on,
 )
 from fg_mujoco.addons.drivers.lap_map import see_lap
 from fg_mujoco.controllers.control.driving import REFERENCE

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+import fg_mujoco as fg
 from cases import each
 from fg_mujoco.addons.drivers.corridor import (
     HEADING,
@@ -18,7 +19,7 @@ from fg_mujoco.addons.drivers.corridor import (
     X,
     Y,
     ground_points,
-    room_beside,  # fmt: skip
+    room_beside,
     walk,
 )
 from fg_mujoco.addons.drivers.overtaker import Overtaker
@@ -132,3 +133,15 @@ def test_a_car_beside_is_predicted_as_large_as_it_is_and_one_behind_is_not():
     behind = np.zeros(1, PREDICTIONS)[0]
     predict_cars(decided(-0.6, -0.6, 2.0, 2.4)[0], DRIVEN_CAR, 5.0, behind)
     assert behind["count"] == 0
+
+
+@pytest.mark.slow
+@each("track, settings",
+      [("chicanes", {}),
+       ("chicanes", {"obstacles": 6, "lidar_noise": 0.03}),
+       ("l_corridor", {"obstacles": 6, "obstacle_seed": 20, "lidar_noise": 0.03, "seed": 0})])  # fmt: skip
+def test_alone_the_overtaker_is_the_gap_finder_that_predicts_nothing_to_the_last_bit(track, settings):
+    names = ("overtaker", "gap_finder", "gap_finder[assist=full-prediction]")
+    results = [fg.race(track, name, **{"laps": 1, "seed": 2} | settings) for name in names]
+    assert results[0].car.finished and results[0].car.collisions_wall == 0
+    assert len({result.trajectory_sha256 for result in results}) == 1

@@ -11,6 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from test_f110 import WaypointFollower
 
 import fg_mujoco as fg
 from cases import each
@@ -79,13 +80,9 @@ def lap_times(course, reset, step, speed, laps=2):
     line, passed, time, progress = course.centreline, [0.0], 0.0, 0.0
     pose = np.array([[*line[0], math.atan2(*(line[1] - line[0])[::-1])]])
     observed, place = reset(pose), float(course.project(line[:1])[0][0])
+    follower = WaypointFollower(line, speed=speed, lookahead=LOOKAHEAD, wheelbase=LENGTH)
     while len(passed) <= laps:
-        x, y, heading = (float(observed[name][0]) for name in ("poses_x", "poses_y", "poses_theta"))
-        distances = np.hypot(*(line - (x, y)).T)
-        ahead = np.roll(np.arange(len(line)), -int(np.argmin(distances)))
-        goal_x, goal_y = line[next(i for i in ahead if distances[i] >= LOOKAHEAD)]
-        left = math.cos(heading) * (goal_y - y) - math.sin(heading) * (goal_x - x)
-        observed = step(np.array([[math.atan(2.0 * LENGTH * left / LOOKAHEAD**2), speed]]))
+        observed = step(follower.plan(observed))
         time += STEP
         now, _ = follow(observed["poses_x"][0], observed["poses_y"][0], place, course.table, course.modulus)
         gone, place = math.remainder(now - place, course.length), now

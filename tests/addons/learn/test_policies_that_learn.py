@@ -5,7 +5,6 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from fg_mujoco.addons.drivers.friction_learning import LEARNED, learn, learning_row
@@ -14,7 +13,6 @@ from fg_mujoco.envs.gym_vector import F1TenthVectorEnv
 from fg_mujoco.envs.policy_interface import PolicyInterface
 
 PARAMETERS = fg.Vehicle.load("f1tenth").parameters
-ANGLES, SPEEDS = st.floats(-0.5, 0.5), st.floats(-2.0, 9.0)
 
 
 def test_what_a_car_learns_of_the_friction_is_what_gap_finder_would_learn():

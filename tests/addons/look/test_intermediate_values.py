@@ -18,7 +18,6 @@ from shown_values import SHOWS, file_of_shows
 
 SCAN = corridor(1.0, 1.0, 5.0)
 BEAMS = len(SCAN.ranges)
-POSE = np.array((3.0, -2.0, 0.7))
 
 
 def shown(*arguments, scan=SCAN, **settings):

@@ -20,7 +20,7 @@ from fg_mujoco.addons.realcar.validation.windows import (
     PERIOD,
     motion_of,
     steady_states_of,
-    windows_of,  # fmt: skip
+    windows_of,
 )
 from fg_mujoco.cli.main import main
 from fg_mujoco.vehicle.tires import Tires

@@ -10,10 +10,14 @@ from mcap.reader import make_reader
 import fg_mujoco as fg
 from bag_worlds import decoded
 from cases import each
+from fg_mujoco.addons.ros.bag_messages import heading_of
+from fg_mujoco.addons.ros.bag_reader import ScanBag
 from fg_mujoco.addons.ros.bag_writer import TOPICS, export_bag
 from fg_mujoco.addons.ros.occupancy_grid import OCCUPIED
 from fg_mujoco.lidar.effects import LidarEffects
+from fg_mujoco.messages import LaserScan
 from fg_mujoco.racing.resimulation import load_world, resimulate
+from field_races import shunt
 
 ALL_EFFECTS = LidarEffects(range_noise_std=0.01, dropout_probability=0.05, latency=0.06, motion_distortion=True)
 
@@ -163,3 +167,68 @@ def test_every_beam_ends_on_an_occupied_cell_of_the_map(messages):
 def test_same_run_same_bytes(folder, bag, tmp_path):
     export_bag(folder, tmp_path / "again.mcap")
     assert (tmp_path / "again.mcap").read_bytes() == bag.read_bytes()
+
+
+# several cars: topics as f1tenth_gym_ros names them, and what each car's planner was told
+
+
+@pytest.fixture(scope="module")
+def bag_of_two(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("two")
+    export_bag(fg.write_run(shunt()[0], folder / "run", picture=False), folder / "run.mcap")
+    return folder / "run.mcap"
+
+
+@pytest.fixture(scope="module")
+def two(bag_of_two):
+    """Messages by topic."""
+    return {topic: [message for _, message in found] for topic, found in decoded(bag_of_two).items()}
+
+
+@pytest.mark.slow
+def test_topics_of_two_cars_are_those_of_f1tenth_gym_ros(two):
+    named = {"/ego_racecar/odom", "/ego_racecar/opp_odom", "/opp_racecar/opp_odom", "/opp_scan", "/opp_drive"}
+    assert set(two) == set(TOPICS) | named | {f"/opp_racecar/{name}" for name in ("odom", "imu", "joint_states")}
+
+
+def test_scans_are_those_that_each_planner_got(two):
+    _, planners = shunt()
+    for topic, planner, frame in (("/scan", planners[0], "laser"), ("/opp_scan", planners[1], "opp_racecar/laser")):
+        assert len(two[topic]) == len(planner.heard)
+        for message, (scan, _) in zip(two[topic], planner.heard, strict=True):
+            np.testing.assert_array_equal(np.array(message.ranges, np.float32), scan.ranges.astype(np.float32))
+            assert message.header.frame_id == frame
+    assert np.isnan(two["/opp_scan"][5].ranges).any() != np.isnan(two["/scan"][5].ranges).any()  # dropouts of one
+
+
+def test_odometry_is_what_each_planner_was_told_and_each_has_the_other_s(two):
+    race, planners = shunt()
+    for topic, car in (("/ego_racecar/odom", 0), ("/opp_racecar/odom", 1)):
+        for message, (_, odometry) in zip(two[topic], planners[car].heard, strict=True):
+            assert message.twist.twist.linear.x == odometry.speed
+            assert message.pose.pose.position.x == pytest.approx(odometry.pose[0], abs=1e-12)
+            assert heading_of(message.pose.pose.orientation) == pytest.approx(odometry.pose[2], abs=1e-9)
+            assert message.header.frame_id == "map"
+    assert two["/ego_racecar/odom"][0].child_frame_id == "ego_racecar/base_link"
+    for other, own in (("/ego_racecar/opp_odom", "/opp_racecar/odom"), ("/opp_racecar/opp_odom", "/ego_racecar/odom")):
+        assert [str(message) for message in two[other]] == [str(message) for message in two[own]]
+    commands = race.cars[1].column("command_speed_m_s")
+    np.testing.assert_allclose([message.drive.speed for message in two["/opp_drive"]], commands, rtol=1e-6)
+
+
+def test_frames_of_the_other_car_hang_on_the_map(two):
+    parents = {entry.child_frame_id: entry.header.frame_id for message in two["/tf"] for entry in message.transforms}
+    parents |= {e.child_frame_id: e.header.frame_id for message in two["/tf_static"] for e in message.transforms}
+    assert parents == {"odom": "map", "base_link": "odom", "laser": "base_link", "imu": "base_link",
+                       "ego_racecar/base_link": "base_link", "opp_racecar/base_link": "map",
+                       "opp_racecar/laser": "opp_racecar/base_link", "opp_racecar/imu": "opp_racecar/base_link"}
+
+
+def test_bag_is_read_as_that_of_car_0_or_of_another_by_its_topics(bag_of_two):
+    race, planners = shunt()
+    for topics, planner in (({}, planners[0]), ({"scan_topic": "/opp_scan"}, planners[1])):
+        with ScanBag(bag_of_two, race.world.parameters, **topics) as bag:
+            scans = [delivery.scan for delivery in bag]
+        assert len(scans) == len(planner.heard) and isinstance(scans[0], LaserScan)
+        np.testing.assert_allclose(scans[3].ranges, planner.heard[3][0].ranges, rtol=1e-6)
+    assert fg.read_run(bag_of_two.with_name("run")).summary["cars"][1]["name"] == "car_1"

@@ -22,7 +22,7 @@ from fg_mujoco.addons.ros.node_host.message_classes import ROS1, ROS2, message_c
 from fg_mujoco.addons.ros.node_host.transform_modules import (
     euler_from_quaternion,
     quaternion_from_euler,
-    quaternion_matrix,  # fmt: skip
+    quaternion_matrix,
     quaternion_multiply,
 )
 from fg_mujoco.cli.main import main
