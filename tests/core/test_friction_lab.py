@@ -201,7 +201,7 @@ def test_each_experiment_says_its_whole_work_in_json_the_same_each_time(name, mo
 
 
 ODD = slice(1, None, 2)
-SOME = {"braking": ODD, "transient": ODD, "skidpad": slice(3, None, 4)}
+SOME = {"braking": ODD, "transient": slice(1, None, 4), "skidpad": slice(7, None, 8)}
 """Cells of a quick experiment whose rows are all kinds that its report needs, where it has many."""
 
 

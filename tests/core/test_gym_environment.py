@@ -116,22 +116,6 @@ def test_what_is_no_action_is_refused_and_nothing_is_driven(env, action, match):
     assert info["time_s"] == pytest.approx(0.025)
 
 
-def test_crash_terminates_with_its_penalty_and_nothing_runs_on():
-    weights = {"collision": 7.0, "impact": 0.0, "sliding": 0.0, "progress": 0.0}
-    env = F1TenthEnv(beam_step=60, start="line", rewards=weights)
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(np.zeros(2))
-    env.reset()
-    rewards, terminated = [], False
-    while not terminated:
-        _, reward, terminated, _, info = env.step(np.array([0.4, 3.0]))
-        rewards.append(reward)
-    assert info["end_reason"] == "crash"
-    assert (sum(rewards), rewards[-1]) == (-7.0, -7.0)
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(np.zeros(2))
-
-
 @each("compiled", [True, False])
 @each(("bounded", "slid"), [(True, [0.075, 0.009, 0.0]), (False, [0.075, 0.06, 0.0375])])
 def test_reward_is_the_sum_of_its_four_terms(compiled, bounded, slid):

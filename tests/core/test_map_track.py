@@ -19,11 +19,6 @@ PIXEL = 0.05
 LAPS = ("maps/aut", "maps/esp", "maps/gbr", "maps/mco", "circuits/Monza_map")
 
 
-def thin_walls():
-    """Return a drawing of a course: two black lines on white."""
-    return ~(ring(inner=68, outer=71) | ring(inner=39, outer=42))
-
-
 @pytest.mark.slow
 @each("name", LAPS)
 def test_real_maps_load_with_their_line_in_the_middle(name):
@@ -150,21 +145,6 @@ def test_a_corridor_is_a_scene_from_end_to_end(tmp_path):
     assert there.length == pytest.approx(13.9 - 5.0, abs=0.7)
     race = fg.race(there, "gap_finder")
     assert race.car.finished
-
-
-def with_hole(free, rows, columns):
-    free = free.copy()
-    free[rows, columns] = True
-    return free
-
-
-def test_a_hole_in_the_wall_is_refused_with_its_place(tmp_path):
-    path = draw_map(tmp_path, with_hole(thin_walls(), slice(92, 98), slice(274, 285)))
-    where = r"the wall has a hole, 0.30 m wide, at \(13.9\d, 4.7\d\), column 27\d, row 10\d of the image"
-    with pytest.raises(TrackError, match=where):
-        read_map(path)
-    with pytest.raises(TrackError, match=where):
-        read_map(path, start=(7.5, 2.2))
 
 
 @each(
