@@ -1,52 +1,53 @@
 """Controllers that are quick to drive, for comparisons: in a file, as a user has them."""
 
 PLANNERS = """
-import os
-import signal
-import time
+import os, signal, time
 from dataclasses import dataclass
 from fg_mujoco.messages import DriveCommand
 
-
 @dataclass(frozen=True, kw_only=True)
 class GentleSettings:
-    speed: float = 1.0
-    steering: float = 0.0
-
+    speed: float = 1.0  # [m/s]
+    steering: float = 0.0  # [rad]
+    brakes_at: float = 99.0  # [s]
+    slows: float = 99.0  # [m/s^2] from then on
 
 class Gentle:
-    Settings = GentleSettings
-
-    def __init__(self, settings):
-        self.settings = settings
-
-    def reset(self):
-        print("ready")
-
+    Settings, speed = GentleSettings, None
+    def __init__(self, settings): self.settings = settings
+    def reset(self): print("ready")
+    def now(self, time): pass
     def __call__(self, scan, odometry):
-        return DriveCommand(steering_angle=self.settings.steering, speed=self.settings.speed)
+        self.now(scan.stamp)
+        own = self.settings
+        speed = own.speed if self.speed is None else self.speed
+        speed = speed if scan.stamp <= own.brakes_at else max(speed - own.slows * (scan.stamp - own.brakes_at), 0.0)
+        return DriveCommand(steering_angle=own.steering, speed=speed)
 
+@dataclass(frozen=True, kw_only=True)
+class SteadySettings(GentleSettings):
+    speed: float = 2.0
 
-class Broken:
-    def reset(self):
-        pass
+class Steady(Gentle): Settings = SteadySettings
+class Stands(Gentle): speed = 0.0
+class Goes(Gentle): speed = 5.0
 
-    def __call__(self, scan, odometry):
-        if scan.stamp > 0.2:
-            raise ValueError("no\\n more")
-        return DriveCommand(steering_angle=0.0, speed=1.0)
+class Broken(Gentle):
+    def now(self, time):
+        if time > 0.2: raise ValueError("no\\n more")
 
+class Deadly(Gentle):
+    def now(self, time): os.kill(os.getpid(), signal.SIGKILL)
 
-class Deadly(Broken):
-    def __call__(self, scan, odometry):
-        os.kill(os.getpid(), signal.SIGKILL)
+class Slow(Gentle):
+    speed = 0.1
+    def reset(self): pass
+    def now(self, at): time.sleep(0.005)
 
-
-class Slow(Broken):
-    def __call__(self, scan, odometry):
-        time.sleep(0.005)
-        return DriveCommand(steering_angle=0.0, speed=0.1)
+class Hangs(Stands):
+    def now(self, at): at < 0.07 or time.sleep(30.0)
 """
+FAILS_AT = PLANNERS[: PLANNERS.index("raise ValueError")].count("\n") + 1
 
 
 def files(folder):

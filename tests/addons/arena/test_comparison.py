@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from comparison_worlds import PLANNERS, files
+from comparison_worlds import FAILS_AT, PLANNERS, files
 from fg_mujoco.addons.arena.runs.run import CarFigures, Origin, RunRow, driven_poses, wrong_way_time
 from fg_mujoco.addons.arena.study.kinds import Comparison
 from fg_mujoco.addons.arena.study.pages import write_comparison_report
@@ -93,7 +93,7 @@ def test_a_planner_that_fails_is_a_row_and_the_others_go_on():
     comparison = compare(seed=[0])
     assert [row.car.end_reason for row in comparison.rows] == ["time_limit", "time_limit", "planner_failed"]
     failed = comparison.rows[-1].car
-    assert failed.message == "ValueError: no more (planners.py, line 34), t = 0.200 s"
+    assert failed.message == f"ValueError: no more (planners.py, line {FAILS_AT}), t = 0.200 s"
     assert failed.time_s == pytest.approx(0.2) and failed.distance_m > 0.0 and not failed.success
 
 

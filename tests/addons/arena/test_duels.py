@@ -8,7 +8,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from comparison_worlds import files
+from comparison_worlds import PLANNERS, files
 from fg_mujoco.addons.arena.runs.duels import AHEAD_FOR, Duel, Duels, alone, closed_track, pace
 from fg_mujoco.addons.arena.runs.run import Origin
 from fg_mujoco.addons.arena.runs.slower_cars import (
@@ -179,19 +179,16 @@ def test_the_example_has_the_2400_duels_of_its_source_each_once():
 
 def test_a_planner_that_stands_is_safe_and_behind_and_one_that_rams_is_not(tmp_path):
     planners = tmp_path / "planners.py"
-    planners.write_text("from fg_mujoco.messages import DriveCommand\n\n\n"
-                        "def stand(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=0.0)\n\n\n"
-                        "def ram(scan, odometry):\n    return DriveCommand(steering_angle=0.0, speed=8.0)\n\n\n"
-                        "def fail(scan, odometry):\n    return 1 / 0\n")  # fmt: skip
+    planners.write_text(PLANNERS)
     placed = {"track": "hairpins", "opponent": "raceline"}
-    stood = figures(f"{planners}:stand", **placed, seconds=2.0)
+    stood = figures(f"{planners}:Stands", **placed, seconds=2.0)
     assert stood["outcome"] == "behind" and stood["taken_s"] == pytest.approx(2.0) and stood["ahead_m"] < -3.0
     rammed = figures("pure_pursuit", track="hairpins", opponent="middle", speed=0.3)  # which sees nobody
     assert (rammed["outcome"], rammed["to_blame"]) == ("touch", "planner")
-    hit = figures(f"{planners}:ram", **placed, headway_m=20.0)
+    hit = figures(f"{planners}:Gentle[speed=8]", **placed, headway_m=20.0)
     assert hit["outcome"] == "wall" and "hit the" in hit["message"]
-    failed = figures(f"{planners}:fail", **placed, seconds=1.0)
-    assert failed["outcome"] == "stopped" and "division by zero" in failed["message"]
+    failed = figures(f"{planners}:Broken", **placed, seconds=1.0)
+    assert failed["outcome"] == "stopped" and "no more" in failed["message"]
 
 
 def test_the_overtaker_passes_a_slow_opponent_and_stays_behind_one_that_is_faster_than_it():

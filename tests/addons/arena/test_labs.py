@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import fg_mujoco as fg
 from cases import each
+from comparison_worlds import PLANNERS
 from fg_mujoco.addons.arena.runs import recorded_commands
 from fg_mujoco.addons.arena.runs.checks import CHECKS, nearest_distances
 from fg_mujoco.addons.arena.runs.checks import Drive as CheckedDrive
@@ -24,27 +25,6 @@ from fg_mujoco.racing.race import race_setup
 from fg_mujoco.racing.resolved import ground_of
 
 LABS = Path(__file__).parents[3] / "examples/labs"
-PLANNERS = """
-import os, signal, time
-from dataclasses import dataclass
-from fg_mujoco.messages import DriveCommand
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    speed: float = 2.0  # [m/s]
-    steering: float = 0.0  # [rad]
-    brakes_at: float = 99.0  # [s]
-    slows: float = 99.0  # [m/s^2] from then on
-
-class Steady:
-    Settings = Settings
-    def __init__(self, settings): self.settings = settings
-    def reset(self): pass
-    def __call__(self, scan, odometry):
-        own = self.settings
-        speed = max(own.speed - own.slows * max(scan.stamp - own.brakes_at, 0.0), 0.0)
-        return DriveCommand(steering_angle=own.steering, speed=speed)
-"""
 FILES = {"good.py": "from fg_mujoco.messages import STOP\n\nclass Stops:\n    def reset(self): pass\n"
          "    def __call__(self, scan, odometry): return STOP\n", "syntax.py": "def (:\n",
          "raises.py": "def plan(scan, odometry):\n    return 1 / 0\n",

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fg_mujoco as fg
-from comparison_worlds import files
+from comparison_worlds import PLANNERS, files
 from fg_mujoco.addons.arena.runs.run import CarFigures, RunRow, car_figures
 from fg_mujoco.addons.arena.runs.turn import read_turn
 from fg_mujoco.addons.arena.study.functions import league
@@ -23,24 +23,6 @@ from fg_mujoco.addons.arena.study.suite import Group, Suite, read_suite
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.racing.setup import Setup
 
-PLANNERS = """
-import time
-from fg_mujoco.messages import DriveCommand
-
-class Stands:
-    speed, hangs_at = 0.0, None
-    def reset(self): self.calls = 0
-    def __call__(self, scan, odometry):
-        self.calls += 1
-        if self.calls == self.hangs_at: time.sleep(30.0)
-        return DriveCommand(steering_angle=0.0, speed=self.speed)
-
-class Goes(Stands):
-    speed = 5.0
-
-class Hangs(Stands):
-    hangs_at = 4
-"""
 SHORT = {"track": "oval", "laps": 1, "time_limit": 1.2, "workers": 1}
 
 
