@@ -53,9 +53,7 @@ def driven(engine, changes=()):
     return seen, engine.crashed.copy()
 
 
-@each(
-    "changes", [(), (CarChanges(mu=0.5, mass=4.0), CarChanges(speed_gain=0.8, center_of_gravity_height=0.06))]
-)
+@each("changes", [(), (CarChanges(mu=0.5, mass=4.0), CarChanges(speed_gain=0.8, center_of_gravity_height=0.06))])
 def test_cars_alone_move_as_in_their_worlds(worlds, changes):
     """Oracle: the same worlds as batches of their own, which have no cars alone."""
     engine, plain = rebuilt(worlds), Engine(worlds)

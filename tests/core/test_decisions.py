@@ -14,26 +14,15 @@ from cases import each
 from fg_mujoco.compiled.kernels import CompileTime, kernel
 from fg_mujoco.racing.decision_times import DecisionClock, DecisionTimes
 from fg_mujoco.simulation.planner_failure import DecisionLimitReached
+from hand_planners import driven
 
 TICK = 0.025
 
 
-class Calls:
-    """Calls a function of the time before each of its commands."""
-
-    def __init__(self, before=lambda time: None, steering_angle=0.0, speed=1.0):
-        self.before, self.command = before, fg.DriveCommand(steering_angle=steering_angle, speed=speed)
-
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        self.before(scan.stamp)
-        return self.command
-
-
 def race(before, **settings):
-    return fg.race("oval", Calls(before), **({"laps": 1, "time_limit": 0.5, "decision_limit": 0.2} | settings))
+    """Race a planner that calls a function of the time before each of its commands."""
+    calls = driven(lambda odometry: before(odometry.stamp) or (0.0, 1.0))
+    return fg.race("oval", calls, **({"laps": 1, "time_limit": 0.5, "decision_limit": 0.2} | settings))
 
 
 def loop(now):
@@ -151,5 +140,5 @@ def test_99_percent_of_the_decisions_took_no_longer_and_each_figure_is_one_of_th
     ],
 )  # fmt: skip
 def test_commands_outside_the_limits_of_the_car_are_counted(steering_angle, speed, clamped):
-    result = fg.race("oval", Calls(steering_angle=steering_angle, speed=speed), laps=1, time_limit=0.1)
+    result = fg.race("oval", driven((steering_angle, speed)), laps=1, time_limit=0.1)
     assert result.car.clamped_commands == clamped == result.summary()["clamped_commands"]

@@ -205,9 +205,7 @@ def test_reports_of_a_comparison_drive_no_foreign_planner(foreign, monkeypatch, 
     assert imported(foreign)
 
 
-@each(
-    "source", ["nowhere.py:X", "no_such_planner", "gap_finder:X", "/dev/zero.py:X", "", "os:system"]
-)
+@each("source", ["nowhere.py:X", "no_such_planner", "gap_finder:X", "/dev/zero.py:X", "", "os:system"])
 def test_what_is_not_there_is_not_trusted(source, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ControllerError, match="--trust"):

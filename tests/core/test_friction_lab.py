@@ -2,23 +2,18 @@
 
 import csv
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from collections import defaultdict
-from pathlib import Path
 
 import pytest
 
 import fg_mujoco as fg
 from cases import each
+from comparison_worlds import files
 from fg_mujoco.lab import lab
 from fg_mujoco.lab.experiment import LabSettings
 from fg_mujoco.lab.lab import EXPERIMENTS, load_experiment, run_lab
-from lab_experiments import BAD, COUNT, DIES, FAILS, SLOW
+from lab_experiments import BAD, COUNT, DIES, FAILS
 
 REAL = tuple(EXPERIMENTS)
 
@@ -27,10 +22,6 @@ REAL = tuple(EXPERIMENTS)
 def experiments(monkeypatch):
     """The two that measure nothing, in place of the real ones."""
     monkeypatch.setattr(lab, "EXPERIMENTS", {"squares": "lab_experiments", "cubes": "lab_cubes"})
-
-
-def files(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def rows(path):
@@ -80,32 +71,6 @@ def test_a_damaged_line_is_named_and_its_cell_is_measured_again(tmp_path, damage
     ] == [True] * len(named)
     assert again.cells_measured == len(named)
     assert files(tmp_path) == before
-
-
-def test_a_killed_run_resumes_and_ends_as_one_that_was_not(tmp_path):
-    code = (
-        "from fg_mujoco.lab import lab\n"
-        "from fg_mujoco.lab.experiment import LabSettings\n"
-        "lab.EXPERIMENTS['squares'] = 'lab_experiments'\n"
-        f"lab.run_lab(['squares'], out='out', workers=2, settings=LabSettings(seed={SLOW}), pictures=False)"
-    )
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1] / "worlds")}
-    process = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment, start_new_session=True)
-    cells = tmp_path / "out/cells/squares.jsonl"
-    until = time.monotonic() + 60
-    while not (cells.exists() and cells.read_bytes().count(b"\n") >= 2) and time.monotonic() < until:
-        time.sleep(0.01)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    found = cells.read_bytes().count(b"\n")
-    assert 2 <= found < COUNT
-    with cells.open("ab") as file:
-        file.write(b'{"cell": {"numb')  # a line that was torn
-    settings = LabSettings(seed=SLOW)
-    resumed = run_lab(["squares"], out=tmp_path / "out", workers=2, settings=settings, pictures=False)
-    assert resumed.cells_measured == COUNT - found
-    run_lab(["squares"], out=tmp_path / "whole", workers=1, settings=settings, pictures=False)
-    assert files(tmp_path / "out") == files(tmp_path / "whole")
 
 
 def test_a_folder_of_other_settings_or_sources_is_refused(tmp_path, monkeypatch):

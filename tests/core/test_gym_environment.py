@@ -45,9 +45,7 @@ DRAWN = {
 }  # fmt: skip
 
 
-@each(
-    "settings", [{}, {"beam_step": 20, "normalised_actions": True, "track": "scene:dead_end:1"}, DRAWN]
-)
+@each("settings", [{}, {"beam_step": 20, "normalised_actions": True, "track": "scene:dead_end:1"}, DRAWN])
 def test_env_checker_of_gymnasium_finds_nothing(settings):
     made = gymnasium.make(ID, **settings)
     with warnings.catch_warnings(record=True) as found:

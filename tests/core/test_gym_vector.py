@@ -154,9 +154,7 @@ def test_unstable_world_ends_and_begins_anew_as_if_new():
         assert again[1][1] == new[1][1]
 
 
-@each(
-    "settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}]
-)
+@each("settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}])
 def test_kernels_alone_do_what_they_do_with_python_in_between(settings):
     """A hook that does nothing makes the engine step by step; in one thread and in two."""
     def drive(threads, hooked):

@@ -63,11 +63,9 @@ MAPS = {
     "billion laughs": (map_of(origin="*i", before=laughs()), "line 2", "an alias in the place of a value"),
     "an alias of itself": ("a: &a [*a]\n" + map_of(), "line 1", "an alias"),
     "levels": (map_of(origin="[" * 100_000 + "]" * 100_000), "line 3", "more than 20 levels; accepted: the keys"),
-    "a thousand levels": (map_of(origin="[" * 900 + "]" * 900), "line 3", "more than 20 levels; accepted: the keys"),
     "digits": (map_of(resolution="9" * 5000), "line 2", "5000 characters, more than 1000; accepted: the keys"),
     "a number beyond floats": (map_of(resolution="9" * 400), "resolution is 999", "accepted: the side of a pixel"),
     "origin far away": (map_of(origin="[1.0e+12, 0, 0]"), "origin is [1000000000000.0", "within 10000"),
-    "origin in a grid of the country": (map_of(origin="[1e5, -4.5, 0]"), "origin is [100000.0", "within 10000"),
     "resolution of nothing": (map_of(resolution="1.0e-300"), "resolution is 1e-300", "accepted: the side of a pixel"),
     "no date": (map_of(resolution="2001-99-99"), "month must be in", "is no YAML"),
     "a tag without a value": (map_of(resolution='!!int ""'), "is no YAML", "mine.yaml"),
@@ -105,11 +103,9 @@ CONFIGS = {
     "levels": ("track = " + "[" * 900 + "]" * 900 + "\n", "nested too deep"),
     "dotted levels": ("a" + ".a" * 50_000 + " = 1\n", "race.toml, line 1: 100005 characters; accepted: 2000 at most"),
     "digits": ("laps = " + "9" * 1900 + "\n", "accepted: whole numbers from"),
-    "more digits": ("laps = " + "9" * 10_000 + "\n", "line 1: 10007 characters"),
     "lines": ("# x\n" * 20_000 + "lapps = 1\n", "20002 lines; accepted: 1000 at most"),
     "NUL": ("track = 'a\0'\n", "accepted: TOML"),
     "a name with NUL": ('track = "a\\u0000.csv"\n', "line 1: track: "),
-    "a long name": ("track = '" + "a" * 1900 + ".csv'\n", "line 1: track: "),
     "a large file": ("#" * (2**20 + 1), "has more than 1048576 bytes"),
 }
 

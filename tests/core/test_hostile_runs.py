@@ -254,9 +254,7 @@ def test_a_hostile_folder_is_refused_in_one_line(file, name, here, capsys):
 @each("door", ["report", "render", "export"])
 @each(
     ("file", "name"),
-    [
-        ("states.npz", "NaN"), ("telemetry.csv", "columns"), ("summary.json", "levels"), ("scene.xml", "a mesh's file"),
-    ],
+    [("states.npz", "NaN"), ("telemetry.csv", "columns"), ("summary.json", "levels"), ("scene.xml", "a mesh's file")],
 )  # fmt: skip
 def test_every_door_refuses_them(door, file, name, here, capsys):
     arguments = pick(door)

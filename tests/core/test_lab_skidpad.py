@@ -29,8 +29,7 @@ def measure(mu, steering, ks=(), tires="coulomb"):
 # Measured: k_grip .9977, .9977 and .9945 of the law on bristles, .9930 on contacts.
 @each(
     ("mu", "steering", "tires"),
-    [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.9, 0.2, "coulomb"),
-     (0.9, 0.2, "contact")],
+    [(0.5, 0.1, "coulomb"), (1.0489, -0.1, "coulomb"), (0.9, 0.2, "coulomb"), (0.9, 0.2, "contact")],
 )  # fmt: skip
 def test_tires_let_go_within_one_percent_of_the_law(mu, steering, tires):
     row, _ = measure(mu, steering, tires=tires)

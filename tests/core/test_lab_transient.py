@@ -29,9 +29,7 @@ def test_guarded_car_does_not_slide(manoeuvre, mu, k, tires):
 
 # Measured: .72, 2.0 and 1.7 m/s for the step, the ramp and the sine, .87 for the slalom, 5.3 for the lane change.
 @each("tires", LAW_TIRES)
-@each(
-    ("manoeuvre", "k"), [("step", 1.1), ("ramp", 1.1), ("sine", 1.1), ("slalom", 1.1), ("lane change", 1.5)]
-)
+@each(("manoeuvre", "k"), [("step", 1.1), ("ramp", 1.1), ("sine", 1.1), ("slalom", 1.1), ("lane change", 1.5)])
 def test_the_law_read_one_way_slides_in_the_same_manoeuvre(manoeuvre, k, tires):
     assert greatest_slide(manoeuvre, 1.0489, k, "one way", tires) > 5 * SLIDING_SPEED
 

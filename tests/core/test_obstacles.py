@@ -43,10 +43,7 @@ def test_a_cylinder_is_a_regular_prism_inscribed_in_it(x, y, radius):
 
 @each(
     "obstacle",
-    (
-        fg.Box(x=2.0, y=-0.3, length=0.4, width=0.2, heading=0.7, height=0.15),
-        fg.Cylinder(x=3.0, y=0.4, radius=0.2),
-    ),
+    (fg.Box(x=2.0, y=-0.3, length=0.4, width=0.2, heading=0.7, height=0.15), fg.Cylinder(x=3.0, y=0.4, radius=0.2)),
 )
 def test_the_compiled_solid_is_the_footprint_from_below_the_ground_to_its_height(obstacle):
     """MuJoCo moves a mesh to its own centre and axes; put back, every corner is where it was asked for."""

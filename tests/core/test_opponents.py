@@ -60,9 +60,7 @@ def test_a_policy_sees_what_the_learning_car_would_see_and_its_actions_mean_the_
         seen, *_ = other.step(command)
 
 
-@each(
-    ("order", "positions"), [("as_listed", {1}), ("reversed", {3}), ("random", {1, 2, 3})]
-)  # fmt: skip
+@each(("order", "positions"), [("as_listed", {1}), ("reversed", {3}), ("random", {1, 2, 3})])
 def test_cars_start_on_the_grid_in_their_order(order, positions):
     env = F1TenthEnv(opponents=[parked, parked], beam_step=540, grid_order=order, start={"s": 5.0})
     infos = [env.reset(seed=seed)[1] for seed in range(20)]

@@ -178,9 +178,7 @@ MADE_WITH = ("track", "obstacles", "mu", "cars")
 """Figures that the race is made with again, so that others differ where one of them is forged."""
 
 
-@each(
-    "names", [*((name,) for name in MADE_WITH), tuple(name for name in TELLTALE if name not in MADE_WITH)]
-)
+@each("names", [*((name,) for name in MADE_WITH), tuple(name for name in TELLTALE if name not in MADE_WITH)])
 def test_forged_figures_are_told_with_both_values_and_exit_1(folder, names, capsys):
     summary = read_summary(folder)
     forged = {name: RECORDS[name] if name in RECORDS else other(summary[name]) for name in names}

@@ -3,46 +3,9 @@
 import pytest
 
 import fg_mujoco as fg
-from cases import each
 from comparison_worlds import PLANNERS, files
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.racing.entries import Entry
-
-TRACKS = ["oval", "hairpins"]
-MIXED = [
-    "disparity_extender",
-    Entry(controller="pure_pursuit", max_speed=3.0, name="slow"),
-    Entry(max_speed=2.0, mu=0.8),
-]
-DRAWN = {
-    "mu": (0.7, 1.1),
-    "mass": (3.2, 4.2),
-    "start_s": (0.0, 10.0),
-    "lidar_noise": (0.0, 0.03),
-    "command_delay": [0.0, 0.05],
-}
-SHORT = {"randomize": DRAWN, "time_limit": 0.5, "record": "states"}
-FIELDS = {2: MIXED[:1], 4: MIXED}
-
-
-def same(a, b):
-    """Whether all bits of two arrays are the same, those of NaN too."""
-    return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
-
-
-def assert_same(a, b):
-    assert same(a.worlds, b.worlds)
-    assert same(a.lap_times_s, b.lap_times_s)
-    for world in range(len(a)):
-        for trace in ("telemetry", "states", "ctrl"):
-            assert same(getattr(a, trace)(world), getattr(b, trace)(world)), (world, trace)
-
-
-@pytest.fixture(scope="module", params=[2, 4])
-def some(request):
-    """Six worlds of two tracks with two or four cars, and the opponents."""
-    opponents = FIELDS[request.param]
-    return fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT), opponents
 
 
 @pytest.fixture
@@ -53,13 +16,6 @@ def here(tmp_path, monkeypatch):
 
 
 # -- each world is its own
-
-
-@pytest.mark.slow
-@each("options", [{"executor": fg.Executor(chunk=1)}, {"executor": "processes", "workers": 2}])
-def test_chunks_and_workers_change_nothing(some, options):
-    result, opponents = some
-    assert_same(fg.rollout(TRACKS, n=6, opponents=opponents, **SHORT, **options), result)
 
 
 def test_the_whole_grid_moves_with_the_start_of_car_0():

@@ -9,6 +9,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
+from comparison_worlds import files
 from fg_mujoco.course.writing import claimed_folder
 from fg_mujoco.errors import RunFolderError
 from fg_mujoco.rollouts.chunk_store import MemoryStore, TemporaryFolderStore
@@ -55,10 +56,6 @@ def same(a, b):
     return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
-def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 def refusal(*names, **options):
     with pytest.raises(RunFolderError) as caught:
         drive(**options)
@@ -72,7 +69,7 @@ def refusal(*names, **options):
 
 def test_a_finished_folder_has_all_that_is_promised(engine, tmp_path):
     result = drive(out=tmp_path / "runs" / "out")
-    names = set(contents(tmp_path / "runs" / "out"))
+    names = set(files(tmp_path / "runs" / "out"))
     chunks = {f"chunks/{number:06}.npz" for number in range(6)}
     assert names == {"manifest.json", "tracks.npz", "worlds.csv", "summary.json"} | chunks
     summary = json.loads((tmp_path / "runs/out/summary.json").read_text())
@@ -159,7 +156,7 @@ def test_a_write_that_is_cut_off_leaves_no_chunk(engine, tmp_path, monkeypatch):
         engine()
         patch.setattr("numpy.savez", full)
         refusal("No space left on device", "out", out=tmp_path / "out")
-    before = contents(tmp_path / "out")
+    before = files(tmp_path / "out")
     assert len([name for name in before if name.endswith(".npz")]) == 4  # three chunks and the tracks
     assert not [name for name in before if "/." in name]
     assert same(drive(out=tmp_path / "out").worlds, drive().worlds)
@@ -183,9 +180,9 @@ def test_a_write_that_is_cut_off_leaves_no_chunk(engine, tmp_path, monkeypatch):
 )
 def test_another_rollout_is_refused_and_nothing_is_changed(engine, tmp_path, changed, named):
     drive(out=tmp_path / "out")
-    before = contents(tmp_path / "out")
+    before = files(tmp_path / "out")
     refusal(named, "accepted: the same settings", out=tmp_path / "out", **changed)
-    assert contents(tmp_path / "out") == before
+    assert files(tmp_path / "out") == before
 
 
 def test_a_folder_of_something_else_is_refused(engine, tmp_path):
@@ -193,7 +190,7 @@ def test_a_folder_of_something_else_is_refused(engine, tmp_path):
     refusal("is not empty; accepted: a new or empty folder, or one of the same rollout", out=tmp_path)
     refusal("accepted: a new or empty folder", out=tmp_path / "notes.txt")
     refusal("accepted: a new or empty folder", out=tmp_path / "notes.txt" / "out")
-    assert set(contents(tmp_path)) == {"notes.txt"}
+    assert set(files(tmp_path)) == {"notes.txt"}
     with pytest.raises(RunFolderError, match=r"has no manifest.json"):
         fg.read_rollout(tmp_path)
 
@@ -235,7 +232,7 @@ def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollou
     out, other = tmp_path / "out", tmp_path / "other"
     whole = drive(record="states", out=out)
     drive(record="states", seed=6, out=other)
-    before = contents(out)
+    before = files(out)
     name, spoil = DAMAGE[damage]
     spoil(out, other)
     with pytest.raises(RunFolderError, match=rf"{name}: .*accepted: ") as caught:
@@ -247,7 +244,7 @@ def test_a_damaged_file_is_refused_by_its_name_and_made_again_by_the_same_rollou
     assert len(warned) == 1
     assert count.driven == (name != "tracks.npz")
     assert same(again.worlds, whole.worlds)
-    assert contents(out) == before
+    assert files(out) == before
 
 
 @each("name", ["worlds.csv", "summary.json"])

@@ -16,7 +16,7 @@ from fg_mujoco.racing.result import trajectory_sha256
 from rollout_worlds import stand_in
 
 RANDOMIZE = {"mu": (0.6, 1.2), "max_speed": [4, 6, 8], "start_s": (0.0, 50.0), "start_speed": (0.0, 2.0)}
-MANY = {"randomize": RANDOMIZE, "time_limit": 0.5}
+MANY = {"randomize": RANDOMIZE, "time_limit": 0.5, "opponents": ["disparity_extender"]}
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,17 +44,18 @@ def constant():
 
 
 class Listener:
-    """Drives a curve, and keeps the odometry that it is given."""
+    """Drives a curve, and keeps the scans and the odometry that it is given."""
 
     sensors = ("imu",)
 
     def __init__(self):
-        self.told = []
+        self.scans, self.told = [], []
 
     def reset(self):
         pass
 
     def __call__(self, scan, odometry):
+        self.scans.append(scan)
         self.told.append(odometry)
         return fg.DriveCommand(steering_angle=0.1 if odometry.stamp > 0.2 else 0.0, speed=3.0)
 
@@ -75,16 +77,11 @@ def all_same(first, second):
     return list(first) == list(second) and all(same(first[name], second[name]) for name in first)
 
 
-class Now:
-    def __init__(self, time):
-        self.time = time
-
-
 def sampled(sensor, count, *, steps=5, seed=1):
     """The samples and stamps of so many ticks of 25 ms of five steps."""
     sampler, samples, stamps = Sampler(sensor, seed, steps=steps, size=len(sensor.columns)), [], []
     for tick in range(count):
-        sampler.measure(5 * tick, Now(0.025 * tick))
+        sampler.measure(5 * tick, SimpleNamespace(time=0.025 * tick))
         sampler.deliver(0.025 * tick)
         samples.append(sampler.reading.values)
         stamps.append(sampler.reading.stamp)
@@ -236,16 +233,32 @@ def test_a_planner_that_knows_its_opponents_is_told_where_they_are():
 # -- run folders and bags
 
 
-def test_what_was_delivered_follows_from_a_run_folder(tmp_path):
-    result, told = heard(MIXED, seed=4, odometry_drift=0.1, effects=NOISE)
+def bits(message):
+    """All of a message but the readings of its sensors."""
+    return {name: np.asarray(value).tobytes() for name, value in vars(message).items() if name != "readings"}
+
+
+def test_what_was_told_follows_from_a_run_folder_at_each_time(tmp_path):
+    listener = Listener()
+    effects = fg.LidarEffects(range_noise_std=0.02, dropout_probability=0.1, latency=0.03)
+    settings = {"time_limit": TICKS * 0.025 - 0.01, "sensors": MIXED, "seed": 4, "odometry_drift": 0.1}
+    result = fg.race("oval", listener, laps=1, effects=effects, **settings)
     folder = fg.write_run(result, tmp_path / "run", picture=False)
     run = fg.read_run(folder)
-    again = [tick.sensed.odometry.readings for tick in resimulate(run, load_world(run))]
-    assert all(all_same(one.readings, other) for one, other in zip(told, again, strict=True))
+    again = [tick.sensed.odometry for tick in resimulate(run, load_world(run))]
+    for one, other in zip(listener.told, again, strict=True):
+        assert bits(one) == bits(other) and all_same(one.readings, other.readings)
     assert fg.replay(folder).holds
     for source in (result, run):
-        _, odometry = fg.scan_at(source, 0.3)
-        assert all_same(odometry.readings, told[12].readings)
+        # 0.31 s is between two decisions
+        for time, tick in ((None, -1), (0.0, 0), (0.3, 12), (0.31, 12), (result.sim_time_s, -1)):
+            scan, odometry = fg.scan_at(source) if time is None else fg.scan_at(source, time)
+            assert bits(scan) == bits(listener.scans[tick]) and bits(odometry) == bits(listener.told[tick])
+            assert all_same(odometry.readings, listener.told[tick].readings)
+    assert not np.array_equal(listener.scans[12].ranges, listener.scans[13].ranges)
+    for time in (-0.1, 1e3, math.nan):
+        with pytest.raises(fg.SettingsError, match=r"accepted: 0 to \d+\.\d+ s"):
+            fg.scan_at(result, time)
 
 
 def test_the_reading_at_which_a_planner_failed_is_kept(tmp_path):

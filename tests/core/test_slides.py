@@ -21,9 +21,7 @@ def apart(name, tires, vehicle="f1tenth"):
     return coarse, fine, coarse.yaw_rate / fine.yaw_rate - 1.0
 
 
-@each(
-    ("vehicle", "tires"), [("f1tenth", "coulomb"), ("f1tenth", "slipx_reference"), ("nuc2", "forzaeth_nuc7")]
-)
+@each(("vehicle", "tires"), [("f1tenth", "coulomb"), ("f1tenth", "slipx_reference"), ("nuc2", "forzaeth_nuc7")])
 @each("name", ["step_8_0.4", "brake_in_turn", "lift_off"])
 def test_cars_slide_at_the_default_step_as_at_a_tenth_of_it(vehicle, tires, name):
     coarse, fine, difference = apart(name, tires, vehicle)

@@ -166,8 +166,6 @@ def test_a_file_of_ones_own_is_read(tmp_path):
     [
         ("D = 1.0\n", "D = 0.0\n", r"\[front\]: D is 0.0; accepted: above 0, up to 3"),
         ("D = 1.0\n", "", r"\[front\]: has no D; accepted: B, C, D, E of 'magic_formula'"),
-        ("D = 1.0\n", "D = true\n", r"\[front\]: D is True; accepted"),
-        ("B = 10.0\n", "B = nan\n", r"\[front\]: B is nan; accepted"),
         ("B = 10.0\n", "B = 0.2\n", r"\[front\]: MagicFormula has no peak: B 0.2, C 1.5, E 0.5 reach 0.\d+ of D"),
         ("B = 10.0\n", "B = 10.0\nG = 1.0\n", r"\[front\]: has 'G'; accepted: B, C, D, E"),
         ("length = 0.05", "length = -0.05", r"\[front\]: relaxation_length is -0.05; accepted: 0.001 to 1 m"),

@@ -29,9 +29,7 @@ def yaw_rates(time, steering, speed, acceleration):
         grip = MU / LENGTH
         turn = LR * rear - LF * front
         return (
-            grip
-            * MASS
-            / INERTIA
+            grip * MASS / INERTIA
             * (LF * front * angle + turn * sideslip - (LF**2 * front + LR**2 * rear) * yaw_rate / v),
             grip / v * (front * angle - (front + rear) * sideslip + turn * yaw_rate / v) - yaw_rate,
         )

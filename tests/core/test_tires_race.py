@@ -17,10 +17,6 @@ def lap():
     return fg.race("oval", laps=1, tires=NUC2)
 
 
-def same_bits(first, second):
-    return first.shape == second.shape and first.tobytes() == second.tobytes()
-
-
 def test_a_vehicle_names_its_own_tires(tmp_path):
     text = (fg.vehicle.vehicle.files("fg_mujoco.models") / "f1tenth.xml").read_text("utf-8")
     path = tmp_path / "own.xml"

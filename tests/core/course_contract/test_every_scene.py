@@ -14,9 +14,7 @@ CELL = 0.025
 SEEDS = (0, 1)
 
 every_scene = each("name", fg.scene_names())
-every_scene_and_seed = each(
-    "name", [f"{name}:{seed}" for name in fg.scene_names() for seed in SEEDS]
-)
+every_scene_and_seed = each("name", [f"{name}:{seed}" for name in fg.scene_names() for seed in SEEDS])
 
 
 def load(name):

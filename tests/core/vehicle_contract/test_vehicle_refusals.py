@@ -40,12 +40,7 @@ def test_all_faults_are_told_at_once(tmp_path):
     spec.geom("ground").pos[2] = -0.01
     spec.geom("nose").pos[2] = spec.site("lidar_mount").pos[2]
     line = refusal(tmp_path, spec.to_xml())
-    for fault in (
-        "'ground' is at z = -0.01",
-        "front_left_tire is",
-        "rear_right_tire is",
-        "geom 'nose' is in the way",
-    ):
+    for fault in ("'ground' is at z = -0.01", "front_left_tire is", "rear_right_tire is", "geom 'nose' is in the way"):
         assert fault in line
 
 
