@@ -277,9 +277,11 @@ def _drive_filtered(
 ) -> tuple[float, float]:
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
-    In another direction than the reference's the car brakes, but not below the crawl speed as long as a direction is
-    free. Where none is free it brakes: on a motion that it follows it stays on that motion, else it takes the direction
-    that the filter chooses. Where it stands and no direction is free it reverses, and tries again.
+    On a motion that it follows the car brakes as long as it can stop there: a car that leaves the motion before a
+    hairpin does not get round. In another direction than the reference's it brakes, too, but not below the crawl speed
+    as long as a direction is free. Where none is free it brakes: on a motion that it follows it stays on that motion,
+    else it takes the direction that the filter chooses. Where it stands and no direction is free it reverses, and tries
+    again.
 
     Args:
       scan: of type SCAN.
@@ -350,6 +352,14 @@ def _drive_filtered(
             return hold(scan, odometry, driver, memory, steering_angle, speed, 1.0)
         note(memory.reasons, SAFETY_FILTER, safe, speed)
         return hold(scan, odometry, driver, memory, safe, speed, use)
+    if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
+        on_motion = least_cornering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle, now,
+            period, path, -1.0, predictions, radius,
+        )  # fmt: skip
+        if on_motion >= 0.0:
+            note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
+            return hold(scan, odometry, driver, memory, steering_angle, 0.0, on_motion)
     if safe != reference:
         note(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
         return hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)

@@ -58,7 +58,9 @@ _MOVED = 0.2  # [m] after which a scan is entered
 _TURNED = 0.1  # [rad] the same
 _ENTER_EVERY = 3  # ticks, the same
 _LASTS = 0.25  # of the distance to the frontier, after which it is searched again
-_LASTS_AT_MOST = 2.0  # [m] the same, at most
+_LASTS_AT_MOST = 2.0  # [m] the same, at most,
+_LASTS_LED = 0.3  # [m] while the car is not driven by its planner alone,
+_LASTS_SEEN = 0.8  # [m] and before a motion is searched for
 _OPENED = 0.6  # [m] before the end of the path that stay open
 _CLOSED = 15.0  # [m] of the path that are closed
 _CLOSED_LOOP = 8.0  # [m] the same, on a course that is shorter
@@ -93,6 +95,7 @@ FRONTIER_SEARCH = np.dtype(
         ("entered_heading", np.float64),  # [rad] and its heading
         ("searched", np.int64),  # tick of the last search,
         ("searched_driven", np.float64),  # [m] and how far the car had driven then
+        ("marked", np.int64),  # tick in which walls were last marked
         ("found", np.bool_),
         ("on_lap", np.bool_),  # the car drives where it drove a lap ago, which is its frontier
         ("hidden", np.bool_),  # the frontier is nearer than the sight, so something hides what is behind it
@@ -122,8 +125,8 @@ def search_frontier(
     """Take a scan and odometry into the memory, in every tick.
 
     A scan is entered once the car has moved on by _MOVED or turned by _TURNED since the last one, after _ENTER_EVERY
-    ticks, and before a search. The frontier is searched after `every` ticks. As long as the planner drives, that is
-    not before the car has driven a share _LASTS of the distance to the frontier, or after `every_plain` ticks.
+    ticks, and before a search. The frontier is searched `every` ticks after the last time, or later, once the car has
+    driven a share _LASTS of the distance to it, and at the latest after `every_plain` ticks.
 
     Args:
       scan: of type SCAN.
@@ -139,27 +142,43 @@ def search_frontier(
     move(world, odometry.speed, odometry.angular_velocity[2], period_of(scan))
     extend_path(world, scan, ranges)
     since, driven = memory.ticks - memory.searched, world.driven - memory.searched_driven
-    due = memory.ticks == 0 or since >= (every if led or not memory.found else every_plain)
+    due = memory.ticks == 0 or since >= (every_plain if memory.found else every)
     if since >= every and not due:
         apart = math.hypot(memory.x - world.x, memory.y - world.y)
-        due = driven >= min(_LASTS * apart, _LASTS_AT_MOST)
+        due = driven >= min(_LASTS * apart, _LASTS_LED if led else _LASTS_AT_MOST)
     moved, turned = world.driven - memory.entered_driven, abs(world.heading - memory.entered_heading)
     memory.nodes = 0
     memory.ticks += 1
     if due:
-        search_frontier_again(scan, ranges, lidar_offset, memory)
+        _search(scan, ranges, lidar_offset, memory)
     elif moved >= _MOVED or turned >= _TURNED or memory.ticks - memory.entered > _ENTER_EVERY:
         _enter(scan, ranges, lidar_offset, memory)
 
 
 @kernel
-def search_frontier_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
-    """Enter the scan and search the frontier, at most once a tick; arguments as of `search_frontier`."""
-    if memory.searched == memory.ticks:
+def look_again(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record, every: int) -> None:
+    """Enter the scan and mark its walls in `memory.blocked`, `every` ticks after the last time.
+
+    Once the car has driven _LASTS_SEEN the frontier is searched, too. Other arguments as of `search_frontier`.
+    """
+    if memory.ticks - memory.marked < every:
+        return
+    if memory.map.driven - memory.searched_driven >= _LASTS_SEEN:
+        _search(scan, ranges, lidar_offset, memory)
         return
     if memory.entered != memory.ticks:
         _enter(scan, ranges, lidar_offset, memory)
-    memory.searched, memory.searched_driven = memory.ticks, memory.map.driven
+    memory.marked = memory.ticks
+    mark_cells(memory.map, memory.blocked)
+
+
+@kernel
+def _search(scan: Record, ranges: FloatArray, lidar_offset: float, memory: Record) -> None:
+    """Enter the scan and search the frontier; arguments as of `search_frontier`."""
+    if memory.entered != memory.ticks:
+        _enter(scan, ranges, lidar_offset, memory)
+    memory.searched = memory.marked = memory.ticks
+    memory.searched_driven = memory.map.driven
     _find_frontier(memory, lidar_offset)
 
 

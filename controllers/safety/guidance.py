@@ -6,7 +6,7 @@ Guidance knows the frontier (perception.frontiers), and lets the planner drive a
 1. Where the planner's goal leads on about as well as any beam, and nothing hides the frontier nearby, the planner
    drives.
 2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
-   the planner still drives.
+   the planner still drives. What 1 and 2 found holds for one more tick, unless its reference turns meanwhile.
 3. Else the car follows a motion from where it is now (control.tracking), which is searched for anew in every second
    tick, and kept while it is free and none is found. Its speed is that of its curvature, with braking before it. In
    a sharp bend a careful car (4) stays on its motions until the bend is over.
@@ -43,8 +43,8 @@ from ..perception.frontiers import (
     FRONTIER_SEARCH,
     least_to_go_along,
     least_to_go_towards,
+    look_again,
     search_frontier,
-    search_frontier_again,
     to_go_around,
 )
 from ..perception.local_map import SIGHT, forget, move
@@ -57,6 +57,7 @@ _BENDS = 0.37  # of the curvature at full lock, from which on the planner's goal
 _BENDS_SHARPLY = 0.75  # the same, from which on its simulated reference does not end a motion of a careful car
 _NODES = 2000  # of a search while the car drives
 _AHEAD = math.radians(15.0)  # to either side: obstacles that a car without a frontier stops ahead of
+_AS_BEFORE = 0.1  # [rad] by which a planner's reference has turned since it was last looked at
 _ON_MOTION = (0.15, 0.4)  # [m] to the side of a motion and [rad] from its heading, within which the car is on it
 
 
@@ -68,8 +69,8 @@ class GuidanceSettings(Settings):
       SettingsError: a share that is not above 0 and at most 1; another value that is negative or not finite.
     """
 
-    every: int = setting(4, "", "ticks between two searches for the frontier", POSITIVE)
-    every_plain: int = setting(16, "", "the same at most, as long as the planner drives", POSITIVE)
+    every: int = setting(4, "", "ticks between two searches for the frontier, at least", POSITIVE)
+    every_plain: int = setting(16, "", "the same, at most", POSITIVE)
     as_good: float = setting(0.6, "", "of the best beam's gain of way: the planner's goal leads on", SHARE)
     worth_simulating: float = setting(0.3, "", "of the best beam's gain: its reference is simulated", SHARE)
     tight_distance: float = setting_of_car(4.5, "m", "way to go to a hidden frontier that counts as nearby", POSITIVE)
@@ -100,6 +101,10 @@ GUIDANCE = np.dtype(
         ("narrow", np.bool_),  # the motion leads through a gap that is hardly wider than the car
         ("knows_speed", np.bool_),  # the reference's speed is that of a motion, which is free farther than is in sight
         ("stuck", np.bool_),  # there is no motion
+        ("led_on", np.int64),  # tick in which the planner was last found to lead on, by this reference:
+        ("steering_angle", np.float64),  # [rad]
+        ("bearing", np.float64),  # [rad]
+        ("speed", np.float64),  # [m/s] that a simulated motion gave; inf: none did
         ("lost", np.int64),  # ticks without a frontier
         ("careful", np.bool_),  # the car has had to turn in several moves: there are bends tighter than they look
         ("turning", TURNING),
@@ -158,16 +163,20 @@ def guide(
             forget(way.map)  # the path or the map may be wrong
         return
     memory.lost = 0
-    gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
     to_edge = math.hypot(way.edge_x - x, way.edge_y - y)
     around_edge = _speed_to_frontier(limiter, settings, to_edge) if way.hidden else math.inf
     if memory.careful:
         reference.speed = min(reference.speed, around_edge)
+    if _leads_on_as_before(memory, reference):
+        return
+    gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
     bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
     if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend):
+        memory.led_on, memory.bearing = way.ticks, reference.bearing
+        memory.steering_angle = reference.steering_angle
+        memory.speed = reference.speed if memory.knows_speed else math.inf
         return
-    if way.ticks - way.searched >= settings.every:
-        search_frontier_again(scan, ranges, car.lidar_offset, way)
+    look_again(scan, ranges, car.lidar_offset, way, settings.every)
     if not _renew_motion(limiter, settings, memory, present, speed):
         memory.follows = not math.isnan(bend)
     memory.knows_speed, memory.stuck = memory.follows, not memory.follows
@@ -181,6 +190,19 @@ def guide(
     if memory.follows:
         on_motion = _speed_on(memory, memory.motion, memory.progress, limiter, settings, speed)
         reference.speed = min(on_motion, around_edge)
+
+
+@kernel
+def _leads_on_as_before(memory: Record, reference: Record) -> bool:
+    """Return whether the planner was found to lead on in the tick before, by this reference; its speed is limited then.
+    """
+    way = memory.way
+    turned = abs(reference.steering_angle - memory.steering_angle) + abs(reference.bearing - memory.bearing)
+    if way.ticks != memory.led_on + 1 or way.searched == way.ticks or not turned < _AS_BEFORE:
+        return False
+    memory.knows_speed = math.isfinite(memory.speed)
+    reference.speed = min(reference.speed, memory.speed)
+    return True
 
 
 @kernel
@@ -219,8 +241,7 @@ def _planner_drives(
     present = math.tan(odometry.steering_angle) / car.wheelbase
     wanted = saturate(math.tan(saturate(reference.steering_angle, car.max_steering_angle)) / car.wheelbase, most)
     memory.narrow = False
-    if way.ticks - way.searched >= settings.every:  # walls that were not known then would be driven into
-        search_frontier_again(scan, ranges, car.lidar_offset, way)
+    look_again(scan, ranges, car.lidar_offset, way, settings.every)  # walls that are not marked would be driven into
     if not search_motion(
         way, limiter, memory.trial, 0.5 * (present + wanted), speed, settings.viable_time, 1.0, MOST_LOCK,
         settings.horizon + 0.1 * speed * speed, NEAR_WALL, False, min(_NODES, MOST_NODES - way.nodes),
