@@ -19,54 +19,25 @@ from fg_mujoco.vehicle.vehicle import Vehicle
 SCENE = str(files("fg_mujoco.models") / "scene.xml")
 WORLDS = {prefix: flat_world(prefix=prefix) for prefix in ("", "car/")}
 
-# f1tenth_gym, CommonRoad 1:10; design.md
+# f1tenth_gym, CommonRoad 1:10; design.md; the last two are not the community's, but chosen in models/f1tenth.xml
 COMMUNITY = {
-    "mass": 3.74,
-    "front_axle_distance": 0.15875,
-    "rear_axle_distance": 0.17145,
-    "wheelbase": 0.3302,
-    "center_of_gravity_height": 0.074,
-    "yaw_inertia": 0.04712,
-    "wheel_radius": 0.049,
-    "max_steering_angle": 0.4189,
-    "max_steering_rate": 3.2,
-    "min_speed": -5.0,
-    "max_speed": 20.0,
-    "max_acceleration": 9.51,
-    "power_limit_speed": 7.319,
-    "length": 0.58,
-    "width": 0.31,
-    "lidar_offset": 0.275,
-    "gravity": 9.81,
-    # not the community's: chosen in models/f1tenth.xml
-    "track_width": 0.236,
-    "speed_time_constant": 0.1,
-}
-
+    "mass": 3.74, "front_axle_distance": 0.15875, "rear_axle_distance": 0.17145, "wheelbase": 0.3302,
+    "center_of_gravity_height": 0.074, "yaw_inertia": 0.04712, "wheel_radius": 0.049, "max_steering_angle": 0.4189,
+    "max_steering_rate": 3.2, "min_speed": -5.0, "max_speed": 20.0, "max_acceleration": 9.51,
+    "power_limit_speed": 7.319, "length": 0.58, "width": 0.31, "lidar_offset": 0.275, "gravity": 9.81,
+    "track_width": 0.236, "speed_time_constant": 0.1,
+}  # fmt: skip
+# ForzaETH/On-Track-SysID, NUC2; the others are those of f1tenth.xml
 NUC2 = COMMUNITY | {
-    # ForzaETH/On-Track-SysID, NUC2; the others are those of f1tenth.xml
-    "mass": 4.5,
-    "front_axle_distance": 0.17,
-    "rear_axle_distance": 0.155,
-    "wheelbase": 0.325,
-    "center_of_gravity_height": 0.02,
-    "yaw_inertia": 0.0627,
-}
-
-
+    "mass": 4.5, "front_axle_distance": 0.17, "rear_axle_distance": 0.155, "wheelbase": 0.325,
+    "center_of_gravity_height": 0.02, "yaw_inertia": 0.0627,
+}  # fmt: skip
+# of its owners: F1Tenth-INI/f1tenth_development_gym; and identified, docs/addons/realcar/identification.md
 IPZ = COMMUNITY | {
-    # of its owners: F1Tenth-INI/f1tenth_development_gym
-    "mass": 4.0,
-    "front_axle_distance": 0.162,
-    "rear_axle_distance": 0.145,
-    "wheelbase": 0.307,
-    # identified, docs/addons/realcar/identification.md
-    "yaw_inertia": 0.107,
-    "lidar_offset": 0.27,
-    "max_steering_angle": 0.4373,
-    "steering_time_constant": 0.0561,
+    "mass": 4.0, "front_axle_distance": 0.162, "rear_axle_distance": 0.145, "wheelbase": 0.307,
+    "yaw_inertia": 0.107, "lidar_offset": 0.27, "max_steering_angle": 0.4373, "steering_time_constant": 0.0561,
     "command_delay": 0.0099,
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

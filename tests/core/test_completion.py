@@ -11,16 +11,12 @@ import fg_mujoco as fg
 pytest.importorskip("argcomplete", reason="no argcomplete here: pip install -e '.[completion]'")
 
 OFFERED = {
-    "fg-mujoco rep": {"replay", "report", "replay-scans"},
-    "fg-mujoco track s": {"show", "scenes"},
-    "fg-mujoco race --lidar-n": {"--lidar-noise"},
-    "fg-mujoco race --vehicle ": set(fg.vehicle_names()),
-    "fg-mujoco race --track ova": {"oval"},
-    "fg-mujoco race --controller gap": {"gap_finder"},
-    "fg-mujoco rollout --executor r": {"ray"},
-    "fg-mujoco render run --camera o": {"onboard", "orbit"},
+    "fg-mujoco rep": {"replay", "report", "replay-scans"}, "fg-mujoco track s": {"show", "scenes"},
+    "fg-mujoco race --lidar-n": {"--lidar-noise"}, "fg-mujoco race --vehicle ": set(fg.vehicle_names()),
+    "fg-mujoco race --track ova": {"oval"}, "fg-mujoco race --controller gap": {"gap_finder"},
+    "fg-mujoco rollout --executor r": {"ray"}, "fg-mujoco render run --camera o": {"onboard", "orbit"},
     "fg-mujoco friction sk": {"skidpad"},
-}
+}  # fmt: skip
 
 ASKED = """
 import os, sys

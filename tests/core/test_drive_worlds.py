@@ -46,14 +46,11 @@ def alone(scenario, **settings):
 @each(
     "changes",
     (
-        CarChanges(mu=0.7654321),
-        CarChanges(mass=4.5),
-        CarChanges(center_of_gravity_height=0.09),
-        CarChanges(mass=3.3, center_of_gravity_height=0.0612345),
-        CarChanges(steering_gain=1.234567, speed_gain=0.5),
+        CarChanges(mu=0.7654321), CarChanges(mass=4.5), CarChanges(center_of_gravity_height=0.09),
+        CarChanges(mass=3.3, center_of_gravity_height=0.0612345), CarChanges(steering_gain=1.234567, speed_gain=0.5),
         CarChanges(command_delay=0.0333333),
     ),
-)
+)  # fmt: skip
 def test_a_changed_car_is_the_same_compiled_alone_or_in_a_batch(changes):
     """Oracle: the model compiled from the changed MJCF, every array of it."""
     plain = fg.World("oval", changes=CarChanges(command_delay=0.0) if changes.command_delay is not None else None)

@@ -59,12 +59,9 @@ def test_without_odometry_it_stops(mu):
 
 def test_in_a_batch_each_has_settings_a_grip_and_a_top_speed_of_its_own():
     planners = [
-        GapFinder(CAR, MU, 8.0),
-        GapFinder(CAR, 0.5 * MU, 8.0),
-        GapFinder(CAR, MU, 3.0),
-        GapFinder(CAR, MU, 8.0, GapFinderSettings(lookahead=2.0)),
-        GapFinder(CAR, math.inf, 8.0),
-    ]
+        GapFinder(CAR, MU, 8.0), GapFinder(CAR, 0.5 * MU, 8.0), GapFinder(CAR, MU, 3.0),
+        GapFinder(CAR, MU, 8.0, GapFinderSettings(lookahead=2.0)), GapFinder(CAR, math.inf, 8.0),
+    ]  # fmt: skip
     scan, odometry = corridor(3.0, 0.8, ahead=6.0), odometry_of(2.99, 0.05)
     alone = [planner(scan, odometry) for planner in planners]
     assert len(set(alone)) == len(planners)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -12,9 +11,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from cases import each
-from fg_mujoco.course.maps import map_server as map_file
 from fg_mujoco.course.maps.map_server import OccupancyMap, plain_yaml, read_map_file
-from fg_mujoco.errors import MissingExtraError, TrackError, install_command
+from fg_mujoco.errors import TrackError
 from map_oracles import box_room, draw_map
 
 GREYS = np.arange(256, dtype=np.uint8)[None]
@@ -144,12 +142,6 @@ def test_a_link_that_leads_outside_is_refused_unless_allowed(tmp_path):
     with pytest.raises(TrackError, match="outside of the YAML's folder"):
         read_map_file(path)
     assert read_map_file(path, outside_folder=True).free.any()
-
-
-def test_without_the_extra_the_message_has_the_command_that_installs_it(tmp_path, monkeypatch):
-    monkeypatch.setattr(map_file.importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(MissingExtraError, match=rf"^ROS maps need .*: {re.escape(install_command('maps'))}$"):
-        read_map_file(draw_map(tmp_path, box_room()))
 
 
 @each("image", ["/home/somebody/maps/drawn.png", "maps/drawn.png", "C:\\\\maps\\\\drawn.png"])

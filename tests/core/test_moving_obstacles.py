@@ -50,13 +50,9 @@ def test_back_and_forth_it_turns_at_both_ends():
 
 
 @given(
-    start=st.tuples(ANYWHERE, ANYWHERE),
-    end=st.tuples(ANYWHERE, ANYWHERE),
-    speed=st.floats(0.01, 5.0),
-    headway=st.floats(0.0, 50.0),
-    back_and_forth=st.booleans(),
-    time=st.floats(0.0, 100.0),
-)
+    start=st.tuples(ANYWHERE, ANYWHERE), end=st.tuples(ANYWHERE, ANYWHERE), speed=st.floats(0.01, 5.0),
+    headway=st.floats(0.0, 50.0), back_and_forth=st.booleans(), time=st.floats(0.0, 100.0),
+)  # fmt: skip
 def test_it_never_leaves_its_path_nor_is_faster_than_its_speed(start, end, speed, headway, back_and_forth, time):
     if math.dist(start, end) < 1e-3:
         return

@@ -13,7 +13,6 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
-from fg_mujoco.errors import install_command
 from fg_mujoco.pictures.rendering import video
 from fg_mujoco.pictures.rendering.gl import INSTALL_COMMAND
 from fg_mujoco.pictures.rendering.video import write_video
@@ -97,14 +96,6 @@ def test_encoder_that_dies_is_reported_with_its_last_words(here, monkeypatch):
     assert [entry.name for entry in here.iterdir()] == ["ffmpeg"]
 
 
-def test_no_encoder_is_the_command_that_installs_one(here, monkeypatch, run, capsys):
-    find_spec = video.importlib.util.find_spec
-    monkeypatch.setattr(
-        video.importlib.util, "find_spec", lambda name: None if name == "imageio_ffmpeg" else find_spec(name)
-    )
-    assert complaint(capsys, run, *SMALL) == f"fg-mujoco: videos need ffmpeg: {install_command('render')}"
-
-
 @needs_gl
 def test_render_writes_a_video_and_says_what_drew_it(here, run, capsys):
     assert main(["render", run, *SMALL, "--fps", "20", "--from", "0.2", "--to", "0.6"]) == 0
@@ -132,8 +123,6 @@ def test_race_makes_its_video_in_one_go(here, capsys):
 @each(
     ("options", "message"),
     [
-        (["--camera", "drone"], "camera is 'drone'; accepted: chase, onboard, top, track, orbit"),
-        (["--size", "0x0"], "the size is 0 x 0 pixels; accepted: two whole numbers from 16"),
         (["--size", "65x48"], "accepted for MP4: even numbers"),
         (["--frame", "99"], "accepted: 0 to 1.000 s"),
         (["--from", "0.9", "--to", "0.1"], "the earlier first"),

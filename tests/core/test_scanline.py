@@ -119,14 +119,9 @@ def beams_at(bearings: Any) -> Beams:
     directions = np.column_stack((np.cos(bearings), np.sin(bearings), 0.0 * bearings))
     steps = np.diff(bearings)
     return replace(
-        LidarModel.load().beams,
-        directions=directions,
-        origins=0.0 * directions,
-        bearings=bearings,
-        angle_min=float(bearings[0]),
-        angle_max=float(bearings[-1]),
-        angle_increment=float(steps.mean()),
-    )
+        LidarModel.load().beams, directions=directions, origins=0.0 * directions, bearings=bearings,
+        angle_min=float(bearings[0]), angle_max=float(bearings[-1]), angle_increment=float(steps.mean()),
+    )  # fmt: skip
 
 
 def put(model: Any, data: Any, position: Any, rotation: Any) -> None:

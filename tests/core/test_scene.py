@@ -40,16 +40,11 @@ def test_the_lap_timer_counts_from_the_start_to_the_goal_and_back_again():
 @each(
     "changes",
     (
-        {"start": 1.9},
-        {"goal": 3.0},
-        {"goal": math.nan},
-        {"time_limit": 0.0},
-        {"way": np.zeros((2, 3))},
-        {"way": np.array([[0.0, 0.0]])},
-        {"way": np.array([[0.0, 0.0], [0.0, 0.0], [30.0, 0.0]])},
+        {"start": 1.9}, {"goal": 3.0}, {"goal": math.nan}, {"time_limit": 0.0}, {"way": np.zeros((2, 3))},
+        {"way": np.array([[0.0, 0.0]])}, {"way": np.array([[0.0, 0.0], [0.0, 0.0], [30.0, 0.0]])},
         {"way": np.array([[0.0, 0.0], [math.nan, 0.0]])},
     ),
-)
+)  # fmt: skip
 def test_a_scene_that_cannot_be_raced_is_refused(changes):
     with pytest.raises(fg.SettingsError, match="accepted"):
         scene(**changes)

@@ -44,23 +44,13 @@ ROWS = ellipse_rows()
 @each(
     "text",
     [
-        HEADER + text_of(ROWS),
-        text_of(ROWS),
-        "x_m,y_m,w_tr_right_m,w_tr_left_m\n" + text_of(ROWS, ","),
-        HEADER + "# another comment\n\n" + text_of(ROWS),
-        text_of(ROWS, "; "),
-        text_of(ROWS, ";"),
-        text_of(ROWS, " "),
-        text_of(ROWS, "\t"),
-        text_of([*ROWS, ROWS[0]]),
-        text_of([*ROWS[:9], ROWS[8], *ROWS[9:]]),
-        (HEADER + text_of(ROWS)).replace("\n", "\r\n"),
-        ("\ufeff" + HEADER + text_of(ROWS)),
-        ("\ufeff" + text_of(ROWS)),
-        text_of(ROWS).rstrip("\n"),
-        text_of(ROWS).replace("\n", "  \n"),
+        HEADER + text_of(ROWS), text_of(ROWS), "x_m,y_m,w_tr_right_m,w_tr_left_m\n" + text_of(ROWS, ","),
+        HEADER + "# another comment\n\n" + text_of(ROWS), text_of(ROWS, "; "), text_of(ROWS, ";"), text_of(ROWS, " "),
+        text_of(ROWS, "\t"), text_of([*ROWS, ROWS[0]]), text_of([*ROWS[:9], ROWS[8], *ROWS[9:]]),
+        (HEADER + text_of(ROWS)).replace("\n", "\r\n"), "\ufeff" + HEADER + text_of(ROWS), "\ufeff" + text_of(ROWS),
+        text_of(ROWS).rstrip("\n"), text_of(ROWS).replace("\n", "  \n"),
     ],
-)
+)  # fmt: skip
 def test_every_dialect_gives_the_same_track(read, text):
     track = read(text)
     assert track.name == "some"

@@ -98,11 +98,9 @@ def test_loop_narrower_than_its_corridor_is_refused():
 
 @settings(deadline=None, max_examples=25)
 @given(
-    radii=st.lists(st.floats(6.0, 10.0), min_size=5, max_size=9),
-    right=st.floats(0.3, 1.5),
-    left=st.floats(0.3, 1.5),
+    radii=st.lists(st.floats(6.0, 10.0), min_size=5, max_size=9), right=st.floats(0.3, 1.5), left=st.floats(0.3, 1.5),
     seed=st.integers(0, 1000),
-)
+)  # fmt: skip
 def test_no_wall_comes_nearer_to_the_line_than_the_width(radii, right, left, seed):
     angle = 2.0 * np.pi * np.arange(len(radii)) / len(radii)
     star = np.array(radii)[:, None] * np.column_stack((np.cos(angle), np.sin(angle)))

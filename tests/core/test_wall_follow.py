@@ -34,12 +34,9 @@ def test_two_beams_tell_distance_and_angle_of_a_straight_wall(distance, away, th
 
 @settings(deadline=None)
 @given(
-    distance=st.floats(0.4, 2.0),
-    away=st.floats(-0.3, 0.3),
-    kp=st.floats(0.0, 0.5),
-    kd=st.floats(0.0, 0.5),
+    distance=st.floats(0.4, 2.0), away=st.floats(-0.3, 0.3), kp=st.floats(0.0, 0.5), kd=st.floats(0.0, 0.5),
     ahead=st.floats(0.0, 2.0),
-)
+)  # fmt: skip
 def test_the_law_is_pd_on_the_distance_ahead(distance, away, kp, kd, ahead):
     gains = {"proportional_gain": kp, "derivative_gain": kd, "projection": ahead, "desired_distance": 0.9}
     wished = kp * (distance + ahead * math.sin(away) - 0.9) + kd * math.sin(away)

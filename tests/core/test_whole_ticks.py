@@ -109,14 +109,8 @@ def how_it_fails(tick, count, raises):
     failure = failed.value.failure
     assert "ValueError: ('late', 0.1" in str(failed.value) and failure.line is not None
     return (
-        str(failed.value),
-        failure.error,
-        failure.time_s,
-        failure.line,
-        history.ticks,
-        len(clock.seconds),
-        engine.times,
-    )
+        str(failed.value), failure.error, failure.time_s, failure.line, history.ticks, len(clock.seconds), engine.times,
+    )  # fmt: skip
 
 
 @each(("count", "raises"), [(1, True), (3, True), (3, False)])

@@ -34,12 +34,10 @@ def test_an_item_whose_worker_dies_is_answered_and_the_others_are_done():
     found = answers(*items, died=lambda item, how: how)
     assert dict(found) == {
         item: {
-            "returns": item[1],
-            "dies": "the worker ended by SIGKILL",
-            "leaves": "the worker ended with exit code 4",
+            "returns": item[1], "dies": "the worker ended by SIGKILL", "leaves": "the worker ended with exit code 4",
         }[item[0]]
         for item in items
-    }
+    }  # fmt: skip
 
 
 def test_workers_end_with_the_process_that_started_them(tmp_path):

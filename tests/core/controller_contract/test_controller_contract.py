@@ -39,17 +39,12 @@ EMPTY_SECTOR = corridor(1.0, 1.0, 5.0).ranges.copy()
 EMPTY_SECTOR[300:700] = math.inf
 
 BLIND = {
-    "no beam": scan_of([]),
-    "one beam": scan_of([5.0]),
-    "one beam without return": scan_of([math.inf]),
-    "all NaN": scan_of(np.full(1081, math.nan)),
-    "all -inf": scan_of(np.full(1081, -math.inf)),
-    "all zeros": scan_of(np.zeros(1081)),
-    "all negative": scan_of(np.full(1081, -3.0)),
-    "nothing in front": scan_of(GENTLE[:100], angle_min=2.5),
-    "no angle between beams": scan_of(GENTLE, increment=0.0),
+    "no beam": scan_of([]), "one beam": scan_of([5.0]), "one beam without return": scan_of([math.inf]),
+    "all NaN": scan_of(np.full(1081, math.nan)), "all -inf": scan_of(np.full(1081, -math.inf)),
+    "all zeros": scan_of(np.zeros(1081)), "all negative": scan_of(np.full(1081, -3.0)),
+    "nothing in front": scan_of(GENTLE[:100], angle_min=2.5), "no angle between beams": scan_of(GENTLE, increment=0.0),
     "range_max of 0": scan_of(GENTLE, range_max=0.0),
-}
+}  # fmt: skip
 ODD = {
     **BLIND,
     "two beams": scan_of([5.0, 6.0]),
