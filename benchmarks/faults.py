@@ -355,8 +355,8 @@ FAULTS = {
     # studies
     "an overtake that counts as soon as a car is level": Fault(
         file="addons/arena/runs/duels.py",
-        old="self._since = progress.time if self.ahead >= self._half else math.nan",
-        new="self._since = progress.time if self.ahead >= 0.0 else math.nan",
+        old="self._duel, self._since, self._half = duel, math.nan, 0.5 * duel",
+        new="self._duel, self._since, self._half = duel, math.nan, 0.0 * duel",
         tests="test_duels.py",
     ),
     "time lost against a planner that started elsewhere": Fault(

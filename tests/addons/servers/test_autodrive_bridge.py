@@ -76,6 +76,13 @@ def steer_by_sides(number, packet):
     return commands(0.1, steering / 0.5236)
 
 
+def raced(answer, revision=3, *, wait=0.0, patience=devkit_module.PATIENCE, **settings):
+    """Race a DevKit on the oval in lockstep; return the result and the kit."""
+    with devkit_server(answer, revision) as (address, kit), DevKit(address, BlankCamera(), patience=patience) as devkit:
+        time.sleep(wait)
+        return fg.race("oval", controller=devkit, **{"laps": 1} | settings), kit
+
+
 def test_a_packet_has_what_the_simulator_tells_in_its_units():
     values = told()
     assert values["V1 Position"] == "1.5000 -2.0000 0.0000"
@@ -125,15 +132,11 @@ def test_an_answer_without_commands_is_refused(answer, said):
 
 def test_a_lap_in_lockstep_has_the_same_bits_twice():
     """In both revisions of the protocol, which carry the same; half a second of the second lap, whose time is anew."""
-    results = []
-    for revision in (3, 4):
-        with devkit_server(steer_by_sides, revision) as (address, kit), DevKit(address, BlankCamera()) as devkit:
-            results.append(fg.race("oval", controller=devkit, laps=2, time_limit=25.4, rules="autodrive_2026"))
-        assert len(kit.packets) == len(results[-1].ctrl) > 900
-    car, other = (result.car for result in results)
-    assert results[0].trajectory_sha256 == results[1].trajectory_sha256 and car.collisions_wall == 0
-    (lap,), time = other.lap_times_s, other.column("time_s")
-    assert time[-1] > lap + 0.2
+    settings = {"laps": 2, "time_limit": 25.4, "rules": "autodrive_2026"}
+    (one, _), (result, kit) = (raced(steer_by_sides, revision, **settings) for revision in (3, 4))
+    assert len(kit.packets) == len(result.ctrl) > 900 and one.trajectory_sha256 == result.trajectory_sha256
+    (lap,), time = result.car.lap_times_s, result.car.column("time_s")
+    assert time[-1] > lap + 0.2 and result.car.collisions_wall == 0
     times = [float(packet["V1 Lap Time"]) for packet in kit.packets]
     assert times == pytest.approx(np.where(time < lap, time, time - lap).tolist(), abs=1e-4)
     rolled = np.array([float(packet["V1 Encoder Angles"].split()[0]) for packet in kit.packets[-2:]])
@@ -141,53 +144,41 @@ def test_a_lap_in_lockstep_has_the_same_bits_twice():
     assert (rolled[1] - rolled[0]) * WHEEL_RADIUS == pytest.approx(0.025 * speed, rel=0.05)
 
 
-@each("answer, said",
-      [(lambda number, packet: SILENT if number == 5 else commands(), "an exception has ended its handler"),
-       (lambda number, packet: GONE if number == 5 else commands(), "the DevKit has gone"),
-       (lambda number, packet: {"V1 Throttle": "full"} if number == 5 else commands(), "has answered 'V1 Throttle'")])
-def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kept(answer, said):
-    with (devkit_server(answer) as (address, _), DevKit(address, BlankCamera(), patience=0.3) as devkit,
-          pytest.warns(UserWarning, match="DevKit failed")):  # fmt: skip
-        result = fg.race("oval", controller=devkit, laps=1)
-    assert result.car.end_reason == "planner_failed"
-    assert said in str(result.car.planner_failure)
+@each("fifth, said", [(SILENT, "an exception has ended its handler"), (GONE, "the DevKit has gone"),
+                      ({"V1 Throttle": "full"}, "has answered 'V1 Throttle'")])  # fmt: skip
+def test_a_devkit_that_fails_ends_the_race_of_its_car_and_what_was_driven_is_kept(fifth, said):
+    with pytest.warns(UserWarning, match="DevKit failed"):
+        result, _ = raced(lambda number, packet: fifth if number == 5 else commands(), patience=0.3)
+    assert result.car.end_reason == "planner_failed" and said in str(result.car.planner_failure)
     assert len(result.ctrl) == 5
 
 
 @each("revision", [3, 4])
 def test_a_devkit_stays_while_the_race_pauses(revision):
-    with (devkit_server(lambda number, packet: commands(), revision) as (address, kit),
-          DevKit(address, BlankCamera()) as devkit):  # fmt: skip
-        time.sleep(2.0 * PATIENCE)  # kernels are compiled, or a run folder is written
-        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.2)
+    """Kernels are compiled, or a run folder is written."""
+    result, kit = raced(lambda number, packet: commands(), revision, wait=2.0 * PATIENCE, time_limit=0.2)
     assert result.car.end_reason == "time_limit" and len(kit.packets) == 8
 
 
 @each("delays", [(0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.02)])
 def test_of_several_answers_the_last_counts_and_none_to_an_earlier_packet(delays, monkeypatch):
     monkeypatch.setattr(devkit_module, "_SETTLE", 0.6)  # on a busy machine an answer takes longer than it is given
-    with (devkit_server(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays]) as (address, _),
-          DevKit(address, BlankCamera()) as devkit):  # fmt: skip
-        result = fg.race("oval", controller=devkit, laps=1, time_limit=0.5)
+    result, _ = raced(lambda number, _: [(delay, commands(0.001 * number)) for delay in delays], time_limit=0.5)
     commanded = np.rint(result.car.column("command_speed_m_s") / 0.02288).astype(int)
     assert commanded.tolist() == list(range(20))
 
 
 def test_answers_that_come_at_any_time_are_refused_in_lockstep():
-    with (devkit_server(lambda number, packet: [(0.0, commands()), (0.2, commands())]) as (address, _),
-          DevKit(address, BlankCamera()) as devkit, pytest.warns(UserWarning, match="DevKit failed")):  # fmt: skip
-        result = fg.race("oval", controller=devkit, laps=1, time_limit=5.0)
+    with pytest.warns(UserWarning, match="DevKit failed"):
+        result, _ = raced(lambda number, packet: [(0.0, commands()), (0.2, commands())], time_limit=5.0)
     assert "accepted: one answer to each packet, or --real-time" in str(result.car.planner_failure)
 
 
 def test_a_classic_devkit_gets_ticks_intensities_and_ranges_as_text():
-    hashes = []
-    for drive in (steer_by_sides, classic):
-        with (devkit_server(drive) as (address, _), DevKit(address, BlankCamera(), patience=0.5) as devkit,
-              contextlib.nullcontext() if drive is steer_by_sides else pytest.warns(UserWarning, match="classic")):
-            result = fg.race("oval", controller=devkit, laps=1, time_limit=1.0)
-        hashes.append(result.trajectory_sha256)
-    assert hashes[0] == hashes[1]
+    usual, _ = raced(steer_by_sides, patience=0.5, time_limit=1.0)
+    with pytest.warns(UserWarning, match="classic"):
+        told, _ = raced(classic, patience=0.5, time_limit=1.0)
+    assert told.trajectory_sha256 == usual.trajectory_sha256
 
 
 @pytest.mark.usefixtures("without_pictures")
