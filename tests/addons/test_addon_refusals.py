@@ -40,13 +40,10 @@ from refusals import refused
 
 # -- every field of every class that validates
 
-GIVEN = {
-    CHECKS["lap_time"]: {"most_s": 9.0}, CHECKS["mean_speed"]: {"least_m_s": 1.0},
+GIVEN = {CHECKS["lap_time"]: {"most_s": 9.0}, CHECKS["mean_speed"]: {"least_m_s": 1.0},
     CHECKS["keeps_clear"]: {"least_m": 0.1}, CHECKS["follows_wall"]: {"distance_m": 1.0, "within_m": 0.2},
-    CHECKS["stops_before"]: {"least_speed_m_s": 1.0},
-    CHECKS["stopping_distance"]: {"from_m_s": 1.0, "most_m": 1.0}, Floor: {"name": "ice", "mu": 0.5},
-    Residual: {"planner": "gap_finder"},
-}  # fmt: skip
+    CHECKS["stops_before"]: {"least_speed_m_s": 1.0}, CHECKS["stopping_distance"]: {"from_m_s": 1.0, "most_m": 1.0},
+    Floor: {"name": "ice", "mu": 0.5}, Residual: {"planner": "gap_finder"}}  # fmt: skip
 """What makes one of each class that cannot be made of nothing."""
 JUDGED_LATER = {(SelfPlay, "planners"), (Residual, "planner"), (Duels, "speed")}
 

@@ -36,14 +36,10 @@ def header(time, frame):
 
 def robot_scan(ranges, *, first=-2.0, step=0.1, time=0, frame="laser", **others):
     """A sensor_msgs/LaserScan; float32 in the file, whatever it is here."""
-    values = {
-        "angle_min": first, "angle_max": first + step * (len(ranges) - 1), "angle_increment": step,
-        "time_increment": 0.0, "scan_time": 0.1, "range_min": 0.1, "range_max": 12.0,
-    }  # fmt: skip
-    return make(
-        "sensor_msgs/msg/LaserScan", header=header(time, frame), ranges=np.asarray(ranges, np.float32),
-        intensities=np.empty(0, np.float32), **(values | others),
-    )  # fmt: skip
+    values = {"angle_min": first, "angle_max": first + step * (len(ranges) - 1), "angle_increment": step,
+              "time_increment": 0.0, "scan_time": 0.1, "range_min": 0.1, "range_max": 12.0}  # fmt: skip
+    return make("sensor_msgs/msg/LaserScan", header=header(time, frame), ranges=np.asarray(ranges, np.float32),
+                intensities=np.empty(0, np.float32), **(values | others))  # fmt: skip
 
 
 def vector(x=0.0, y=0.0, z=0.0):
@@ -60,11 +56,9 @@ def robot_odometry(time, *, x=0.0, y=0.0, yaw=0.0, speed=0.0, yaw_rate=0.0, fram
     point = make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
     pose = make("geometry_msgs/msg/Pose", position=point, orientation=rotation(yaw))
     twist = make("geometry_msgs/msg/Twist", linear=vector(speed), angular=vector(z=yaw_rate))
-    return make(
-        "nav_msgs/msg/Odometry", header=header(time, frame), child_frame_id="base_link",
-        pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
-        twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
-    )  # fmt: skip
+    return make("nav_msgs/msg/Odometry", header=header(time, frame), child_frame_id="base_link",
+                pose=make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
+                twist=make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)))  # fmt: skip
 
 
 def robot_imu(time, turning, accelerating, yaw=0.0):
@@ -77,16 +71,12 @@ def robot_imu(time, turning, accelerating, yaw=0.0):
 
 def transforms(time, *links):
     """A tf2_msgs/TFMessage of (parent, child, translation, rotation)."""
-    return make(
-        "tf2_msgs/msg/TFMessage",
-        transforms=[
-            make(
-                "geometry_msgs/msg/TransformStamped", header=header(time, parent), child_frame_id=child,
-                transform=make("geometry_msgs/msg/Transform", translation=translation, rotation=turned),
-            )
-            for parent, child, translation, turned in links
-        ],
-    )  # fmt: skip
+
+    def stamped(parent, child, translation, turned):
+        by = make("geometry_msgs/msg/Transform", translation=translation, rotation=turned)
+        return make(f"{by.__msgtype__}Stamped", header=header(time, parent), child_frame_id=child, transform=by)
+
+    return make("tf2_msgs/msg/TFMessage", transforms=[stamped(*link) for link in links])
 
 
 def write_bag(folder, entries, *, storage="MCAP", compression=None):

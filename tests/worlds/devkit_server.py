@@ -1,21 +1,13 @@
 """A DevKit for tests: a server of Socket.IO by WebSocket, written from the protocol, whose answers a function makes."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.server import ServerConnection, serve
-
-Answer = Callable[[int, dict[str, str]], Any]
-"""Of the number of a packet, from 0, and the packet: the data of the answer, SILENT, GONE, or a list of several answers
-and the time [s] after which each is sent. A KeyError is one of the DevKit's handler, which python-socketio survives."""
+from websockets.sync.server import serve
 
 SILENT, GONE = "silent", "gone"
 PING, PATIENCE = 0.2, 1.5  # [s] between pings, and without a sign of life until the client is dropped
@@ -25,22 +17,24 @@ class DevKitServer:
     """What it was sent, and what it is asked for.
 
     Args:
-      answer: makes the answers.
+      answer: makes, of the number of a packet from 0 and the packet, the data of the answer, SILENT, GONE, or a list of
+        several answers and the time [s] after which each is sent. A KeyError is one of the DevKit's handler, which
+        python-socketio survives.
       revision: of Engine.IO that it speaks; another is refused.
     """
 
-    def __init__(self, answer: Answer, revision: int) -> None:
-        self.packets: list[dict[str, str]] = []
+    def __init__(self, answer, revision):
+        self.packets = []
         self._answer, self._revision = answer, revision
 
-    def refuse(self, connection: ServerConnection, request: Any) -> Any:
+    def refuse(self, connection, request):
         """Answer as python-engineio does: one of revision 4 refuses other clients, one of revision 3 refuses nobody."""
         if self._revision == 3:
             return None
         asked = parse_qs(urlsplit(request.path).query).get("EIO")
         return None if asked == [str(self._revision)] else connection.respond(400, "unsupported version")
 
-    def talk(self, connection: ServerConnection) -> None:
+    def talk(self, connection):
         """Shake hands, and answer each packet."""
         interval = int(1000 * PING)
         connection.send(f'0{{"sid":"a","upgrades":[],"pingInterval":{interval},"pingTimeout":20000}}')
@@ -70,7 +64,7 @@ class DevKitServer:
         except ConnectionClosed:
             pass
 
-    def _take(self, connection: ServerConnection, message: str) -> bool:
+    def _take(self, connection, message):
         """Answer a packet; return whether the connection stays."""
         event, packet = json.loads(message[2:])
         assert event == "Bridge"
@@ -86,13 +80,13 @@ class DevKitServer:
         return answer != GONE
 
 
-def _send(connection: ServerConnection, text: str) -> None:
+def _send(connection, text):
     with suppress(ConnectionClosed):
         connection.send(text)
 
 
 @contextmanager
-def devkit_server(answer: Answer, revision: int = 3) -> Iterator[tuple[str, DevKitServer]]:
+def devkit_server(answer, revision=3):
     """Run a DevKit, and yield its address and itself."""
     kit = DevKitServer(answer, revision)
     with serve(kit.talk, "127.0.0.1", 0, process_request=kit.refuse, compression=None, max_size=1 << 22) as server:
@@ -103,6 +97,6 @@ def devkit_server(answer: Answer, revision: int = 3) -> Iterator[tuple[str, DevK
         thread.join()
 
 
-def commands(throttle: float = 0.1, steering: float = 0.0, **more: str) -> dict[str, str]:
+def commands(throttle=0.1, steering=0.0, **more):
     """Return an answer as DevKits write it."""
     return {"V1 Throttle": f"{throttle:.3f}", "V1 Steering": f"{steering:.3f}", **more}

@@ -184,13 +184,8 @@ def staged(case, *, mirrored=False, swapped=False):
 
 def paths(drives, longest=3.0):
     """Return the times (k,) and the poses of the rear axles (k, 2, 3) at ticks until two cars touch, and then."""
-    poses = [
-        np.array([
-            drive.s - MIDDLE * math.cos(drive.heading), drive.offset - MIDDLE * math.sin(drive.heading), drive.heading,
-            drive.speed, 0.0,
-        ])
-        for drive in drives
-    ]  # fmt: skip
+    poses = [np.array([drive.s - MIDDLE * math.cos(drive.heading), drive.offset - MIDDLE * math.sin(drive.heading),
+                       drive.heading, drive.speed, 0.0]) for drive in drives]  # fmt: skip
     times, kept = [], []
     for step in range(round(longest / STEP)):
         time, shapes = step * STEP, [footprint(pose[:3], CAR) for pose in poses]

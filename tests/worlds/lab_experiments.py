@@ -31,12 +31,9 @@ class Squares:
         if fares == SLOW:
             time.sleep(0.2)
         row = {"side_m": np.float64(number), "area_m2": np.int64(number**2), "even": np.bool_(number % 2 == 0)}
-        return {
-            "areas": [row],
-            "roots": [{"side_m": float(number), "root": math.sqrt(number), "reason": ""}]
-            if number
-            else [{"side_m": 0.0, **no_number("nothing there", "root")}],
-        }
+        return {"areas": [row],
+                "roots": [{"side_m": float(number), "root": math.sqrt(number), "reason": ""}] if number
+                else [{"side_m": 0.0, **no_number("nothing there", "root")}]}  # fmt: skip
 
     def section(self, tables):
         areas = tables["areas"]
@@ -50,16 +47,13 @@ class Squares:
         def draw_much(figure):
             measured(figure.add_subplot(), np.linspace(0.0, 1.0, 9000), np.random.default_rng(0).random(9000))
 
-        return Section(
-            sentences=(f"{len(areas)} squares, the greatest of {areas[-1]['area_m2']} m².", "2 < 3 & so on."),
-            figures=(
-                Figure(name="areas", caption="Area < side.", draw=draw),
-                Figure(name="again", caption="The same.", draw=draw),
-                Figure(name="much", caption="Many points.", draw=draw_much),
-            ),
-            columns={"areas": ("side_m", "area_m2", "even"), "roots": ("side_m", "root", "reason")},
-            expected=(("greatest area", "25 m²", f"{areas[-1]['area_m2']} m²"),),
-        )
+        return Section(sentences=(f"{len(areas)} squares, the greatest of {areas[-1]['area_m2']} m².",
+                                  "2 < 3 & so on."),
+                       figures=(Figure(name="areas", caption="Area < side.", draw=draw),
+                                Figure(name="again", caption="The same.", draw=draw),
+                                Figure(name="much", caption="Many points.", draw=draw_much)),
+                       columns={"areas": ("side_m", "area_m2", "even"), "roots": ("side_m", "root", "reason")},
+                       expected=(("greatest area", "25 m²", f"{areas[-1]['area_m2']} m²"),))  # fmt: skip
 
 
 EXPERIMENT = Squares()

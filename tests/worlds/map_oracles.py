@@ -11,7 +11,7 @@ import pytest
 DATA = Path(__file__).resolve().parent.joinpath("../../../shared/data").resolve()
 
 
-def real_map(name: str) -> Path:
+def real_map(name):
     """Return the YAML of a map that nobody here drew, or skip the test."""
     path = DATA / f"{name}.yaml"
     if not path.exists():
@@ -19,19 +19,16 @@ def real_map(name: str) -> Path:
     return path
 
 
-def draw_map(folder, free, *, name="drawn", resolution=0.05, origin=(0.0, 0.0, 0.0), **settings) -> Path:
+def draw_map(folder, free, *, name="drawn", resolution=0.05, origin=(0.0, 0.0, 0.0), **settings):
     """Write a map of which pixels are free, (rows, columns) with row 0 below; `settings` are added to the YAML."""
     from PIL import Image
 
     Image.fromarray(np.where(free, 254, 0).astype(np.uint8)[::-1]).save(folder / f"{name}.png")
-    keys = {
-        "image": f"{name}.png", "resolution": resolution, "origin": origin and list(origin), "negate": 0,
-        "occupied_thresh": 0.65, "free_thresh": 0.196, **settings,
-    }  # fmt: skip
+    keys = {"image": f"{name}.png", "resolution": resolution, "origin": origin and list(origin), "negate": 0,
+            "occupied_thresh": 0.65, "free_thresh": 0.196, **settings}  # fmt: skip
     path = Path(folder) / f"{name}.yaml"
-    path.write_text(
-        "".join(f"{key}: {str(value).replace('inf', '.inf')}\n" for key, value in keys.items() if value is not None)
-    )
+    lines = [f"{key}: {str(value).replace('inf', '.inf')}\n" for key, value in keys.items() if value is not None]
+    path.write_text("".join(lines))
     return path
 
 

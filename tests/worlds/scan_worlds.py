@@ -23,14 +23,8 @@ def scan_of(ranges, increment=INCREMENT, angle_min=None, range_max=30.0, stamp=0
 
 def odometry_of(speed=0.0, steering_angle=0.0):
     zeros = np.zeros(3)
-    return Odometry(
-        stamp=0.0,
-        speed=speed,
-        steering_angle=steering_angle,
-        angular_velocity=zeros,
-        linear_acceleration=zeros,
-        wheel_speeds=np.full(4, speed),
-    )
+    return Odometry(stamp=0.0, speed=speed, steering_angle=steering_angle, angular_velocity=zeros,
+                    linear_acceleration=zeros, wheel_speeds=np.full(4, speed))  # fmt: skip
 
 
 def room(*walls, count=1081):

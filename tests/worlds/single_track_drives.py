@@ -138,10 +138,9 @@ def _solve(commands, tires, lag, gain, offset, rate):
 
 def car_of(tires):
     mass, inertia, lf, lr, h = tires[2]
-    return replace(
-        Vehicle.load("nuc2").parameters, mass=mass, yaw_inertia=inertia, front_axle_distance=lf, rear_axle_distance=lr,
-        wheelbase=lf + lr, center_of_gravity_height=h, max_steering_angle=0.42, max_steering_rate=3.2, gravity=9.81,
-    )  # fmt: skip
+    return replace(Vehicle.load("nuc2").parameters, mass=mass, yaw_inertia=inertia, front_axle_distance=lf,
+                   rear_axle_distance=lr, wheelbase=lf + lr, center_of_gravity_height=h, max_steering_angle=0.42,
+                   max_steering_rate=3.2, gravity=9.81)  # fmt: skip
 
 
 def recorded(commands, tires, *, seed=0, noise=1.0, **steering):
@@ -159,11 +158,8 @@ def recorded(commands, tires, *, seed=0, noise=1.0, **steering):
     x, y, heading = states[:3, slow]
     pose = np.array((x - lr * np.cos(heading), y - lr * np.sin(heading), heading))
     poses = channel("pose", slow, pose, np.array((0.02, 0.02, 0.01)))
-    return Drive(
-        name=f"drive {seed}", sha256="0" * 64, vehicle="nuc2", car=car_of(tires),
-        steering=Channel(name="commands", time=commands[0], values=commanded[:, np.newaxis]), commanded=True,
-        speed=channel("wheel speed", slow, states[3, slow], 0.05),
-        yaw_rate=channel("gyro", fast, states[5, fast], 0.01),
-        acceleration=channel("accelerometer", fast, accelerations[:, fast], 0.2),
-        pose=poses,
-    )  # fmt: skip
+    return Drive(name=f"drive {seed}", sha256="0" * 64, vehicle="nuc2", car=car_of(tires),
+                 steering=Channel(name="commands", time=commands[0], values=commanded[:, np.newaxis]), commanded=True,
+                 speed=channel("wheel speed", slow, states[3, slow], 0.05),
+                 yaw_rate=channel("gyro", fast, states[5, fast], 0.01),
+                 acceleration=channel("accelerometer", fast, accelerations[:, fast], 0.2), pose=poses)  # fmt: skip

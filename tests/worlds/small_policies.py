@@ -12,11 +12,9 @@ from fg_mujoco.addons.learn.policy_shapes import observed_shapes
 from fg_mujoco.envs.environment_settings import EnvironmentSettings
 from fg_mujoco.envs.policy_interface import PolicyInterface
 
-FLAT = {
-    "observation": "beams:54:max=10,speed,steering,previous_action,history:2,normalised,flat",
-    "normalised_actions": True, "action": "steering_rate,acceleration", "speed_range": (0.5, 6.0), "action_repeat": 2,
-    "smoothing": 0.05,
-}  # fmt: skip
+FLAT = {"observation": "beams:54:max=10,speed,steering,previous_action,history:2,normalised,flat",
+        "normalised_actions": True, "action": "steering_rate,acceleration", "speed_range": (0.5, 6.0),
+        "action_repeat": 2, "smoothing": 0.05}  # fmt: skip
 PARTS = {"observation": "speed,beams:54,yaw_rate", "speed_range": (0.5, 6.0)}
 
 
@@ -52,10 +50,8 @@ def write_onnx(network, path, interface, trained):
 
     def add(kind, *taken, **attributes):
         names = [each if isinstance(each, str) else f"constant_{len(constants) + i}" for i, each in enumerate(taken)]
-        constants.extend(
-            onnx.numpy_helper.from_array(np.asarray(each, np.float32), name)
-            for each, name in zip(taken, names, strict=True) if not isinstance(each, str)
-        )  # fmt: skip
+        own = {name: each for each, name in zip(taken, names, strict=True) if each is not name}
+        constants.extend(onnx.numpy_helper.from_array(np.asarray(own[name], np.float32), name) for name in own)
         nodes.append(helper.make_node(kind, names, [f"made_{len(nodes)}"], **attributes))
         return nodes[-1].output[0]
 

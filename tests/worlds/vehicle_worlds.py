@@ -45,9 +45,8 @@ def load(name):
 def drive(vehicle, track, laps):
     """Return how gap_finder did by its default settings: why the race ended, and its figures."""
     world = fg.World(track, vehicle)
-    planner = make_controller(
-        "gap_finder", car=world.parameters, mu=world.vehicle.nominal_mu, max_speed=8.0, map_line=world.track.map_line
-    )
+    planner = make_controller("gap_finder", car=world.parameters, mu=world.vehicle.nominal_mu, max_speed=8.0,
+                              map_line=world.track.map_line)  # fmt: skip
     start(planner)
     engine = Engine(world, laps=laps)
     engine.planners = adapt([planner])

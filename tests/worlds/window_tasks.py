@@ -9,7 +9,5 @@ from fg_mujoco.addons.realcar.validation.windows import PERIOD
 def task(steering, drive, start, seconds, *, kind):
     count = round(seconds / PERIOD)
     row = np.full((1, BEFORE + count), 1.0)
-    return Task(
-        starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
-        kinds=np.array([kind]),
-    )  # fmt: skip
+    return Task(starts=np.array([start]), counts=np.array([count]), steering=steering * row, drive=drive * row,
+                kinds=np.array([kind]))  # fmt: skip

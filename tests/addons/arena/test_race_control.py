@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cases import each
-from fg_mujoco import Entry, RaceResult, Setup, Start, race, read_run, replay, write_run
+from fg_mujoco import Entry, Setup, Start, race, read_run, replay, write_run
 from fg_mujoco.addons.arena.race_control.race_control import OVERTAKE_HELD, OVERTAKE_LEAD
 from fg_mujoco.cli.main import main
 from fg_mujoco.cli.options import with_opponents
-from fg_mujoco.messages import DriveCommand, LaserScan, Odometry
+from fg_mujoco.messages import DriveCommand
 from fg_mujoco.racing.run_folder import SUMMARY
 
 
@@ -23,39 +22,39 @@ class Straight:
     speed = 1.0
     steering_angle = 0.0
 
-    def __init__(self, speed: float = 1.0, brakes_at: float = 1e9) -> None:
+    def __init__(self, speed=1.0, brakes_at=1e9):
         self._speed, self._brakes_at = speed, brakes_at
 
-    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+    def __call__(self, scan, odometry):
         speed = self._speed if scan.stamp < self._brakes_at else 0.0
         return DriveCommand(steering_angle=0.0, speed=speed)
 
-    def reset(self) -> None:
+    def reset(self):
         """Nothing is remembered."""
 
 
 class Raises(Straight):
     """Fails after half a second."""
 
-    def __call__(self, scan: LaserScan, odometry: Odometry) -> DriveCommand:
+    def __call__(self, scan, odometry):
         if scan.stamp > 0.5:
             raise ValueError("out of ideas")
         return super().__call__(scan, odometry)
 
 
-def entry(name: str, speed: float, s: float, offset: float = 0.0, **more: float) -> Entry:
+def entry(name, speed, s, offset=0.0, **more):
     """Return a car that drives straight on, from `s` and `offset` [m]."""
     return Entry(name=name, controller=Straight(speed, **more), start=Start(s=s, offset=offset), max_speed=8.0)
 
 
 @pytest.fixture(scope="module")
-def overtaken() -> RaceResult:
+def overtaken():
     """A race in which one car passes another beside it, and nobody touches anybody."""
     entries = [entry("slow", 0.5, 1.5, -0.4), entry("fast", 1.5, 0.0, 0.4)]
     return race("oval", entries=entries, laps=1, time_limit=4.0)
 
 
-def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken: RaceResult) -> None:
+def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken):
     (overtake,) = overtaken.overtakes
     assert (overtake.by, overtake.of) == ("fast", "slow")
     slow, fast = overtaken.cars
@@ -69,7 +68,7 @@ def test_an_overtake_is_half_a_length_ahead_held_for_a_second(overtaken: RaceRes
     assert [car.position for car in (fast, slow)] == [1, 2]
 
 
-def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was() -> None:
+def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was():
     result = race("oval", entries=[entry("ahead", 0.5, 1.2), entry("behind", 2.0, 0.0)], laps=1, time_limit=2.0)
     contact = result.contacts[0]
     assert contact.cars == ("ahead", "behind")
@@ -85,19 +84,19 @@ def test_a_contact_has_its_closing_speed_its_impulse_and_whose_fault_it_was() ->
     assert (ahead.collisions_wall, behind.collisions_wall) == (0, 0)
 
 
-def test_the_one_that_brakes_into_another_or_reverses_is_at_fault() -> None:
+def test_the_one_that_brakes_into_another_or_reverses_is_at_fault():
     result = race("oval", entries=[entry("backs", -1.0, 1.5), entry("stands", 0.0, 0.0)], laps=1, time_limit=2.5)
     assert result.contacts[0].at_fault == "backs"
 
 
 @pytest.fixture(scope="module")
-def warned() -> RaceResult:
+def warned():
     """A race in which a car drives into another again and again, under the rules."""
     entries = [entry("stands", 0.0, 3.5), entry("rams", 3.0, 0.0)]
     return race("oval", entries=entries, laps=1, time_limit=20.0, rules="roboracer_2026")
 
 
-def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path: Path) -> None:
+def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path):
     entries = [entry("drives", 1.0, 3.0), entry("rams", 4.0, 0.0)]
     result = race("oval", entries=entries, laps=1, time_limit=4.0, rules="roboracer_2026")
     drives, rams = result.cars
@@ -110,7 +109,7 @@ def test_behind_a_car_that_drives_on_it_is_3_metres_and_a_replay_knows(tmp_path:
     assert report.holds, report.lines
 
 
-def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
+def test_the_rules_warn_put_back_and_disqualify(warned):
     assert [warning.car for warning in warned.warnings] == ["rams"] * 3
     assert all(contact.displacement_m >= 0.05 for contact in warned.contacts[:1])
     stands, rams = warned.cars
@@ -123,7 +122,7 @@ def test_the_rules_warn_put_back_and_disqualify(warned: RaceResult) -> None:
 
 
 @pytest.mark.slow
-def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: Path) -> None:
+def test_a_race_with_restarts_replays_to_the_bit(warned, tmp_path):
     write_run(warned, tmp_path / "run", picture=False)
     report = replay(tmp_path / "run")
     assert report.holds, report.lines
@@ -134,7 +133,7 @@ def test_a_race_with_restarts_replays_to_the_bit(warned: RaceResult, tmp_path: P
 
 @pytest.mark.slow
 @each("key", ["contacts", "cars"])
-def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Path, key: str) -> None:
+def test_a_forged_figure_of_another_car_is_told(warned, tmp_path, key):
     write_run(warned, tmp_path / "run", picture=False)
     path = tmp_path / "run" / SUMMARY
     summary = json.loads(path.read_text("utf-8"))
@@ -147,7 +146,7 @@ def test_a_forged_figure_of_another_car_is_told(warned: RaceResult, tmp_path: Pa
     assert [difference.name for difference in report.differences] == [f"{SUMMARY}, {key}"]
 
 
-def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None:
+def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on():
     entries = [entry("drives", 1.0, 3.0), Entry(name="fails", controller=Raises(1.0), start=Start())]
     result = race("oval", entries=entries, laps=1, time_limit=3.0)
     drives, fails = result.cars
@@ -159,8 +158,7 @@ def test_a_planner_that_fails_stops_its_own_car_and_the_others_race_on() -> None
     assert result.car.planner_failure is None
 
 
-def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(tmp_path: Path,
-    capsys: pytest.CaptureFixture[str], without_pictures: None) -> None:  # fmt: skip
+def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(tmp_path, capsys, without_pictures):
     own = ["--opponent-vehicle", "nuc2", "--opponent-vehicle", "f1tenth", "--opponent-tires", "f1tenth_gym"]
     out = tmp_path / "run"
     arguments = ["race", "--time-limit", ".5", "--opponents", "wall_follow", "--opponents", "gap_finder", *own]
@@ -174,8 +172,7 @@ def test_a_mixed_field_has_its_vehicles_and_tires_and_can_start_behind(tmp_path:
     assert replay(out).holds
 
 
-def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(tmp_path: Path,
-    capsys: pytest.CaptureFixture[str], without_pictures: None) -> None:  # fmt: skip
+def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(tmp_path, capsys, without_pictures):
     out = tmp_path / "run"
     arguments = ["race", "--time-limit", "2", "--laps", "1", "--opponents", "wall_follow", "--opponent-max-speed", "2"]
     assert main([*arguments, "--out", str(out)]) == 1  # not driven to its end
@@ -186,7 +183,7 @@ def test_a_race_with_opponents_on_the_command_line_can_be_raced_again(tmp_path: 
     assert hashes[0] == hashes[1]
 
 
-def test_opponents_have_seeds_of_their_own() -> None:
+def test_opponents_have_seeds_of_their_own():
     setup = with_opponents(Setup.of(seed=7), ["wall_follow", "wall_follow"], {"opponent_max_speed": [3.0]})
     assert [(entry.controller, entry.max_speed, entry.seed) for entry in setup.entries[1:]] == [("wall_follow", 3.0, 8),
         ("wall_follow", 3.0, 9)]  # fmt: skip

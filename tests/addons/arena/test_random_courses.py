@@ -215,8 +215,8 @@ def test_nothing_that_moves_comes_to_a_wall_or_to_the_grid(name):
             corners = np.concatenate([thing.corners(time) for time in np.linspace(0.0, later, 40).tolist()])
             assert least_distance(corners, walls) > 0.03
             s, offset = track.project(corners)
-            right, left = (np.interp(s, track.arc_length, side,
-                                     period=track.length) for side in (track.corridor_right, track.corridor_left))
+            sides = (track.corridor_right, track.corridor_left)
+            right, left = (np.interp(s, track.arc_length, side, period=track.length) for side in sides)
             assert ((offset > -right) & (offset < left)).all()
             assert ((s > 2.5) & (s < track.length - 3.0)).all()  # the last of four cars is 2.4 m behind the start
 

@@ -21,7 +21,7 @@ STRAIGHT, LENGTH, RADIUS, WIDTH, SPACING = 20.0, 40.0, 6.0, 6.0, 0.25  # [m]
 BEFORE_BEND = LENGTH - 2.5  # [m]
 
 
-def stadium(turned: float) -> fg.Track:
+def stadium(turned):
     """Return a course of two straights and two bends that lies in another direction on the map [rad]."""
     x = np.arange(0.0, LENGTH, SPACING)
     angle = np.arange(0.0, math.pi, SPACING / RADIUS) - 0.5 * math.pi
@@ -33,7 +33,7 @@ def stadium(turned: float) -> fg.Track:
     return fg.Track(name="stadium", centreline=line @ [[cos, sin], [-sin, cos]], width_left=half, width_right=half)
 
 
-def drive(engine: Engine, drives: list[Drive], controls: list[RaceControl], ticks: int) -> None:
+def drive(engine, drives, controls, ticks):
     """Drive the cars of all worlds as they are commanded."""
     for tick in range(ticks):
         engine.commands[:] = [each.command(tick * engine.period) for each in drives]
@@ -48,7 +48,7 @@ def drive(engine: Engine, drives: list[Drive], controls: list[RaceControl], tick
         control.finish()
 
 
-def starts(drives: tuple[Drive, ...], s: float) -> list[fg.Start]:
+def starts(drives, s):
     """Return where the rear axles of cars stand whose middles are counted from a place of the course [m]."""
     return [fg.Start(s=s + each.s - MIDDLE * math.cos(each.heading),
                      offset=each.offset - MIDDLE * math.sin(each.heading), heading=each.heading,
@@ -56,22 +56,21 @@ def starts(drives: tuple[Drive, ...], s: float) -> list[fg.Start]:
 
 
 @each("turned, swapped", [(0.0, False), (2.0, True)])
-def test_race_control_judges_staged_touches_as_the_table_does(turned: float, swapped: bool) -> None:
+def test_race_control_judges_staged_touches_as_the_table_does(turned, swapped):
     cases = [case for case in CASES if case.simulated]
     engine = Engine(fg.World(stadium(turned), others=[WorldCar()]), len(cases), laps=5)
     drives = [staged(case, mirrored=swapped, swapped=swapped)[0] for case in cases]
-    engine.place([start for case,
-                  pair in zip(cases, drives,
-                      strict=True) for start in starts(pair, BEFORE_BEND if case.bend or case.cause else STRAIGHT)])
+    places = [BEFORE_BEND if case.bend or case.cause else STRAIGHT for case in cases]
+    engine.place([start for pair, place in zip(drives, places, strict=True) for start in starts(pair, place)])
     controls = [RaceControl(engine, names=("ba" if swapped else "ab"), rules=RULES["none"], world=world)
                 for world in range(len(cases))]  # fmt: skip
     drive(engine, [each for pair in drives for each in pair], controls, ticks=60)
     found = {case.name: control.contacts[:1] for case, control in zip(cases, controls, strict=True)}
-    assert {name: (contact.at_fault, contact.reason) for name,
-            (contact,) in found.items()} == {case.name: (case.fault, case.reason) for case in cases}  # fmt: skip
+    verdicts = {name: (contact.at_fault, contact.reason) for name, (contact,) in found.items()}
+    assert verdicts == {case.name: (case.fault, case.reason) for case in cases}
 
 
-def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that() -> None:
+def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that():
     world = fg.World(stadium(0.0), others=[WorldCar(), WorldCar()])
     drives = (Drive(s=0.7), Drive(), Drive(s=-1.5, speed=5.0))
     engine = Engine(world, laps=5)
@@ -83,7 +82,7 @@ def test_a_car_that_is_pushed_into_another_is_not_at_fault_for_that() -> None:
     assert found["first", "between"] == (NO_FAULT, fault.PUSHED)
 
 
-def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_passed() -> None:
+def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_passed():
     """It drives into one that stands, backs off, and does so again 0.5 s and 1.5 s after they last touched."""
     pushes = ((0.0, 0.0, 1.0), (0.5, 0.0, -1.0), (0.75, 0.0, 1.0), (1.5, 0.0, -1.0), (2.2, 0.0, 0.0), (3.0, 0.0, 1.5))
     drives = (Drive(s=0.75), Drive(speed=1.0, commands=pushes))
@@ -109,7 +108,7 @@ def test_a_car_that_pushes_again_and_again_has_one_contact_until_a_second_has_pa
 @each("case, warned",
       [("both drift towards each other alike", ["a", "b"]),
        ("side by side 1 cm apart, neither holds its line to the centimetre", [])])  # fmt: skip
-def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case: str, warned: list[str]) -> None:
+def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case, warned):
     found: Case = next(each for each in CASES if each.name == case)
     engine = Engine(fg.World(stadium(0.0), others=[WorldCar()]), laps=5)
     engine.place(starts((found.a, found.b), STRAIGHT))
@@ -120,7 +119,7 @@ def test_rules_warn_each_car_at_fault_and_put_back_the_one_behind(case: str, war
     assert len(control.restarts) == bool(warned)
 
 
-def test_a_long_push_of_a_car_that_rolls_is_not_free_and_a_short_one_is() -> None:
+def test_a_long_push_of_a_car_that_rolls_is_not_free_and_a_short_one_is():
     """A car at 1 m/s is caught up with by one that would go at 1.1 m/s, which displaces it by less than 5 cm."""
     for lasts, warned in ((math.inf, ["b"]), (0.8, [])):
         pusher = Drive(speed=1.1, commands=((0.0, 0.0, 1.1), (0.2 + lasts, 0.0, 0.0)))

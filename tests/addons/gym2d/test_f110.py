@@ -173,8 +173,8 @@ def test_the_episode_is_done_when_all_cars_have_driven_two_laps(drawn):
     finished = [info["checkpoint_done"].tolist()]
     while not done:
         views = [{name: values[row : row + 1] for name, values in obs.items() if name != "ego_idx"} for row in (0, 1)]
-        obs, _, done, info = env.step(np.concatenate([planner.plan(view) for planner,
-                                                      view in zip(planners, views, strict=True)]))  # fmt: skip
+        actions = [planner.plan(view) for planner, view in zip(planners, views, strict=True)]
+        obs, _, done, info = env.step(np.concatenate(actions))
         finished.append(info["checkpoint_done"].tolist())
     assert [True, False] in finished and finished[-1] == [True, True]  # the quicker one first
     assert obs["lap_times"][0] < obs["lap_times"][1]

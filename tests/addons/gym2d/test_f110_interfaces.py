@@ -94,8 +94,8 @@ def test_attributes_that_planners_read(drawn):
     assert env.params["lf"] + env.params["lr"] == pytest.approx(0.3302)
     assert env.current_time == pytest.approx(0.31)
     assert state.shape == (7,)
-    assert state[[0, 1, 3, 4, 5]].tolist() == pytest.approx([obs[name][0] for name in ("poses_x", "poses_y",
-                                                                    "linear_vels_x", "poses_theta", "ang_vels_z")])
+    names = ("poses_x", "poses_y", "linear_vels_x", "poses_theta", "ang_vels_z")
+    assert state[[0, 1, 3, 4, 5]].tolist() == pytest.approx([obs[name][0] for name in names])
     assert state[2] == pytest.approx(0.1, abs=0.01)
     assert math.tan(state[6]) == pytest.approx(obs["linear_vels_y"][0] / obs["linear_vels_x"][0])
     assert env.sim.agent_poses[:, 0].tolist() == env.poses_x == obs["poses_x"]

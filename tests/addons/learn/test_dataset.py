@@ -11,7 +11,6 @@ import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.files import file_sha256
 from fg_mujoco.errors import RunFolderError, SettingsError
-from fg_mujoco.lidar.beams import Beams
 from fg_mujoco.rollouts.recording import ScanLayout
 
 WORLDS = {"n": 5, "randomize": {"start_s": (0.0, 30.0), "lidar_noise": (0.0, 0.02)}, "time_limit": 0.3, "seed": 3}
@@ -101,7 +100,7 @@ def test_only_car_0_is_recorded_and_only_while_it_races():
 
 
 @pytest.fixture(scope="module")
-def beams() -> Beams:
+def beams():
     return fg.Setup(track="oval").first.car.lidar.beams
 
 

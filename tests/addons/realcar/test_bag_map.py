@@ -192,13 +192,12 @@ def test_odometry_drifts_unless_it_is_on_the_map(frame, drifts, tmp_path):
         assert read_sweeps(bag, CAR).drifts is drifts
 
 
-@each("arguments, said", [
-    (("map.png",), "map.png: is no name for a map; accepted: one that ends in .yaml or .yml"),
-    (("nowhere/map.yaml",), "cannot be written"),
-    (("map.yaml", "--resolution", "0"), "resolution is 0.0 m; accepted: from 0.01 to 1"),
-    (("map.yaml", "--pose-topic", "/pose"), "on /pose; accepted: /odom"),
-    (("there.yaml",), "there.yaml: exists; accepted: a new file, or --force"),
-])  # fmt: skip
+@each("arguments, said",
+      [(("map.png",), "map.png: is no name for a map; accepted: one that ends in .yaml or .yml"),
+       (("nowhere/map.yaml",), "cannot be written"),
+       (("map.yaml", "--resolution", "0"), "resolution is 0.0 m; accepted: from 0.01 to 1"),
+       (("map.yaml", "--pose-topic", "/pose"), "on /pose; accepted: /odom"),
+       (("there.yaml",), "there.yaml: exists; accepted: a new file, or --force")])  # fmt: skip
 def test_what_cannot_be_mapped_is_refused_in_one_line(arguments, said, here, capsys):
     in_a_room(here, links=[("base_link", "laser", vector(), rotation())])
     (here / "there.yaml").write_text("")

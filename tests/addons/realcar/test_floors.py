@@ -15,7 +15,7 @@ from fg_mujoco.vehicle.tires import Tires, tire_names
 SHORT = {"laps": 1, "time_limit": 0.2}
 
 
-def test_every_floor_says_where_how_and_by_whom_it_was_measured() -> None:
+def test_every_floor_says_where_how_and_by_whom_it_was_measured():
     for name in floor_names():
         floor = Floor.load(name)
         assert floor.name == name
@@ -24,12 +24,12 @@ def test_every_floor_says_where_how_and_by_whom_it_was_measured() -> None:
     assert fg.Setup.of(floor="f1tenth_gym").first.tires_mu == fg.Setup().first.tires_mu == 1.0489
 
 
-def test_every_set_of_tires_from_elsewhere_says_its_floor() -> None:
+def test_every_set_of_tires_from_elsewhere_says_its_floor():
     ours = {"coulomb", "contact"}
     assert {name for name in tire_names() if not Tires.load(name).floor} == ours
 
 
-def test_tires_are_scaled_from_the_floor_that_they_were_measured_on() -> None:
+def test_tires_are_scaled_from_the_floor_that_they_were_measured_on():
     measured = Tires.load("forzaeth_nuc2").described() | {"floor": "ipz8"}
     tires, here, there = Tires.load(measured), Floor.load("ipz8"), Floor.load("icra2026")
     assert here.mu_of(tires) is None
@@ -41,7 +41,7 @@ def test_tires_are_scaled_from_the_floor_that_they_were_measured_on() -> None:
     assert fg.Setup.of(floor="ipz8", tires=measured).first.tires_mu == tires.peak
 
 
-def test_a_race_on_a_floor_is_that_at_its_friction_and_says_the_floor(tmp_path) -> None:
+def test_a_race_on_a_floor_is_that_at_its_friction_and_says_the_floor(tmp_path):
     on_floor = fg.race("oval", **SHORT, floor="icra2026")
     mu = Floor.load("icra2026").mu
     plain = fg.race("oval", **SHORT, mu=mu)
@@ -54,7 +54,7 @@ def test_a_race_on_a_floor_is_that_at_its_friction_and_says_the_floor(tmp_path) 
     assert friction_text(mu, mu, "icra2026") == "mu 0.5365 on floor icra2026; the planner assumes 0.5365"
 
 
-def test_rollouts_and_environments_have_it_too(tmp_path) -> None:
+def test_rollouts_and_environments_have_it_too(tmp_path):
     mu = Floor.load("ipz8").mu
     rollout = fg.rollout("oval", n=1, **SHORT, floor="ipz8", out=tmp_path / "out")
     assert rollout.setup(0).first.tires_mu == mu

@@ -20,10 +20,10 @@ ERRORS = MeasuredErrors(ranges=(1.0, 3.0), bearings=(-1.0, 1.0), noise=((0.01, 0
 class Still:
     """A LiDAR that measures the same ranges for ever."""
 
-    def __init__(self, ranges: np.ndarray) -> None:
+    def __init__(self, ranges):
         self.beams, self._ranges = LidarModel.load().beams, ranges
 
-    def ranges(self, data: object) -> np.ndarray:
+    def ranges(self, data):
         return self._ranges.copy()
 
 
@@ -31,7 +31,7 @@ class At:
     time = 0.0
 
 
-def test_the_tables_are_linear_between_the_knots_and_constant_beyond() -> None:
+def test_the_tables_are_linear_between_the_knots_and_constant_beyond():
     values = ERRORS.at(np.array([-3.0, -1.0, 0.0, 1.0, 2.0]))
     assert values[:, :, 0] == pytest.approx(np.array([[1, 3], [1, 3], [1.5, 4.5], [2, 6], [2, 6]]) / 100.0)
     knots, beam = np.array([1.0, 3.0, math.inf]), np.array([[0.01, 0, 0], [0.03, 0, 0], [9.0, 0, 0]])
@@ -39,7 +39,7 @@ def test_the_tables_are_linear_between_the_knots_and_constant_beyond() -> None:
         assert error_at(knots, beam, 0, distance) == pytest.approx(expected)
 
 
-def test_noise_bias_and_dropouts_of_a_beam_are_those_of_its_range_and_bearing() -> None:
+def test_noise_bias_and_dropouts_of_a_beam_are_those_of_its_range_and_bearing():
     """Oracle: the tables by hand at two bearings and 2 m, in the middle between the knots."""
     lidar = Still(np.full(1081, 2.0))
     pipeline = ScanPipeline(lidar, LidarEffects(measured=ERRORS), np.random.default_rng(0))
@@ -53,7 +53,7 @@ def test_noise_bias_and_dropouts_of_a_beam_are_those_of_its_range_and_bearing() 
         assert abs(errors.std() - noise) < 5 * noise / math.sqrt(2 * n)
 
 
-def test_rows_of_a_batch_have_the_bits_of_a_pipeline_beside_rows_without() -> None:
+def test_rows_of_a_batch_have_the_bits_of_a_pipeline_beside_rows_without():
     lidar = Still(np.linspace(0.0, 31.0, 1081))
     lidar._ranges[-20:], lidar._ranges[:3] = math.inf, -math.inf
     plain = LidarEffects(range_noise_std=0.01, dropout_probability=0.1)
@@ -72,7 +72,7 @@ def test_rows_of_a_batch_have_the_bits_of_a_pipeline_beside_rows_without() -> No
             assert row.tobytes() == pipeline.scan(At).ranges.tobytes()
 
 
-def test_a_file_is_read_back_and_a_setup_keeps_it(tmp_path) -> None:
+def test_a_file_is_read_back_and_a_setup_keeps_it(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(ERRORS.toml)
     assert MeasuredErrors.load(str(file)) == ERRORS

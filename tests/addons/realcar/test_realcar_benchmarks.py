@@ -46,7 +46,7 @@ def map_file(tmp_path_factory):
     return draw_map(tmp_path_factory.mktemp("map"), free, name="hall", origin=(-4.0, -4.0, 0.0))
 
 
-def made_up(walls: MapWalls, seed: int, rows: int = 500) -> RecordedBeams:
+def made_up(walls, seed, rows=500):
     """A circle of 2.6 m at 1 to 5 m/s, whose beams have noise, and some of which see a person or fail."""
     rng = np.random.default_rng(seed)
     time = 0.04 * np.arange(rows)
@@ -73,7 +73,7 @@ def compared(map_file):
     return compare_beams([made_up(walls, seed) for seed in range(3)], walls)
 
 
-def test_the_mount_is_found_without_the_errors_of_poses_and_beams(compared) -> None:
+def test_the_mount_is_found_without_the_errors_of_poses_and_beams(compared):
     mount = compared.mount
     assert (mount.ahead, mount.left) == pytest.approx((0.27, 0.012), abs=0.006)
     assert mount.yaw == pytest.approx(-0.006, abs=0.002)
@@ -81,7 +81,7 @@ def test_the_mount_is_found_without_the_errors_of_poses_and_beams(compared) -> N
     assert mount.wall_depth == pytest.approx(0.0, abs=0.004)
 
 
-def test_noise_dropouts_and_what_is_not_in_the_map_are_told_apart(compared) -> None:
+def test_noise_dropouts_and_what_is_not_in_the_map_are_told_apart(compared):
     many = [band for band in compared.by_range if band.pairs > 300]
     assert many
     for band in many:
@@ -90,7 +90,7 @@ def test_noise_dropouts_and_what_is_not_in_the_map_are_told_apart(compared) -> N
     assert np.mean([band.farther for band in compared.by_range]) < 0.01
 
 
-def test_the_errors_are_those_that_a_race_can_have(compared) -> None:
+def test_the_errors_are_those_that_a_race_can_have(compared):
     errors = compared.errors
     assert np.median(errors.noise) == pytest.approx(NOISE, rel=0.1)
     assert np.abs(errors.bias).max() < 0.01

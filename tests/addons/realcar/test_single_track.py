@@ -38,8 +38,8 @@ def test_rates_are_the_published_equations(x6, x7, x3, x4, u2, mu):
     m, i, h, g = own.mass, own.yaw_inertia, own.center_of_gravity_height, own.gravity
     lf, lr, csf, csr = own.front_axle_distance, own.rear_axle_distance, FRONT_STIFFNESS, REAR_STIFFNESS
     front, rear = csf * (g * lr - u2 * h), csr * (g * lf + u2 * h)
-    yaw = (mu * m / (i * (lr + lf)) * (lf * front * x3 + (lr * rear - lf
-                                                          * front) * x7 - (lf**2 * front + lr**2 * rear) * x6 / x4))
+    turning = lf * front * x3 + (lr * rear - lf * front) * x7 - (lf**2 * front + lr**2 * rear) * x6 / x4
+    yaw = mu * m / (i * (lr + lf)) * turning
     slip = mu / (x4 * (lr + lf)) * (front * x3 - (rear + front) * x7 + (rear * lr - front * lf) * x6 / x4) - x6
     assert rates(x6, x7, x3, x4, u2, mu=mu) == pytest.approx((yaw, slip), rel=1e-9, abs=1e-9)
 

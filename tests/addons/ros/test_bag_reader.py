@@ -72,10 +72,9 @@ def test_without_odometry_the_car_does_what_was_commanded_before_the_scan(tmp_pa
 
 def test_odometry_is_the_last_received_when_the_scan_came_in_or_in_its_moment(tmp_path):
     late = EPOCH + SECOND // 20
-    entries = [
-        *scans(2), ("/odom", EPOCH, robot_odometry(EPOCH, speed=1.0, yaw_rate=0.5, x=3.0)),
-        ("/odom", late, robot_odometry(late, speed=2.0, yaw_rate=0.25)),
-    ]  # fmt: skip
+    entries = [*scans(2),
+               ("/odom", EPOCH, robot_odometry(EPOCH, speed=1.0, yaw_rate=0.5, x=3.0)),
+               ("/odom", late, robot_odometry(late, speed=2.0, yaw_rate=0.25))]  # fmt: skip
     first, second = read(write_bag(tmp_path / "bag", sorted(entries, key=lambda entry: entry[1])))
     assert (first.odometry.speed, second.odometry.speed) == (1.0, 2.0)
     assert (first.odometry.yaw_rate, second.odometry.yaw_rate) == (0.5, 0.25)

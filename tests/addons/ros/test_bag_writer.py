@@ -129,8 +129,8 @@ def test_commands_joints_and_imu_are_those_of_the_run(messages, folder):
         assert joints.name[0] == "steering"
         assert joints.position[0] == run.column("steering_angle_rad")[i]
         wheels = np.array(joints.velocity[1:])
-        assert 0.04899 * wheels.mean() == pytest.approx(messages["/odom"][i][1].twist.twist.linear.x, rel=0.01,
-                                                        abs=1e-9)  # fmt: skip
+        speed = messages["/odom"][i][1].twist.twist.linear.x
+        assert 0.04899 * wheels.mean() == pytest.approx(speed, rel=0.01, abs=1e-9)
     _, imu = messages["/imu"][20]
     assert imu.header.frame_id == "imu"
     assert imu.orientation_covariance[0] == -1.0  # it measures none
