@@ -312,14 +312,14 @@ def _drive_filtered(
         note(memory.reasons, SIGHT, steering_angle, reference_speed)
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
-        angle, now, period, path, memory.kept, predictions, radius,
+        angle, now, period, path, memory.kept, predictions, radius, guidance.way,
     )  # fmt: skip
     memory.kept = found and safe == reference
     among = memory.predictions.cars > 0
     if among and not memory.kept:
         without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
-            angle, now, period, path, True, predictions[:0], radius,
+            angle, now, period, path, True, predictions[:0], radius, guidance.way,
         )  # fmt: skip
         if without == reference:
             note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
@@ -328,14 +328,14 @@ def _drive_filtered(
             else:
                 use_without = least_cornering(
                     limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
-                    now, period, path, use_without, predictions, radius,
+                    now, period, path, use_without, predictions, radius, guidance.way,
                 )  # fmt: skip
             return hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
     if len(predictions) > 0 and not memory.kept and not among:
         onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))
         past, use_past, passes = passing_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference,
-            onwards, angle, now, period, path, predictions, radius,
+            onwards, angle, now, period, path, predictions, radius, guidance.way,
         )  # fmt: skip
         if passes:
             note(memory.reasons, SAFETY_FILTER, past, onwards)

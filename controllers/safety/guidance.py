@@ -79,7 +79,7 @@ class GuidanceSettings(Settings):
     grip: float = setting(0.85, "", "of the cornering acceleration, for motions", SHARE)
     profile_grip: float = setting(0.76, "", "of the cornering acceleration, for the speed on a motion", SHARE)
     profile_braking: float = setting(0.4, "", "of the greatest braking, ahead of a motion's curve", SHARE)
-    stop_braking: float = setting(0.65, "", "of the greatest braking, ahead of a motion's end", SHARE)
+    stop_braking: float = setting(0.52, "", "of the greatest braking, ahead of a motion's end", SHARE)
     hidden_braking: float = setting(0.7, "", "of the greatest braking, ahead of a hidden frontier", SHARE)
     horizon: float = setting_of_car(3.0, "m", "of a motion, and .1 s^2/m v^2 more", POSITIVE)
     narrow_speed: float = setting_of_car(1.0, "m/s", "in gaps that are hardly wider than the car", POSITIVE)

@@ -12,7 +12,8 @@ corner between a box and a wall. If there is none, the car brakes in the directi
 the contact; the margins often make that a stop. It keeps its steering angle if that is no worse: steering to and fro
 between two directions that are as bad takes from braking at every scan. Each direction is simulated with several
 shares of the grip for cornering, from braking first and turning late to the reverse. Where guidance leads the car, the
-reference is the motion that it follows, and its stop is simulated along the motion, not towards a goal. This is a
+reference is the motion that it follows, and its stop is simulated along the motion, not towards a goal; ground that
+the end of a barrier hides counts as free there if the local map has it free and away from walls. This is a
 dynamic window (D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics &
 Automation Magazine 4(1), 1997) over directions and shares of grip.
 
@@ -40,6 +41,8 @@ from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_place, steer_along
+from ..perception.cell_marks import NEAR_WALL, OPEN
+from ..perception.local_map import PER_METRE, RING, in_window
 from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
 from .predictions import WAIT, WAITS, meets
@@ -107,6 +110,7 @@ def safe_steering(
     kept: bool,
     predictions: FloatArray,
     radius: float,
+    ground: Record,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car can stop, the share of grip for cornering, and if there is one.
 
@@ -129,6 +133,7 @@ def safe_steering(
       kept: whether the reference passed at the last scan.
       predictions: of targets that move (k, 10), see `predictions`; the scan is the one without them.
       radius: of the disc that covers the car's front [m].
+      ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
     """
     car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
     reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
@@ -151,7 +156,7 @@ def safe_steering(
             last = memory.acceleration
             left = speed_at_contact(
                 limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, 0.0,
-                angle_now, speed, period, path if number == 0 else path[:0], predictions, radius,
+                angle_now, speed, period, path if number == 0 else path[:0], predictions, radius, ground,
             )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
@@ -168,7 +173,7 @@ def safe_steering(
         last = memory.acceleration
         left = speed_at_contact(
             limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside, 0.0,
-            0.0, angle_now, speed, period, path[:0], predictions, radius,
+            0.0, angle_now, speed, period, path[:0], predictions, radius, ground,
         )  # fmt: skip
         memory.acceleration = last
         if left <= least:
@@ -192,6 +197,7 @@ def least_cornering(
     otherwise: float,
     predictions: FloatArray,
     radius: float,
+    ground: Record,
 ) -> float:
     """Return the least share of the grip for cornering with which the car stops in time before what stands.
 
@@ -210,7 +216,7 @@ def least_cornering(
         last = memory.acceleration
         left = speed_at_contact(
             limiter, memory, settings, widened, angle_min, angle_increment, goal, use, settings.margin_aside, 0.0, 0.0,
-            angle_now, speed, period, path, predictions[:0], radius,
+            angle_now, speed, period, path, predictions[:0], radius, ground,
         )  # fmt: skip
         memory.acceleration = last
         if left == 0.0:
@@ -234,6 +240,7 @@ def passing_steering(
     path: FloatArray,
     predictions: FloatArray,
     radius: float,
+    ground: Record,
 ) -> tuple[float, float, bool]:
     """Return a steering angle [rad] with which the car gets past all targets and stops then, as `safe_steering` does.
 
@@ -258,7 +265,7 @@ def passing_steering(
                 left = speed_at_contact(
                     limiter, memory, settings, widened, angle_min, angle_increment, (bearing, views[number]), use,
                     settings.margin_aside, reference_speed, on, angle_now, speed, period,
-                    path if number == 0 else path[:0], predictions, radius,
+                    path if number == 0 else path[:0], predictions, radius, ground,
                 )  # fmt: skip
                 memory.acceleration = last
                 if left == 0.0:
@@ -296,6 +303,7 @@ def speed_at_contact(
     path: FloatArray,
     predictions: FloatArray,
     radius: float,
+    ground: Record,
 ) -> float:
     """Return the speed [m/s] at which the simulated car, braking on its way to a goal, hits something; 0: it stops.
 
@@ -321,6 +329,7 @@ def speed_at_contact(
       path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
       predictions: of targets that move (k, 10), which the same discs have to keep clear of, see `predictions`.
       radius: of these discs [m].
+      ground: of type FRONTIER_SEARCH: along a path, ground that was seen free counts as free where a corner hides it.
     """
     car, (bearing, distance) = limiter.car, goal
     lidar, standing = car.lidar_offset, settings.standing_speed
@@ -334,6 +343,7 @@ def speed_at_contact(
     x, y, heading = 0.0, 0.0, 0.0  # of the rear axle
     place, path_curvature, soft = 0, memory.curvature, limiter.slip.soft
     moving, time, apart = len(predictions) > 0, 0.0, radius + settings.margin_aside
+    known = len(path) > 0
     for tick in range(_TICKS):
         ticks = 1.0 if tick < _FINE_TICKS else 2.0
         reference = angle
@@ -364,12 +374,15 @@ def speed_at_contact(
         ahead, left = x + front * cos - lidar, y + front * sin
         beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
         if not beyond > math.sqrt(ahead * ahead + left * left) + to_bumper + margin:
-            return float(max(speed, standing))
+            reach = front + to_bumper + margin
+            if not (known and _was_seen(ground, x, y, cos, sin, front) and _was_seen(ground, x, y, cos, sin, reach)):
+                return float(max(speed, standing))
         for offset in (0.0, lidar):
             ahead, left = x + offset * cos - lidar, y + offset * sin
             if ahead > 0.0:
                 beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
-                if not beyond > math.sqrt(ahead * ahead + left * left):
+                hidden = not beyond > math.sqrt(ahead * ahead + left * left)
+                if hidden and not (known and _was_seen(ground, x, y, cos, sin, offset)):
                     return float(max(speed, standing))
         if moving:
             time += ticks * period
@@ -387,6 +400,20 @@ def speed_at_contact(
         goal_left = cos * (goal_y - y) - sin * (goal_x - x)
         distance = math.sqrt(goal_ahead * goal_ahead + goal_left * goal_left)
     return 0.0
+
+
+@kernel
+def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead: float) -> bool:
+    """Return whether the ground at a place ahead of a rear axle is free on the local map, and no wall next to it.
+
+    The rear axle is at x, y [m] in the frame of the car, with the cosine and sine of its heading.
+    """
+    world = ground.map
+    x, y = x + ahead * cos, y + ahead * sin
+    cos, sin = math.cos(world.heading), math.sin(world.heading)
+    i = math.floor((world.x + cos * x - sin * y) * PER_METRE)
+    j = math.floor((world.y + sin * x + cos * y) * PER_METRE)
+    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL) == OPEN)
 
 
 @kernel

@@ -8,6 +8,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
+from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety import predictions as predicted
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
 from fg_mujoco.controllers.safety.predictions import PREDICTIONS, interval, meets, separate, turned
@@ -95,6 +96,7 @@ def filtered(rows, speed=4.0, ahead=12.0):
     return safe_steering(
         LIMITER.record[0], np.zeros(1, LIMITER_MEMORY)[0], row[0], widened, bearings[0], math.radians(0.25), 0.0, speed,
         0.0, speed, 0.025, np.empty((0, 4)), False, np.array(rows).reshape(-1, 10), 0.17,
+        np.zeros(1, FRONTIER_SEARCH)[0],
     )  # fmt: skip
 
 

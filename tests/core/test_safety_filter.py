@@ -8,6 +8,8 @@ import pytest
 from cases import each
 from fg_mujoco.controllers.control.planner_settings import for_car, record_type, record_values
 from fg_mujoco.controllers.control.steering import pursue
+from fg_mujoco.controllers.perception.cell_marks import OPEN
+from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
 from fg_mujoco.controllers.safety.safety_filter import (
     SafetyFilterSettings,
@@ -23,6 +25,7 @@ LIMITER = FrictionLimiter(CAR, 1.0489)
 BEAMS, INCREMENT = 1081, math.radians(0.25)
 NO_PATH = np.empty((0, 4))
 NO_TARGETS = np.empty((0, 10))
+UNSEEN = np.zeros(1, FRONTIER_SEARCH)[0]  # nothing was seen
 START = -0.5 * (BEAMS - 1) * INCREMENT
 BEARINGS = START + INCREMENT * np.arange(BEAMS)
 BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  # [m] from the LiDAR to the disc's centre
@@ -30,7 +33,7 @@ BUMPER = CAR.length - CAR.rear_overhang - CAR.lidar_offset - 0.25 * CAR.width  #
 
 def filtered(
     widened, reference=0.0, angle=0.0, speed=4.0, acceleration=0.0, reference_speed=0.0, path=NO_PATH, kept=False,
-    **settings,
+    ground=UNSEEN, **settings,
 ):  # fmt: skip
     values = for_car(SafetyFilterSettings(**settings), CAR)
     row = np.array([record_values(values)], record_type(SafetyFilterSettings))
@@ -38,7 +41,7 @@ def filtered(
     memory["acceleration"] = acceleration
     answer = safe_steering(
         LIMITER.record[0], memory[0], row[0], widened, START, INCREMENT, reference, reference_speed, angle, speed,
-        0.025, path, kept, NO_TARGETS, 0.17,
+        0.025, path, kept, NO_TARGETS, 0.17, ground,
     )  # fmt: skip
     assert memory["acceleration"][0] == acceleration  # trying leaves no trace
     return answer
@@ -101,9 +104,23 @@ def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use)
     angle = math.atan(CAR.wheelbase / 3.0)
     found = least_cornering(
         LIMITER.record[0], memory[0], row[0], ranges, START, INCREMENT, angle, angle, 4.2, 0.025, NO_PATH, 0.5,
-        NO_TARGETS, 0.17,
+        NO_TARGETS, 0.17, UNSEEN,
     )  # fmt: skip
     assert (found, memory["acceleration"][0]) == (use, 0.0)
+
+
+def test_along_a_path_ground_that_was_seen_counts_as_free_where_a_corner_hides_it():
+    turn = np.arange(0.0, 1.5, 0.05)
+    path = np.column_stack((2.0 * np.sin(turn), 2.0 - 2.0 * np.cos(turn), turn, np.full_like(turn, 0.5)))
+    ranges = np.full(BEAMS, 30.0)
+    ranges[math.radians(1.0) < BEARINGS] = 0.3  # the corner's end, beside the path
+    seen = np.zeros(1, FRONTIER_SEARCH)[0]
+    seen["blocked"] = OPEN
+    angle = math.atan(0.5 * CAR.wheelbase)
+    along = {"path": path}
+    for options, passes in ((along | {"ground": seen}, True), (along, False), ({"ground": seen}, False)):
+        way, _, found = filtered(ranges, angle, angle, 3.5, **options)
+        assert (way == angle and found) == passes, options
 
 
 def test_where_no_way_is_free_it_says_so():
