@@ -355,7 +355,7 @@ def _drive_filtered(
     if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
         on_motion = least_cornering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle, now,
-            period, path, -1.0, predictions, radius,
+            period, path, -1.0, predictions, radius, guidance.way,
         )  # fmt: skip
         if on_motion >= 0.0:
             note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
