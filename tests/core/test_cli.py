@@ -29,12 +29,6 @@ class Straight:
 """
 
 
-def planner(answer):
-    """A controller file whose answer is an expression of scan and odometry."""
-    body = f"    def reset(self): pass\n    def __call__(self, scan, odometry): return {answer}\n"
-    return "from fg_mujoco.messages import *\nclass P:\n" + body
-
-
 def command(*arguments, **options):
     """Run the installed command in a process of its own."""
     return subprocess.run(
@@ -98,10 +92,8 @@ def test_a_controller_of_the_users_that_hits_the_wall_exits_1_and_is_written(her
 
 
 def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here, capsys):
-    (here / "planner.py").write_text(
-        "import os, signal\nclass P:\n    def reset(self): pass\n    def __call__(self, scan, odometry):\n"
-        "        while True: os.kill(os.getpid(), signal.SIGINT)\n"
-    )
+    kills = "    while True: os.kill(os.getpid(), signal.SIGINT)\n"
+    (here / "planner.py").write_text(f"import os, signal\ndef P(scan, odometry):\n{kills}")
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for what runs in the background
     try:
         assert main(["race", "--controller", "planner.py:P", "--json", "--decision-limit", "20"]) == 1
@@ -113,9 +105,8 @@ def test_the_second_ctrl_c_ends_the_race_where_the_first_was_to_be_ignored(here,
 
 def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
     (here / "planner.py").write_text(
-        "import os, signal\nfrom fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
-        "    def __call__(self, scan, odometry):\n"
-        "        if scan.stamp >= WHEN: os.kill(os.getpid(), signal.SIGINT)\n        return STOP\nWHEN = 0.1\n"
+        "import os, signal\nfrom fg_mujoco.messages import STOP\ndef P(scan, odometry):\n"
+        "    if scan.stamp >= WHEN: os.kill(os.getpid(), signal.SIGINT)\n    return STOP\nWHEN = 0.1\n"
     )
     assert main(["race", "--controller", "planner.py:P", "--json"]) == 1
     said = "waiting for the planner's command at t = 0.100 s. Ctrl-C once more ends the race at once.\n"
@@ -128,8 +119,8 @@ def test_the_first_ctrl_c_says_what_it_waits_for(here, capfd):
 
 def test_a_planner_that_never_answers_ends_the_race_and_what_was_driven_is_kept(here, capsys, without_pictures):
     (here / "planner.py").write_text(
-        "from fg_mujoco.messages import STOP\nclass P:\n    def reset(self): pass\n"
-        "    def __call__(self, scan, odometry):\n        while scan.stamp > 0.11: pass\n        return STOP\n"
+        "from fg_mujoco.messages import STOP\ndef P(scan, odometry):\n"
+        "    while scan.stamp > 0.11: pass\n    return STOP\n"
     )
     arguments = ["race", "--controller", "planner.py:P", "--decision-limit", "0.2", "--out", "run"]
     assert main(arguments) == 1
@@ -156,7 +147,8 @@ def test_without_extras_the_rest_is_written_and_the_commands_that_install_them_a
 
 @pytest.mark.slow
 def test_progress_is_shown_on_a_terminal_and_not_in_a_pipe(here):
-    (here / "planner.py").write_text(planner("DriveCommand(steering_angle=0.0, speed=0.1)"))
+    crawls = "def P(scan, odometry): return DriveCommand(steering_angle=0.0, speed=0.1)\n"
+    (here / "planner.py").write_text(f"from fg_mujoco.messages import *\n{crawls}")
     arguments = ["race", "--laps", "2", "--controller", "planner.py:P", "--time-limit", "20"]
     assert command(*arguments).stderr == ""
 

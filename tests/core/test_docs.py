@@ -23,7 +23,7 @@ if not (ROOT / "mkdocs.yml").exists():
     pytest.skip("not a checkout of the repository", allow_module_level=True)
 
 READ = [path for path in DOCS.rglob("*.md") if "journal" not in path.parts]  # the journal is about older versions
-PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*READ, *ROOT.glob("C*.md")))
+PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*READ, *ROOT.glob("[CR]*.md")))
 CONFIG = (ROOT / "mkdocs.yml").read_text("utf-8")
 RUN_ELSEWHERE = {
     f"docs/{page}": "tests/addons/learn/test_training_example.py"
@@ -162,7 +162,7 @@ def test_names_and_files_on_pages_are_there():
     """Of the tables that say where modules moved, the new names."""
     folders = "fg_mujoco|controllers|addons|models|tracks|tests|docs|benchmarks|examples"
     wrong = []
-    for page in ("README.md", *PAGES):
+    for page in PAGES:
         text = without_old_names(page)
         dotted = set(re.findall(r"(?<![\w./-])fg_mujoco(?:\.[A-Za-z_]\w*)+", text)) - ENTRY_POINT_GROUPS
         wrong += [(page, name) for name in sorted(dotted) if not imported(name)]

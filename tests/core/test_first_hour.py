@@ -89,12 +89,6 @@ def test_numpys_numbers_are_taken_as_numbers():
 # a simulation that is stepped by hand
 
 
-@each("command", [(0.0, 1.0), [0.0, 1.0], np.zeros(2), None])
-def test_a_step_takes_a_command_and_says_how_it_is_made(simulation, command):
-    with pytest.raises(MessageError, match=r"accepted: a DriveCommand\(steering_angle=0.1"):
-        simulation.step(command)
-
-
 def test_ranges_that_are_written_to_say_that_a_copy_can_be(scan):
     before = np.array(scan.ranges)
     for write in (

@@ -18,7 +18,6 @@ from fg_mujoco.envs.observer import Observer
 from fg_mujoco.envs.reward_kernels import reward_ticks, sum_terms
 from fg_mujoco.envs.rewards import Rewards
 from fg_mujoco.envs.starts import draw_start
-from fg_mujoco.errors import MessageError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.messages import ODOMETRY
 from fg_mujoco.vehicle.car import car_parameters
@@ -95,23 +94,6 @@ def test_actions_out_of_bounds_are_held_within_them_and_counted(env):
         same, *_, info = env.step(np.array(action))
     assert info["clipped_actions"] == 0
     assert held["scan"].tobytes() == same["scan"].tobytes()
-
-
-@each(
-    ("action", "match"),
-    [
-        ([math.nan, 1.0], "steering_angle is nan"),
-        ([0.0, math.nan], "speed is nan"),
-        ([0.0], "shape"),
-        ("ab", "accepted"),
-    ],
-)
-def test_what_is_no_action_is_refused_and_nothing_is_driven(env, action, match):
-    env.reset(seed=0)
-    with pytest.raises(MessageError, match=match):
-        env.step(action)
-    *_, info = env.step(np.zeros(2))
-    assert info["time_s"] == pytest.approx(0.025)
 
 
 @each("compiled", [True, False])

@@ -11,28 +11,21 @@ from fg_mujoco.racing.decision_times import DecisionTimes
 from fg_mujoco.racing.hints import clamped_hint, late_hint, race_hints
 from fg_mujoco.simulation.telemetry import COMMAND, TELEMETRY
 from fg_mujoco.vehicle.car import WHEELS
+from hand_planners import driven
 
 CAR = fg.Vehicle.load("f1tenth").parameters
 PERIOD = 0.025
 
 
-class Deepest:
-    """Steers to where there is most room, of a scan that it reads in some way."""
+def deepest(read, speed, widest):
+    """A planner that steers to where there is most room, of a scan that it reads in some way."""
 
-    def __init__(self, read, speed=1.5, unit=1.0, widest=math.pi):
-        self.read, self.speed, self.unit, self.widest = read, speed, unit, widest
+    def planner(scan, odometry):
+        ranges, bearings = read(scan)
+        angle = float(np.average(bearings, weights=np.minimum(ranges, 8.0) ** 3 * (abs(bearings) < widest)))
+        return DriveCommand(steering_angle=min(max(angle, -0.4), 0.4), speed=speed)
 
-    def reset(self):
-        pass
-
-    def __call__(self, scan, odometry):
-        ranges, bearings = self.read(scan)
-        angle = float(np.average(bearings, weights=np.minimum(ranges, 8.0) ** 3 * (abs(bearings) < self.widest)))
-        return DriveCommand(steering_angle=self.unit * min(max(angle, -0.4), 0.4), speed=self.speed)
-
-
-def as_it_is(scan):
-    return scan.ranges, scan.bearings
+    return planner
 
 
 def mirrored(scan):
@@ -83,22 +76,16 @@ def test_degrees_that_are_cut_off_are_told_and_radians_and_one_side_are_not(cut)
 
 @each(("moves", "said"), [(0.0, "all "), (1.0, "the last "), (99.0, "")])
 def test_a_planner_that_asks_for_no_speed_is_told_so(moves, said):
-    class Stops(Deepest):
-        def __call__(self, scan, odometry):
-            return DriveCommand(steering_angle=0.0, speed=1.0 if odometry.stamp < moves else 0.0)
-
-    result = fg.race("oval", Stops(as_it_is), laps=1, time_limit=4.0)
+    stops = driven(lambda odometry: (0.0, 1.0 if odometry.stamp < moves else 0.0))
+    result = fg.race("oval", stops, laps=1, time_limit=4.0)
     assert result.car.end_reason == "time_limit"
     hints = race_hints(result)
     assert len(hints) == bool(said) and all(hint.startswith(said) and "speed of 0 m/s" in hint for hint in hints)
 
 
 def test_wheels_that_spin_at_the_start_are_told_with_time_and_place():
-    class Floors(Deepest):
-        def __call__(self, scan, odometry):
-            return DriveCommand(steering_angle=0.0, speed=8.0 if odometry.stamp < 0.3 else 2.0)
-
-    car = fg.race("oval", Floors(as_it_is), laps=1, time_limit=2.0).car
+    floors = driven(lambda odometry: (0.0, 8.0 if odometry.stamp < 0.3 else 2.0))
+    car = fg.race("oval", floors, laps=1, time_limit=2.0).car
     assert car.max_slide_m_s > 0.5
     slid = np.nanmax([car.column(f"slide_{wheel}_m_s") for wheel in WHEELS], axis=0)
     tick = int(np.nanargmax(slid))
@@ -135,7 +122,7 @@ def test_most_decisions_over_a_tick_are_told(late, told):
     ],
 )
 def test_a_planner_that_reads_the_scan_in_another_order_is_asked(read, track, speed, widest):
-    result = fg.race(track, Deepest(read, speed, widest=widest), laps=1, time_limit=30.0)
+    result = fg.race(track, deepest(read, speed, widest), laps=1, time_limit=30.0)
     assert result.car.end_reason == "crash"
     (hint,) = race_hints(result)
     assert (

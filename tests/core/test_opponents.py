@@ -5,7 +5,6 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.errors import MessageError
 from fg_mujoco.racing.entries import Entry, grid_starts
 from hand_planners import driven
 
@@ -87,22 +86,6 @@ def test_touches_are_told_and_end_nothing():
         assert not (terminated or truncated)
     assert info["touches"] >= 1
     assert F1TenthEnv(beam_step=540).reset(seed=0)[1].keys() == info.keys() - {"touches", "position", "lead_m"}
-
-
-@each(
-    ("answer", "message"),
-    [
-        (None, "the policy of opponent 1.*accepted"),
-        ([0.0], "the policy of opponent 1 answered .*accepted: an action"),
-        ("ab", "the policy of opponent 1 answered 'ab'; accepted: an action"),
-        ([0.0, np.nan], "the policy of opponent 1: .*speed is nan"),
-    ],
-)
-def test_an_answer_of_a_policy_that_is_no_action_is_refused(answer, message):
-    env = F1TenthEnv(beam_step=540, opponents=[lambda observation: answer])
-    env.reset(seed=0)
-    with pytest.raises(MessageError, match=message):
-        env.step(PARKED)
 
 
 def test_an_opponent_has_the_speed_of_the_first_car_unless_it_is_given_its_own():

@@ -16,11 +16,8 @@ from fg_mujoco.racing.run_folder import read_summary, was_raced_here
 RACE = ("race", "--time-limit", "0.2")
 PLANNER = """
 from fg_mujoco.messages import DriveCommand
-class P:
-    def __call__(self, scan, odometry):
-        return DriveCommand(steering_angle=0.0, speed=1.0)
-    def reset(self):
-        pass
+def P(scan, odometry):
+    return DriveCommand(steering_angle=0.0, speed=1.0)
 """
 
 

@@ -92,9 +92,7 @@ def test_a_folder_that_holds_no_settings_is_refused(tmp_path, short_race, capsys
 
 PLANNER = """
 from fg_mujoco.messages import DriveCommand
-class Slow:
-    def reset(self): pass
-    def __call__(self, scan, odometry): return DriveCommand(steering_angle=0.1, speed=SPEED)
+def slow(scan, odometry): return DriveCommand(steering_angle=0.1, speed=SPEED)
 """
 
 
@@ -103,7 +101,7 @@ def raced(tmp_path, monkeypatch, without_pictures):
     """The folder of a race by a planner's file that lies beside it; the present folder."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "planner.py").write_text(PLANNER.replace("SPEED", "0.5"))
-    main(["race", "--controller", "planner.py:Slow", "--time-limit", "0.2", "--out", "first"])
+    main(["race", "--controller", "planner.py:slow", "--time-limit", "0.2", "--out", "first"])
     return tmp_path
 
 
@@ -124,11 +122,11 @@ def test_a_planners_file_is_found_again_in_the_run_folder(raced, capsys, monkeyp
         (raced / "planner.py").unlink()
     again, first = raced_again(raced / "first", capsys), fg.read_run(raced / "first").summary
     assert again["trajectory_sha256"] == first["trajectory_sha256"]
-    kept = f"{raced / 'first' / 'controller.py'}:Slow"
-    assert again["settings"]["controller"] == ("planner.py:Slow" if change == "nothing" else kept)
+    kept = f"{raced / 'first' / 'controller.py'}:slow"
+    assert again["settings"]["controller"] == ("planner.py:slow" if change == "nothing" else kept)
 
 
 def test_an_option_wins_over_the_copy_in_the_run_folder(raced, capsys):
     (raced / "planner.py").write_text(PLANNER.replace("SPEED", "1.5"))
-    again = raced_again(raced / "first", capsys, "--controller", "planner.py:Slow")
+    again = raced_again(raced / "first", capsys, "--controller", "planner.py:slow")
     assert again["trajectory_sha256"] != fg.read_run(raced / "first").summary["trajectory_sha256"]

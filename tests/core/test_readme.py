@@ -1,4 +1,4 @@
-"""What the README and the page Start show works: Python runs, commands run in an empty folder, links exist."""
+"""What the README and the page Start show works: commands run in an empty folder, and tables say what there is."""
 
 import importlib.util
 import os
@@ -21,22 +21,6 @@ DOCS = README.parent / "docs"
 TEXT = README.read_text() if README.exists() else ""
 
 pytestmark = pytest.mark.skipif(not TEXT, reason="not a checkout of the repository")
-
-
-def blocks(language):
-    return re.findall(rf"^```{language}\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
-
-
-def test_python_examples_run(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    names = {}
-    for block in blocks("python"):
-        exec(block, names)
-    race = names["race"]
-    assert race.car.finished, race
-    assert race.car.laps_completed == 5
-    assert race.car.collisions_wall == 0
-    assert len(capsys.readouterr().out.splitlines()) >= 2
 
 
 SHORTER = {
@@ -118,12 +102,6 @@ def test_options_shown_are_those_of_the_command():
     known = {option for action in race._actions for option in action.option_strings} - {"-h", "--help"}
     shown = set(re.findall(r"`(--[a-z-]+)", (DOCS / "commands.md").read_text()))
     assert known <= shown, known - shown
-
-
-def test_files_linked_exist():
-    links = re.findall(r"\]\(([^)#]+)\)", TEXT)
-    assert links
-    assert not [link for link in links if "://" not in link and not (README.parent / link).exists()]
 
 
 def test_the_table_of_circuits_says_what_they_measure():

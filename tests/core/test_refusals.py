@@ -306,7 +306,28 @@ NOISE, FAST = fg.LidarEffects(range_noise_std=0.02, latency=0.03), {"mu": 0.8, "
 TWICE = r"mu is 0\.8 and CarChanges\.mu is 0\.5; accepted: one of them"
 IN_BRACKETS = {"controller": "gap_finder[lookahead=6]", "planner_settings": {"lookahead": 6.0}}
 NOT_ON_COURSE = [Start(offset=3.0), Start(offset=1.1), Start(s=20.0, offset=-40.0)]  # the oval is 2.2 m wide
+def stepped(action, **settings):
+    """Step an environment that refuses it, and has driven nothing then."""
+    env = environment(**settings)
+    env.reset(seed=0)
+    try:
+        env.step(action)
+    finally:
+        if not settings:
+            assert env.step(np.zeros(2))[4]["time_s"] == pytest.approx(0.025)
+
+
 CALLS = {
+    "actions": [
+        *((lambda a=action: stepped(a), said) for action, said in (
+            ([math.nan, 1.0], "steering_angle is nan"), ([0.0, math.nan], "speed is nan"), ([0.0], "shape"),
+            ("ab", "accepted"))),
+        *((lambda a=answer: stepped(np.zeros(2), opponents=[lambda seen: a]), said) for answer, said in (
+            (None, "the policy of opponent 1.*accepted"), ("ab", "opponent 1 answered 'ab'; accepted: an action"),
+            ([0.0, math.nan], "the policy of opponent 1: .*speed is nan"))),
+        *((lambda c=command: fg.Simulation(fg.World("oval")).step(c), r"accepted: a DriveCommand\(steering_angle=0.1")
+          for command in ((0.0, 1.0), np.zeros(2), None)),
+    ],
     "calls": [
         (lambda: fg.race("oval", planner="gap_finder"), "did you mean 'controller'"),
         (lambda: fg.race("oval", speed=4), "did you mean 'max_speed'"),

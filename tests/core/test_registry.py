@@ -79,7 +79,8 @@ def install(tmp_path, monkeypatch):
 
     monkeypatch.syspath_prepend(tmp_path)
     yield install
-    sys.modules.pop("yard", None)
+    for package in ("yard", "others"):
+        sys.modules.pop(package, None)
 
 
 def made(name):

@@ -32,31 +32,22 @@ PLANNER = """
 import os
 import signal
 from fg_mujoco.messages import DriveCommand
-class Mine:
-    def reset(self):
-        pass
-    def __call__(self, scan, odometry):
-        return self.answer(odometry.stamp)
-class Crasher(Mine):
-    def answer(self, time):
-        return DriveCommand(steering_angle=0.3, speed=6.0)
-class Reverser(Mine):
-    def answer(self, time):
-        return DriveCommand(steering_angle=0.0, speed=1.5 if time < 1.5 else -2.5)
-class Beyond(Mine):
-    def answer(self, time):
-        return DriveCommand(steering_angle=0.9 if time < 0.1 else 0.0, speed=1.0)
-class Failing(Mine):
-    def answer(self, time):
-        return DriveCommand(steering_angle=0.0, speed=1.0 / (time < 0.2))
-class Interrupted(Mine):
-    def answer(self, time):
-        if time > 0.2:
-            os.kill(os.getpid(), signal.SIGINT)
-        return DriveCommand(steering_angle=0.0, speed=1.0)
-class Standing(Mine):
-    def answer(self, time):
-        return DriveCommand(steering_angle=0.0, speed=0.0)
+def command(steering_angle, speed):
+    return DriveCommand(steering_angle=steering_angle, speed=speed)
+def crasher(scan, odometry):
+    return command(0.3, 6.0)
+def reverser(scan, odometry):
+    return command(0.0, 1.5 if odometry.stamp < 1.5 else -2.5)
+def beyond(scan, odometry):
+    return command(0.9 if odometry.stamp < 0.1 else 0.0, 1.0)
+def failing(scan, odometry):
+    return command(0.0, 1.0 / (odometry.stamp < 0.2))
+def interrupted(scan, odometry):
+    if odometry.stamp > 0.2:
+        os.kill(os.getpid(), signal.SIGINT)
+    return command(0.0, 1.0)
+def standing(scan, odometry):
+    return command(0.0, 0.0)
 """
 
 
@@ -134,11 +125,10 @@ def test_the_command_says_whether_the_planner_decides_the_same_again(
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text(
-        "import time\nfrom fg_mujoco.messages import DriveCommand\nclass Mine:\n    def reset(self):\n        pass\n"
-        "    def __call__(self, scan, odometry):\n"
-        f"        return DriveCommand(steering_angle={steering}, speed=1.0)\n"
+        "import time\nfrom fg_mujoco.messages import DriveCommand\ndef mine(scan, odometry):\n"
+        f"    return DriveCommand(steering_angle={steering}, speed=1.0)\n"
     )
-    main(["race", "--controller", "mine.py:Mine", "--time-limit", "0.2", "--out", "run"])
+    main(["race", "--controller", "mine.py:mine", "--time-limit", "0.2", "--out", "run"])
     capsys.readouterr()
     assert main(["replay", "run"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -228,12 +218,12 @@ def test_a_race_on_another_course_than_it_says_is_told(folder):
 
 
 RACES = {
-    "crash": ("--controller", "mine.py:Crasher"),
-    "wrong way": ("--controller", "mine.py:Reverser"),
-    "planner failed": ("--controller", "mine.py:Failing"),
-    "interrupted": ("--controller", "mine.py:Interrupted"),
-    "no progress": ("--controller", "mine.py:Standing"),
-    "beyond the limits": ("--controller", "mine.py:Beyond", "--time-limit", "0.5"),
+    "crash": ("--controller", "mine.py:crasher"),
+    "wrong way": ("--controller", "mine.py:reverser"),
+    "planner failed": ("--controller", "mine.py:failing"),
+    "interrupted": ("--controller", "mine.py:interrupted"),
+    "no progress": ("--controller", "mine.py:standing"),
+    "beyond the limits": ("--controller", "mine.py:beyond", "--time-limit", "0.5"),
     "moving obstacles": ("--track", "scene:crossing_box:3", "--time-limit", "3"),
     "a scene to its goal": ("--track", "scene:narrow_gap_150"),
     "random obstacles": ("--obstacles", "3", "--time-limit", "3"),
@@ -270,13 +260,13 @@ def test_every_kind_of_race_is_proved(name, here, capsys):
 @each(
     ("planner", "name", "change"),
     [
-        ("Crasher", "crash", {"speed_m_s": 0.1}),
-        ("Crasher", "crash", {"into": "obstacle 0"}),
-        ("Crasher", "collisions", 0),
-        ("Reverser", "wrong_way", {"s_m": 9.0}),
-        ("Interrupted", "end_reason", "finished"),
-        ("Interrupted", "end_reason", "time_limit"),
-        ("Beyond", "clamped_commands", 0),
+        ("crasher", "crash", {"speed_m_s": 0.1}),
+        ("crasher", "crash", {"into": "obstacle 0"}),
+        ("crasher", "collisions", 0),
+        ("reverser", "wrong_way", {"s_m": 9.0}),
+        ("interrupted", "end_reason", "finished"),
+        ("interrupted", "end_reason", "time_limit"),
+        ("beyond", "clamped_commands", 0),
     ],
 )
 def test_what_ended_a_race_cannot_be_forged(planner, name, change, here):
