@@ -535,7 +535,7 @@ OF_COMMANDS = {
         "n": ("0", "-5"), "workers": ("0",), "memory-budget": ("-1",), "chunk": ("0",), "record": ("all",),
         "executor": ("dask",), "randomize": ("mu=0.5:50", "mu=-1:1", "lidar_noise=99", "speed=1"),
     },
-    ("compare", "--out=out"): {"seed": ("-1", "1,-4"), "workers": ("0",)},
+    ("compare", "--out=out", "--track=oval", "--controller=gap_finder"): {"seed": ("-1", "1,-4"), "workers": ("0",)},
     ("view", "--web"): {"port": ("0", "99999999")},
     ("friction", "skidpad"): {"mu": ("0", "50"), "steering": ("0", "9"), "seed": ("-1",), "workers": ("0",)},
     ("render", "run"): {"camera": ("drone",), "quality": ("ultra",), "size": ("big",)},
