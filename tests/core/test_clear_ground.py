@@ -11,11 +11,7 @@ from cases import each
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.cars import WorldCar
-from fg_mujoco.simulation.clear_ground import (
-    distances_of,
-    find_clear_ground,
-    touches_nothing,
-)
+from fg_mujoco.simulation.clear_ground import distances_of, find_clear_ground, touches_nothing
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
 from fg_mujoco.simulation.settings import Start

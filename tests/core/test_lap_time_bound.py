@@ -11,15 +11,7 @@ from hypothesis import strategies as st
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.lab.lap_line import best_flying_lap, driven_lap
-from fg_mujoco.lab.lap_time_bound import (
-    HoldingCar,
-    Line,
-    PointMass,
-    fastest_speeds,
-    lap_time,
-    smooth_line,
-    step_times,
-)
+from fg_mujoco.lab.lap_time_bound import HoldingCar, Line, PointMass, fastest_speeds, lap_time, smooth_line, step_times
 from fg_mujoco.lab.laps import GREATEST_RATIO
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED
 from fg_mujoco.vehicle.vehicle import Vehicle

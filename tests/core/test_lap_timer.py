@@ -1,7 +1,5 @@
 """Laps by progress along the centreline, with direction."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

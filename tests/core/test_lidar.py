@@ -1,9 +1,6 @@
 """The LiDAR: its beams, and both back ends against closed forms, against each other and against mj_ray."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,23 +10,14 @@ from cases import each
 from fg_mujoco.errors import ModelError
 from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.lidar import LIDAR_BACKENDS, RangefinderLidar, RaycastLidar, make_lidar
-from lidar_worlds import (
-    GEOM,
-    PREFIX,
-    disagreements,
-    mujoco_rays,
-    place,
-    random_spec,
-    rig_spec,
-    room,
-)
+from lidar_worlds import GEOM, PREFIX, disagreements, mujoco_rays, place, random_spec, rig_spec, room
 
 BEAMS = LidarModel.load().beams
 
 both_backends = each("backend", LIDAR_BACKENDS)
 
 
-def scanner(spec: Any, backend: str) -> Any:
+def scanner(spec, backend):
     model = spec.compile()
     return model, mujoco.MjData(model), make_lidar(backend, model, PREFIX)
 
@@ -37,7 +25,7 @@ def scanner(spec: Any, backend: str) -> Any:
 # --- beams ---
 
 
-def test_beams_are_those_of_a_ust_10lx() -> None:
+def test_beams_are_those_of_a_ust_10lx():
     beams = BEAMS
     assert beams.bearings.shape == (1081,)
     np.testing.assert_allclose(np.degrees(beams.bearings), np.arange(1081) * 0.25 - 135.0, rtol=0, atol=1e-12)
@@ -51,7 +39,7 @@ def test_beams_are_those_of_a_ust_10lx() -> None:
 
 
 @both_backends
-def test_room_is_measured_to_its_walls(backend: str) -> None:
+def test_room_is_measured_to_its_walls(backend):
     spec = rig_spec(sensors=backend == "rangefinder")
     room(spec, half_length=6.0, half_width=4.0)
     model, data, lidar = scanner(spec, backend)
@@ -67,7 +55,7 @@ def test_room_is_measured_to_its_walls(backend: str) -> None:
     ("distance", "reading"),
     [(0.0199, -math.inf), (0.0201, 0.0201), (29.999, 29.999), (30.001, math.inf), (100.0, math.inf)],
 )
-def test_readings_outside_the_limits_are_infinite(backend: str, distance: float, reading: float) -> None:
+def test_readings_outside_the_limits_are_infinite(backend, distance, reading):
     spec = rig_spec(sensors=backend == "rangefinder")
     spec.worldbody.add_geom(type=GEOM.mjGEOM_BOX, size=(0.1, 1, 1), pos=(0.1 + distance, 0, 0))
     model, data, lidar = scanner(spec, backend)
@@ -80,7 +68,7 @@ def test_readings_outside_the_limits_are_infinite(backend: str, distance: float,
 
 
 @each("seed", range(6))
-def test_both_backends_and_single_mujoco_rays_agree_in_random_worlds(seed: int) -> None:
+def test_both_backends_and_single_mujoco_rays_agree_in_random_worlds(seed):
     rng = np.random.default_rng(seed)
     model = random_spec(rng).compile()
     data = mujoco.MjData(model)
@@ -106,7 +94,7 @@ MATERIALS = {"clear": 0.0, "solid": 1.0}
 @each("alpha", [0.0, 0.5, 1.0])
 @each("material", ["", "clear", "solid"])
 @each("group", [0, 5])
-def test_transparent_geoms_are_invisible_to_both_backends(alpha: float, material: str, group: int) -> None:
+def test_transparent_geoms_are_invisible_to_both_backends(alpha, material, group):
     spec = rig_spec()
     for name, value in MATERIALS.items():
         spec.add_material(name=name, rgba=(1, 1, 1, value))
@@ -121,7 +109,7 @@ def test_transparent_geoms_are_invisible_to_both_backends(alpha: float, material
         assert make_lidar(backend, model, PREFIX).ranges(data)[540] == (pytest.approx(3.0) if visible else math.inf)
 
 
-def test_raycast_does_not_see_the_car_that_carries_it() -> None:
+def test_raycast_does_not_see_the_car_that_carries_it():
     spec = rig_spec(sensors=False)
     spec.body("rig").add_geom(type=GEOM.mjGEOM_BOX, size=(0.1, 1, 1), pos=(1, 0, 0))
     spec.body("rig").add_geom(type=GEOM.mjGEOM_SPHERE, size=(0.1, 0, 0), pos=(0, 1, 0))  # nor minds its shapes
@@ -133,7 +121,7 @@ def test_raycast_does_not_see_the_car_that_carries_it() -> None:
 # --- the protocol of MuJoCo's own sensors ---
 
 
-def test_rangefinder_reads_the_present_state_at_every_tick_and_leaves_the_state_alone() -> None:
+def test_rangefinder_reads_the_present_state_at_every_tick_and_leaves_the_state_alone():
     """Ten steps of 2.5 ms a tick: by rounding, the engine's own 25 ms fall one step late on some of them."""
     spec = rig_spec()
     spec.option.timestep = 0.0025
@@ -163,12 +151,12 @@ def test_rangefinder_reads_the_present_state_at_every_tick_and_leaves_the_state_
 
 
 @both_backends
-def test_model_without_lidar_is_refused(backend: str) -> None:
+def test_model_without_lidar_is_refused(backend):
     with pytest.raises(ModelError, match="no body 'car/hokuyo'"):
         make_lidar(backend, rig_spec().compile(), "car/")
 
 
-def test_raycast_refuses_shapes_it_cannot_see() -> None:
+def test_raycast_refuses_shapes_it_cannot_see():
     spec = rig_spec()
     spec.add_hfield(name="hill", nrow=2, ncol=2, size=(1, 1, 1, 0.1), userdata=[0.0, 1.0, 0.5, 0.2])
     spec.worldbody.add_geom(name="hill", type=GEOM.mjGEOM_HFIELD, hfieldname="hill")

@@ -1,9 +1,6 @@
 """Noise, dropouts, latency and motion distortion: statistics under a seed, and closed forms."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,7 +21,7 @@ PERIOD, STEP = 0.025, 0.0025
 class Rig:
     """The LiDAR in a room, moved by hand: at `pose(t)` = (x, y, yaw) at time t."""
 
-    def __init__(self, effects: LidarEffects, *, seed: int = 0, pose: Any = None, **size: float) -> None:
+    def __init__(self, effects, *, seed=0, pose=None, **size):
         spec = rig_spec(sensors=False)
         room(spec, **({"half_length": 6.0, "half_width": 4.0} | size))
         self.model = spec.compile()
@@ -35,14 +32,14 @@ class Rig:
         self.move(0.0)
         mujoco.mj_kinematics(self.model, self.data)
 
-    def move(self, time: float) -> None:
+    def move(self, time):
         x, y, yaw = self.pose(time)
         self.data.time = time
         mocap = self.model.body(RIG).mocapid[0]
         self.data.mocap_pos[mocap] = (x, y, 0.2)
         self.data.mocap_quat[mocap] = (math.cos(yaw / 2), 0, 0, math.sin(yaw / 2))
 
-    def scan(self, tick: int) -> Any:
+    def scan(self, tick):
         """Scan at the end of a tick, after recording each of its steps with body poses one step behind."""
         for step in range(9, -1, -1):
             mujoco.mj_kinematics(self.model, self.data)
@@ -55,7 +52,7 @@ class Rig:
 # --- off ---
 
 
-def test_without_effects_the_scan_is_the_measurement_now() -> None:
+def test_without_effects_the_scan_is_the_measurement_now():
     rig = Rig(LidarEffects(), pose=lambda time: (10 * time, 0.0, 3 * time))
     for tick in range(4):
         scan = rig.scan(tick)
@@ -68,7 +65,7 @@ def test_without_effects_the_scan_is_the_measurement_now() -> None:
 # --- noise and dropouts ---
 
 
-def test_noise_is_gaussian_with_the_standard_deviation_asked_for() -> None:
+def test_noise_is_gaussian_with_the_standard_deviation_asked_for():
     rig = Rig(LidarEffects(range_noise_std=0.02))
     truth = rig.lidar.ranges
     errors = np.concatenate([rig.scan(tick).ranges - truth(rig.data) for tick in range(100)])
@@ -80,7 +77,7 @@ def test_noise_is_gaussian_with_the_standard_deviation_asked_for() -> None:
     assert abs(neighbours) < 4 / math.sqrt(n)
 
 
-def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
+def test_dropouts_read_nan_at_the_rate_asked_for():
     rig = Rig(LidarEffects(dropout_probability=0.03))
     scans = [rig.scan(tick).ranges for tick in range(100)]
     failed = np.isnan(np.concatenate(scans))
@@ -93,7 +90,7 @@ def test_dropouts_read_nan_at_the_rate_asked_for() -> None:
 
 
 @each(("latency", "ticks"), [(0.0, 0), (0.001, 1), (0.025, 1), (0.026, 2), (3 * 0.025, 3), (0.1, 4)])
-def test_latency_delivers_older_scans_with_the_time_they_were_measured_at(latency: float, ticks: int) -> None:
+def test_latency_delivers_older_scans_with_the_time_they_were_measured_at(latency, ticks):
     rig = Rig(LidarEffects(latency=latency), pose=lambda time: (10 * time, 0.0, 0.0))
     for tick in range(8):
         measured_at = max(tick - ticks, 0) * PERIOD  # until then, the first scan
@@ -105,7 +102,7 @@ def test_latency_delivers_older_scans_with_the_time_they_were_measured_at(latenc
 # --- motion distortion ---
 
 
-def test_driving_at_a_wall_each_beam_sees_it_from_where_it_was() -> None:
+def test_driving_at_a_wall_each_beam_sees_it_from_where_it_was():
     speed = 8.0
     rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (speed * time, 0.0, 0.0), half_width=50.0)
     assert rig.pipeline.needs_every_step
@@ -120,7 +117,7 @@ def test_driving_at_a_wall_each_beam_sees_it_from_where_it_was() -> None:
     assert exact[540] - (6.0 - speed * 3 * PERIOD) == pytest.approx(0.075)  # half a sweep at 8 m/s
 
 
-def test_turning_each_beam_points_where_it_did() -> None:
+def test_turning_each_beam_points_where_it_did():
     yaw_rate = 6.0
     rig = Rig(LidarEffects(motion_distortion=True), pose=lambda time: (0.5, 0.2, 1.0 + yaw_rate * time))
     for tick in range(4):
@@ -134,7 +131,7 @@ def test_turning_each_beam_points_where_it_did() -> None:
 # --- pose history ---
 
 
-def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
+def test_history_interpolates_positions_and_turns_the_short_way_round():
     history = PoseHistory(1.0)
     history.record(0.0, np.array([0.0, 0, 0]), np.array([1.0, 0, 0, 0]))
     history.record(1.0, np.array([2.0, 4, 0]), -np.array([math.cos(0.5), 0, 0, math.sin(0.5)]))  # 1 rad about z
@@ -158,8 +155,8 @@ def test_history_interpolates_positions_and_turns_the_short_way_round() -> None:
 )
 @settings(max_examples=40, deadline=None)
 def test_any_effects_leave_readings_that_are_distances_infinite_or_failed(
-    std: float, dropout: float, distortion: bool, pose: Any, seed: int
-) -> None:
+    std, dropout, distortion, pose, seed
+):
     effects = LidarEffects(range_noise_std=std, dropout_probability=dropout, motion_distortion=distortion)
     ranges = Rig(effects, seed=seed, pose=lambda time: tuple(np.array(pose) * (1 + time))).scan(1).ranges
     assert (np.isinf(ranges) | np.isnan(ranges) | ((ranges >= 0.02) & (ranges < 30.0))).all()

@@ -1,7 +1,5 @@
 """Which course a map has: the right loop among several, holes that are closed on request, and starts in the file."""
 
-from __future__ import annotations
-
 import math
 import re
 

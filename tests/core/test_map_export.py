@@ -1,7 +1,5 @@
 """The way back: a track as a map, a centreline or a mesh, and what is read from those again."""
 
-from __future__ import annotations
-
 import os
 import re
 

@@ -1,7 +1,5 @@
 """ROS map_server files: what is free, where it is, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ along the ray. So what is compared is where a beam ends: within a pixel of the i
 deeper than a pixel into what is not free. Square to a wall, that is the difference of the ranges.
 """
 
-from __future__ import annotations
-
 import math
 
 import mujoco

@@ -1,7 +1,5 @@
 """Tracks from maps: which course, which line, which walls, and what is refused."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

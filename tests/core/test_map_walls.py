@@ -1,7 +1,5 @@
 """Walls are traced along the pixels' edges, each within half a pixel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -13,13 +13,7 @@ from fg_mujoco.controllers.control.assist import SAFE, STAGES
 from fg_mujoco.controllers.control.driving import DrivingSettings
 from fg_mujoco.controllers.control.planner import GoalPlanner, Planner
 from fg_mujoco.controllers.control.planner_batch import PlannerBatch
-from fg_mujoco.controllers.control.planner_settings import (
-    FROM_ZERO,
-    Settings,
-    for_car,
-    relative_size,
-    setting_of_car,
-)
+from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, Settings, for_car, relative_size, setting_of_car
 from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.safety.recovery import RecoverySettings

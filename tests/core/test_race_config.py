@@ -1,7 +1,5 @@
 """Settings in a file: the same names, the same checks, and the line that is wrong."""
 
-from __future__ import annotations
-
 import json
 import math
 

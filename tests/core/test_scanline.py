@@ -1,11 +1,8 @@
 """The scan drawn as a picture, against single MuJoCo rays: nasty places to stand, any scanline, many worlds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,7 +12,7 @@ from hypothesis import strategies as st
 
 from cases import each
 from fg_mujoco.lidar import lidar as lidar_module
-from fg_mujoco.lidar.beams import Beams, LidarModel
+from fg_mujoco.lidar.beams import LidarModel
 from fg_mujoco.lidar.body_poses import mounted_pose
 from fg_mujoco.lidar.lidar import RaycastLidar
 from fg_mujoco.lidar.scanline import scan
@@ -38,12 +35,12 @@ from lidar_worlds import (
 INCREMENT = LidarModel.load().beams.angle_increment
 
 
-def scanner(spec: Any) -> Any:
+def scanner(spec):
     model = spec.compile()
     return model, mujoco.MjData(model), RaycastLidar(model, PREFIX)
 
 
-def random_poses(rng: np.random.Generator, count: int) -> tuple[Any, Any]:
+def random_poses(rng, count):
     """Positions (n, 3) and rotations (n, 3, 3), tilted any way, among the things of random_spec."""
     centres = rng.choice([[0.0, 0.0], [40.0, -25.0]], size=count)
     positions = np.column_stack((centres + rng.uniform(-9, 9, (count, 2)), rng.uniform(0.02, 0.8, count)))
@@ -56,7 +53,7 @@ def random_poses(rng: np.random.Generator, count: int) -> tuple[Any, Any]:
     return positions, rotations.reshape(-1, 3, 3)
 
 
-def explained(model: Any, data: Any, lidar: RaycastLidar, pose: dict[str, Any], nudge: float = 1e-9) -> Any:
+def explained(model, data, lidar, pose, nudge=1e-9):
     """Which readings are those of MuJoCo's rays there, or a nudge [rad] to the right or left, as along an edge."""
     place(model, data, **pose)
     readings = lidar.ranges(data)
@@ -83,7 +80,7 @@ def explained(model: Any, data: Any, lidar: RaycastLidar, pose: dict[str, Any], 
     angles=st.tuples(st.floats(-3.2, 3.2), st.floats(-0.4, 0.4), st.floats(-3.2, 3.2)),
 )
 @settings(max_examples=60, deadline=None)
-def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position: Any, angles: Any) -> None:
+def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces, position, angles):
     spec = rig_spec(sensors=False)
     for index, (x, y, z, size, seed) in enumerate(pieces):
         corners = np.array([x, y, z]) + size * np.random.default_rng(seed).normal(0, 0.4, (9, 3))
@@ -100,7 +97,7 @@ def test_random_convex_pieces_are_seen_as_mujoco_sees_them(pieces: Any, position
     [(-math.pi, 1440, math.tau / 1440), (-3.0, 600, 0.01), (-0.4, 91, 0.01), (0.5, 40, 0.03), (-3.1, 2, 0.2)],
     ids=["all round", "nearly all round", "narrow", "left only", "two beams"],
 )
-def test_any_scanline_sees_what_mujoco_sees(first: float, count: int, increment: float, seed: int) -> None:
+def test_any_scanline_sees_what_mujoco_sees(first, count, increment, seed):
     beams = beams_at(first + increment * np.arange(count))
     assert is_scanline(beams)
     model = random_spec(np.random.default_rng(seed)).compile()
@@ -115,7 +112,7 @@ def test_any_scanline_sees_what_mujoco_sees(first: float, count: int, increment:
         assert not disagreements(readings, mujoco_rays(model, data, beams), 1e-9).size
 
 
-def beams_at(bearings: Any) -> Beams:
+def beams_at(bearings):
     directions = np.column_stack((np.cos(bearings), np.sin(bearings), 0.0 * bearings))
     steps = np.diff(bearings)
     return replace(
@@ -124,18 +121,18 @@ def beams_at(bearings: Any) -> Beams:
     )  # fmt: skip
 
 
-def put(model: Any, data: Any, position: Any, rotation: Any) -> None:
+def put(model, data, position, rotation):
     mocap = model.body(RIG).mocapid[0]
     data.mocap_pos[mocap] = position
     mujoco.mju_mat2Quat(data.mocap_quat[mocap], rotation.ravel())
     mujoco.mj_kinematics(model, data)
 
 
-def rotations_of(data: Any, bodies: list[int]) -> Any:
+def rotations_of(data, bodies):
     return data.xmat[bodies].reshape(-1, 3, 3)
 
 
-def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_state() -> None:
+def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_state():
     """No mj_kinematics between the state and the scan."""
     spec = rig_spec(sensors=False, floor=False)
     board = spec.worldbody.add_body(name="board", mocap=True)
@@ -166,7 +163,7 @@ def test_planes_on_mocap_bodies_and_free_bodies_are_followed_in_the_present_stat
 
 
 @each("far_wall", [False, True])
-def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall: bool) -> None:
+def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall):
     """Boxes ahead, left, right and behind, a face of each in one plane with the LiDAR."""
     spec = rig_spec(sensors=False)
     for x, y in ((2, 0.5), (-2, 0.5), (0.5, 2), (0.5, -2)):
@@ -181,7 +178,7 @@ def test_in_line_with_a_face_no_beam_reads_a_place_where_nothing_is(far_wall: bo
 
 
 @each("pitch", [0.25, -0.25, 1e-3])
-def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitch: float) -> None:
+def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitch):
     model, data, lidar = scanner(rig_spec(sensors=False))
     place(model, data, (1, 2, 0), pitch=pitch)
     down = math.sin(pitch) * np.cos(lidar.beams.bearings) > 1e-12  # the beams to the side run along the ground
@@ -190,7 +187,7 @@ def test_on_the_ground_the_beams_that_point_down_read_closer_than_range_min(pitc
 
 @each("diagonals", [0, 1])
 @each("height", [0.05, 0.1, 0.2, 0.27])
-def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, height: float) -> None:
+def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals, height):
     """A ring of three rows of vertices, each straight ahead of a beam; two of the heights are those of a row."""
     count, radius = 1440, 10.0
     around = radius * np.exp(1j * (LidarModel.load().beams.bearings[0] + np.arange(count) * INCREMENT))
@@ -215,7 +212,7 @@ def test_no_beam_leaks_through_a_vertex_or_along_a_row_of_them(diagonals: int, h
 @each("storeys", [1, 2])
 @each("turn", [0, 180])  # of the boxes, and so of the diagonals of their sides
 @each("yaw", [0.0, 0.3, 2.0, -1.1])
-def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw: float, turn: int, storeys: int) -> None:
+def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw, turn, storeys):
     spec = rig_spec(sensors=False)
     for x, y, length, width in ((4.5, 0, 0.5, 5), (-4.5, 0, 0.5, 5), (0, 4.5, 5, 0.5), (0, -4.5, 5, 0.5)):
         for z in (0.5, 1.5)[:storeys]:
@@ -231,7 +228,7 @@ def test_no_beam_leaks_past_boxes_that_end_at_the_very_height_of_the_lidar(yaw: 
 # --- where the LiDAR is ---
 
 
-def test_mounted_pose_is_that_of_mj_kinematics() -> None:
+def test_mounted_pose_is_that_of_mj_kinematics():
     world = World("oval")
     data, lidar = mujoco.MjData(world.model), world.make_lidar()
     assert isinstance(lidar, RaycastLidar)
@@ -252,7 +249,7 @@ def test_mounted_pose_is_that_of_mj_kinematics() -> None:
 # --- beams that are no scanline ---
 
 
-def other_beams() -> dict[str, Beams]:
+def other_beams():
     beams = LidarModel.load().beams
     up = beams.directions + np.array([0.0, 0.0, 0.1])
     ring = 0.05 * np.column_stack((np.cos(beams.bearings), np.sin(beams.bearings), 0.0 * beams.bearings))
@@ -263,7 +260,7 @@ def other_beams() -> dict[str, Beams]:
 
 
 @each("kind", other_beams())
-def test_beams_that_are_no_scanline_are_cast_one_by_one(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_beams_that_are_no_scanline_are_cast_one_by_one(kind, monkeypatch):
     beams = other_beams()[kind]
     assert not is_scanline(beams)
     monkeypatch.setattr(lidar_module, "lidar_of", lambda *model: SimpleNamespace(beams=beams))

@@ -1,7 +1,5 @@
 """Several cars in a world: what they see of each other, how they collide, and that nobody feels the others but so."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco
@@ -11,7 +9,6 @@ import pytest
 from cases import each
 from fg_mujoco import World
 from fg_mujoco.course.open_ground import OpenGround
-from fg_mujoco.messages import FloatArray
 from fg_mujoco.racing.entries import grid_starts
 from fg_mujoco.simulation.cars import WorldCar, car_prefix
 from fg_mujoco.simulation.course_loading import load_track
@@ -22,7 +19,7 @@ from fg_mujoco.simulation.settings import Start
 FRICTIONLESS = 1e-6
 
 
-def place_at_random(engine: Engine, rng: np.random.Generator) -> None:
+def place_at_random(engine, rng):
     """Put the cars of a world anywhere near each other: tilted, over the ground, wheels turned and sprung."""
     world, qpos = engine.world, engine.qpos(0)
     qpos[:] = world.model.qpos0
@@ -43,11 +40,11 @@ def place_at_random(engine: Engine, rng: np.random.Generator) -> None:
         qpos[at + 3 : at + 7] = both
 
 
-def _unit(vector: FloatArray) -> FloatArray:
+def _unit(vector):
     return vector / np.linalg.norm(vector)
 
 
-def rays_of_mujoco(world: World, data: mujoco.MjData, car: int) -> FloatArray:
+def rays_of_mujoco(world, data, car):
     """Return what MuJoCo's own single rays measure from a car's LiDAR, its own geoms left out. Shape (beams,) [m]."""
     model, beams = world.model, world.lidar.beams
     body = model.body(f"{car_prefix(car)}lidar/hokuyo").id
@@ -61,7 +58,7 @@ def rays_of_mujoco(world: World, data: mujoco.MjData, car: int) -> FloatArray:
     return beams.readings(np.where(found < 0.0, math.inf, found))
 
 
-def differences(one: FloatArray, other: FloatArray) -> FloatArray:
+def differences(one, other):
     """Return by how much two scans differ, 0 where both have the same infinity [m]."""
     apart = np.zeros(len(one))
     np.subtract(one, other, out=apart, where=one != other)
@@ -70,7 +67,7 @@ def differences(one: FloatArray, other: FloatArray) -> FloatArray:
 
 @pytest.mark.slow
 @each(("count", "placements"), [(2, 30), (4, 12), (8, 6)])
-def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(count: int, placements: int) -> None:
+def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(count, placements):
     world = World("oval", others=[WorldCar(vehicle=("nuc2", "f1tenth")[i % 2]) for i in range(count - 1)])
     engine, data, rng = Engine(world), mujoco.MjData(world.model), np.random.default_rng(count)
     engine.place([Start(s=1.2 * i) for i in range(count)])
@@ -89,7 +86,7 @@ def test_the_cars_of_a_world_are_in_each_others_scans_as_mujocos_rays_see_them(c
     assert on_cars > 20 * placements
 
 
-def empty_scan(world: World, engine: Engine) -> FloatArray:
+def empty_scan(world, engine):
     """Return the scan of car 0 with the others far away."""
     data = mujoco.MjData(world.model)
     mujoco.mj_setState(world.model, data, engine.state(0), int(STATE))
@@ -99,7 +96,7 @@ def empty_scan(world: World, engine: Engine) -> FloatArray:
     return world.lidar.ranges(data)
 
 
-def meet(speeds: tuple[float, float], *, head_on: bool, offset: float = 0.0) -> tuple[float, float, float, bool]:
+def meet(speeds, *, head_on, offset=0.0):
     """Let two cars meet on ground without friction.
 
     Returns:
@@ -132,14 +129,14 @@ def meet(speeds: tuple[float, float], *, head_on: bool, offset: float = 0.0) -> 
 
 @each("speed", [1.0, 2.0, 4.0])
 @each("head_on", [True, False])
-def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed: float, head_on: bool) -> None:
+def test_cars_that_meet_keep_their_momentum_and_gain_no_energy(speed, head_on):
     change, gain, _, touched = meet((speed, speed) if head_on else (speed + 2.0, 1.0), head_on=head_on)
     assert touched
     assert change < 1e-3
     assert gain < 1e-3
 
 
-def test_the_grids_are_those_of_the_rules() -> None:
+def test_the_grids_are_those_of_the_rules():
     course, car = load_track("oval"), World("oval").car.parameters
     staggered = grid_starts(course, [car] * 3)
     assert [start.s for start in staggered] == [0.0, -0.8, -1.6]

@@ -10,17 +10,7 @@ import pytest
 
 import fg_mujoco as fg
 from cases import each
-from fg_mujoco.vehicle.tires import (
-    LAWS,
-    NUMBERS,
-    Brush,
-    Coulomb,
-    Linear,
-    MagicFormula,
-    Tires,
-    curve_force,
-    tire_names,
-)
+from fg_mujoco.vehicle.tires import LAWS, NUMBERS, Brush, Coulomb, Linear, MagicFormula, Tires, curve_force, tire_names
 
 FOLDER = files("fg_mujoco.models") / "tires"
 NAMES = [name for name in tire_names() if name != "contact"]

@@ -1,7 +1,5 @@
 """Track: its arrays, its poses, and which stretch a point belongs to."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

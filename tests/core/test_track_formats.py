@@ -1,7 +1,5 @@
 """Anyone's centreline CSV loads; what cannot be a track is refused in one line."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Walls in 3D: what is seen is what is hit. What all tracks keep is in course_contract."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

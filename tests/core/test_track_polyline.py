@@ -1,7 +1,5 @@
 """Plane geometry of closed polylines, against all pairs and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """The bundled circuits are what their recipes make."""
 
-from __future__ import annotations
-
 from importlib import resources
 
 from recipes import RECIPES, write_bundled

@@ -1,7 +1,5 @@
 """Walls from centreline and widths, against shapes whose walls can be written down."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -14,14 +14,7 @@ import pytest
 from cases import each
 from fg_mujoco.cli import main as cli
 from fg_mujoco.course import writing
-from fg_mujoco.course.writing import (
-    claimed_folder,
-    require_writable,
-    staged_folder,
-    sweep,
-    write_file,
-    write_files,
-)
+from fg_mujoco.course.writing import claimed_folder, require_writable, staged_folder, sweep, write_file, write_files
 from fg_mujoco.errors import BagError
 
 CODE = """

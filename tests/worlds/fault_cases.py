@@ -5,8 +5,6 @@ line, how it is turned, how fast it is, and what it is commanded from when on. `
 kinematic bicycle until they touch; the tests of race control stage the same cases in the simulator.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

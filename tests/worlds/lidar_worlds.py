@@ -1,7 +1,5 @@
 """Little worlds for the LiDAR tests: a rig (a mocap body) that carries the LiDAR anywhere, among boxes and meshes."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

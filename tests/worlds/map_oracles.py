@@ -1,7 +1,5 @@
 """Maps drawn for tests, and slow, independent answers: rays marched pixel by pixel through the image itself."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

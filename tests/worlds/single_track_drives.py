@@ -4,8 +4,6 @@ CommonRoad's equations as in ForzaETH's On-Track-SysID, with a first-order lag o
 own model is used: only the containers that a drive is handed over in.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

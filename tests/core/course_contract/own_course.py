@@ -1,7 +1,5 @@
 """A course of a user's own: an object with the members of `Course`, of no class of the package."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fg_mujoco.course.moving_obstacles import MovingObstacle

@@ -1,7 +1,5 @@
 """What every course keeps, of whatever class it is: tracks, maps, scenes, and one of a user's own."""
 
-from __future__ import annotations
-
 import functools
 import io
 import math

@@ -1,7 +1,5 @@
 """What every track keeps: the bundled circuits, random ones, and real ones that nobody here drew."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

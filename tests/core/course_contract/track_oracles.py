@@ -1,7 +1,5 @@
 """Slow, independent answers to what tracks compute: every segment against every ray or point, no search structure."""
 
-from __future__ import annotations
-
 import numpy as np
 
 
