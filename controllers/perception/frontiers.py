@@ -326,7 +326,8 @@ def _lap_ago(world: Record) -> int:
     for back in range(world.known):
         place = (world.newest - back) % PATH
         point = world.path[place]
-        apart = math.hypot(point[0] - world.x, point[1] - world.y)
+        dx, dy = point[0] - world.x, point[1] - world.y
+        apart = math.sqrt(dx * dx + dy * dy)
         if point[ALONG] < BEFORE or (nearest < _SAME_PLACE < apart):  # two laps ago it was there, too
             break
         if world.along - point[ALONG] > _LEAST_AGE and apart < nearest and _is_a_turn(world.heading - point[2]):

@@ -271,11 +271,22 @@ def rolling_mean(ranges: FloatArray, angle_increment: float, radius: float) -> F
     A bubble's edge next to a long stretch becomes a slope, which holds the goal off the edge.
     """
     count = len(ranges)
-    total, until_here = np.empty(count + 1), 0.0  # of all beams before each
-    total[0] = 0.0
-    for beam in range(count):
-        until_here += ranges[beam]
-        total[beam + 1] = until_here
+    total, quarter = np.empty(count + 1), count // 4  # of all beams before each
+    total[0] = a = b = c = d = 0.0
+    for beam in range(quarter):  # four sums go on at a time
+        a, b, c = a + ranges[beam], b + ranges[quarter + beam], c + ranges[2 * quarter + beam]
+        d += ranges[3 * quarter + beam]
+        total[beam + 1], total[quarter + beam + 1] = a, b
+        total[2 * quarter + beam + 1], total[3 * quarter + beam + 1] = c, d
+    for beam in range(4 * quarter, count):
+        d += ranges[beam]
+        total[beam + 1] = d
+    b, c = a + b, a + b + c
+    for beam in range(quarter):
+        total[quarter + beam + 1] += a
+        total[2 * quarter + beam + 1] += b
+    for beam in range(3 * quarter, count):
+        total[beam + 1] += c
     widths = bubble_beams(ranges, radius, angle_increment)
     result = np.empty(count)
     for beam in range(count):  # several at a time: no beam is left out

@@ -218,7 +218,7 @@ def limited(
     car, now = limiter.car, abs(speed_now)
     target, allowed = held_on_circle(limiter, steering_angle, speed, now, least_lateral_use)
     slope = math.tan(angle_now)
-    step = _steering_rate(limiter, angle_now, slope, now, target - angle_now) * limiter.settings.steering_response
+    step = _steering_rate(limiter, slope, now, target - angle_now) * limiter.settings.steering_response
     command = angle_now + saturate(target - angle_now, step)
     acceleration = _approach(limiter, memory, allowed - speed_now, slope, math.tan(command), speed_now, period, planned)
     # the servo's acceleration falls while the command is held: the mean over the period is what was asked for
@@ -271,7 +271,7 @@ def _steering_limit(limiter: Record, allowed: float, speed: float, now: float, l
 
 
 @kernel
-def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn: float) -> float:
+def _steering_rate(limiter: Record, slope: float, now: float, turn: float) -> float:
     """Return the greatest steering rate [rad/s] in the direction of `turn` that the front tires can carry.
 
     `slope` is the tangent of the present steering angle.
@@ -280,7 +280,7 @@ def _steering_rate(limiter: Record, angle: float, slope: float, now: float, turn
     unused = max(limiter.lateral - math.copysign(cornering, turn * cornering), 0.0)
     unused = min(unused, limiter.settings.most_left * limiter.lateral)
     curvature_rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(now, 1e-3))
-    return float(min(curvature_rate * limiter.car.wheelbase * math.cos(angle) ** 2, limiter.car.max_steering_rate))
+    return float(min(curvature_rate * limiter.car.wheelbase / (1.0 + slope * slope), limiter.car.max_steering_rate))
 
 
 @kernel

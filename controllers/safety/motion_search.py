@@ -106,7 +106,7 @@ def search_motion(
     motion.found, motion.count = False, 0
     if most_nodes <= 2 * _SHARES:
         return False
-    state = np.empty((most_nodes, 6))  # x, y, heading, curvature, square of the speed, length so far
+    state = np.empty((most_nodes, 8))  # x, y, heading, curvature, square of the speed, length so far, cosine, sine
     value = np.empty(most_nodes)
     share, direction = np.empty(most_nodes, np.int8), np.empty(most_nodes, np.int8)
     parent, heap = np.empty(most_nodes, np.int32), np.empty(most_nodes, np.int32)
@@ -119,21 +119,21 @@ def search_motion(
     start[0] = world.x + driven * math.cos(world.heading + 0.5 * turned)
     start[1] = world.y + driven * math.sin(world.heading + 0.5 * turned)
     start[2], start[3], start[4], start[5] = world.heading + turned, curvature, max(speed, 0.0) ** 2, 0.0
+    start[6], start[7] = math.cos(start[2]), math.sin(start[2])
     offset = car.lidar_offset
-    whole = to_go_around(way, start[0] + offset * math.cos(start[2]), start[1] + offset * math.sin(start[2]))
+    whole = to_go_around(way, start[0] + offset * start[6], start[1] + offset * start[7])
     if not math.isfinite(whole):
         return False
     middle = _SHARES // 2
     most = min(tightest, lateral / max(start[4], 1e-3))
     share[0] = round(min(max(curvature / most, -1.0), 1.0) * middle) + middle
     direction[0], parent[0], value[0], heap[0] = 1, -1, whole, 0
-    clear = is_clear(way, car, start[0], start[1], start[2], nearest)
+    clear = _discs_are_clear(way, car, start[0], start[1], start[6], start[7], nearest)
     compares = reverses or nearest == AT_WALL or not clear  # the outline with the ends of beams
     ends, hits, margin = _sorted_ends(world, world.ends_known if compares else 0), 0, _MARGIN
     if compares:
-        cos, sin = math.cos(start[2]), math.sin(start[2])
-        hits = outline_in_walls(world, car, start[0], start[1], cos, sin)
-        while margin > 0.0 and _touches(ends, car, start[0], start[1], cos, sin, margin):
+        hits = outline_in_walls(world, car, start[0], start[1], start[6], start[7])
+        while margin > 0.0 and _touches(ends, car, start[0], start[1], start[6], start[7], margin):
             margin -= 0.01
     braking = np.empty(_SHARES)  # [m/s^2] by the share of the grip for turning
     for k in range(_SHARES):
@@ -141,7 +141,7 @@ def search_motion(
         braking[k] = _BRAKING * limiter.braking * longitudinal_share(min(grip, 0.97) * used, limiter.exponent)
     arcs = np.full((_SHARES, len(_PARTS), 5), math.nan)  # of a car along x: key, see _arc; x, y, cosine and sine
     count, waiting, best, least = 1, 1, 0, whole
-    after = np.empty(6)
+    after = np.empty(8)
     while waiting > 0 and count < most_nodes - 2 * _SHARES:
         node = _pop(heap, value, waiting)
         waiting -= 1
@@ -152,7 +152,6 @@ def search_motion(
             break
         limit = min(tightest, lateral / max(here[4], 1e-3))
         length = _LENGTH + _LENGTH_TIME * math.sqrt(here[4])
-        cos_here, sin_here = math.cos(here[2]), math.sin(here[2])
         for choice in range(2 * _SHARES if reverses else _SHARES):
             to_share, to = choice % _SHARES, 1 if choice < _SHARES else -1
             if direction[node] == to and abs(to_share - share[node]) > 1:
@@ -161,7 +160,7 @@ def search_motion(
             if abs(here[2] + turn_rate * to * length - start[2]) > _MOST_TURN:
                 continue
             touching = not clear and here[5] < _TOUCHING_LENGTH
-            cos, sin = _arc(arcs[to_share], _WHOLE, turn_rate, length, to, here, cos_here, sin_here, after)
+            cos, sin = _arc(arcs, to_share, _WHOLE, turn_rate, length, to, here, after)
             cells = to_go_at(way, after[0] + offset * cos, after[1] + offset * sin)
             if cells == FAR and to == 1 and not touching and here[5] > _UNKNOWN_LENGTH:
                 continue
@@ -172,7 +171,7 @@ def search_motion(
                 continue
             if to == -1 and not _tail_is_seen(world, car, after[0], after[1], cos, sin):
                 continue
-            _arc(arcs[to_share], _HALF, turn_rate, length, to, here, cos_here, sin_here, after)
+            _arc(arcs, to_share, _HALF, turn_rate, length, to, here, after)
             dx, dy = after[0] - world.x, after[1] - world.y
             close = dx * dx + dy * dy < _EXACT * _EXACT
             exact, corners = close and nearest == AT_WALL, close and reverses  # three discs leave the corners out
@@ -180,7 +179,7 @@ def search_motion(
             for part in range(len(_PARTS)):
                 if compared == (part == _HALF) and part < _WHOLE:
                     continue  # half of the arc, or the other parts
-                cos, sin = _arc(arcs[to_share], part, turn_rate, length, to, here, cos_here, sin_here, after)
+                cos, sin = _arc(arcs, to_share, part, turn_rate, length, to, here, after)
                 x, y = after[0], after[1]
                 if compared:
                     most_hits = hits if touching else MOST_IN_WALLS
@@ -197,6 +196,7 @@ def search_motion(
             after[4] = max(here[4] - 2.0 * braking[to_share] * length, min(here[4], slowest))
             after[5] = here[5] + length * (1.5 - 0.5 * to + _TURN_COST * after[3] ** 2)
             after[5] += _STEER_COST * abs(to_share - share[node]) + _REVERSE_COST * (to != direction[node])
+            after[6], after[7] = cos, sin
             state[count] = after
             share[count], direction[count], parent[count] = to_share, to, node
             value[count] = after[5] + to_go
@@ -323,37 +323,36 @@ def _tail_is_seen(world: Record, car: Record, x: float, y: float, cos: float, si
 @kernel
 def _arc(
     arcs: NDArray[np.float64],
+    share: int,
     part: int,
     curvature: float,
     length: float,
     direction: int,
     place: NDArray[np.float64],
-    cos: float,
-    sin: float,
     after: NDArray[np.float64],
 ) -> tuple[float, float]:
     """Write the end of a part of an arc: x, y, heading, curvature; return the cosine and the sine of its heading.
 
     Args:
-      arcs: (parts, 5) the arcs of the last node with this share, which most others have, too; written to.
+      arcs: (shares, parts, 5) the arcs of the last node with each share, which most others have, too; written to.
+      share: index of the share.
       part: index in _PARTS.
       curvature: [1/m].
       length: of the whole arc [m].
       direction: 1 or -1: reverse.
-      place: x, y and heading.
-      cos: of that heading.
-      sin: of that heading.
+      place: row of `state`.
       after: written to.
     """
-    arc, turned = arcs[part], curvature * _PARTS[part] * length
-    if arc[0] != length:  # the length tells the speed, and so the curvature
+    turned, cos, sin = curvature * _PARTS[part] * length, place[6], place[7]
+    if arcs[share, part, 0] != length:  # the length tells the speed, and so the curvature
         chord, half = _PARTS[part] * length, 0.5 * turned
-        arc[0], arc[3], arc[4] = length, math.cos(turned), math.sin(turned)
-        arc[1], arc[2] = chord * math.cos(half), chord * math.sin(half)
-    ahead, aside, turn_sin = arc[1] * direction, arc[2], arc[4] * direction
+        arcs[share, part, 0], arcs[share, part, 3], arcs[share, part, 4] = length, math.cos(turned), math.sin(turned)
+        arcs[share, part, 1], arcs[share, part, 2] = chord * math.cos(half), chord * math.sin(half)
+    ahead, aside = arcs[share, part, 1] * direction, arcs[share, part, 2]
+    turn_cos, turn_sin = arcs[share, part, 3], arcs[share, part, 4] * direction
     after[0], after[1] = place[0] + cos * ahead - sin * aside, place[1] + sin * ahead + cos * aside
     after[2], after[3] = place[2] + turned * direction, curvature
-    return cos * arc[3] - sin * turn_sin, sin * arc[3] + cos * turn_sin
+    return cos * turn_cos - sin * turn_sin, sin * turn_cos + cos * turn_sin
 
 
 @kernel

@@ -369,8 +369,9 @@ def _measure_law(tire: Any, own: FloatArray, mu: float, slip: FloatArray) -> Non
     force_x, force_y = own[FORCE_ALONG], own[FORCE_ACROSS]
     ratio, angle, _ = slips(tire, own[ALONG], own[ACROSS])
     most_x, most_y = curve_peaks(tire, load, mu)
-    slip[NORMAL_FORCE], slip[_FRICTION_FORCE] = load, math.hypot(force_x, force_y)
-    slip[_FRICTION_USE] = math.hypot(force_x / most_x, force_y / most_y)
+    use_x, use_y = force_x / most_x, force_y / most_y
+    slip[NORMAL_FORCE], slip[_FRICTION_FORCE] = load, math.sqrt(force_x * force_x + force_y * force_y)
+    slip[_FRICTION_USE] = math.sqrt(use_x * use_x + use_y * use_y)
     slip[FORCE_X], slip[FORCE_Y] = force_x, force_y
     slip[SLIP_ANGLE], slip[SLIP_RATIO] = -angle, -ratio
     slip[_SLIDING_SPEED], slip[_LATERAL_SPEED] = own[SLIDING], own[SLIDING_ACROSS]
