@@ -59,6 +59,7 @@ from .stages import Stage
 from .steering import saturate
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
+_BESIDE = 0.06  # [rad] of steering from the reference, within which a direction is driven as fast as the reference
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
 
@@ -278,8 +279,8 @@ def _drive_filtered(
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
     On a motion that it follows the car brakes as long as it can stop there: a car that leaves the motion before a
-    hairpin does not get round. In another direction than the reference's it brakes, too, but not below the crawl speed
-    as long as a direction is free. Where none is free it brakes: on a motion that it follows it stays on that motion,
+    hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too. In
+    another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it brakes: on a motion that it follows it stays on that motion,
     else it takes the direction that the filter chooses. Where it stands and no direction is free it reverses, and tries
     again.
 
@@ -360,6 +361,14 @@ def _drive_filtered(
         if on_motion >= 0.0:
             note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)
             return hold(scan, odometry, driver, memory, steering_angle, 0.0, on_motion)
+    if 0.0 < abs(safe - reference) < _BESIDE and len(path) == 0 and len(predictions) == 0:
+        beside, use_beside, _ = safe_steering(
+            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, safe, reference_speed,
+            angle, now, period, path, True, predictions, radius, guidance.way,
+        )  # fmt: skip
+        if beside == safe:
+            note(memory.reasons, SAFETY_FILTER, safe, reference_speed)
+            return hold(scan, odometry, driver, memory, safe, reference_speed, use_beside)
     if safe != reference:
         note(memory.reasons, SAFETY_FILTER, safe, min(speed, settings.crawl_speed))
         return hold(scan, odometry, driver, memory, safe, min(speed, settings.crawl_speed), use)
