@@ -279,10 +279,10 @@ def _drive_filtered(
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
     On a motion that it follows the car brakes as long as it can stop there: a car that leaves the motion before a
-    hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too. In
-    another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it brakes: on a motion that it follows it stays on that motion,
-    else it takes the direction that the filter chooses. Where it stands and no direction is free it reverses, and tries
-    again.
+    hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too.
+    In another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it
+    brakes: on a motion that it follows it stays on that motion, else it takes the direction that the filter chooses.
+    Where it stands and no direction is free it reverses, and tries again.
 
     Args:
       scan: of type SCAN.
