@@ -430,19 +430,19 @@ FAULTS = {
         file="addons/arena/race_control/recent_motion.py",
         old="turned = poses[:, 2] - self._directions(along)",
         new="turned = poses[:, 2]",
-        tests="test_staged_touches.py",
+        tests="test_fault.py",
     ),
     "a car that was pushed and is at fault": Fault(
         file="addons/arena/race_control/race_control.py",
         old="by_others = tuple(any(own == car and by != pair for own, by in pushed) for car in pair)",
         new="by_others = (False, False)",
-        tests="test_staged_touches.py",
+        tests="test_fault.py",
     ),
     "a contact for each push of a car that pushes again and again": Fault(
         file="addons/arena/race_control/race_control.py",
         old="if (settled and self._is_crash(contact)) or time - contact.last >= CONTACT_ENDS:",
         new="if settled or time - contact.last >= CONTACT_ENDS:",
-        tests="test_staged_touches.py",
+        tests="test_fault.py",
     ),
     "a car put back without the cars' lengths": Fault(
         file="addons/arena/race_control/race_control.py",
@@ -454,7 +454,7 @@ FAULTS = {
         file="addons/arena/race_control/standings.py",
         old="gaps[:, led] = time[led] - np.interp(progress",
         new="gaps[:, led] = -time[led] + np.interp(progress",
-        tests="test_field_report.py test_several_cars.py test_rendering_cars.py",
+        tests="test_report.py test_several_cars.py test_rendering_cars.py",
     ),
     "a setup that is written without its laps": Fault(
         file="fg_mujoco/racing/setup.py",
@@ -825,7 +825,7 @@ FAULTS = {
         file="addons/look/report/clip.py",
         old="return min(sum(lap_times[:best]), latest)",
         new="return min(sum(lap_times[: best + 1]), latest)",
-        tests="test_report.py test_field_report.py",
+        tests="test_report.py",
     ),
     "sectors a line early": Fault(
         file="addons/look/report/laps_and_slides.py",
@@ -837,7 +837,7 @@ FAULTS = {
         file="addons/look/report/clip.py",
         old="hardest = max(contacts, key",
         new="hardest = min(contacts, key",
-        tests="test_report.py test_field_report.py",
+        tests="test_report.py",
     ),
     # cli
     "friction that is off is none at all": Fault(

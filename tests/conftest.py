@@ -51,7 +51,7 @@ SLOWEST = (
     "test_f110_lap_times.py",
     "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
     "test_map_course.py", "test_lidar_tracks.py", "test_readme.py", "test_cli.py", "test_f110_interfaces.py",
-    "test_field_report.py", "test_realcar_benchmarks.py", "test_friction_cli.py", "test_compare_cli.py",
+    "test_report.py", "test_realcar_benchmarks.py", "test_friction_cli.py",
     "test_friction_learning.py",
     "test_f1tenth_gym_benchmark.py", "test_autodrive_bridge.py", "test_live_view.py", "test_debug.py",
 )  # fmt: skip
@@ -59,16 +59,16 @@ SLOWEST = (
 # What takes a second or more here is in whole files of studies, benchmarks, examples, pages, bags, and of what starts
 # processes: `make quick` leaves them out, as it does single tests elsewhere that are marked so.
 SLOW_FILES = frozenset({
-    "test_bag_map.py", "test_bag_storage.py", "test_compare_cli.py", "test_comparison.py",
+    "test_bag_map.py", "test_bag_storage.py", "test_comparison.py",
     "test_debug.py", "test_docs.py", "test_drive.py", "test_every_course.py", "test_every_track.py",
-    "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py", "test_field_report.py",
+    "test_f110_interfaces.py", "test_f110_scripts.py", "test_f1tenth_gym_benchmark.py",
     "test_friction_cli.py", "test_friction_lab.py", "test_fuzz.py", "test_hostile_planners.py",
     "test_hostile_runs.py", "test_identification.py",
     "test_interpreted.py", "test_kernels.py",
     "test_kills.py", "test_lab_braking.py", "test_lab_mismatch.py",
     "test_lab_patches.py", "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
     "test_leaks.py",
-    "test_league.py", "test_live_cars.py", "test_live_view.py", "test_map_course.py", "test_duels.py",
+    "test_league.py", "test_live_view.py", "test_map_course.py", "test_duels.py",
     "test_packaging.py",
     "test_readme.py", "test_rendering.py", "test_rendering_cars.py",
     "test_rendering_drive.py", "test_rendering_files.py", "test_replay_proof.py", "test_report.py",
