@@ -6,7 +6,8 @@ Guidance knows the frontier (perception.frontiers), and lets the planner drive a
 1. Where the planner's goal leads on about as well as any beam, and nothing hides the frontier nearby, the planner
    drives.
 2. Else its reference is simulated for `viable_time`. While a motion of the car leads on from there (motion_search),
-   the planner still drives. What 1 and 2 found holds for one more tick, unless its reference turns meanwhile.
+   the planner still drives. What 1 and 2 found holds for one more tick, unless its reference turns meanwhile, or the
+   frontier is hidden and nearby.
 3. Else the car follows a motion from where it is now (control.tracking), which is searched for anew in every second
    tick, and kept while it is free and none is found. Its speed is that of its curvature, with braking before it. In
    a sharp bend a careful car (4) stays on its motions until the bend is over.
@@ -167,11 +168,12 @@ def guide(
     around_edge = _speed_to_frontier(limiter, settings, to_edge) if way.hidden else math.inf
     if memory.careful:
         reference.speed = min(reference.speed, around_edge)
-    if _leads_on_as_before(memory, reference):
+    tight = way.hidden and here < settings.tight_distance
+    if not tight and _leads_on_as_before(memory, reference):
         return
     gain, at, bearing = _best_beam(scan, ranges, way, x, y, here)
     bend = _bend(memory, car) if memory.follows and _is_on_motion(memory, car) else math.nan
-    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend):
+    if _planner_drives(scan, ranges, odometry, limiter, settings, memory, reference, x, y, here, gain, bend, tight):
         memory.led_on, memory.bearing = way.ticks, reference.bearing
         memory.steering_angle = reference.steering_angle
         memory.speed = reference.speed if memory.knows_speed else math.inf
@@ -219,10 +221,12 @@ def _planner_drives(
     here: float,
     best_gain: float,
     bend: float,
+    tight: bool,
 ) -> bool:
     """Return whether the planner's own reference leads on; arguments as of `guide`, and as of `_best_beam`.
 
-    `bend` is that of the motion that the car is on, see `_bend`; NaN: it is on none.
+    `bend` is that of the motion that the car is on, see `_bend`; NaN: it is on none. `tight`: the frontier is hidden
+    and nearby.
     """
     if math.isnan(reference.bearing) or math.isnan(reference.steering_angle):
         return False
@@ -230,7 +234,6 @@ def _planner_drives(
     beam = int(min(max(round((reference.bearing - scan.angle_min) / scan.angle_increment), 0), len(ranges) - 1))
     least, _ = least_to_go_along(way, x, y, way.map.heading + reference.bearing, ranges[beam])
     gain = here - least
-    tight = way.hidden and here < settings.tight_distance
     as_good = 0.0 if way.on_lap else settings.as_good * best_gain  # there the planner has found its way once
     if gain >= as_good and gain > -0.5 and not (bend > _BENDS or tight):
         memory.follows = False
