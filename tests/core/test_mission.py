@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import each
 
 import fg_mujoco as fg
 from fg_mujoco.vehicle.car import WHEELS
-from fg_mujoco.vehicle.tire_slip import slides_above
+from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 REAL = {
@@ -115,6 +116,23 @@ def test_gap_finder_is_faster_than_the_published_follow_the_gap(circuit):
     assert result.car.max_speed_m_s <= 8.0 + 1e-3  # tires are springs: what they roll on is .049 m at rest
     assert result.car.mu == result.car.planner_mu == 1.0489
     assert result.car.lap_times_s[0] < PUBLISHED[circuit]
+
+
+@each("circuit", ("oval", "hairpins", "chicanes", "tight"))
+def test_the_test_of_sliding_trips_without_the_law_and_on_less_grip_than_believed_and_not_with_the_law(circuit):
+    assert_no_sliding(drive(circuit, laps=1, time_limit=10.0))
+    for believed, slides, share in ((np.inf, 10.0, 0.05), (1.5 * 1.0489, 2.0, 0.01)):
+        result = drive(circuit, laps=1, planner_mu=believed, time_limit=10.0)
+        with pytest.raises(AssertionError, match="a tire slid"):
+            assert_no_sliding(result)
+        assert result.car.max_slide_m_s > slides * SLIDING_SPEED and result.car.slide_time_fraction > share
+
+
+def test_five_laps_are_replayed_bit_for_bit(tmp_path):
+    result = drive("oval")
+    report = fg.replay(fg.write_run(result, tmp_path / "run", picture=False))
+    assert report.identical and report.ticks == len(result.ctrl) > 5 * 8 / 0.025
+    assert report.trajectory_sha256 == result.trajectory_sha256
 
 
 def test_slippery_tires_do_not_slide_when_the_planner_knows_them():
