@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import each
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.vehicle.car import WHEELS
 from fg_mujoco.vehicle.tire_slip import SLIDING_SPEED, slides_above
 
