@@ -11,7 +11,7 @@ from cases import each
 from fg_mujoco.course.obstacles import Box
 from fg_mujoco.racing.planners import make_controller
 from fg_mujoco.simulation.cars import WorldCar
-from fg_mujoco.simulation.clear_ground import distances_of, find_clear_ground, touches_nothing
+from fg_mujoco.simulation.clear_ground import REACH, distances_of, find_clear_ground, touches_nothing
 from fg_mujoco.simulation.engine import Engine
 from fg_mujoco.simulation.planner_adapter import adapt, start
 from fg_mujoco.simulation.settings import Start
@@ -96,6 +96,18 @@ def test_a_race_has_the_same_bits_as_when_all_walls_are_searched(tires):
         shares.append(share)
     assert states[0].tobytes() == states[1].tobytes()
     assert shares[0] > 60 and shares[1] == 0
+
+
+def test_a_wrong_map_of_distances_would_miss_the_crash():
+    """The guard of the tests above: were everything clear, the car would drive through the wall."""
+    world = fg.World("oval")
+    world.distances = np.full((1, 1), REACH), np.zeros(2)
+    engine = Engine(world)
+    engine.place([Start(s=2.0, heading=0.9, speed=3.0)])
+    for _ in range(60):
+        engine.commands[:] = 0.0, 3.0
+        engine.drive()
+    assert not engine.crashed[0]
 
 
 def test_cars_near_each_other_are_searched_and_cars_apart_are_not():

@@ -96,3 +96,18 @@ def test_a_race_that_failed_is_let_go_with_its_result():
 def test_renderers_that_are_closed_leave_nothing_behind(leaks):
     found = measured(leaks, "renderers", 0.08, warm=0.75)  # Mesa's threads take memory at the first of them
     assert is_flat(found), found
+
+
+LEAK = """
+import json, sys
+from dataclasses import asdict
+from leaks import growth
+kept = []
+print(json.dumps(asdict(growth(lambda number: kept.append(b"x" * 2**20), 40))))  # 1 MiB a call
+"""
+
+
+def test_a_leak_of_memory_trips_the_guard(leaks):
+    done = subprocess.run([sys.executable, "-c", LEAK], capture_output=True, text=True, cwd=SCRIPT.parent, check=True)
+    found = leaks.Growth(**json.loads(done.stdout))
+    assert not is_flat(found) and found.kib_per_call == pytest.approx(1024.0, rel=0.3)

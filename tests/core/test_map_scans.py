@@ -14,7 +14,7 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.course.maps.map_server import read_map_file
-from map_oracles import march, real_map
+from map_oracles import draw_map, march, real_map, ring
 
 POSES = 100
 EVERY = 4  # of the 1081 beams
@@ -86,3 +86,11 @@ def test_scans_agree_with_the_image_within_a_pixel(name):
     assert depth.max() <= 1.0
     assert np.median(difference) < 0.5
     assert np.mean(difference <= 1.0) > 0.85  # the others graze a wall
+
+
+@pytest.mark.slow
+def test_the_comparison_trips_where_walls_are_a_pixel_and_a_half_off(tmp_path):
+    path = draw_map(tmp_path, ring())
+    moved = draw_map(tmp_path, ring(), name="moved", origin=(0.0, 1.5 * 0.05, 0.0))
+    beside, depth, _ = misses(fg.World(moved), read_map_file(path), np.random.default_rng(9))
+    assert beside.max() > 1.0 and depth.max() > 1.0
