@@ -1,24 +1,27 @@
 """Races a planner on maps of real courses, on tight ones of our own and on bundled tracks, and prints one table.
 
     python benchmarks/race_maps.py [--data ../shared/data] [--laps 5] [--speeds 4,8] [--controller gap_finder]
-        [--maps f,icra2022] [--tight 0:20] [--track oval,tight] [--noise 0.01 --dropout 0.01 --odometry-drift 0.05]
-        [--reference] [--workers 2] [--json FILE]
+        [--maps f,icra2022] [--halls 0:20] [--tight 0:20] [--track oval,tight]
+        [--noise 0.01 --dropout 0.01 --odometry-drift 0.05] [--reference] [--workers 2] [--json FILE]
 
 All other settings are the defaults of a race. The maps are those of race_maps/ in `--data`, which are not part of the
-repository; `--maps none` leaves them out. `--tight 0:20` adds random:0:tight to random:19:tight, two laps each at 8
-m/s. `--reference` also drives one lap of pure_pursuit with the map, undisturbed, at the same greatest speed: the last
-column is the best flying lap as a multiple of that lap. Ctrl-C prints what is finished.
+repository; `--maps none` leaves them out. `--halls 0:20` adds twenty that are drawn (halls). `--tight 0:20` adds
+random:0:tight to random:19:tight, two laps each at 8 m/s. `--reference` also drives one lap of pure_pursuit with the
+map, undisturbed, at the same greatest speed: the last column is the best flying lap as a multiple of that lap. Ctrl-C
+prints what is finished.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from common import parser, report, table
+from halls import draw
 
 import fg_mujoco as fg
 from fg_mujoco.cli.progress import ProgressLine
@@ -169,11 +172,12 @@ def slower_at(rows: Sequence[Row], slow: float, fast: float) -> list[str]:
     return found
 
 
-def make_jobs(options: argparse.Namespace) -> list[Job]:
-    """Return the races that are asked for, in the order of the table."""
+def make_jobs(options: argparse.Namespace, folder: Path) -> list[Job]:
+    """Return the races that are asked for, in the order of the table; halls are drawn into a folder."""
     names = ("controller", "noise", "dropout", "odometry_drift", "reference")
     shared = {name: getattr(options, name) for name in names}
     courses = [(path.stem, f"{path}{SETTINGS.get(path.stem, '')}") for path in find_maps(options.data, options.maps)]
+    courses += [(path.stem, str(path)) for path in (draw(seed, folder) for seed in options.halls)]
     courses += [(name, name) for name in options.track]
     jobs = [
         Job(name=name, course=course, speed=speed, laps=options.laps, **shared)
@@ -237,6 +241,7 @@ def main() -> None:
     add = command.add_argument
     add("--data", type=Path, default=Path(__file__).parents[1] / "../shared/data", help="folder that has race_maps/")
     add("--maps", type=_names, metavar="NAME,...", help="default: all; none: without maps")
+    add("--halls", type=_seeds, default=range(0), metavar="FIRST:END", help="seeds of halls")
     add("--track", type=_names, default=[], metavar="NAME,...", help="other courses, as `race --track` takes them")
     add("--tight", type=_seeds, default=range(0), metavar="FIRST:END", help="seeds of random:SEED:tight")
     add("--controller", default="gap_finder", help="as `race --controller` takes it")
@@ -248,12 +253,15 @@ def main() -> None:
     add("--reference", action="store_true", help=f"drive a lap of {REFERENCE} with the map, too")
     add("--workers", type=int, default=2, metavar="N", help="processes; default: 2")
     options = command.parse_args()
-    jobs = make_jobs(options)
-    rows = drive_all(jobs, options.workers)
-    asked = {name: value for name, value in vars(options).items() if name not in ("data", "json", "workers", "tight")}
+    with tempfile.TemporaryDirectory() as folder:
+        jobs = make_jobs(options, Path(folder))
+        rows = drive_all(jobs, options.workers)
+    left_out = ("data", "json", "workers", "tight", "halls")
+    asked = {name: value for name, value in vars(options).items() if name not in left_out}
     figures = {
-        "options": asked | {"tight": list(options.tight)}, "races": [asdict(row) | {"ratio": row.ratio} for row in rows]
-    }  # fmt: skip
+        "options": asked | {"tight": list(options.tight), "halls": list(options.halls)},
+        "races": [asdict(row) | {"ratio": row.ratio} for row in rows],
+    }
     left = f"\n\n{len(jobs) - len(rows)} of {len(jobs)} races were not driven." * (len(rows) < len(jobs))
     report(figures, f"{table(HEADER, [row.cells() for row in rows])}\n\n{summary(rows)}{left}", options.json)
 

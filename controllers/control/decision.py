@@ -342,7 +342,8 @@ def _drive_filtered(
             note(memory.reasons, SAFETY_FILTER, past, onwards)
             return hold(scan, odometry, driver, memory, past, onwards, use_past)
     stands = abs(now) < settings.standing_speed
-    if driver.recovery and reverses(history, driver.recovery_settings, stands, found and not guidance.stuck, period):
+    leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.way.found
+    if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):
         back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
         note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
         return hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)

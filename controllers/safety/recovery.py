@@ -35,7 +35,8 @@ class RecoverySettings(Settings):
     patience: float = setting(
         2.5, "s", "the car stands before the first attempt: what is in its way may move on", POSITIVE
     )
-    patience_again: float = setting(0.25, "s", "the same before later attempts", POSITIVE)
+    patience_known: float = setting(0.8, "s", "the same where a frontier is known and nothing moves", POSITIVE)
+    patience_again: float = setting(0.45, "s", "the same before later attempts", POSITIVE)
     distance: float = setting_of_car(
         1.5, "m", "of the first attempt; twice as far the second time, and so on", POSITIVE
     )
@@ -92,19 +93,22 @@ def extend_history(history: Record, settings: Record, speed: float, yaw_rate: fl
 
 
 @kernel
-def reverses(history: Record, settings: Record, stands: bool, found: bool, period: float) -> bool:
+def reverses(history: Record, settings: Record, stands: bool, found: bool, waits: bool, period: float) -> bool:
     """Return whether the car is to reverse now, with the steering angle of `angle_along_history`.
 
     Args:
       history: of type PATH_HISTORY, written to.
       settings: fields of RecoverySettings.
       stands: the car does not move.
-      found: there is a frontier.
+      found: there is a way to a frontier.
+      waits: no frontier is known, or something moves.
       period: of the tick [s].
     """
     reversing = history.back > 0.0
     history.stood = history.stood + period if stands and (reversing or not found) else 0.0
-    patience = settings.patience if history.tried == 0 or reversing else settings.patience_again
+    patience = settings.patience if waits or reversing else settings.patience_known
+    if history.tried > 0 and not reversing:
+        patience = settings.patience_again
     if history.stood + 0.5 * period >= patience:
         history.back, history.stood = 0.0, 0.0  # if it was reversing, something behind it holds it
         if not reversing and history.tried < settings.tries:

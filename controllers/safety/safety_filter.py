@@ -373,16 +373,18 @@ def speed_at_contact(
         cos, sin = math.cos(heading), math.sin(heading)
         ahead, left = x + front * cos - lidar, y + front * sin
         beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
-        if not beyond > math.sqrt(ahead * ahead + left * left) + to_bumper + margin:
-            reach = front + to_bumper + margin
-            if not (known and _was_seen(ground, x, y, cos, sin, front) and _was_seen(ground, x, y, cos, sin, reach)):
+        away, reach = math.sqrt(ahead * ahead + left * left), front + to_bumper + margin
+        if not beyond > away + to_bumper + margin:
+            hidden = known and away > beyond + radius  # what stands there is not in the way, but before it
+            if not (hidden and _was_seen(ground, x, y, cos, sin, front) and _was_seen(ground, x, y, cos, sin, reach)):
                 return float(max(speed, standing))
         for offset in (0.0, lidar):
             ahead, left = x + offset * cos - lidar, y + offset * sin
             if ahead > 0.0:
                 beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
-                hidden = not beyond > math.sqrt(ahead * ahead + left * left)
-                if hidden and not (known and _was_seen(ground, x, y, cos, sin, offset)):
+                away = math.sqrt(ahead * ahead + left * left)
+                hidden = known and away > beyond + radius
+                if not (beyond > away or (hidden and _was_seen(ground, x, y, cos, sin, offset))):
                     return float(max(speed, standing))
         if moving:
             time += ticks * period

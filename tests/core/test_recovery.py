@@ -28,15 +28,15 @@ def new():
     return np.zeros(1, PATH_HISTORY)[0], np.array([record_values(DEFAULTS)], record_type(RecoverySettings))[0]
 
 
-def stand(history, settings, seconds):
-    """Stand without a frontier; return the number of ticks in which the car is to go back."""
-    return sum(bool(reverses(history, settings, True, False, PERIOD)) for _ in range(round(seconds / PERIOD)))
+def stand(history, settings, seconds, waits=True):
+    """Stand without a way on; return the number of ticks in which the car is to go back."""
+    return sum(bool(reverses(history, settings, True, False, waits, PERIOD)) for _ in range(round(seconds / PERIOD)))
 
 
 def come(history, settings, meters, speed=2.0):
     for _ in range(round(meters / (speed * PERIOD))):
         extend_history(history, settings, speed, 0.0, PERIOD)
-        reverses(history, settings, False, True, PERIOD)
+        reverses(history, settings, False, True, True, PERIOD)
 
 
 @each("speed", [0.5, 2.0, 6.0])
@@ -54,7 +54,7 @@ def test_it_comes_back_along_its_own_path(speed):
     assert (history["x"], history["y"], history["heading"]) == pytest.approx((x, y, heading))
     assert stand(history, settings, DEFAULTS.patience) == 1
     end, gone, off = (x, y), 0.0, []
-    while reverses(history, settings, False, True, PERIOD):
+    while reverses(history, settings, False, True, True, PERIOD):
         yaw_rate = -DEFAULTS.speed * math.tan(angle_along_history(history, WHEELBASE)) / WHEELBASE
         heading += 0.5 * yaw_rate * PERIOD
         x, y = x - DEFAULTS.speed * PERIOD * math.cos(heading), y - DEFAULTS.speed * PERIOD * math.sin(heading)
@@ -71,7 +71,7 @@ def test_it_waits_first_and_a_moment_without_being_stuck_starts_that_anew():
     history, settings = new()
     come(history, settings, 3.0)
     assert stand(history, settings, DEFAULTS.patience - PERIOD) == 0
-    reverses(history, settings, False, True, PERIOD)
+    reverses(history, settings, False, True, True, PERIOD)
     assert stand(history, settings, DEFAULTS.patience - PERIOD) == 0
     assert stand(history, settings, PERIOD) == 1
 
@@ -82,10 +82,18 @@ def test_each_time_it_goes_back_farther_and_after_some_tries_it_stays():
     for number in range(1, DEFAULTS.tries + 1):
         assert stand(history, settings, DEFAULTS.patience if number == 1 else DEFAULTS.patience_again) == 1
         assert history["back"] == pytest.approx(DEFAULTS.distance * number)
-        while reverses(history, settings, False, True, PERIOD):
+        while reverses(history, settings, False, True, True, PERIOD):
             extend_history(history, settings, -DEFAULTS.speed, 0.0, PERIOD)
         come(history, settings, DEFAULTS.distance * number + 0.9 * DEFAULTS.come_on)  # not far enough to forget
     assert stand(history, settings, 10.0) == 0
+
+
+def test_it_goes_back_sooner_where_a_frontier_is_known_and_nothing_moves():
+    for waits, patience in ((True, DEFAULTS.patience), (False, DEFAULTS.patience_known)):
+        history, settings = new()
+        come(history, settings, 6.0)
+        assert stand(history, settings, patience - PERIOD, waits) == 0, waits
+        assert stand(history, settings, PERIOD, waits) == 1, waits
 
 
 def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
@@ -95,7 +103,7 @@ def test_it_goes_back_no_farther_than_it_came_and_not_at_all_where_it_was_put():
     come(history, settings, 0.8)
     assert stand(history, settings, DEFAULTS.patience) == 1
     gone = 0.0
-    while reverses(history, settings, False, True, PERIOD):
+    while reverses(history, settings, False, True, True, PERIOD):
         extend_history(history, settings, -DEFAULTS.speed, 0.0, PERIOD)
         gone += DEFAULTS.speed * PERIOD
     assert 0.4 < gone < 0.8

@@ -113,7 +113,7 @@ def test_along_a_path_ground_that_was_seen_counts_as_free_where_a_corner_hides_i
     turn = np.arange(0.0, 1.5, 0.05)
     path = np.column_stack((2.0 * np.sin(turn), 2.0 - 2.0 * np.cos(turn), turn, np.full_like(turn, 0.5)))
     ranges = np.full(BEAMS, 30.0)
-    ranges[math.radians(1.0) < BEARINGS] = 0.3  # the corner's end, beside the path
+    ranges[math.radians(10.0) < BEARINGS] = 0.3  # the corner's end, beside the path
     seen = np.zeros(1, FRONTIER_SEARCH)[0]
     seen["blocked"] = OPEN
     angle = math.atan(0.5 * CAR.wheelbase)
