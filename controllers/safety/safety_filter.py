@@ -41,7 +41,7 @@ from ..control.slip import held_arc, late_on_path, path_lag
 from ..control.speed import share_of_way
 from ..control.steering import arc_through, late_by, pursue
 from ..control.tracking import next_place, steer_along
-from ..perception.cell_marks import NEAR_WALL, OPEN
+from ..perception.cell_marks import NEAR_WALL, OPEN, WITHIN_4
 from ..perception.local_map import PER_METRE, RING, in_window
 from ..perception.scan_geometry import nearest_place
 from .friction_limiter import FrictionLimiterSettings, limited
@@ -406,7 +406,7 @@ def speed_at_contact(
 
 @kernel
 def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead: float) -> bool:
-    """Return whether the ground at a place ahead of a rear axle is free on the local map, and no wall next to it.
+    """Return whether the ground at a place ahead of a rear axle is free on the local map, .4 m and more from walls.
 
     The rear axle is at x, y [m] in the frame of the car, with the cosine and sine of its heading.
     """
@@ -415,7 +415,7 @@ def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead:
     cos, sin = math.cos(world.heading), math.sin(world.heading)
     i = math.floor((world.x + cos * x - sin * y) * PER_METRE)
     j = math.floor((world.y + sin * x + cos * y) * PER_METRE)
-    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL) == OPEN)
+    return bool(in_window(world, i, j) and ground.blocked[i & RING, j & RING] & (OPEN | NEAR_WALL | WITHIN_4) == OPEN)
 
 
 @kernel
