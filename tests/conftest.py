@@ -85,7 +85,8 @@ def pytest_addoption(parser):
 
 def pytest_sessionfinish(session, exitstatus):
     """Where what changed has no tests, none fails."""
-    if session.config.getoption("changed") and exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED:
+    none = exitstatus == pytest.ExitCode.NO_TESTS_COLLECTED and session.config.getoption("changed")
+    if none and not chosen_files():
         session.exitstatus = pytest.ExitCode.OK
 
 

@@ -196,8 +196,7 @@ def guide(
 
 @kernel
 def _leads_on_as_before(memory: Record, reference: Record) -> bool:
-    """Return whether the planner was found to lead on in the tick before, by this reference; its speed is limited then.
-    """
+    """Return whether the planner led on in the tick before by this reference, whose speed is then limited as it was."""
     way = memory.way
     turned = abs(reference.steering_angle - memory.steering_angle) + abs(reference.bearing - memory.bearing)
     if way.ticks != memory.led_on + 1 or way.searched == way.ticks or not turned < _AS_BEFORE:

@@ -18,6 +18,7 @@ import fg_mujoco as fg
 import fg_mujoco.addons
 from bag_worlds import robot_scan, rotation
 from cases import each
+from comparison_worlds import SUITE
 from fg_mujoco.addons import gym2d as f110
 from fg_mujoco.addons.arena.race_control.fault import Approach
 from fg_mujoco.addons.arena.runs.checks import CHECKS
@@ -157,21 +158,6 @@ def test_a_line_of_a_command_is_refused_in_a_line(line, said, filled, monkeypatc
 
 # -- suites
 
-SUITE = """
-name = "small"
-version = 2
-assists = ["none", "full"]
-
-[[groups]]
-name = "circuits"
-track = ["oval", "hairpins"]
-
-[[groups]]
-name = "boxes"
-track = "oval"
-obstacles = 2
-max_speed = 4.0
-"""
 GROUP = '[[groups]]\nname = "a"\ntrack = "oval"\nopponent = "middle"\nspeed = 0.5\n'
 CHECK = "[[checks]]\ncheck = 'finishes'\n"
 SUITES = [

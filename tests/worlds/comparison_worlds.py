@@ -53,3 +53,23 @@ FAILS_AT = PLANNERS[: PLANNERS.index("raise ValueError")].count("\n") + 1
 def files(folder):
     """Return what the files of a folder hold, by their names."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+SUITE = """
+name = "small"
+version = 2
+assists = ["none", "full"]
+laps = 1
+max_speed = 3.0
+
+[[groups]]
+name = "circuits"
+track = ["oval", "hairpins"]
+
+[[groups]]
+name = "boxes"
+track = "oval"
+obstacles = 2
+obstacle_seed = [5, 6]
+max_speed = 4.0
+"""
+"""Of two groups; tests change a line of it."""

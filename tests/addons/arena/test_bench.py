@@ -6,29 +6,12 @@ from dataclasses import replace
 import pytest
 
 import fg_mujoco as fg
+from comparison_worlds import SUITE
 from fg_mujoco.addons.arena.bench.card import bench
 from fg_mujoco.addons.arena.bench.card_page import write_card_page
 from fg_mujoco.addons.arena.study.suite import read_suite
 from fg_mujoco.cli.main import main
 
-SUITE = """
-name = "small"
-version = 2
-assists = ["none", "full"]
-laps = 1
-max_speed = 3.0
-
-[[groups]]
-name = "circuits"
-track = ["oval", "hairpins"]
-
-[[groups]]
-name = "boxes"
-track = "oval"
-obstacles = 2
-obstacle_seed = [5, 6]
-max_speed = 4.0
-"""
 PLANNER = """
 import fg_mujoco as fg
 
