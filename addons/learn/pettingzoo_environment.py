@@ -47,8 +47,9 @@ class F1TenthParallelEnv(Remade, pettingzoo.ParallelEnv):  # type: ignore[misc]
     """Cars `car_0`, `car_1` and so on in one world, which start on a grid.
 
     An agent's episode ends as in F1TenthEnv. Its car is then off the course if it has finished; else it brakes and
-    stays an obstacle to the others. Touches of cars end nothing. `info` has what F1TenthEnv's has with opponents;
-    `progress_m` is counted from where car_0 starts.
+    stays an obstacle to the others. With ended_by="all" it stays an agent until all have ended, as vectors of SuperSuit
+    need it: its reward is 0, its observation zeros, its actions are ignored. Touches of cars end nothing. `info` has
+    what F1TenthEnv's has with opponents; `progress_m` is counted from where car_0 starts.
 
     Args:
       agents: how many cars learn, from 1 to 16 with the opponents.
@@ -146,11 +147,11 @@ class F1TenthParallelEnv(Remade, pettingzoo.ParallelEnv):  # type: ignore[misc]
         if not self.agents:
             raise gymnasium.error.ResetNeeded("all episodes are over, or none has begun; call reset()")
         episodes, rows = self._episodes, {agent: self.possible_agents.index(agent) for agent in self.agents}
-        live = episodes.running.copy()
+        live = self._worlds.monitor.running.copy()
         episodes.step(self._read(actions))
         observations, infos = self._observations(live, rows), self._infos(rows)
         for agent, row in rows.items():
-            if not episodes.running[row]:
+            if not self._worlds.monitor.running[row]:
                 infos[agent] |= episodes.ending(row)
         rewards = {agent: float(episodes.rewards[row]) for agent, row in rows.items()}
         terminations = {agent: bool(episodes.terminated[row]) for agent, row in rows.items()}

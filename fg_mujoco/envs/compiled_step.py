@@ -27,6 +27,7 @@ from ..messages import FloatArray
 from ..simulation.compiled_tick import ARRAYS, Addresses, cars_of, drive, end_failed, judge, sense_all
 from ..simulation.telemetry import TELEMETRY
 from ..simulation.termination import END_REASONS
+from .contacts import take_contacts
 from .reward_kernels import read_actions, read_sensors, reward_ticks
 
 Mask = NDArray[np.bool_]
@@ -36,19 +37,20 @@ NAMES = (
     "running", "timers", "crashed", "reasons", "telemetry", "held", "odometry", "ranges",
     "driven", "commands", "clipped", "limits", "planned", "targets", "previous",
     "progress", "wrecked", "impacts", "before", "sliding", "weights", "rewards", "terms",
-    "beams", "columns", "low", "high", "numbers",
+    "contacts", "touched_at", "began", "beams", "columns", "low", "high", "numbers",
 )  # fmt: skip
 """Of the arrays in a table. The first line are the engine's, of all cars; `held` are its commands, `odometry` its
 numbers (r, k). The others are arguments of `read_actions`, `reward_ticks` and `read_sensors`, (n,) for the cars that
-learn; `numbers` are `stride`, `share`, `slow`, `reward_share`, `alone`, `range_max` and `substeps`."""
+learn; `contacts`, `touched_at` and `began` are those of Contacts, (r,) for all cars; `numbers` are `stride`, `share`,
+`slow`, `reward_share`, `alone`, `range_max`, `substeps` and `on_contact`."""
 
 (
     _RUNNING, _TIMERS, _CRASHED, _REASONS, _TELEMETRY, _HELD, _ODOMETRY, _RANGES,
     _DRIVEN, _COMMANDS, _CLIPPED, _LIMITS, _PLANNED, _TARGETS, _PREVIOUS,
     _PROGRESS, _WRECKED, _IMPACTS, _BEFORE, _SLIDING, _WEIGHTS, _REWARDS, _TERMS,
-    _BEAMS, _COLUMNS, _LOW, _HIGH, _NUMBERS,
+    _CONTACTS, _TOUCHED_AT, _BEGAN, _BEAMS, _COLUMNS, _LOW, _HIGH, _NUMBERS,
 ) = range(len(NAMES))  # fmt: skip
-_STRIDE, _SHARE, _SLOW, _REWARD_SHARE, _ALONE, _RANGE_MAX, _SUBSTEPS = range(7)
+_STRIDE, _SHARE, _SLOW, _REWARD_SHARE, _ALONE, _RANGE_MAX, _SUBSTEPS, _ON_CONTACT = range(8)
 
 _ROLLED_OVER = END_REASONS.index("rolled_over")
 _SLIDING_STEPS, _AHEAD, _LEFT = (TELEMETRY.index(name) for name in ("sliding_steps", "vx_m_s", "vy_m_s"))
@@ -93,17 +95,25 @@ def reward(table: Table) -> None:
 def drive_worlds(table: Table, tables: Addresses, firsts: NDArray[np.int64]) -> None:
     """Hold the commands for a tick and judge the races of one car each; `tables` and `firsts` as of `read_all`."""
     commands, held, running = matrix(table[_COMMANDS]), matrix(table[_HELD]), flags(table[_RUNNING])
-    sliding, telemetry = numbers(table[_SLIDING]), matrix(table[_TELEMETRY])
+    sliding, telemetry, crashed = numbers(table[_SLIDING]), matrix(table[_TELEMETRY]), flags(table[_CRASHED])
+    on_contact, began = int(numbers(table[_NUMBERS])[_ON_CONTACT]), flags(table[_BEGAN])
     for k in range(len(tables)):
         world_table = table_at(tables[k], ARRAYS)
         first, end = firsts[k], firsts[k] + cars_of(world_table)
         held[first:end] = commands[first:end]
+        if on_contact > 0:
+            crashed[first:end] = False
         drive(world_table)
         end_failed(world_table)
         for row in range(first, end):
             if running[row]:
                 sliding[row] = telemetry[row, _SLIDING_STEPS] / numbers(table[_NUMBERS])[_SUBSTEPS]
+        if on_contact > 0:
+            counts, touched_at = whole_numbers(table[_CONTACTS]), numbers(table[_TOUCHED_AT])
+            take_contacts(world_table, first, on_contact, counts, touched_at, began)
         judge(world_table)
+        if on_contact > 0:
+            crashed[first:end] = began[first:end]
         note(table, first, end)
 
 

@@ -27,6 +27,11 @@ _MADE = "or an EndCondition, as @end_condition makes it"
 
 OUTCOMES = ("terminated", "truncated")
 
+OTHER_CRASHED = "other_crashed"
+"""End reason of an episode that the crash of another car ends, see `ended_by` of EnvironmentSettings."""
+
+_TAKEN = (*END_REASONS, OTHER_CRASHED)
+
 EndFunction = Callable[[TickState], ArrayLike]
 
 
@@ -43,8 +48,8 @@ class EndCondition:
     outcome: str  # one of OUTCOMES
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in END_REASONS:
-            taken = ", ".join(END_REASONS[1:])
+        if not isinstance(self.name, str) or not self.name.isidentifier() or self.name in _TAKEN:
+            taken = ", ".join(_TAKEN[1:])
             raise SettingsError(f"an end condition is called {shown(self.name)}; accepted: one word besides {taken}")
         if not callable(self.function):
             raise SettingsError(f"end condition {self.name!r} is {shown(self.function)}; accepted: a function")

@@ -29,6 +29,7 @@ from ..simulation.engine import Engine
 from ..simulation.settings import PLANNER_OPTIONS, CarSettings, Start, known_settings
 from ..simulation.world import World
 from .actions import DEFAULT_ACTION
+from .contacts import ON_CONTACT
 from .drawn_settings import all_opponents, read_randomization
 from .end_conditions import EndCondition, as_end_conditions
 from .environment_opponents import as_entries
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 STARTS = ("random", "line")
+
+ENDED_BY = ("ego", "any", "all")
 
 _OF_FIRST = (*OF_A_CAR, "sensors", "effects", *PLANNER_OPTIONS)
 _OF_RACE = (*OF_A_COURSE, "laps", "time_limit", "grid")
@@ -77,6 +80,8 @@ class EnvironmentSettings(CarSettings):
     residual: Any = None  # a planner whose commands the actions correct; a mapping of its fields, too
     rewards: Rewards = field(default_factory=Rewards)  # weights of the terms, by name
     end_conditions: Sequence[str | EndCondition] = ()  # that end an episode besides the race's own reasons
+    on_contact: str = "end"  # what the touch of a wall or obstacle does: "end", "stop" the car there, or "continue"
+    ended_by: str = "ego"  # whose end is that of an episode: "ego", its own; "any": also a crash of another car; "all"
     observation: Any = DEFAULT_OBSERVATION  # in any way that Observation.of takes
     privileged: Any = ()  # terms of a second vector, for a critic
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
@@ -106,10 +111,15 @@ class EnvironmentSettings(CarSettings):
         check_actions(self)
         if self.effects.motion_distortion:
             raise SettingsError("motion distortion of the LiDAR, in an environment; accepted: in `race` only")
-        for name, accepted in (("grid", GRIDS), ("grid_order", GRID_ORDERS)):
+        for name, accepted in (
+            ("grid", GRIDS), ("grid_order", GRID_ORDERS), ("on_contact", ON_CONTACT), ("ended_by", ENDED_BY),
+        ):  # fmt: skip
             value = getattr(self, name)
             if value not in accepted:
                 raise SettingsError(f"{name} is {value!r}; {accepted_names(value, accepted)}")
+        if self.ended_by == "any" and self.on_contact != "end":
+            said = f"ended_by is 'any' and on_contact is {self.on_contact!r}, with which no touch ends anything"
+            raise SettingsError(f"{said}; accepted: 'any' with on_contact 'end'; 'ego', 'all'")
         require_whole("builds", self.builds, 1, optional=True)
         require_whole("build_seed", self.build_seed, 0)
         if isinstance(self.track, list):

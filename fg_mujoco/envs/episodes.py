@@ -27,7 +27,7 @@ from ..simulation.settings import Start
 from ..simulation.slots import Share
 from ..simulation.termination import END_REASONS
 from . import compiled_step
-from .end_conditions import as_end_conditions
+from .end_conditions import OTHER_CRASHED, as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw
 from .observer import Seen
@@ -67,7 +67,8 @@ class Episodes:
       truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
         that truncates has ended it (n,).
       clipped: number of clipped actions of the episode (n,).
-      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; of each reward term "reward_NAME", its part of
+      fact_names: FACTS; FACTS_AMONG_CARS where there are other cars; "contacts", the number of touches of walls and
+        obstacles, where these end nothing; of each reward term "reward_NAME", its part of
         the last tick's reward, and "return_NAME", the sum of the episode; and "drawn_NAME" of what is randomised.
     """
 
@@ -76,7 +77,7 @@ class Episodes:
         self._others, self._end_conditions = settings.rewards.others, as_end_conditions(settings.end_conditions)
         self._weights, self._share = settings.rewards.of_tick(worlds.period), settings.rewards.share
         self._running_costs = np.array([term.running_cost for term in settings.rewards.terms])
-        self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions))
+        self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions), OTHER_CRASHED)
         truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
         self._truncates = np.array([reason in truncations for reason in self._reasons])
         self._terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
@@ -109,6 +110,9 @@ class Episodes:
         self._sensed = False  # all cars, since they were driven
         timers = worlds.monitor.timers
         self._progress, self._laps = timers["progress"], timers["laps_completed"]  # views
+        self._runs = worlds.monitor.running  # which cars go on, a view
+        self._waits = settings.ended_by == "all" and worlds.cars > 1
+        self._ended_by_any = settings.ended_by == "any" and worlds.cars > 1
         self._before = self._progress.copy()  # [m] at the last reward
         self._arrays = self._make_table()
         self._table = self._arrays.rows
@@ -116,9 +120,10 @@ class Episodes:
     def _make_table(self) -> ArrayTable:
         """Return the table of all arrays of a step."""
         engine, bounds, count = self.worlds.engine, self.actions.bounds, len(self.rewards)
+        contacts = self.worlds.contacts
         numbers = (
             self.worlds.stride, bounds.share, bounds.slow, self._share, not self._others, self.observer.range_max,
-            engine.substeps,
+            engine.substeps, 0.0 if contacts is None else contacts.number,
         )  # fmt: skip
         return ArrayTable(compiled_step.NAMES, {
             "running": engine.running, "timers": engine.monitor.timers, "crashed": engine.crashed,
@@ -127,29 +132,34 @@ class Episodes:
             "driven": self._driven, "commands": self.commands, "clipped": self.clipped, **self.actions.arrays,
             "progress": np.zeros(count), "wrecked": np.zeros(count, np.bool_), "impacts": np.zeros(count),
             "before": self._before, "sliding": self.worlds.sliding, "weights": self._weights, "rewards": self.rewards,
-            "terms": self._terms, **self.observer.arrays, "numbers": np.array(numbers, np.float64),
+            "terms": self._terms, **({} if contacts is None else contacts.arrays), **self.observer.arrays,
+            "numbers": np.array(numbers, np.float64),
         })  # fmt: skip
 
     def _name_facts(self) -> None:
         among = FACTS_AMONG_CARS if self.worlds.cars > 1 else ()
-        self.fact_names = (*FACTS, *among, *self._term_names, *self._drawn)
+        contacts = () if self.worlds.contacts is None else ("contacts",)
+        self.fact_names = (*FACTS, *among, *contacts, *self._term_names, *self._drawn)
 
     @property
     def running(self) -> Mask:
         """Which episodes go on (n,)."""
-        return self.worlds.monitor.running
+        return self.worlds.running
 
     @property
     def terminated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = self._terminates.take(self.worlds.monitor.reasons)
-        return ended
+        return self._ended(self._terminates)
 
     @property
     def truncated(self) -> Mask:
         """See the attributes."""
-        ended: Mask = self._truncates.take(self.worlds.monitor.reasons)
-        return ended
+        return self._ended(self._truncates)
+
+    def _ended(self, outcomes: Mask) -> Mask:
+        """Return whose episode is over for a reason with one of these outcomes (n,)."""
+        ended: Mask = outcomes.take(self.worlds.monitor.reasons)
+        return ended & ~self.running if self._waits else ended
 
     def begin(
         self,
@@ -190,7 +200,7 @@ class Episodes:
         self.observer.begin(agents, [seed for i, seed in enumerate(seeds) if i % self.worlds.cars < self.worlds.agents])
         self.rewards[agents] = 0.0
         self._terms[:, :, agents] = 0.0
-        self.clipped[agents] = 0
+        self.clipped[agents], self._driven[agents] = 0, True
         self._before[agents] = self._progress[agents]
         touching = self.worlds.touching(which)
         if touching.any():
@@ -235,6 +245,8 @@ class Episodes:
         worlds = self.worlds
         if not worlds.engine.compiled:
             self.command(actions)
+            if self._waits:
+                self.rewards[~self._driven], self._terms[0][:, ~self._driven] = 0.0, 0.0
             worlds.drive(self.commands)
             self.reward()
             return
@@ -276,12 +288,14 @@ class Episodes:
         compiled_step.reward(self._table)
         if self.worlds.tick_state is not None:
             self._look(self.worlds.tick_state)
+        if self._ended_by_any:
+            self.worlds.end(self.worlds.others_crashed & self._runs, len(self._reasons) - 1)
 
     def _look(self, state: TickState) -> None:
         """End and reward episodes by what Python says of a state; errors as of `reward`."""
         worlds = self.worlds
         for number, condition in enumerate(self._end_conditions, start=len(END_REASONS)):
-            worlds.end(condition.holds(state) & self.running, number)
+            worlds.end(condition.holds(state) & self._runs, number)
         for index, term in enumerate(self._others, start=len(self._weights)):
             write_values(term, state, self._terms[0, index])
         if self._others:
@@ -316,18 +330,22 @@ class Episodes:
             if self._planners is not None:
                 self._planners.decide(which, worlds.ranges, odometry)
             compiled_step.read(self._table, scan, numbers)
-        return self.observer.seen(
+        seen = self.observer.seen(
             which, scan, numbers, odometry, worlds.sensed_state, worlds.readings, step=step
         )
+        if self._waits and not self._driven.all():
+            for values in seen.values() if isinstance(seen, dict) else (seen,):
+                values[~self._driven] = 0.0
+        return seen
 
     def _repeat(self) -> None:
         """Hold the actions for the other ticks of a step, and sum the rewards."""
         rewards, terms = self.rewards.copy(), self._terms[0].copy()
         stepped = self._driven.copy()
         for _ in range(self._repeats - 1):
-            running = self.running.copy()
-            if not running.any():
+            if not self.running.any():
                 break
+            running = self._runs.copy()
             if self._senses_every_tick:
                 self.observe(running, step=False)
             else:
@@ -343,6 +361,8 @@ class Episodes:
         values = [worlds.times, self._progress.copy(), self._laps.copy(), worlds.sliding.copy(), self.clipped.copy()]
         if worlds.cars > 1:
             values += worlds.touches.copy(), worlds.positions, worlds.leads
+        if worlds.contacts is not None:
+            values.append(worlds.contact_counts.copy())
         drawn = [each.copy() for each in self._drawn.values()]
         return dict(zip(self.fact_names, [*values, *self._flat_terms.copy(), *drawn], strict=True))
 
@@ -352,6 +372,8 @@ class Episodes:
         values = [time, self._progress.item(i), self._laps.item(i), worlds.sliding.item(i), self.clipped.item(i)]
         if worlds.cars > 1:
             values += worlds.touches.item(i), worlds.positions.item(i), worlds.leads.item(i)
+        if worlds.contacts is not None:
+            values.append(worlds.contact_counts.item(i))
         drawn = [each.item(i) for each in self._drawn.values()]
         return dict(zip(self.fact_names, [*values, *self._flat_terms[:, i].tolist(), *drawn], strict=True))
 

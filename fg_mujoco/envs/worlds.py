@@ -14,9 +14,11 @@ from ..racing.randomization import Randomization
 from ..simulation.engine import Engine
 from ..simulation.settings import Start
 from ..simulation.telemetry import TELEMETRY
+from ..simulation.termination import END_REASONS
 from ..vehicle.changes import CarChanges
 from .actions import ActionReader
 from .builds import Build
+from .contacts import Contacts
 from .environment_opponents import Opponents
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw, EpisodeDraws
@@ -25,6 +27,7 @@ from .tick_state import SensedState, TickState, TickStates, leads, positions
 Mask = NDArray[np.bool_]
 
 _SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_CRASHES = [END_REASONS.index(reason) for reason in ("crash", "rolled_over", "unstable")]
 
 
 class Worlds:
@@ -51,6 +54,7 @@ class Worlds:
       stride: every how many-th row of the engine's is that of an agent.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
+      contacts: touches of all cars that end nothing; None: with them a race is over.
       tick_state: of the agents after the last tick; None: no term of the settings looks at it.
       sensed_state: the same with what their sensors read last.
     """
@@ -100,6 +104,7 @@ class Worlds:
             )  # fmt: skip
             self._opponents.check(settings.drawn_opponents)
         self.sliding = np.zeros(count * agents)
+        self.contacts = None if settings.on_contact == "end" else Contacts(self.engine, settings.on_contact)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
     @property
@@ -129,6 +134,12 @@ class Worlds:
         """How often each agent has touched another car since the beginning. Shape (a,)."""
         touches: NDArray[np.int64] = self.engine.statistics["touches"][self._rows]
         return touches
+
+    @property
+    def contact_counts(self) -> NDArray[np.int64]:
+        """How often each agent has touched a wall or an obstacle, where that ends nothing. Shape (a,)."""
+        assert self.contacts is not None
+        return self.contacts.counts[self._rows]
 
     @property
     def positions(self) -> NDArray[np.int64]:
@@ -206,6 +217,8 @@ class Worlds:
             starts, np.repeat(which, self.cars), effects=effects, seeds=seeds, odometry_drifts=drifts,
             sensors=self._sensors * worlds,
         )  # fmt: skip
+        if self.contacts is not None:
+            self.contacts.begin(np.repeat(which, self.cars))
         if self._opponents is not None:
             self._opponents.begin(which, seeds, None if draws is None else [draw.opponents for draw in draws])
         self._take_off(which, draws or ())
@@ -250,7 +263,11 @@ class Worlds:
         engine.commands[self._rows] = commands
         if self.cars > 1:
             engine.commands[self._rows][~self.monitor.running, 1] = 0.0
+        if self.contacts is not None:
+            self.contacts.clear()
         engine.drive()
+        if self.contacts is not None:
+            self.contacts.take()
         if self.cars > 1:  # who finishes is taken off the course, and has seen the end of it
             self.sense(self.monitor.running.copy())
             self._sensed[self._rows] = self.monitor.running
@@ -263,6 +280,8 @@ class Worlds:
         if self._states is not None:
             self._states.drive(engine.running)
         engine.judge()
+        if self.contacts is not None:
+            self.contacts.tell()
         if self._states is not None:
             self._states.judge()
         self._stop_without_agents()
@@ -272,13 +291,28 @@ class Worlds:
         self.monitor.reasons[which], self.monitor.running[which] = reason, False
         self._stop_without_agents()
 
+    @property
+    def running(self) -> Mask:
+        """Which episodes of agents go on (a,): where the settings say so, until the last car of a world has ended."""
+        if self.settings.ended_by != "all":
+            return self.monitor.running
+        each: Mask = np.repeat(self.engine.running.reshape(-1, self.cars).any(axis=1), self.agents)
+        return each
+
+    @property
+    def others_crashed(self) -> Mask:
+        """Whose world has a car that has crashed or rolled over, or whose physics broke down (a,)."""
+        out = np.isin(self.engine.monitor.reasons, _CRASHES).reshape(-1, self.cars).any(axis=1)
+        found: Mask = np.repeat(out, self.agents)
+        return found
+
     def stop(self, which: Mask) -> None:
         """Stop the cars of the worlds `which` (n,)."""
         self.engine.running.reshape(-1, self.cars)[which] = False
 
     def _stop_without_agents(self) -> None:
-        """Stop the worlds in which no agent's episode goes on."""
-        if self.cars > 1:
+        """Stop the worlds in which no agent's episode goes on, or where the settings say so, no car's."""
+        if self.cars > 1 and self.settings.ended_by != "all":
             goes_on: Mask = np.asarray(self.monitor.running.reshape(-1, self.agents).any(axis=1))
             self.stop(~goes_on)
 

@@ -69,7 +69,8 @@ Rows = NDArray[np.void]
 Places = NDArray[np.int64]
 Addresses = NDArray[np.int64]
 
-_APART = 0.5  # [s] without touching each other after which two cars touch anew
+APART = 0.5
+"""[s] Time without touching each other after which two cars touch anew."""
 
 NAMES = (
     "places", "running", "states", "sensors", "cars", "timers", "odometry", "telemetry", "offset_positions",
@@ -144,7 +145,8 @@ def course_numbers(
 
 
 @kernel
-def _layout(places: Any) -> StateLayout:
+def layout_of(places: Any) -> StateLayout:
+    """Return where the parts of a state are, of the array `places` of a table."""
     k = _FIRST_OF_LAYOUT
     return StateLayout(
         places[k], (places[k + 1], places[k + 2]), (places[k + 3], places[k + 4]), (places[k + 5], places[k + 6]),
@@ -157,7 +159,7 @@ def read(table: Table, which: Mask) -> None:
     """Write the odometry of the cars `which` (r,), and the first columns of their rows of telemetry."""
     places, states, telemetry = whole_numbers(table[_PLACES]), matrix(table[_STATES]), matrix(table[_TELEMETRY])
     cars, timers, odometry = rows(table[_CARS], CAR), rows(table[_TIMERS], LAP_TIMER), rows(table[_ODOMETRY], ODOMETRY)
-    layout, sensors = _layout(places), matrix(table[_SENSORS])
+    layout, sensors = layout_of(places), matrix(table[_SENSORS])
     for row in range(len(which)):
         if which[row]:
             world = row // places[_CARS_PER_WORLD]
@@ -175,7 +177,7 @@ def sense(table: Table, which: Mask) -> None:
     if len(matrix(table[_BEAMS])) == 0:
         return
     places, states, ranges = whole_numbers(table[_PLACES]), matrix(table[_STATES]), matrix(table[_RANGES])
-    cars_per_world, layout, car_places = places[_CARS_PER_WORLD], _layout(places), whole_matrix(table[_CAR_PLACES])
+    cars_per_world, layout, car_places = places[_CARS_PER_WORLD], layout_of(places), whole_matrix(table[_CAR_PLACES])
     offset_positions, offset_rotations = matrix(table[_OFFSET_POSITIONS]), cube(table[_OFFSET_ROTATIONS])
     motions, links = matrix(table[_MOTIONS]), rows(table[_LINKS], LINK)
     scene = SceneArrays(
@@ -302,7 +304,7 @@ def _step_alone(table: Table, world: int) -> int:
     alone, copies, places = whole_numbers(table[_ALONE]), whole_matrix(table[_COPIES]), whole_numbers(table[_PLACES])
     model, data, found = alone[0], alone[1], _fields_of(whole_numbers(table[_FIELDS]))
     first, state = whole_numbers(table[_SPAN])[_FIRST], matrix(table[_STATES])[world]
-    (first_qpos, end_qpos), cars_per_world = _layout(places).qpos, places[_CARS_PER_WORLD]
+    (first_qpos, end_qpos), cars_per_world = layout_of(places).qpos, places[_CARS_PER_WORLD]
     ground = ClearGround(matrix(table[_DISTANCES]), numbers(table[_CORNER]), matrix(table[_BODIES]))
     cars = rows(table[_CARS], CAR)[world * cars_per_world : (world + 1) * cars_per_world]
     if not touches_nothing(state[first_qpos:end_qpos], cars, ground):
@@ -356,7 +358,7 @@ def book(table: Table, count: int) -> None:
     Written are whether the engine failed, what touched what, the last columns of the telemetry, and the statistics.
     """
     places, ids, states = whole_numbers(table[_PLACES]), short_numbers(table[_IDS]), matrix(table[_STATES])
-    cars_per_world, layout, cars = places[_CARS_PER_WORLD], _layout(places), rows(table[_CARS], CAR)
+    cars_per_world, layout, cars = places[_CARS_PER_WORLD], layout_of(places), rows(table[_CARS], CAR)
     car_places, touch_places = whole_matrix(table[_CAR_PLACES]), whole_matrix(table[_TOUCH_PLACES])
     tires, tire_states = rows(table[_TIRE_ROWS], TIRE), cube(table[_TIRE_STATES])
     floor, mu, slip = _floor(table), matrix(table[_MU]), cube(table[_SLIP])
@@ -417,7 +419,7 @@ def book_touches(
     """
     for other in range(len(touch_places)):
         if other != car and any_touch(records, touch_places[other]):
-            if time - touched_at[other] > _APART:
+            if time - touched_at[other] > APART:
                 statistics[row].touches += 1
             touched_at[other] = time
     for step in range(len(records)):
@@ -443,7 +445,7 @@ def any_touch(records: FloatArray, sensor: int) -> bool:
 def hold(table: Table, count: int) -> None:
     """Write the commands of all cars of the first `count` worlds of `ids` to their actuators, and to the telemetry."""
     places, ids, states = whole_numbers(table[_PLACES]), short_numbers(table[_IDS]), matrix(table[_STATES])
-    cars_per_world, layout, cars = places[_CARS_PER_WORLD], _layout(places), rows(table[_CARS], CAR)
+    cars_per_world, layout, cars = places[_CARS_PER_WORLD], layout_of(places), rows(table[_CARS], CAR)
     commands, telemetry = matrix(table[_COMMANDS]), matrix(table[_TELEMETRY])
     for place in range(count):
         world = ids[place]
@@ -491,7 +493,7 @@ def judge(table: Table) -> None:
     places, times = whole_numbers(table[_PLACES]), numbers(table[_TIMES])
     judge_cars(
         flags(table[_RUNNING]), whole_numbers(table[_REASONS]), places[_CARS_PER_WORLD], matrix(table[_STATES]),
-        _layout(places), rows(table[_CARS], CAR), short_matrix(table[_WARNINGS]), flags(table[_CRASHED]),
+        layout_of(places), rows(table[_CARS], CAR), short_matrix(table[_WARNINGS]), flags(table[_CRASHED]),
         rows(table[_TIMERS], LAP_TIMER), matrix(table[_LAP_TIMES]), numbers(table[_STANDING_SINCE]),
         matrix(table[_TABLE]), times[_LENGTH], times[_MODULUS], times[_STOP_TIME], places[_LAPS], times[_LAST_TIME],
     )  # fmt: skip
@@ -527,7 +529,7 @@ def read_times(tables: Addresses, firsts: Places, times: FloatArray) -> None:
         places, states = whole_numbers(table[_PLACES]), matrix(table[_STATES])
         first = firsts[k] // places[_CARS_PER_WORLD]
         for world in range(len(states)):
-            times[first + world] = states[world, _layout(places).time]
+            times[first + world] = states[world, layout_of(places).time]
 
 
 @kernel
@@ -538,7 +540,7 @@ def read_motions_all(
     for k in range(len(tables)):
         table = table_at(tables[k], ARRAYS)
         places, first, end = whole_numbers(table[_PLACES]), firsts[k], firsts[k] + cars_of(table)
-        layout = _layout(places)
+        layout = layout_of(places)
         read_motions(
             which[first:end], places[_CARS_PER_WORLD], matrix(table[_STATES]), layout.qpos[0], layout.qvel[0],
             rows(table[_CARS], CAR), poses[first:end], velocities[first:end],
@@ -584,7 +586,7 @@ def _keep(table: Table, kept: Table) -> None:
     if len(ticks) == 0:
         return
     tick, state = ticks[0], matrix(table[_STATES])[0]
-    first, end = _layout(whole_numbers(table[_PLACES])).ctrl
+    first, end = layout_of(whole_numbers(table[_PLACES])).ctrl
     telemetry, kept_telemetry = matrix(table[_TELEMETRY]), cube(kept[_KEPT_TELEMETRY])
     for row in range(kept_telemetry.shape[1]):
         kept_telemetry[tick, row] = telemetry[row]

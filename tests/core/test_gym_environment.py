@@ -198,3 +198,34 @@ def test_what_holds_addresses_is_not_copied(how):
             how(held)
     with pytest.raises(TypeError, match="cannot be copied"):
         copy.deepcopy(simulation.engine._batches[0])
+
+
+@each("on_contact", ["stop", "continue"])
+def test_a_car_that_touches_a_wall_drives_on(on_contact):
+    """It stands there at once, or comes off as it may; each touch costs once; then it reverses."""
+    env = F1TenthEnv(beam_step=540, start="line", on_contact=on_contact, rewards={"collision": 7.0, "impact": 1.0})
+    env.reset(seed=0)
+    speeds, touches = [], []
+    for command in [[0.0, 4.0]] * 120 + [[0.0, -1.0]] * 60:
+        seen, _, terminated, truncated, info = env.step(np.array(command))
+        assert not terminated and not truncated
+        speeds.append(float(seen["speed"][0]))
+        if info["reward_collision"] < 0.0:
+            assert info["reward_collision"] == -7.0 and -4.1 < info["reward_impact"] < -3.9 + 4.0 * len(touches)
+            touches.append(len(speeds) - 1)
+    assert info["contacts"] == len(touches) >= 1 and speeds[touches[0] - 1] > 3.9 and speeds[-1] < -0.5
+    if on_contact == "stop":
+        assert speeds[touches[0]] == 0.0 and len(touches) == 1
+    else:
+        assert speeds[touches[0]] > 2.0  # of its wheels
+    assert env.reset(seed=0)[1]["contacts"] == 0
+
+
+def test_a_stopped_car_stops_no_other():
+    fast = {"opponents": [lambda seen: np.array([0.0, 4.0])], "grid_order": "reversed"}
+    env = F1TenthEnv(beam_step=540, start="line", on_contact="stop", **fast)
+    env.reset(seed=0)
+    engine = env._world.engine
+    while not env._world.contacts.counts[1]:  # the opponent, which starts in front, at the wall
+        env.step(np.array([0.0, 1.5]))
+    assert engine.speed(1) == 0.0 and engine.speed(0) > 1.4

@@ -116,6 +116,12 @@ CASES = {
             "action_repeat": 2, "rewards": "smooth",
         },
     ),
+    "stop at walls": (AutoresetMode.SAME_STEP, {"track": "chicanes", "on_contact": "stop", "effects": NOISE}),
+    "one crash ends all": (AutoresetMode.NEXT_STEP, {"opponents": ["straight"], "ended_by": "any"}),
+    "drive on until all end": (
+        AutoresetMode.SAME_STEP,
+        {"opponents": ["straight"], "ended_by": "all", "on_contact": "continue", "action_repeat": 2},
+    ),
     "moving boxes": (AutoresetMode.NEXT_STEP, {"track": "scene:crossing_box:1", "max_episode_steps": 29}),
 }
 
@@ -154,7 +160,8 @@ def test_unstable_world_ends_and_begins_anew_as_if_new():
         assert again[1][1] == new[1][1]
 
 
-@each("settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3}])
+@each("settings", [{}, {"rewards": "no_slide", "observation": "scan,command,curvature"}, {"action_repeat": 3},
+                   {"on_contact": "stop", "track": "chicanes", "rewards": "no_slide"}])
 def test_kernels_alone_do_what_they_do_with_python_in_between(settings):
     """A hook that does nothing makes the engine step by step; in one thread and in two."""
     def drive(threads, hooked):

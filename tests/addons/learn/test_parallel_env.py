@@ -22,7 +22,8 @@ STAND = np.zeros(2)
 @pytest.mark.slow
 @each("settings",
       [{"agents": 4, "track": "hairpins", "grid": "side_by_side", "normalised_actions": True},
-       {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"}])  # fmt: skip
+       {"agents": 2, "opponents": ["gap_finder"], "grid_order": "random"},
+       {"agents": 3, "ended_by": "all", "time_limit": 2.0}])  # fmt: skip
 def test_api_test_of_pettingzoo_passes_without_a_warning(settings, capsys):
     env = fg.parallel_env(beam_step=60, **settings)
     with warnings.catch_warnings():
@@ -79,6 +80,41 @@ def test_an_agent_that_crashes_is_out_and_stays_as_an_obstacle():
     assert truncations == {"car_1": True} and infos["car_1"]["end_reason"] == "no_progress"
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step({})
+
+
+def test_agents_stay_until_all_have_ended_or_all_end_with_the_first():
+    """As a vector of SuperSuit needs it: the same agents in each step, and one end for all."""
+    env = fg.parallel_env(agents=2, beam_step=540, start="line", ended_by="all", time_limit=6.0)
+    env.reset(seed=0)
+    lines, told = {"car_0": np.array([0.4, 3.0]), "car_1": STAND}, []
+    while env.agents:
+        assert env.agents == ["car_0", "car_1"]
+        told.append(env.step(lines))
+    crash = next(tick for tick, (*_, infos) in enumerate(told) if "end_reason" in infos["car_0"])
+    assert crash < 100 and len(told) == 240
+    assert told[crash][0]["car_0"]["scan"].any() and told[crash][1]["car_0"] < -6.0
+    for seen, rewards, *_ in told[crash + 1 :]:
+        assert rewards["car_0"] == 0.0 and not any(values.any() for values in seen["car_0"].values())
+    ends = [(any(terminations.values()), any(truncations.values())) for _, _, terminations, truncations, _ in told]
+    assert ends[:-1] == [(False, False)] * 239
+    assert told[-1][2:4] == ({"car_0": True, "car_1": False}, {"car_0": False, "car_1": True})
+    env = fg.parallel_env(agents=2, beam_step=540, start="line", ended_by="any")
+    env.reset(seed=0)
+    while env.agents:
+        _, _, terminations, _, infos = env.step(lines)
+    assert terminations == {"car_0": True, "car_1": True}
+    assert [info["end_reason"] for info in infos.values()] == ["crash", "other_crashed"]
+
+
+def test_a_vector_of_supersuit_takes_cars_that_end_at_different_times():
+    supersuit = pytest.importorskip("supersuit", reason="SuperSuit is not installed")
+    env = fg.parallel_env(agents=3, ended_by="all", time_limit=2.0, observation="beams:9,speed,flat", start="line")
+    envs = supersuit.concat_vec_envs_v1(supersuit.pettingzoo_env_to_vec_env_v1(env), 2, base_class="gymnasium")
+    envs.reset(seed=0)
+    for tick in range(1, 162):
+        _, _, terminations, truncations, _ = envs.step(np.tile([[0.4, 3.0], [0.0, 0.0], [0.0, 0.0]], (2, 1)))
+        over = terminations | truncations
+        assert over.tolist() == [tick % 80 == 0] * 6
 
 
 def test_who_finishes_sees_the_end_and_is_off_the_course():
