@@ -14,10 +14,10 @@ from typing import Any
 
 from fg_mujoco.arguments import unknown_argument
 from fg_mujoco.errors import ArgumentError, SettingsError
-from fg_mujoco.messages import shown
+from fg_mujoco.messages import require_whole, shown
 
 from .gym_world import BEAMS, FIELD_OF_VIEW
-from .params import F1FIFTH, F1TENTH, FULL_SCALE
+from .params import F1FIFTH, F1TENTH, FULL_SCALE, number
 from .simulator import DynamicModel, Integrator
 
 _MOUNT = (0.275, 0.0, 0.0)  # of the LiDAR [m, m, rad]
@@ -79,6 +79,22 @@ class CollisionCheckMode(Enum):
     FRENET = 3
     SEGMENT_CONTACT = 4
     NONE = 5
+
+
+class AgentTerminationMode(Enum):
+    """Whose end is that of the environment."""
+
+    EGO = 0
+    ANY = 1
+    ALL = 2
+
+
+class RewardMode(Enum):
+    """Rewards of a step."""
+
+    SURVIVAL = 0
+    PROGRESS = 1
+    CUSTOM = 2
 
 
 @dataclass(frozen=True)
@@ -229,8 +245,52 @@ class RenderConfig(Settings):
     defaults = {"render_fps": 60, "real_time_factor": 1.0, "frame_output_method": "auto"}  # noqa: RUF012
 
 
+class TerminationConfig(Settings):
+    """Ends of an episode: after so many steps, by a collision, and of which car.
+
+    Raises:
+      SettingsError: another value.
+    """
+
+    defaults = {  # noqa: RUF012
+        "max_episode_steps": None, "terminate_on_collision": True, "agent_mode": AgentTerminationMode.EGO,
+    }  # fmt: skip
+
+    def __init__(self, **named: Any) -> None:
+        super().__init__(**named)
+        own: Any = self
+        require_whole("max_episode_steps", own.max_episode_steps, 1, optional=True)
+        if not isinstance(own.agent_mode, AgentTerminationMode):
+            modes = ", ".join(map(str, AgentTerminationMode))
+            raise SettingsError(f"agent_mode is {shown(own.agent_mode)}; accepted: {modes}")
+
+
+class RewardConfig(Settings):
+    """Reward of a step: its duration; a weighted sum of metres, speed and duration, less collisions; or a function.
+
+    Raises:
+      SettingsError: another mode, a weight that is no number, or no function where one is needed.
+    """
+
+    defaults = {  # noqa: RUF012
+        "mode": RewardMode.SURVIVAL, "progress_weight": 1.0, "velocity_weight": 0.0, "timestep_weight": 0.0,
+        "collision_penalty": 0.0, "reward_fn": None,
+    }  # fmt: skip
+
+    def __init__(self, **named: Any) -> None:
+        super().__init__(**named)
+        own: Any = self
+        if not isinstance(own.mode, RewardMode):
+            raise SettingsError(f"mode is {shown(own.mode)}; accepted: {', '.join(map(str, RewardMode))}")
+        for name in ("progress_weight", "velocity_weight", "timestep_weight"):
+            number(name, getattr(self, name))
+        number("collision_penalty", own.collision_penalty, 0.0)
+        if own.mode is RewardMode.CUSTOM and not callable(own.reward_fn):
+            raise SettingsError(f"reward_fn is {shown(own.reward_fn)}; accepted: a function, with RewardMode.CUSTOM")
+
+
 class OtherConfig(Settings):
-    """Settings of what is not here: rewards, ends, contacts, randomization; an EnvConfig refuses them."""
+    """Settings of what is not here: contacts, randomization; an EnvConfig refuses them."""
 
     def __init__(self, **named: Any) -> None:
         vars(self).update(named)
@@ -250,7 +310,7 @@ class EnvConfig(Settings):
         return {
             "control_config": ControlConfig, "simulation_config": SimulationConfig,
             "observation_config": ObservationConfig, "reset_config": ResetConfig, "lidar_config": LiDARConfig,
-            "render_config": RenderConfig,
+            "render_config": RenderConfig, "termination_config": TerminationConfig, "reward_config": RewardConfig,
         }  # fmt: skip
 
 

@@ -193,6 +193,7 @@ class Driving:
             (steering, controller.set_point(speed, *self._speeds(agent)))
             for agent, ((steering, speed), controller) in enumerate(zip(commands, self._controllers, strict=True))
         ]
+        engine.crashed[:] = False  # a collision is of a step
         engine.drive()
         engine.sense(self._every)
         time = engine.time(0)
@@ -262,6 +263,11 @@ class LapCount:
         self.last = self._completed_at = 0.0
         along = track.start_pose(self._place - (track.origin or 0.0))[2]
         self._forward = math.copysign(1.0, math.cos(heading - along))  # laps count in the direction that it looks in
+
+    @property
+    def along(self) -> float:
+        """Driven in the direction of the course since the start, backward negative [m]; 0 on one without a loop."""
+        return self._forward * self._progress
 
     def count(self, time: float, x: float, y: float) -> None:
         """Take where the car is at a time."""

@@ -43,11 +43,11 @@ _RENDERING = {
     "ZOOM_OUT_FACTOR": 1.0 / 1.2, "make_lidar_scan_callback": "drawing:Nothing",
 }  # fmt: skip
 _OTHERS = dict.fromkeys(
-    ("TerminationConfig", "RewardConfig", "DomainRandomizationConfig", "ContactConfig"), "gym_config:OtherConfig"
-) | {"RewardMode": "drawing:Nothing", "ScanBackend": "drawing:Nothing"}
+    ("DomainRandomizationConfig", "ContactConfig"), "gym_config:OtherConfig"
+) | {"ScanBackend": "drawing:Nothing"}
 _CONFIG = {name: f"gym_config:{name}" for name in (
     "EnvConfig", "ControlConfig", "SimulationConfig", "ObservationConfig", "ResetConfig", "RenderConfig",
-    "LoopCounterMode",
+    "LoopCounterMode", "TerminationConfig", "AgentTerminationMode", "RewardConfig", "RewardMode",
 )} | _OTHERS | _LASERS | _ACTIONS | _MODELS  # fmt: skip
 _OBSERVATIONS = {
     "Observation": "gym_observations:Observation", "observation_factory": "gym_observations:Observation",
@@ -88,6 +88,10 @@ _RACING: dict[str, Table] = {
     "envs.track.cubic_spline": _TRACKS,
     "envs.track.utils": _TRACKS,
     "envs.cubic_spline": _TRACKS,
+    "envs.termination": _CONFIG,
+    "envs.wrappers": {
+        name: f"gym_wrappers:{name}" for name in ("SingleAgentWrapper", "ObservationDelayWrapper")
+    },
     "envs.utils": {"deep_update": "gym_functions:deep_update"},
 }
 

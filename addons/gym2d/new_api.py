@@ -28,7 +28,7 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .environment import RaceEnvironment, say_of_others, simulator_of
-from .gym_config import EnvConfig, VehicleParameters, plain_config
+from .gym_config import AgentTerminationMode, EnvConfig, RewardMode, VehicleParameters, plain_config
 from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_track import Raceline
@@ -130,6 +130,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     ) -> None:
         given = deep_update(plain_config(config), settings)
         self._times_each_lap = isinstance(config, EnvConfig)
+        later = config if isinstance(config, EnvConfig) else EnvConfig()
+        self._ends, self._rewards = later.termination_config, later.reward_config  # type: ignore[attr-defined]
         defaults = self.default_config()
         say_of_others(name for name in given if name not in defaults and name not in _NOT_HERE)
         self.config: dict[str, Any] = deep_update(defaults, given)
@@ -158,7 +160,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         self.observation_space = self.observation_type.space()
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / self.timestep)}
         self.renderer = self._make_renderer()
-        self._steering = np.zeros(self.num_agents)
+        self._steering, self._steps, self._along = np.zeros(self.num_agents), 0, np.zeros(self.num_agents)
+        self.terminated_agents = np.zeros(self.num_agents, np.bool_)
         self._generator = np.random.default_rng(self.seed)
 
     @classmethod
@@ -220,7 +223,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             self._generator = np.random.default_rng(seed)
         poses = None if options is None else mapping("options", options).get("poses")
         self._place(self._drawn_poses() if poses is None else poses)
-        self._steering[:] = 0.0
+        self._steering[:], self._steps = 0.0, -1  # the step that the cars stand is not counted
+        self._along, self.terminated_agents = np.zeros(self.num_agents), np.zeros(self.num_agents, np.bool_)
         first = self.step(np.zeros((self.num_agents, 2)))
         return first[0], first[4]
 
@@ -232,8 +236,9 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
 
         Returns:
           The observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with an
-          EnvConfig the ego, have driven `max_laps`, whether it is truncated, which it never is, and an info:
-          `checkpoint_done`, whether each car has, `lap_times`, `lap_counts` and `sim_time`.
+          EnvConfig those that its TerminationConfig says, have driven `max_laps`, whether it is truncated, which it is
+          by `max_episode_steps` only, and an info: `checkpoint_done`, whether each car has, `lap_times`, `lap_counts`
+          and `sim_time`; with an EnvConfig `collisions` and `progress` [m] of the step, too.
 
         Raises:
           SettingsError: another shape, or a number that is not finite.
@@ -244,7 +249,24 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             "checkpoint_done": finished, "lap_times": self.lap_times, "lap_counts": self.lap_counts,
             "sim_time": self.current_time,
         }  # fmt: skip
-        return self.observation_type.observe(), self.timestep, done, False, info
+        observation, self._steps = self.observation_type.observe(), self._steps + 1
+        if not self._times_each_lap:
+            return observation, self.timestep, done, False, info
+        along, self._along = self._along, np.array([lap.along for lap in self.driving.laps])
+        info |= {"collisions": self.collisions.copy(), "progress": self._along - along}
+        most = self._ends.max_episode_steps
+        late = most is not None and self._steps >= most and not done
+        return observation, self._reward(observation, action, info, done, late), done, late, info
+
+    def _reward(self, observation: Any, action: ArrayLike, info: dict[str, Any], done: bool, late: bool) -> float:
+        """Return the reward of a step as the RewardConfig says."""
+        of, ego = self._rewards, self.ego_idx
+        if of.mode is RewardMode.SURVIVAL or self._steps == 0:  # at a reset nobody asks for it
+            return self.timestep
+        if of.mode is RewardMode.CUSTOM:
+            return float(of.reward_fn(observation, action, info, done, late))
+        gained = of.progress_weight * info["progress"][ego] + of.velocity_weight * self.driving.state(ego)[3]
+        return float(gained + of.timestep_weight * self.timestep - of.collision_penalty * self.collisions[ego])
 
     def render(self, mode: str | None = None) -> Any:
         """Show the world as `render_mode` says: in MuJoCo's viewer, or as a picture (480, 640, 3).
@@ -258,8 +280,16 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         most = self.config["max_laps"]
         _, finished = super()._check_done()
         finished = np.zeros_like(finished) if most is None else self.lap_counts >= number("max_laps", most)
-        over = finished[self.ego_idx] if self._times_each_lap else finished.all()
-        return bool(self.collisions[self.ego_idx]) or bool(over), finished
+        if not self._times_each_lap:
+            return bool(self.collisions[self.ego_idx]) or bool(finished.all()), finished
+        collided = (self.collisions > 0.0) & self._ends.terminate_on_collision
+        self.terminated_agents = self.terminated_agents | finished | collided
+        over = {
+            AgentTerminationMode.EGO: self.terminated_agents[self.ego_idx],
+            AgentTerminationMode.ANY: self.terminated_agents.any(),
+            AgentTerminationMode.ALL: self.terminated_agents.all(),
+        }  # fmt: skip
+        return bool(over[self._ends.agent_mode]), finished
 
     def _take_actions(self) -> None:
         self.action_type = CarAction(self.config["control_input"], self.config["params"])

@@ -280,7 +280,7 @@ CALLS = [
     *((act, action, "accepted: finite numbers of shape (1, 2), steering angle, speed")
       for action in ([[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]])),
     (gym_config.EnvConfig, {"max_laps": 3}, "no argument 'max_laps'"),
-    (gym_config.EnvConfig, {"reward_config": 1}, "no argument 'reward_config'"),
+    (gym_config.EnvConfig, {"contact_config": 1}, "no argument 'contact_config'"),
     (gym_config.EnvConfig, {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
     (gym_config.SimulationConfig, {"max_lap": 3}, "did you mean 'max_laps'"),
     (gym_config.ControlConfig, {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),

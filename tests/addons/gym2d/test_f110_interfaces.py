@@ -281,3 +281,80 @@ def test_a_scaled_map_has_no_image_outside_of_its_folder(drawn):
     (file.parent / "maps/mine.yaml").write_text(text, "utf-8")
     with pytest.raises(TrackError, match="outside of its folder"):
         f110.make("f1tenth-v0", config={"map": str(file.parent / "maps/mine"), "scale": 2.0, "num_agents": 1})
+
+
+def later(**parts):
+    """An environment of an EnvConfig on the oval, with observations by car."""
+    from fg_mujoco.addons.gym2d import gym_config as config
+
+    seen = config.ObservationConfig(type=config.ObservationType.KINEMATIC_STATE)
+    simulated = config.SimulationConfig(max_laps=None, timestep=0.02)
+    settings = {"map_name": "oval", "simulation_config": simulated, "observation_config": seen} | parts
+    return f110.make("f1tenth-v0", config=config.EnvConfig(**settings))
+
+
+def test_wrappers_of_the_later_releases_make_one_car_of_it_and_old_observations():
+    from gymnasium.utils.env_checker import check_env
+    from gymnasium.wrappers import FlattenObservation
+
+    from fg_mujoco.addons.gym2d import gym_config as config
+    from fg_mujoco.addons.gym2d.gym_wrappers import ObservationDelayWrapper, SingleAgentWrapper
+
+    ends = config.TerminationConfig(max_episode_steps=20)
+    check_env(FlattenObservation(SingleAgentWrapper(later(termination_config=ends))), skip_render_check=True)
+    now, old = SingleAgentWrapper(later()), ObservationDelayWrapper(SingleAgentWrapper(later()), delay_steps=3)
+    seen, delayed = ([float(env.reset(seed=1)[0]["pose_x"])] for env in (now, old))
+    for _ in range(12):
+        for env, found in ((now, seen), (old, delayed)):
+            found.append(float(env.step(np.array([0.1, 4.0]))[0]["pose_x"]))
+    assert delayed == [seen[max(step - 3, 0)] for step in range(13)] and len(set(seen)) == 13
+    with pytest.raises(SettingsError, match="SingleAgentWrapper of 2 cars"):
+        SingleAgentWrapper(later(num_agents=2))
+    with pytest.raises(SettingsError, match="delay_steps is -1"):
+        ObservationDelayWrapper(later(), delay_steps=-1)
+
+
+def test_ends_and_rewards_of_the_later_releases():
+    """The first car drives into the wall and on; the second stands behind it."""
+    from fg_mujoco.addons.gym2d import gym_config as config
+
+    poses = {"poses": np.array([[0.0, 0.0, 0.0], [-2.0, 0.0, 0.0]])}
+    actions, ended = np.array([[0.3, 4.0], [0.0, 0.0]]), {}
+    for mode in config.AgentTerminationMode:
+        env = later(num_agents=2, ego_index=1, termination_config=config.TerminationConfig(
+            agent_mode=mode, max_episode_steps=150))  # fmt: skip
+        env.reset(options=poses)
+        terminated = truncated = False
+        steps = 0
+        while not (terminated or truncated):
+            *_, terminated, truncated, _ = env.step(actions)
+            steps += 1
+        ended[mode.name] = (terminated, truncated, steps)
+    assert ended["EGO"] == ended["ALL"] == (False, True, 150)
+    assert ended["ANY"][:2] == (True, False) and ended["ANY"][2] < 150
+    ends = config.TerminationConfig(terminate_on_collision=False)
+    gains = config.RewardConfig(
+        mode=config.RewardMode.PROGRESS, progress_weight=2.0, velocity_weight=0.1, timestep_weight=1.0,
+        collision_penalty=10.0,
+    )  # fmt: skip
+    env, hits = later(termination_config=ends, reward_config=gains), []
+    env.reset(options={"poses": np.zeros((1, 3))})
+    for _ in range(150):
+        seen, reward, terminated, _, info = env.step(np.array([[0.3, 4.0]]))
+        speed = float(seen["agent_0"]["linear_vel_x"])
+        hits.append(bool(info["collisions"][0]))
+        assert not terminated and reward == pytest.approx(
+            2.0 * info["progress"][0] + 0.1 * speed + 0.02 - 10.0 * hits[-1], abs=1e-5)  # fmt: skip
+    assert any(hits) and not all(hits[hits.index(True):])  # a collision is of a step
+    own = config.RewardConfig(mode=config.RewardMode.CUSTOM, reward_fn=lambda *given: float(len(given)))
+    env = later(reward_config=own)
+    env.reset(seed=0)
+    assert env.step(np.zeros((1, 2)))[1] == 5.0
+    for refused, message in (
+        (lambda: config.TerminationConfig(max_episode_steps=0), "max_episode_steps is 0"),
+        (lambda: config.TerminationConfig(agent_mode="any"), "agent_mode is 'any'"),
+        (lambda: config.RewardConfig(mode=config.RewardMode.CUSTOM), "reward_fn is None"),
+        (lambda: config.RewardConfig(collision_penalty=-1.0), "collision_penalty is -1.0"),
+    ):
+        with pytest.raises(SettingsError, match=message):
+            refused()
