@@ -7,6 +7,7 @@
     arena     compare, overtake, league, study, bench; race control; scenes, tight circuits
     realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
+    formats   courses, lines and cars in the files that teams have
     drivers   planners that follow a line of a map, remember, learn, localise themselves or overtake; racelines
 
 The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
@@ -82,6 +83,7 @@ SCHEMES = {
 """What stands before a colon in the text of a planner -> what loads such planners."""
 
 PARTS = {
+    "between boundaries": "formats.boundaries:between_boundaries",
     "bag drive": "realcar.bag_drive:read_bag_drive",
     "comparison report": "arena.study.pages:write_comparison_report",
     "dataset": "learn.dataset:Dataset",
@@ -91,6 +93,7 @@ PARTS = {
     "floor names": "realcar.floors:floor_names",
     "is comparison": "arena.study.pages:is_comparison",
     "learned friction": "drivers.learned_friction:LearnedFriction",
+    "line table": "formats.tables:line_table",
     "lidar effects": "realcar.measured_errors:effect_names",
     "localised": "drivers.localisation.localised:localised",
     "localiser": "drivers.localisation.localiser:Localiser",

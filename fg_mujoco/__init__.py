@@ -34,13 +34,14 @@ if TYPE_CHECKING:
     from .course.course import Course
     from .course.formats import track_names
     from .course.maps.export import export_track
-    from .course.maps.map_track import MapTrack, read_map
+    from .course.maps.map_track import read_map
     from .course.moving_obstacles import MovingObstacle
     from .course.obstacles import Box, Cylinder, Prism
     from .course.open_ground import OpenGround
     from .course.scene import Scene
     from .course.scenes import scene_names
     from .course.track import Track
+    from .course.walled_track import MapTrack
     from .errors import (
         BagError,
         ControllerError,
@@ -172,13 +173,14 @@ _PLACES = {
     "course.course": "Course",
     "course.formats": "track_names",
     "course.maps.export": "export_track",
-    "course.maps.map_track": "MapTrack read_map",
+    "course.maps.map_track": "read_map",
     "course.moving_obstacles": "MovingObstacle",
     "course.obstacles": "Box Cylinder Prism",
     "course.open_ground": "OpenGround",
     "course.scene": "Scene",
     "course.scenes": "scene_names",
     "course.track": "Track",
+    "course.walled_track": "MapTrack",
     "errors": "BagError ControllerError EngineError FgMujocoError MissingExtraError "
     "ModelError PlannerError RunFolderError SettingsError TrackError",
     "lidar.effects": "LidarEffects",

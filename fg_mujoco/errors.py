@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import shlex
 import sys
+import warnings
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,13 @@ def install_command(extra: str) -> str:
 
 class FinalWarning(UserWarning):
     """A warning that a command prints at its end, below the results, where it explains them."""
+
+
+class Note(UserWarning):
+    """What a file was understood as: a command prints it in one line; Python code sees it with a filter of its own."""
+
+
+warnings.filterwarnings("ignore", category=Note, append=True)
 
 
 class EngineError(FgMujocoError, RuntimeError):

@@ -3,7 +3,7 @@
     points, speeds = read_line("Monza_raceline.csv")
     table = line_table(points, speeds, closed=True, limiter=FrictionLimiter(car, mu), max_speed=8.0, **shares)
 
-Lines are read as centrelines of courses are, by the names of their columns (fg_mujoco.course.line_csv).
+Lines are read as centrelines of courses are, by the names of their columns (fg_mujoco.course.line_file).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.controllers.control.planner_settings import Record
 from fg_mujoco.controllers.control.slip import fastest_on
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
-from fg_mujoco.course.line_csv import read_line_csv
+from fg_mujoco.course.line_file import read_line_file
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import FloatArray
 
@@ -35,17 +35,17 @@ _LONGEST = 30_000.0  # [m], as of tracks
 
 
 def read_line(path: str | Path) -> tuple[FloatArray, FloatArray]:
-    """Return the points (n, 2) [m] of a CSV file and the speeds there (n,) [m/s], inf where it has none.
+    """Return the points (n, 2) [m] of a file and the speeds there (n,) [m/s], inf where it has none.
 
     Raises:
-      SettingsError: with the file, and the line where there is one: what `read_line_csv` refuses, a speed that is not
+      SettingsError: with the file, and the line where there is one: what `read_line_file` refuses, a speed that is not
         positive, no two points, or a line that is too long or too far away.
     """
     try:
-        file = read_line_csv(path, ("speed",))
+        file = read_line_file(path, course=False).note()
     except TrackError as error:
         raise SettingsError(f"line {error}") from error
-    points, speeds = file.points, np.full(len(file.points), math.inf) if file.values is None else file.values[0]
+    points, speeds = file.points, file.values.get("speed", np.full(len(file.points), math.inf))
     if len(points) < 2:
         raise SettingsError(f"line {path}: {len(points)} points; accepted: at least 2")
     length = float(np.hypot(*np.diff(points, axis=0).T).sum())

@@ -50,7 +50,7 @@ from fg_mujoco.controllers.control.stages import Stage
 from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
-from fg_mujoco.course.line_csv import require_closed
+from fg_mujoco.course.line_file import require_closed
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 from fg_mujoco.registry import PARTS

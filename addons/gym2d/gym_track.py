@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from fg_mujoco.course.course import Course
 from fg_mujoco.course.files import is_file, read_text
+from fg_mujoco.course.line_file import LineFile, raceline_columns, read_line_file
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
@@ -28,6 +29,7 @@ from fg_mujoco.simulation.course_loading import default_car, load_track
 from .maps import find_file, find_map
 
 _SPACING = 0.1  # [m] of the points of a line without a raceline's file, as in the gym
+_LEAST_POINTS = 3
 _MOST_POINTS = 100_000  # of such a line: that of open ground is some hundred kilometres long
 _GUESS = 5.0  # [m] to either side of a guessed progress that is searched
 
@@ -149,17 +151,25 @@ class Raceline:
     def from_centerline_file(
         cls, filepath: str | Path, delimiter: str = ",", fixed_speed: float = 1.0, track_scale: float = 1.0, **_: Any
     ) -> Raceline:
-        """Return the line of a centreline CSV, x, y and two widths [m]."""
-        return cls.from_points(track_scale * _read_table(Path(filepath), delimiter, 2)[:, :2], fixed_speed)
+        """Return the line of a centreline file, x, y and two widths [m]."""
+        return cls.from_points(track_scale * _read_line(filepath, course=True).points, fixed_speed)
 
     @classmethod
     def from_raceline_file(
         cls, filepath: str | Path, delimiter: str = ";", skip_rows: int = 3, track_scale: float = 1.0, **_: Any
     ) -> Raceline:
-        """Return the line of a raceline CSV: s, x, y, psi, kappa, vx, ax."""
-        rows = _read_table(Path(filepath), delimiter, 7).astype(np.float32)
-        s, x, y, psi, kappa, speed, acceleration = rows[:, :7].T
-        scale = np.float32(track_scale)
+        """Return the line of a raceline file: s, x, y, psi, kappa, vx, ax."""
+        file, scale = _read_line(filepath, course=False), np.float32(track_scale)
+        made = raceline_columns(file.points, None)
+        zeros = np.zeros(len(file.points))
+        x, y, speed, s, psi, kappa, acceleration = (
+            column.astype(np.float32)
+            for column in (
+                *file.points.T, file.values.get("speed", zeros), file.values.get("s", made["s_m"]),
+                file.values.get("psi", made["psi_rad"]), file.values.get("kappa", made["kappa_radpm"]),
+                file.values.get("ax", zeros),
+            )
+        )  # fmt: skip
         return cls(scale * x, scale * y, speed, scale * s, psi, kappa / scale, acceleration)
 
     def render_waypoints(self, renderer: Any) -> None:
@@ -317,6 +327,14 @@ class Track:
         return next((file for file in found if is_file(file)), None)
 
 
+def _read_line(path: str | Path, *, course: bool) -> LineFile:
+    """Return the line of a file, of three points at least."""
+    file = read_line_file(path, course=course)
+    if len(file.points) < _LEAST_POINTS:
+        raise TrackError(f"{path}: {len(file.points)} points; accepted: at least {_LEAST_POINTS}")
+    return file
+
+
 def find_track_dir(track_name: str) -> Path:
     """Return the folder of a named map.
 
@@ -333,24 +351,3 @@ def _open_ground() -> Course:
     from fg_mujoco.course.open_ground import OpenGround
 
     return load_track(OpenGround(seconds=1e6))
-
-
-def _read_table(path: Path, delimiter: str, columns: int) -> FloatArray:
-    """Return the numbers of a CSV; lines that are no numbers are its head.
-
-    Raises:
-      TrackError: no such table.
-    """
-    rows = []
-    try:
-        lines = read_text(path).splitlines()
-    except OSError as error:
-        raise TrackError(f"{path}: {error.strerror}; accepted: a CSV of {columns} columns") from error
-    for line in lines:
-        try:
-            rows.append([float(value) for value in line.split(delimiter)])
-        except ValueError:
-            continue
-    if len(rows) < 3 or min(map(len, rows)) < columns:
-        raise TrackError(f"{path}: no table of {columns} columns split by {delimiter!r}; accepted: a CSV of such")
-    return np.array([row[: min(map(len, rows))] for row in rows])

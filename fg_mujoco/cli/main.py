@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any, NoReturn
 
 from ..course.formats import track_names
-from ..errors import FgMujocoError, FinalWarning, SettingsError, accepted_names, nearest
+from ..errors import FgMujocoError, FinalWarning, Note, SettingsError, accepted_names, nearest
 from ..racing.planners import controller_names, scheme_of
 from ..registry import Registry, added
 from .command import Command, Commands
@@ -90,24 +90,27 @@ def _ended_in_order(terminated: threading.Event) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
-    """Print each warning that is meant for users once, in one line on stderr: a FinalWarning at the end."""
+    """Print each warning and note that is meant for users once, a line each on stderr: a FinalWarning at the end."""
     shown: dict[str, type[Warning]] = {}
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if category is SyntaxWarning:  # of a planner's file, as Python's compiler finds it
             file, line = place[:2]
             say(f"{file}, line {line}: {message}")
-        elif category not in (UserWarning, FinalWarning):
+        elif category not in (UserWarning, FinalWarning, Note):
             usual(message, category, *place, **more)
         elif str(message) not in shown:
             shown[str(message)] = category
             if category is UserWarning:
                 say(str(message))
+            elif category is Note:
+                print("fg-mujoco:", in_one_line(str(message)), file=sys.stderr)
 
     def say(message: str) -> None:
         print("fg-mujoco: warning:", *message.split(), file=sys.stderr)
 
     with warnings.catch_warnings():
+        warnings.simplefilter("always", Note)
         usual, warnings.showwarning = warnings.showwarning, show
         try:
             yield
@@ -172,7 +175,7 @@ class _Parser(argparse.ArgumentParser):
 
     def _no_argument(self, given: str) -> str:
         """Return what is said of a word for which there is no place: it may be the value of an option."""
-        course = given.endswith((".csv", ".yaml", ".yml")) or given.startswith(("random:", "scene:"))
+        course = given.endswith((".csv", ".json", ".npy", ".yaml", ".yml")) or given.startswith(("random:", "scene:"))
         source = given.partition("[")[0]
         means = {
             "--track": course or given in track_names(),

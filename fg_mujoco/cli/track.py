@@ -6,15 +6,17 @@ import argparse
 import io
 from pathlib import Path
 
-from ..course.centreline_csv import write_centreline
+from ..course.centreline_csv import load_centreline, write_centreline
 from ..course.course import describe_course
 from ..course.formats import TIGHT, track_names
+from ..course.line_file import raceline_columns, raceline_text, read_line_file
 from ..course.maps.export import SUFFIXES, export_tracks, exported_files, require_track
 from ..course.maps.map_server import RESOLUTION, image_yaml
 from ..course.maps.map_track import is_map, map_loops
 from ..course.scenes import describe_scene, scene_names
+from ..course.track import MIN_POINTS
 from ..course.writing import write_file
-from ..errors import SettingsError
+from ..errors import SettingsError, TrackError
 from ..pictures.plots import track_picture
 from ..simulation.course_loading import load_track
 from .command import FORCE, Commands, command, number, option, require_ending
@@ -112,9 +114,38 @@ def _export(options: argparse.Namespace) -> int:
     return 0
 
 
+@command(
+    option("file", "a centreline, a raceline or a boundary, with settings in brackets as --track takes them", "FILE"),
+    option("out", "the CSV", "FILE.csv", Path),
+    option("--raceline", "write s, x, y, psi, kappa and the speeds, in place of a centreline with widths"),
+    option("--line", "of a file of several lines, the one of this name or a part of it", "NAME"),
+    FORCE,
+)
+def _convert(options: argparse.Namespace) -> int:
+    """Write a file of another stack as a CSV of ours."""
+    require_ending(options.out, ".csv", what="a converted line")
+    require_new(options.out, force=options.force)
+    name, comment = options.file, f"made by: fg-mujoco track convert {options.file}"
+    if options.raceline:
+        file = read_line_file(name, course=False, line=options.line).note()
+        if len(file.points) < MIN_POINTS:
+            raise TrackError(f"{name}: {len(file.points)} points; accepted: at least {MIN_POINTS}")
+        columns = raceline_columns(file.points, file.values.get("speed"))
+        write_file(options.out, raceline_text(columns, [comment]).encode())
+        print(f"{options.out}: {', '.join(columns)}, {len(file.points)} points, {columns['s_m'][-1]:.1f} m")
+        return 0
+    if options.line is not None:
+        name = f"{name.removesuffix(']')}{',' if name.endswith(']') else '['}line={options.line}]"
+    track = load_centreline(name)
+    write_centreline(track, options.out, [comment])
+    print(f"{options.out}: {describe_course(track)}")
+    return 0
+
+
 TRACK = Commands(
     "make, show and list tracks",
     {
         "new": _new, "show": _show, "from-image": _from_image, "list": _list, "scenes": _scenes, "export": _export,
+        "convert": _convert,
     },
 )  # fmt: skip

@@ -1,12 +1,15 @@
-"""Centreline CSV files: a track as a closed line with a width to either side.
+"""Centreline files: a track as a closed line with a width to either side.
 
     track = read_centreline("aut.csv")
     track = read_centreline("aut_raceline.csv", width=2.0)        # or load_track("aut_raceline.csv[width=2]")
+    track = read_centreline("left.csv", boundary="right.csv")
     track = read_centreline("aut.csv", direction="clockwise")
 
-The columns are `x_m, y_m, w_tr_right_m, w_tr_left_m`, or what a header names (line_csv). A file without widths needs a
-width. Speeds are not used. The line is closed: it ends about where it begins, and may repeat its first point at the
-end. A point that repeats the one before is dropped.
+The columns are `x_m, y_m, w_tr_right_m, w_tr_left_m`, or what a header names (line_file). A file without widths needs a
+width, or is one boundary of the course and needs the other; these are the walls. Speeds are not used.
+
+The line is closed: it ends about where it begins, and may repeat its first point at the end. A point that repeats the
+one before is dropped.
 
 A line whose steps are all at most `DENSE` is kept as it is, square corners included. A sparser line is resampled every
 `SPACING` on the periodic cubic spline through its points, so that its walls are smooth. Its widths are interpolated
@@ -18,6 +21,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,9 +29,12 @@ import numpy as np
 
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
-from .line_csv import COLUMNS, read_line_csv, require_closed
+from ..registry import PARTS
+from .files import read_text
+from .line_file import COLUMNS, LineFile, read_line_file, require_closed
 from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, Track, check_size
+from .walled_track import MapTrack
 
 DENSE = 0.5  # [m] longest step of a line that is kept as it is
 SPACING = 0.2  # [m] step that a sparser line is resampled to
@@ -39,7 +46,7 @@ WIDEST_ROAD = 30.0
 """[m] No road is wider, of those that are driven from wall to wall."""
 
 _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of course in millimetres
-_SPECIFICATION = re.compile(r"(?P<path>.*\.csv)(\[(?P<settings>.*)\])?", re.IGNORECASE)
+_SPECIFICATION = re.compile(r"(?P<path>.*\.(?P<suffix>csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _REPEATED = 1e-3  # [m] points nearer than this are one
 
 
@@ -70,13 +77,26 @@ def centreline_text(track: Track, header_lines: Sequence[str] = ()) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_centreline(path: str | Path, *, width: float | None = None, direction: Direction | None = None) -> Track:
-    """Read a centreline CSV; the track is named after the file.
+def read_centreline(
+    path: str | Path,
+    *,
+    width: float | None = None,
+    boundary: str | Path | None = None,
+    scale: float = 1.0,
+    line: str | None = None,
+    direction: Direction | None = None,
+    said: bool = False,
+) -> Track:
+    """Read a centreline file; the track is named after it.
 
     Args:
       path: the file.
       width: of the track [m], half of it to either side of the line, for a file without widths.
+      boundary: the file of the other boundary of the course, of which `path` has one.
+      scale: by which the course is larger than its file says.
+      line: which of the lines of a file of several; None: its centreline.
       direction: in which the track is driven; None: in the order of the points.
+      said: whether a `Note` says what was understood.
 
     Raises:
       TrackError: with the file, and the line where there is one: a file that cannot be read or is empty, too few
@@ -84,28 +104,36 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
         is given twice, an unknown direction, or what `Track` refuses.
     """
     path = Path(path)
-    line, widths, columns = _read(path)
+    if not 0.0 < scale < math.inf:
+        raise TrackError(f"{path}: scale is {scale!r}; accepted: a positive number")
+    points, widths, file = _read(path, boundary, scale, line, said=said)
     if width is not None:
         if widths is not None:
             raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
         if not 0.0 < width < math.inf:
             raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
-        widths = np.full((2, len(line)), 0.5 * width)
+        widths = np.full((2, len(points)), 0.5 * width)
         try:
-            _require_metres(line, widths)
+            _require_metres(points, widths)
         except TrackError as error:
             raise TrackError(f"{path}: {error}") from error
     if widths is None:
         raise TrackError(
-            f"{path}: has no widths, but {columns}; accepted: {path.name}[width=W], the width of the track in metres"
+            f"{path}: has no widths, but {file.columns}; accepted: {path.name}[width=W], the width of the track in "
+            f"metres, or, of a boundary, {path.name}[boundary=FILE], the other one"
         )
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
-    right, left = widths
-    if direction is not None and (enclosed_area(line) > 0.0) != (direction == "counterclockwise"):
-        line, right, left = (np.roll(column[::-1], 1, axis=0) for column in (line, left, right))
+    (right, left), walls = widths, tuple(scale * wall for wall in file.walls or ())
+    if direction is not None and (enclosed_area(points) > 0.0) != (direction == "counterclockwise"):
+        points, right, left = (np.roll(column[::-1], 1, axis=0) for column in (points, left, right))
+        walls = tuple(wall[::-1] for wall in reversed(walls))
     try:
-        track = Track(name=path.stem, centreline=line, width_right=right, width_left=left)
+        name = path.parent.name if path.suffix in (".yaml", ".yml") else path.stem  # of a track.yaml
+        values = {"centreline": points, "width_right": right, "width_left": left}
+        if walls:
+            values |= {"wall_right": walls[0], "wall_left": walls[1]}
+        track = (MapTrack if walls else Track)(name=name or path.stem, **values)
         _ = track.left_wall  # drawn here, so that a refusal names the file
     except TrackError as error:
         raise TrackError(f"{path}: {error}") from error
@@ -113,7 +141,7 @@ def read_centreline(path: str | Path, *, width: float | None = None, direction: 
 
 
 def read_points(path: str | Path) -> FloatArray:
-    """Return the points of a centreline CSV, whose widths, if it has any, are not used. Shape (n, 2) [m].
+    """Return the points of a centreline file, whose widths, if it has any, are not used. Shape (n, 2) [m].
 
     Raises:
       TrackError: as `read_centreline`, but for what concerns widths.
@@ -122,8 +150,15 @@ def read_points(path: str | Path) -> FloatArray:
 
 
 def is_centreline(name: str) -> bool:
-    """Return whether a name of a track, as load_track takes it, is that of a centreline CSV."""
-    return _SPECIFICATION.fullmatch(name) is not None
+    """Return whether a name of a track, as load_track takes it, is that of a centreline file, and not of a map."""
+    match = _SPECIFICATION.fullmatch(name)
+    if match is None or match["suffix"][0] not in "yY":
+        return match is not None
+    try:
+        text = read_text(match["path"])
+    except (OSError, UnicodeDecodeError):
+        return False
+    return bool(re.search(r"(?m)^cent(re|er)line\s*:", text)) and not re.search(r"(?m)^image\s*:", text)
 
 
 def load_centreline(name: str) -> Track:
@@ -134,12 +169,15 @@ def load_centreline(name: str) -> Track:
     """
     match = _SPECIFICATION.fullmatch(name)
     if match is None:
-        return read_centreline(name)
-    return read_centreline(match["path"], **read_settings(name, match["settings"] or "", _SETTINGS))
+        return read_centreline(name, said=True)
+    return read_centreline(match["path"], said=True, **read_settings(name, match["settings"] or "", _SETTINGS))
 
 
 _SETTINGS: dict[str, tuple[str, Callable[[str], Any]]] = {
     "width": ("METRES", float),
+    "boundary": ("FILE", str),
+    "scale": ("NUMBER", float),
+    "line": ("NAME", str),
     "direction": ("clockwise or counterclockwise", str),
 }
 """Settings of a file's name: what is accepted, and what reads it."""
@@ -172,10 +210,28 @@ def read_settings(name: str, text: str, known: Mapping[str, tuple[str, Callable[
     return settings
 
 
-def _read(path: Path) -> tuple[FloatArray, FloatArray | None, str]:
-    """Return the line (n, 2), the widths to the right and left (2, n) [m], None without, and the columns in words."""
-    file = read_line_csv(path, ("right", "left"))
-    line, widths = file.points, np.empty((0, len(file.points))) if file.values is None else file.values
+def _read(
+    path: Path,
+    boundary: str | Path | None = None,
+    scale: float = 1.0,
+    name: str | None = None,
+    *,
+    said: bool = False,
+) -> tuple[FloatArray, FloatArray | None, LineFile]:
+    """Return the line (n, 2), the widths to the right and left (2, n) [m], None without, and the file."""
+    file = read_line_file(path, course=boundary is None, line=name)
+    line, widths = file.points, np.empty((0, len(file.points)))
+    if said:
+        file.note()
+    if boundary is not None:
+        other = read_line_file(boundary, course=False)
+        if said:
+            other.note()
+        line, right, left, walls = PARTS.find("between boundaries")(path, line, other.points)
+        widths, file = np.array([right, left]), replace(file, walls=walls)
+    elif "right" in file.values:
+        widths = np.array([file.values["right"], file.values["left"]])
+    line, widths = scale * line, scale * widths
     kept = step_lengths(line) > _REPEATED  # the last of those that repeat each other stays
     if np.count_nonzero(kept) < MIN_POINTS:
         raise TrackError(
@@ -191,7 +247,7 @@ def _read(path: Path) -> tuple[FloatArray, FloatArray | None, str]:
     if step_lengths(line).max() > DENSE:
         line, *resampled = spline(line, SPACING, *widths)
         widths = np.array(resampled)
-    return line, widths if len(widths) else None, file.columns
+    return line, widths if len(widths) else None, file
 
 
 def _require_metres(line: FloatArray, widths: FloatArray) -> None:

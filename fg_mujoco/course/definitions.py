@@ -38,8 +38,8 @@ def course_of(name: str, definition: Mapping[str, FloatArray]) -> Course:
     Raises:
       TrackError: the numbers are those of a course of another class.
     """
-    from .maps.map_track import MapTrack
     from .scene import Scene
+    from .walled_track import MapTrack
 
     islands = sorted((key for key in definition if key.startswith(ISLAND)), key=lambda key: int(key[len(ISLAND) :]))
     names = tuple(key for key in definition if key not in islands)

@@ -20,7 +20,7 @@ from .centreline_csv import is_centreline, load_centreline, read_centreline
 from .course import Course
 from .files import LONGEST_NAME, PICTURES, foreign_kind, is_file
 from .kept_courses import kept_course
-from .line_csv import COLUMNS
+from .line_file import COLUMNS
 
 TIGHT = "tight"
 """Kind of the random circuits that are built as races are: `random:SEED:tight`."""
@@ -162,7 +162,7 @@ FORMATS: Registry[CourseFormat] = Registry(
         "centreline": CourseFormat(
             accepts=is_centreline,
             load=lambda text, car: kept_course(text, load_centreline),
-            texts="a path to a centreline .csv",
+            texts="a path to a centreline .csv, .json or .npy",
         ),
         "map": CourseFormat(accepts=_is_map, load=lambda text, car: _map(text), texts="a map .yaml"),
     },

@@ -8,6 +8,7 @@ import os
 import pickle
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -16,14 +17,16 @@ import numpy as np
 
 from ..compiled.kept import kept
 from ..compiled.kernel_files import walk
+from ..errors import Note
+from ..registry import ADDONS
 from .course import Course
 from .files import noting_files, state_of
 
 _SOURCES = ("course", "simulation/world.py", "simulation/cars.py", "vehicle/bodywork.py")
 _VERSIONS = {"numpy": "version.py", "scipy": "version.py", "PIL": "_version.py"}  # files of packages that read maps
 
-_Read = tuple[bytes, dict[str, str], list[str]]
-"""A course, pickled; the states of the files by path; the warnings."""
+_Read = tuple[bytes, dict[str, str], list[tuple[str, bool]]]
+"""A course, pickled; the states of the files by path; the warnings, and whether each is a note."""
 
 
 def kept_course(name: str, load: Callable[[str], Course]) -> Course:
@@ -36,7 +39,8 @@ def kept_course(name: str, load: Callable[[str], Course]) -> Course:
         with noting_files() as noted, warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             course = load(name)
-        return pickle.dumps(course), noted, [str(each.message) for each in caught if each.category is UserWarning]
+        said = [(str(each.message), each.category is Note) for each in caught if each.category in (UserWarning, Note)]
+        return pickle.dumps(course), noted, said
 
     def holds(made: _Read) -> bool:
         return bool(made[1]) and all(state_of(path) == state for path, state in made[1].items())
@@ -46,8 +50,8 @@ def kept_course(name: str, load: Callable[[str], Course]) -> Course:
     except OSError:  # the folder that this process is in is gone
         return load(name)
     pickled, _, said = kept("course", (name, path, sources_of_courses()), make, holds)
-    for text in said:
-        warnings.warn(text, stacklevel=3)
+    for text, is_note in said:
+        warnings.warn(text, Note if is_note else UserWarning, stacklevel=3)
     course: Course = pickle.loads(pickled)
     for value in vars(course).values():
         for array in value if isinstance(value, tuple) else (value,):
@@ -64,8 +68,10 @@ def sources_of_courses() -> tuple[str, ...]:
 @cache
 def _sources() -> str:
     digest = hashlib.sha256()
-    for name in _SOURCES:
-        entry = files("fg_mujoco").joinpath(name)
+    entries = {name: files("fg_mujoco").joinpath(name) for name in _SOURCES}
+    with suppress(ModuleNotFoundError):  # of an installation without add-ons
+        entries["formats"] = files(ADDONS).joinpath("formats")
+    for name, entry in entries.items():
         for path, file in sorted({name: entry}.items() if entry.is_file() else walk(entry, name, (".py",))):
             digest.update(path.encode() + file.read_bytes())
     return digest.hexdigest()

@@ -23,7 +23,7 @@ from ..display import Shown, brief, quoted
 from ..errors import SettingsError, TrackError
 from ..messages import CarParameters, FloatArray, MapLine, read_only
 from .course import CLEAR_AHEAD, CLEAR_BEHIND, Sites, default_time_limit
-from .line_csv import MOST_POINTS
+from .line_file import MOST_POINTS
 from .moving_obstacles import MovingObstacle
 from .obstacles import Obstacle, Prism
 from .polyline import cross, self_crossings, step_lengths, steps, turns

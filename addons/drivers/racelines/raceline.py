@@ -23,6 +23,7 @@ import numpy as np
 
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import Course, outline
+from fg_mujoco.course.line_file import RACELINE, raceline_text
 from fg_mujoco.course.obstacles import Obstacle
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.writing import write_file
@@ -36,7 +37,6 @@ from fg_mujoco.racing.setup import Setup
 from ..line_optimizer import Grip, Objective, Walls, optimize_line
 from .grip import acceleration_left, double_track_grip
 
-COLUMNS = ("s_m", "x_m", "y_m", "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2")
 OBJECTIVES = ("time", "curvature")
 MARGIN = 0.1
 """[m] Between the car's outline and walls, if nothing else is said."""
@@ -156,15 +156,12 @@ class Raceline:
         around.insert(2, headings)
         columns = [places, *(np.interp(places, along, each) for each in around)]
         columns[3] %= 2.0 * math.pi
-        car = self.car
-        lines = [
-            f"# {self.course.name}: raceline of least {self.objective}, lap-time bound {self.lap_time:.3f} s",
-            f"# of the rear axle of a car {car.width:.3f} m wide, {self.margin:g} m to the walls, at most "
+        comments = [
+            f"{self.course.name}: raceline of least {self.objective}, lap-time bound {self.lap_time:.3f} s",
+            f"of the rear axle of a car {self.car.width:.3f} m wide, {self.margin:g} m to the walls, at most "
             f"{self.grip.lateral:.3f} m/s^2 in corners and {self.grip.max_speed:g} m/s",
-            "# " + "; ".join(COLUMNS),
         ]
-        lines += ["; ".join(f"{value:.7f}" for value in row) for row in zip(*columns, strict=True)]
-        write_file(Path(path), ("\n".join(lines) + "\n").encode())
+        write_file(Path(path), raceline_text(dict(zip(RACELINE, columns, strict=True)), comments).encode())
         return Path(path)
 
 

@@ -17,22 +17,20 @@ import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...arguments import explain_class
 from ...errors import TrackError, accepted_names
 from ...messages import FloatArray, read_only
 from ..centreline_csv import DIRECTIONS, Direction, read_points, read_settings
-from ..course import ISLAND, default_time_limit
+from ..course import default_time_limit
 from ..obstacles import Prism
 from ..polyline import enclosed_area, resample, smooth, step_lengths, steps, subdivide
 from ..scene import BEHIND, BEYOND, Scene
-from ..track import Track
 from ..track_mesh import wall_footprints
+from ..walled_track import MapTrack
 from .map_server import SPECK, OccupancyMap, read_map_file
 from .region import GREY_GROUND, SHORTEST_WAY, MapCourse, course_of, encloses, find_course, find_loops, pixels_within
 from .walls import trace
@@ -46,39 +44,6 @@ _MUCH_GREY = 0.05  # share of a course's line that leads over unknown ground
 _HALVINGS = 5  # of the smoothing, until the line is clear of the walls
 _WALL_SPACING = 0.02  # [m] of the points of walls that the line's distance is measured to: true to 0.1 mm
 _SPECIFICATION = re.compile(r"(?P<path>.*\.ya?ml)(\[(?P<settings>.*)\])?", re.IGNORECASE)
-
-
-@explain_class
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class MapTrack(Track):
-    """A circuit whose walls are given, and not those of its widths. The widths are the distances to the walls.
-
-    Raises:
-      TrackError: when made, what Track raises of its line and widths.
-    """
-
-    wall_right: FloatArray  # (k, 2) [m] closed, in driving order
-    wall_left: FloatArray  # (m, 2) [m] closed, in driving order
-    outlines: tuple[FloatArray, ...] = ()  # of what stands between the two, each closed and counterclockwise [m]
-
-    @property
-    def islands(self) -> tuple[FloatArray, ...]:
-        """Outlines of what stands between the walls, counterclockwise. Shapes (k, 2) [m], read-only."""
-        return self.outlines
-
-    @property
-    def definition(self) -> dict[str, FloatArray]:
-        """All that makes it what it is: line, widths, walls and islands."""
-        islands = {f"{ISLAND}{number}": outline for number, outline in enumerate(self.outlines)}
-        return super().definition | {"wall_right": self.wall_right, "wall_left": self.wall_left} | islands
-
-    @cached_property
-    def _corridor(self) -> tuple[FloatArray, FloatArray]:
-        return self.width_right, self.width_left
-
-    @cached_property
-    def _walls(self) -> tuple[FloatArray, FloatArray]:
-        return read_only(self.wall_right), read_only(self.wall_left)
 
 
 def is_map(name: str) -> bool:

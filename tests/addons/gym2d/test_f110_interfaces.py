@@ -34,7 +34,7 @@ def new_env(drawn, **config):
 
 def test_a_blank_map_is_the_ground_of_the_map_without_its_walls(drawn):
     turns = np.linspace(0.0, math.tau, 50, endpoint=False)
-    rows = [f"0; {4.0 * math.cos(turn)}; {4.0 * math.sin(turn)}; 0; 0; 3; 0" for turn in turns]
+    rows = [f"{4.0 * turn}; {4.0 * math.cos(turn)}; {4.0 * math.sin(turn)}; 0; 0; 3; 0" for turn in turns]
     drawn.with_name("drawn_raceline.csv").write_text("\n".join(rows) + "\n")
     with pytest.warns(UserWarning, match=r"drawn_blank' is not there; open ground with the lines of .*drawn.yaml"):
         env = new_env(f"{drawn}_blank", observation_config={"type": "rl"}, scale=10.0)

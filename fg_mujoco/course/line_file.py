@@ -1,0 +1,509 @@
+"""Files of lines: the centreline of a course, and the line that a planner follows. One reader for both.
+
+    file = read_line_file("aut.csv", course=True)
+    file.points, file.values["right"], file.values["left"]      # (n, 2), (n,) and (n,) [m]
+
+Columns are read by their names: those of a header, with or without `#`, in any order and among others.
+
+    x, y                 x_m, y_m; also x_ref, center_x, pos_x and the like
+    right, left          w_tr_right_m, w_tr_left_m; also width_right, w_left, d_right and the like; or one, width
+    two boundaries       left_x, left_y, right_x, right_y, or X_i, Y_i, X_o, Y_o, of which the widths are made
+    s, psi, kappa        distance, heading and curvature; also yaw, theta, curvature and the like
+    speed, ax            vx_mps, ax_mps2; also v, speed, velocity, acc and the like
+
+Names may end in a unit: m, cm or mm, m/s or km/h, rad or deg, as in x_cm or "speed [km/h]". Without a header, columns
+are what their number says:
+
+    x_m, y_m                                                 a line
+    x_m, y_m, vx_mps                                         a line with speeds
+    x_m, y_m, w_tr_right_m, w_tr_left_m                      a centreline
+    s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2     a raceline of TUM's optimiser
+
+A column without a name that turns with the line is a heading, and neither a width nor a speed. Headings in degrees and
+speeds in km/h that are named otherwise are found by the shape of the line, and refused. Text files have cells separated
+by commas, semicolons, tabs or spaces; lines starting with `#` are comments. Other files (JSON, NumPy, a folder's
+track.yaml) are made a table of columns by an add-on.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import Note, TrackError
+from ..messages import FloatArray
+from ..registry import PARTS
+from .files import read_bytes
+
+COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
+RACELINE = ("s_m", *COLUMNS[:2], "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2")
+MOST_POINTS = 200_000
+"""Work on a line grows with its points."""
+
+FOREIGN = (".json", ".npy", ".yaml", ".yml")
+"""Suffixes of files that the add-on `formats` makes tables of."""
+
+_WITHOUT_HEADER = {2: COLUMNS[:2], 3: (*COLUMNS[:2], "vx_mps"), 4: COLUMNS, 7: RACELINE}
+_LINES = (
+    *("{}", "{}_ref", "ref_{}", "{}_center", "center_{}", "{}_centre", "centre_{}", "centerline_{}", "centreline_{}"),
+    *("{}_pos", "pos_{}", "position_{}", "pose_{}", "{}_position"),
+)
+_SIDES = (
+    *("w_tr_{}", "w_{}", "width_{}", "{}_width", "width_tr_{}", "track_width_{}", "d_{}", "dist_{}", "{}_dist"),
+    *("distance_{}", "{}_distance", "dist_to_{}", "{}"),
+)
+_NAMES = {side: tuple(form.format(side) for form in _SIDES) for side in ("right", "left")} | {
+    "width": ("width", "track_width"),
+    "speed": ("vx", "v", "speed", "velocity", "vel", "v_x", "v_ref", "vx_ref", "ref_speed", "target_speed"),
+    "s": ("s", "arc_length", "arclength", "station"),
+    "psi": ("psi", "yaw", "theta", "heading", "yaw_angle", "psi_ref"),
+    "kappa": ("kappa", "curvature", "curv", "kappa_ref"),
+    "ax": ("ax", "acc", "acceleration", "a_x", "acc_x"),
+}
+_BOUNDARIES = tuple(  # of the two of a course: x and y of either, left and right or inside and outside
+    tuple(names.split())
+    for names in (
+        "left_boundary_x left_boundary_y right_boundary_x right_boundary_y",
+        "left_bound_x left_bound_y right_bound_x right_bound_y",
+        "left_x left_y right_x right_y",
+        "x_left y_left x_right y_right",
+        "x_l y_l x_r y_r",
+        "x_i y_i x_o y_o",
+        "x_inner y_inner x_outer y_outer",
+        "inner_x inner_y outer_x outer_y",
+    )
+)
+_LENGTHS = {"": 1.0, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001}
+_SPEEDS = {"": 1.0, "mps": 1.0, "m_s": 1.0, "ms": 1.0, "kmh": 1.0 / 3.6, "km_h": 1.0 / 3.6, "kph": 1.0 / 3.6}
+_ANGLES = {"": 1.0, "rad": 1.0, "radians": 1.0, "deg": math.pi / 180.0, "degrees": math.pi / 180.0}
+_OTHERS = {"": 1.0, "radpm": 1.0, "rad_m": 1.0, "1_m": 1.0, "mps2": 1.0, "m_s2": 1.0, "ms2": 1.0}
+_UNITS = {"speed": _SPEEDS, "psi": _ANGLES, "kappa": _OTHERS, "ax": _OTHERS}
+_VARIANT = re.compile(r"_(iqp|sp|opt|racetraj|raceline)$")  # of which optimiser a column is
+_NAME = re.compile(r"[^\W\d]\w*( ?[\[(].*)?")  # of a column, with its unit in brackets
+_GREATEST = 1e9  # [m] or [m/s]: squares of it are still numbers
+_SHOWN = 8  # names of a header in a message
+_HEADING, _ROUND = 0.9, 0.7  # mean length of unit vectors that agree in direction, and of those of a line that bends
+_LEAST_GAP, _WIDEST_GAP = 1.0, 1.5  # [m], and times the longest step: that a closed line may leave to its first point
+_HARDEST = 35.0  # [m/s^2] in a corner that no car of this kind holds: speeds that ask for more are in km/h
+_BENT = 0.1  # [1/m] least curvature at which speeds are looked at
+_CORNER = 0.4  # [m] to either side of a point, over which its curvature is taken
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Columns as a file has them."""
+
+    names: tuple[str, ...]  # of the columns; without a header, what their number says
+    header: str  # where the names stand, as "line 3"; nothing: the file does not name them
+    rows: Sequence[Sequence[str | float]]
+    places: Sequence[int]  # of the rows in the file
+    row: str = "line"  # what a row is called
+    said: str = ""  # what else is to be said of the file
+    path: Path | None = None  # that the table is read from, if it is another
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineFile:
+    """A line and what its file says of each point."""
+
+    points: FloatArray  # (n, 2) [m]
+    values: Mapping[str, FloatArray]
+    """What the file has of right and left [m], speed [m/s], s [m], psi [rad], kappa [1/m] and ax [m/s^2], (n,) each."""
+
+    columns: str  # what the columns are, in words
+    said: str  # what was understood, in a line
+    walls: tuple[FloatArray, FloatArray] | None = None  # to the right and left, (k, 2) [m] each, of two boundaries
+
+    def note(self) -> LineFile:
+        """Say what was understood, and return this."""
+        warnings.warn(self.said, Note, stacklevel=3)
+        return self
+
+
+def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -> LineFile:
+    """Read a file of a line.
+
+    Args:
+      path: the file.
+      course: whether it is read as the centreline of a course, which needs widths, or as a line to drive, of which
+        speeds are used. It decides between the lines of a file of several, and what has to be in order.
+      line: which of the lines of a file of several; None: as `course` says.
+
+    Raises:
+      TrackError: with the file, and the line where there is one: a file that cannot be read or is empty, a header that
+        names no x and y or a column twice, a wrong number of columns, a cell that is no finite number, a width or a
+        speed that is not positive, a unit that cannot be, more than MOST_POINTS points.
+    """
+    path = Path(path)
+    if path.suffix.lower() in FOREIGN:
+        table: Table = PARTS.find("line table")(path, course=course, line=line)
+    elif line is not None:
+        raise TrackError(f"{path}: line is {line!r}, but the file has one line only; accepted: no line=")
+    else:
+        table = read_text_table(path)
+    path = table.path or path
+    if len(table.rows) > MOST_POINTS:
+        place = f"{table.row} {table.places[MOST_POINTS]}"
+        raise TrackError(f"{path}: {place}: more than {MOST_POINTS} points; accepted: {MOST_POINTS} at most")
+    return _understood(path, table, course)
+
+
+def _understood(path: Path, table: Table, course: bool) -> LineFile:
+    """Return the line of a table."""
+    names = table.names
+    said = f"columns {', '.join(names[:_SHOWN])}{', ...' if len(names) > _SHOWN else ''}"
+    line, found, bounds = _places(path, table)
+    wanted = ("right", "left", "width") if course else ("speed",)
+    used = {quantity: place for quantity, place in found.items() if quantity in wanted}
+    notes = [table.said] if table.said else []
+    if not course and used and not any(_cell(row[used["speed"]]) for row in table.rows):
+        used, notes = {}, [*notes, f"{names[found['speed']]} is 0 everywhere and not used"]
+    points = _numbers(path, table, [(place, _unit(names[place], _LENGTHS)) for place in line])
+    values = {
+        quantity: _numbers(path, table, [(place, _unit(names[place], _UNITS.get(quantity, _LENGTHS)))], least=0.0)[:, 0]
+        for quantity, place in used.items()
+    }
+    others = {quantity: place for quantity, place in found.items() if quantity not in used}
+    for quantity, place in others.items():  # what nobody needs may be anything
+        unit = _unit(names[place], _UNITS.get(quantity, _LENGTHS))
+        column = np.array([unit * _cell(row[place]) for row in table.rows])
+        if np.isfinite(column).all():
+            values[quantity] = column
+    if not table.header and names == RACELINE and not _is_distance(values.get("s", points[:, 0]), points):
+        raise TrackError(
+            f"{path}: has {len(names)} columns without names, of which the first is no distance along the line; "
+            f"accepted: {', '.join(RACELINE)}, or a header that names the columns"
+        )
+    if not table.header and any(_is_heading(points, values[quantity]) for quantity in used):
+        said, values = f"{len(names)} columns without names, of which one is the heading of the line", {}
+        used, notes = {}, [*notes, said]
+    walls = None
+    if line and (used or not course):
+        bounds = ()
+    if bounds:
+        sides = (_numbers(path, table, [(k, _unit(names[k], _LENGTHS)) for k in bounds[i : i + 2]]) for i in (0, 2))
+        points, right, left, walls = PARTS.find("between boundaries")(path, *sides, points if line else None)
+        values, notes = {"right": right, "left": left}, [*notes, "the two boundaries are the walls"]
+    elif not course and (shifted := _shifted(table, points)) is not None:
+        points, notes = shifted, [*notes, "the line is the reference moved by alpha along its normals"]
+    if table.header:
+        notes += _odd(path, table, points, values, found)
+    if "width" in values:  # one width, half of it to either side
+        values["right"] = values["left"] = 0.5 * values.pop("width")
+    read = {*line, *used.values(), *bounds}
+    note = f"{path}: {len(points)} points of {', '.join(names[place] for place in sorted(read))}"
+    if not table.header:
+        note += ", by their number"
+    if left_out := [name for place, name in enumerate(names) if place not in read]:
+        note += f"; not used: {', '.join(left_out[:_SHOWN])}{', ...' if len(left_out) > _SHOWN else ''}"
+    return LineFile(points=points, values=values, columns=said, said="; ".join([note, *notes]), walls=walls)
+
+
+def raceline_text(columns: Mapping[str, FloatArray], comments: Iterable[str] = ()) -> str:
+    """Return the text of a file of columns (n,) by their names, those of RACELINE, with comments above."""
+    lines = [f"# {line}" for line in (*comments, "; ".join(columns))]
+    lines += ["; ".join(f"{value:.7f}" for value in row) for row in zip(*columns.values(), strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def raceline_columns(points: FloatArray, speeds: FloatArray | None) -> dict[str, FloatArray]:
+    """Return the columns of a line (n, 2) [m] by their names; those of speeds (n,) [m/s] only where it has any."""
+    try:
+        require_closed(points)
+        beyond = max(len(points) // 4, 1)
+    except TrackError:
+        beyond = 0
+    rows = np.arange(-beyond, len(points) + beyond) % len(points)  # round the ends of a closed line
+    here = slice(beyond, beyond + len(points))
+    round_line = points[rows]
+    ahead = np.gradient(round_line, axis=0)
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(round_line, axis=0).T))))
+    columns = [along - along[beyond], *round_line.T, np.arctan2(ahead[:, 1], ahead[:, 0]), _curvature(round_line)]
+    columns[3] %= 2.0 * math.pi
+    if speeds is not None:
+        apart = np.append(np.diff(along), 0.0)
+        gained = 0.5 * np.append(np.diff(speeds[rows] ** 2), 0.0)
+        columns += [speeds[rows], np.divide(gained, apart, out=np.zeros(len(rows)), where=apart > 0.0)]
+    return {name: column[here] for name, column in zip(RACELINE, columns, strict=False)}
+
+
+def require_closed(points: FloatArray) -> None:
+    """Make sure that a line (n, 2) [m] ends about where it begins.
+
+    Raises:
+      TrackError: it does not; the message says by how much.
+    """
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    gap, longest = float(np.hypot(*(points[0] - points[-1]))), float(steps.max(initial=0.0))
+    if gap > max(_LEAST_GAP, _WIDEST_GAP * longest):
+        raise TrackError(
+            f"the line ends {gap:.2f} m from its first point, in steps of {longest:.2f} m at most: it is not closed; "
+            "accepted: a closed line; one that repeats its first point at the end is closed by a straight"
+        )
+
+
+def read_text_table(path: Path, said: str = "") -> Table:
+    """Return the table of a text file in UTF-8, or in Latin-1, in which older programs write.
+
+    Raises:
+      TrackError: it cannot be read, is empty, or has rows of different lengths.
+    """
+    content = read_line_bytes(path)
+    if b"\0" in content:
+        raise TrackError(f"{path}: is not a text file; accepted: a .csv of {', '.join(COLUMNS)}")
+    try:
+        return _split(path, content.decode("utf-8-sig"), said)
+    except UnicodeDecodeError:
+        return _split(path, content.decode("latin-1"), said)
+
+
+def read_line_bytes(path: Path) -> bytes:
+    """Return the content of a file of a line.
+
+    Raises:
+      TrackError: it cannot be read.
+    """
+    accepted = f"accepted: a .csv of {', '.join(COLUMNS)}"
+    try:
+        return read_bytes(path)
+    except FileNotFoundError:
+        raise TrackError(f"{path}: no such file; {accepted}") from None
+    except IsADirectoryError:
+        raise TrackError(f"{path}: is a folder; {accepted}") from None
+    except OSError as error:
+        raise TrackError(f"{path}: cannot be read: {error.strerror or error}; {accepted}") from error
+
+
+def _split(path: Path, text: str, said: str) -> Table:
+    """Return the table of a text."""
+    columns: tuple[str, ...] = ()
+    header, is_bare = 0, False
+    above, above_line = "", 0  # the last comment, which may be a header
+    rows: list[list[str]] = []
+    places: list[int] = []
+    for number, line in enumerate(re.split("\r\n|\r|\n", text), start=1):
+        content = line.strip()
+        cells = _cells(content)
+        if not content or (content.startswith("#") and (rows or is_bare)):
+            continue
+        if content.startswith("#"):
+            above, above_line = content.lstrip("#").rpartition(":")[2].strip(), number
+            if _lines_of(_cells(above)):
+                columns, header = tuple(_cells(above)), number
+            continue
+        if not rows and not is_bare and not any(map(_is_number, cells)):
+            columns, header, is_bare = tuple(cells), number, True
+            continue
+        if not rows and not header:
+            names = _cells(above) if re.search("[;,\t]", above) else []
+            if len(names) == len(cells) and all(map(_NAME.fullmatch, names)):
+                columns, header = tuple(names), above_line
+            else:
+                columns = _WITHOUT_HEADER.get(len(cells), ())
+        if len(cells) != len(columns):
+            accepted = f"{len(columns)}, {', '.join(columns[:_SHOWN])}" if columns else NUMBERS
+            raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}")
+        rows.append(cells)
+        places.append(number)
+        if len(rows) > MOST_POINTS:
+            break
+    if not rows:
+        raise TrackError(f"{path}: is empty; accepted: one point a line, {', '.join(COLUMNS)}")
+    header_line = f"line {header}" if header else ""
+    return Table(names=columns, header=header_line, rows=rows, places=places, said=said, path=path)
+
+
+NUMBERS = f"4, {', '.join(COLUMNS)}; or, without widths, 2 or 3 or 7; or a header that names them"
+"""Numbers of columns that are accepted without names."""
+
+
+def unnamed(path: Path, rows: Sequence[Sequence[float]], said: str = "") -> Table:
+    """Return the table of rows whose columns have no names.
+
+    Raises:
+      TrackError: a number of columns that says nothing.
+    """
+    columns = _WITHOUT_HEADER.get(len(rows[0]) if len(rows) else 0, ())
+    if not columns:
+        raise TrackError(f"{path}: has {len(rows[0]) if len(rows) else 0} columns; accepted: {NUMBERS}")
+    return Table(names=columns, header="", rows=rows, places=range(1, len(rows) + 1), row="point", said=said)
+
+
+def _cells(content: str) -> list[str]:
+    separator = next((mark for mark in (";", ",", "\t") if mark in content), None)
+    return [cell.strip().strip("\"'").strip() for cell in content.split(separator)]
+
+
+def _plain(name: str, units: Iterable[str]) -> tuple[str, str]:
+    """Return a name in small letters without its unit, and the unit, one of some."""
+    name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip()).casefold()
+    words = [word for word in re.split(r"[\s_\-\[\](){}/^]+", name) if word]
+    for count in (2, 1):
+        unit = "_".join(words[-count:])
+        if len(words) > count and unit in units:
+            return _VARIANT.sub("", "_".join(words[:-count])), unit
+    return _VARIANT.sub("", "_".join(words)), ""
+
+
+def _unit(name: str, units: Mapping[str, float]) -> float:
+    return units[_plain(name, units)[1]]
+
+
+def _lines_of(names: Iterable[str]) -> list[tuple[int, int]]:
+    """Return the places of x and y of each line that columns name."""
+    plain = [_plain(name, _LENGTHS)[0] for name in names]
+    pairs = (
+        tuple([k for k, name in enumerate(plain) if name == form.format(axis)] for axis in "xy") for form in _LINES
+    )
+    return [pair for xs, ys in pairs for pair in zip(xs, ys, strict=False)]
+
+
+def line_names(names: tuple[str, ...]) -> bool:
+    """Return whether columns of these names have a line or two boundaries."""
+    plain = {_plain(name, _LENGTHS)[0] for name in names}
+    return bool(_lines_of(names)) or any(set(forms) <= plain for forms in _BOUNDARIES)
+
+
+def _places(path: Path, table: Table) -> tuple[tuple[int, ...], dict[str, int], tuple[int, ...]]:
+    """Return the columns of x and y, of what else is known, and of two boundaries; nothing where there are none."""
+    where, columns = f"{path}: {table.header}", table.names
+    named = ", ".join(columns[:_SHOWN])
+    lines = _lines_of(columns)
+    plain = [_plain(name, _LENGTHS)[0] for name in columns]
+    forms = next((forms for forms in _BOUNDARIES if set(forms) <= set(plain)), ())
+    bounds = tuple(plain.index(form) for form in forms)
+    if len(lines) != 1 and not (bounds and not lines):
+        found = "no x and y" if not lines else f"several lines, {', '.join(columns[x] for x, _ in lines)}"
+        raise TrackError(f"{where} names {found}, in {named}; accepted: one x and one y, as {', '.join(COLUMNS)}")
+    places: dict[str, int] = {}
+    for quantity, forms in _NAMES.items():
+        plain = [_plain(name, _UNITS.get(quantity, _LENGTHS))[0] for name in columns]
+        for form in forms:
+            if plain.count(form) > 1:
+                twice = " and ".join(repr(name) for name, each in zip(columns, plain, strict=True) if each == form)
+                raise TrackError(f"{where} has a column twice, {twice}; accepted: each once")
+            if form in plain:
+                places.setdefault(quantity, plain.index(form))
+    sides = [quantity for quantity in ("right", "left") if quantity in places]
+    if len(sides) == 1:
+        one = columns[places[sides[0]]]
+        raise TrackError(f"{where} names one side's width only, {one}; accepted: one to either side")
+    if sides:
+        places.pop("width", None)
+    return lines[0] if lines else (), places, bounds
+
+
+def _numbers(path: Path, table: Table, places: Sequence[tuple[int, float]], least: float = -math.inf) -> FloatArray:
+    """Return the numbers of some columns times their units, above a least one. (n, k)."""
+    numbers = np.empty((len(table.rows), len(places)))
+    for k, row in enumerate(table.rows):
+        for j, (place, unit) in enumerate(places):
+            numbers[k, j] = unit * _cell(row[place])
+            if not abs(numbers[k, j]) <= _GREATEST or not numbers[k, j] > least:
+                accepted = f"a finite number, {_GREATEST:.0e} at most"
+                where, cell = f"{path}: {table.row} {table.places[k]}: {table.names[place]}", row[place]
+                if abs(numbers[k, j]) <= _GREATEST:
+                    raise TrackError(f"{where} is {cell}; accepted: a number above {least:g}")
+                raise TrackError(f"{where} is {str(cell)[:60]!r}; accepted: {accepted}")
+    return numbers
+
+
+def _shifted(table: Table, points: FloatArray) -> FloatArray | None:
+    """Return the line of a reference, its normals and offsets from it, as TUM's optimiser has them for planners."""
+    plain = [_plain(name, _LENGTHS)[0] for name in table.names]
+    if not {"x_normvec", "y_normvec", "alpha"} <= set(plain):
+        return None
+    x, y, alpha = (
+        np.array([_cell(row[plain.index(name)]) for row in table.rows]) for name in ("x_normvec", "y_normvec", "alpha")
+    )
+    moved = points + alpha[:, None] * np.column_stack((x, y))
+    return moved if np.isfinite(moved).all() else None
+
+
+def _odd(
+    path: Path, table: Table, points: FloatArray, values: Mapping[str, FloatArray], places: Mapping[str, int]
+) -> list[str]:
+    """Refuse units that cannot be; return notes on columns that do not belong to the line."""
+    notes = []
+    named = {quantity: table.names[place] for quantity, place in places.items()}
+    psi, kappa, speed = (values.get(quantity) for quantity in ("psi", "kappa", "speed"))
+    if len(points) > 2 and psi is not None and np.ptp(psi) > 0.0 and (wrong := _heading_fault(points, psi)) is not None:
+        if wrong and _plain(named["psi"], _ANGLES)[1] not in ("deg", "degrees"):
+            raise TrackError(
+                f"{path}: {table.header}: {named['psi']} turns with the line in degrees; accepted: radians, or a name "
+                "that ends in _deg"
+            )
+        notes.append(f"{named['psi']} is not the heading of the line")
+    bend = _curvature(points)
+    if kappa is not None and np.sum(kappa * bend) < -0.5 * math.sqrt(np.sum(kappa**2) * np.sum(bend**2)) < 0.0:
+        notes.append(f"{named['kappa']} has the other sign than the line")
+    if speed is not None and np.ptp(speed) > 0.2 * speed.max() and (np.abs(bend) > _BENT).any():
+        hardest = float(np.quantile(speed[np.abs(bend) > _BENT] ** 2 * np.abs(bend[np.abs(bend) > _BENT]), 0.9))
+        if hardest > _HARDEST and _unit(named["speed"], _SPEEDS) == 1.0:
+            raise TrackError(
+                f"{path}: {table.header}: {named['speed']} asks for {hardest:.0f} m/s^2 in corners, in km/h for "
+                f"{hardest / 3.6**2:.0f}; accepted: m/s, or a name that ends in _kmh"
+            )
+    return notes
+
+
+def _curvature(points: FloatArray) -> FloatArray:
+    """Return the curvature at each point of a line, over _CORNER to either side or a step [1/m]. (n,)."""
+    if len(points) < 3:
+        return np.zeros(len(points))
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    before = np.minimum(along - _CORNER, np.append(0.0, along[:-1]))
+    after = np.maximum(along + _CORNER, np.append(along[1:], along[-1]))
+    a, c = (np.column_stack([np.interp(side, along, axis) for axis in points.T]) for side in (before, after))
+    u, v, w = points - a, c - points, c - a
+    sides = np.hypot(*u.T) * np.hypot(*v.T) * np.hypot(*w.T)
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return np.asarray(np.divide(2.0 * area, sides, out=np.zeros(len(points)), where=sides > 1e-12))
+
+
+def _agrees(points: FloatArray, angles: FloatArray) -> float:
+    """Return how well angles [rad] turn with a closed line, whatever they are counted from: 1 as it does."""
+    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
+    return float(abs(np.exp(1j * (angles - np.arctan2(ahead[:, 1], ahead[:, 0]))).mean()))
+
+
+def _heading_fault(points: FloatArray, psi: FloatArray) -> bool | None:
+    """Return None for the heading [rad] of a line; True for one in degrees; False for another column."""
+    if _agrees(points, psi) > _HEADING:
+        return None
+    return _agrees(points, np.radians(psi)) > _HEADING and float(np.abs(psi).max()) > 4.0 * math.pi
+
+
+def _is_heading(points: FloatArray, column: FloatArray) -> bool:
+    """Return whether a column [rad or deg] turns with a line that bends, whatever it is counted from."""
+    if _agrees(points, np.zeros(len(points))) > _ROUND:
+        return False
+    return any(_agrees(points, angles) > _HEADING for angles in (column, np.radians(column)))
+
+
+def _is_distance(column: FloatArray, points: FloatArray) -> bool:
+    """Return whether a column is about the distance along a line: it grows, by half to twice the line's length."""
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    return bool((np.diff(column) >= 0.0).all()) and 0.5 * length <= column[-1] - column[0] <= 2.0 * length
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _cell(cell: str | float) -> float:
+    """Return the number of a cell; NaN where it is none."""
+    try:
+        return float(cell)
+    except (TypeError, ValueError):
+        return math.nan
