@@ -1,4 +1,4 @@
-"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive, and live ones for Foxglove and rosbridge."""
+"""The commands `fg-mujoco serve`: races that DevKits of AutoDRIVE drive; live ones for Foxglove, rosbridge, ROS 2."""
 
 from __future__ import annotations
 
@@ -31,11 +31,18 @@ _MOST_RACES = 100  # that resets of a DevKit begin
 
 
 def _live_options(port: int, **helps: str) -> tuple[Part, ...]:
-    """Return the options of a live race; `helps` are the texts of some of a Setup's."""
+    """Return the options of a live race that listens; `helps` are the texts of some of a Setup's."""
     return (
-        setup_options(but=("laps", "lidar", "motion_distortion", "rules", "time_limit", "decision_limit"), **helps),
+        *_race_options(**helps),
         option("--host", "address to listen on; 0.0.0.0: all; default: 127.0.0.1, this machine alone", "ADDRESS"),
         option("--port", f"to listen on; default: {port}", "N", whole, port),
+    )
+
+
+def _race_options(**helps: str) -> tuple[Part, ...]:
+    """Return the options of a live race."""
+    return (
+        setup_options(but=("laps", "lidar", "motion_distortion", "rules", "time_limit", "decision_limit"), **helps),
         option(
             "--step-on-drive",
             "time stands still between commands, and each one on /drive is a tick of 25 ms; default: real time",
@@ -47,14 +54,27 @@ def _live_options(port: int, **helps: str) -> tuple[Part, ...]:
 
 def _serve(session: LiveSession, server: Any, options: argparse.Namespace, said: str, **own: Any) -> int:
     """Serve a live race until Ctrl-C; `said` follows the address."""
-    host = options.host or "127.0.0.1"
-    with server(session, host=host, port=options.port, step_on_drive=options.step_on_drive, log=_log, **own) as served:
+    with server(session, step_on_drive=options.step_on_drive, log=_log, **own) as served:
         try:
             print(f"{served.url}, {said}; Ctrl-C ends it", flush=True)
             served.run()
         except KeyboardInterrupt:
             print(file=sys.stderr)
     return 0
+
+
+def _serve_at_port(session: LiveSession, server: Any, options: argparse.Namespace, said: str) -> int:
+    return _serve(session, server, options, said, host=options.host or "127.0.0.1", port=options.port)
+
+
+def _driven_from_outside(options: argparse.Namespace) -> LiveSession:
+    """Return a session whose car stands until a program drives it, unless a planner is asked for."""
+    from fg_mujoco.addons.look.live.live_session import LiveSession
+
+    session = LiveSession(setup_of(options))
+    if not hasattr(options, "controller") and getattr(options, "setup", None) is None:
+        session.hold(STOP)
+    return session
 
 
 @command(*_live_options(port=8765))
@@ -65,7 +85,7 @@ def _foxglove(options: argparse.Namespace) -> int:
     from .foxglove_server import FoxgloveServer, require_foxglove
 
     require_foxglove()
-    return _serve(LiveSession(setup_of(options)), FoxgloveServer, options, "in Foxglove: Open connection")
+    return _serve_at_port(LiveSession(setup_of(options)), FoxgloveServer, options, "in Foxglove: Open connection")
 
 
 _DRIVER = "planner that drives until a program does, as in race; default: the car stands until then"
@@ -74,16 +94,41 @@ _DRIVER = "planner that drives until a program does, as in race; default: the ca
 @command(*_live_options(port=9090, controller=_DRIVER))
 def _rosbridge(options: argparse.Namespace) -> int:
     """Serve a live race to programs of roslibpy or roslibjs, which drive the car as on a robot, without ROS."""
-    from fg_mujoco.addons.look.live.live_session import LiveSession
-
     from .rosbridge.network import require_rosbridge
     from .rosbridge.server import RosbridgeServer
 
     require_rosbridge()
-    session = LiveSession(setup_of(options))
-    if not hasattr(options, "controller") and getattr(options, "setup", None) is None:
-        session.hold(STOP)
-    return _serve(session, RosbridgeServer, options, "for roslibpy and roslibjs")
+    return _serve_at_port(_driven_from_outside(options), RosbridgeServer, options, "for roslibpy and roslibjs")
+
+
+@command(
+    *_race_options(controller=_DRIVER),
+    option("--domain", "of DDS, 0 to 232; default: that of ROS_DOMAIN_ID, else 0", "N", whole),
+    option("--namespace", "of the node and its topics, such as /car_1; default: none", "NAME", default="/"),
+    option(
+        "--host", "address of the network interface to be seen on; default: 127.0.0.1, this machine alone", "ADDRESS"
+    ),
+    option(
+        "--peer", "machine to look for nodes on, where there is no multicast; again for each", "ADDRESS",
+        action="append",
+    ),
+    option(
+        "--type", "type of commands on a topic, such as /drive=ackermann_msgs/msg/AckermannDrive; again for each",
+        "TOPIC=TYPE", action="append",
+    ),
+    option("--distribution", "of the nodes' ROS 2: foxy to kilted; default: humble", "NAME", default="humble"),
+)  # fmt: skip
+def _ros2(options: argparse.Namespace) -> int:
+    """Serve a live race as a node of ROS 2 on DDS: nodes of a ROS 2 on this machine or others drive the car."""
+    from .ros2.participant import require_cyclonedds
+    from .ros2.server import Ros2Server, types_in
+
+    require_cyclonedds()
+    return _serve(
+        _driven_from_outside(options), Ros2Server, options, "for nodes of ROS 2", types=types_in(options.type or ()),
+        namespace=options.namespace, domain=options.domain, host=options.host, peers=options.peer or (),
+        distribution=options.distribution,
+    )  # fmt: skip
 
 
 def _log(line: str) -> None:
@@ -165,6 +210,6 @@ def _race_once(setup: Setup, devkits: Sequence[DevKit]) -> RaceResult:
 
 
 SERVE = Commands(
-    "race a car that another program drives or watches: Foxglove, roslibpy or roslibjs, an AutoDRIVE DevKit",
-    {"autodrive": _autodrive, "foxglove": _foxglove, "rosbridge": _rosbridge},
+    "race a car that another program drives or watches: ROS 2, Foxglove, roslibpy or roslibjs, an AutoDRIVE DevKit",
+    {"autodrive": _autodrive, "foxglove": _foxglove, "ros2": _ros2, "rosbridge": _rosbridge},
 )

@@ -17,6 +17,7 @@ from fg_mujoco.addons.learn.ray_cluster import require_ray
 from fg_mujoco.addons.look.live.browser import require_viser
 from fg_mujoco.addons.realcar.identification.fit import require_scipy
 from fg_mujoco.addons.ros.bag_messages import require_ros_extra
+from fg_mujoco.addons.servers.ros2.participant import require_cyclonedds
 from fg_mujoco.addons.servers.rosbridge.network import require_rosbridge
 from fg_mujoco.course.maps.map_server import require_maps_extra
 from fg_mujoco.errors import install_command
@@ -45,6 +46,7 @@ def bare(monkeypatch):
         (require_viser, "live", "the live view in a browser needs viser"),
         (require_maps_extra, "maps", "ROS maps need Pillow, PyYAML and SciPy"),
         (require_ros_extra, "ros", "ROS bags need mcap, rosbags and SciPy"),
+        (require_cyclonedds, "ros2", "a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy"),
         (require_rosbridge, "rosbridge", "a server of rosbridge needs websockets, mcap, rosbags and SciPy"),
         (require_scipy, "ros", "identification needs SciPy"),
         (require_ray, "cluster", "rollouts on a cluster need Ray"),

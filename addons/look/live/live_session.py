@@ -90,6 +90,7 @@ class LiveSession:
         self._wishes: dict[str, Any] = {}
         self._reset = False
         self._outside: DriveCommand | None = None
+        self._outside_opponent: DriveCommand | None = None
         self._place_asked: tuple[float, float, float] | None = None
         self._trace: deque[tuple[float, float]] = deque(maxlen=_TRACE_LENGTH)
         self._history: deque[tuple[float, float, float]] = deque(maxlen=round(_HISTORY / self.period))
@@ -123,10 +124,13 @@ class LiveSession:
         with self._lock:
             self._reset = True
 
-    def hold(self, command: DriveCommand | None) -> None:
-        """Hold a command from outside from the next tick on; None: the planner drives again."""
+    def hold(self, command: DriveCommand | None, *, opponent: bool = False) -> None:
+        """Hold a command from outside from the next tick on, of the car or the first opponent; None: the planner's."""
         with self._lock:
-            self._outside = command
+            if opponent:
+                self._outside_opponent = command
+            else:
+                self._outside = command
 
     @property
     def held_from_outside(self) -> bool:
@@ -164,6 +168,9 @@ class LiveSession:
             command = self._command()
             if self._opponents:
                 self.simulation.engine.decide()
+                if self._outside_opponent is not None and self.simulation.engine.running[1]:
+                    held = self._outside_opponent
+                    self.simulation.engine.commands[1] = held.steering_angle, held.speed
             self._take_values()
         except FgMujocoError as error:
             self.message, self.paused = " ".join(str(error).split()), True
@@ -427,6 +434,7 @@ class LiveSession:
             self.simulation.engine.planners, self._reported = self._make_opponents(), set()
         start(self._planner)
         self.hand.release()
+        self._outside_opponent = None
         self.laps.reset()
         self._trace.clear()
         self._history.clear()

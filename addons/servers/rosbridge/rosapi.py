@@ -13,8 +13,8 @@ from fg_mujoco.addons.ros.node_host.message_classes import ROS2, Definitions, Me
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import shown
 
+from ..live_race import SERVICES
 from .json_messages import fields_of, kind_of
-from .live_race import SERVICES
 
 RACE, BRIDGE, ROSAPI = "/fg_mujoco", "/rosbridge_websocket", "/rosapi"
 """Nodes: the race, all clients, and the one that answers here."""

@@ -18,12 +18,14 @@ from types import TracebackType
 from typing import Any
 
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.addons.ros.bag_messages import GRID
+from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES
 from fg_mujoco.errors import FgMujocoError, MessageError, accepted_names
 from fg_mujoco.messages import shown
 
+from ..live_race import SERVICES, STANDING, TAKEN, LiveRace
 from .client import LEVELS, Client, Subscription
 from .json_messages import from_json, kind_of, to_json
-from .live_race import SERVICES, STANDING, TAKEN, LiveRace
 from .network import Network, require_rosbridge
 from .rosapi import BRIDGE, RACE, RosApi
 
@@ -72,6 +74,7 @@ class RosbridgeServer:
         self._clients: dict[Client, None] = {}  # in the order in which they were first heard
         self._race = LiveRace(
             session, step_on_drive=step_on_drive, send=self._send,
+            encode=lambda message, kind: json.dumps(to_json(message, kind)),
             listened=lambda: {topic for client in self._clients for topic in client.subscriptions},
             tell=self._tell,
         )  # fmt: skip
@@ -274,7 +277,8 @@ class RosbridgeServer:
     def _values(self, service: str, request: Any) -> dict[str, Any]:
         """Return the response of a service that is answered here."""
         if service in SERVICES:
-            return self._race.call(service)
+            found = self._race.call(service)
+            return found if service not in MAP_SERVICES else {"map": to_json(found["map"], GRID)}
         if service not in self._api.kinds:
             accepted = accepted_names(service, SERVICES, ", or one of rosapi", besides=self._api.kinds)
             raise MessageError(f"service {service} is not known; {accepted}")

@@ -2,16 +2,21 @@
 
 Published are the topics of the node host (`node_host.sensing`) but AutoDRIVE's, by the same names, and
 
-    /tf_static  tf2_msgs/TFMessage                    where LiDAR and IMU are mounted
-    /drive      ackermann_msgs/AckermannDriveStamped  the planner's command, while the planner drives
-    /car        std_msgs/String                       numbers to plot, in JSON, and what happened last
+    /tf_static      tf2_msgs/TFMessage                    where LiDAR and IMU are mounted
+    /drive          ackermann_msgs/AckermannDriveStamped  the planner's command, while the planner drives
+    /joint_states   sensor_msgs/JointState                steering angle, turning rates of the wheels
+    /car            std_msgs/String                       numbers to plot, in JSON, and what happened last
+    /collision, /lap_count, /lap_time, /last_lap_time, /best_lap_time, all of these below /ego_racecar, too
+    /opp_scan, /opp_racecar/collision                     of the first opponent
 
-Taken are commands on the drive topics that the node host knows and on /cmd_vel, and poses on /initialpose.
+Taken are commands on the drive topics that the node host knows and on /cmd_vel, those of the first opponent on
+/opp_drive, which are held and no ticks of their own, and poses on /initialpose.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Collection
 from typing import Any
@@ -21,25 +26,28 @@ from fg_mujoco.addons.ros.bag_messages import (
     BASE_FRAME,
     DRIVE,
     DRIVE_TOPICS,
-    GRID,
+    JOINTS,
     LASER_FRAME,
     POSE,
     POSE_WITH_COVARIANCE,
+    SCAN,
     TRANSFORMS,
     drive_message,
+    joints_message,
     nanoseconds,
+    scan_message,
     transform_message,
 )
-from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, car_mounts
+from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, OPPONENT, car_mounts
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
+from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
-from fg_mujoco.addons.ros.node_host.message_classes import ROS2, message_class
+from fg_mujoco.addons.ros.node_host.message_classes import ROS2, made, message_class
 from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import STOP, DriveCommand
 
-from ..client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
-from .json_messages import to_json
+from .client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
 
 TRIGGER = "std_srvs/srv/Trigger"
 SERVICES = {"/reset": TRIGGER, "/pause": TRIGGER, "/step": TRIGGER} | dict.fromkeys(MAP_SERVICES, "nav_msgs/srv/GetMap")
@@ -47,14 +55,34 @@ SERVICES = {"/reset": TRIGGER, "/pause": TRIGGER, "/step": TRIGGER} | dict.fromk
 
 COMMANDS = {**dict.fromkeys(DRIVE_TOPICS, (DRIVE, ACKERMANN)), "/cmd_vel": (TWIST, TWIST_STAMPED)}
 PLACE, GOAL = "/initialpose", "/goal_pose"
-TAKEN = {**COMMANDS, PLACE: (POSE_WITH_COVARIANCE,), GOAL: (POSE,)}
+TAKEN = {**COMMANDS, OPPONENT_DRIVE: (DRIVE, ACKERMANN), PLACE: (POSE_WITH_COVARIANCE,), GOAL: (POSE,)}
 """Topics that are taken from, with their types, the usual one first. A goal changes nothing."""
 
 STANDING = (*LATCHED, "/map_metadata")
 """Topics with one message, which late subscribers get, too."""
 
-_CAR, _SCAN = "/car", "/scan"
+_CAR, _SCAN, _JOINTS, _OPPONENT_SCAN = "/car", "/scan", "/joint_states", "/opp_scan"
 _NODE = "clients"  # the subscriptions of all are one
+_STRING, _TRUTH, _COUNT, _SECONDS = (f"std_msgs/msg/{name}" for name in ("String", "Bool", "Int32", "Float32"))
+_COLLISION = "collision"
+_RACE: dict[str, tuple[str, Callable[[LiveSession], Any]]] = {
+    _COLLISION: (_TRUTH, lambda session: session.simulation.crashed),
+    "lap_count": (_COUNT, lambda session: session.laps.laps_completed),
+    "lap_time": (_SECONDS, lambda session: session.simulation.time - sum(session.laps.lap_times)),
+    "last_lap_time": (_SECONDS, lambda session: (0.0, *session.laps.lap_times)[-1]),
+    "best_lap_time": (_SECONDS, lambda session: min(session.laps.lap_times, default=0.0)),
+}
+_OWN = {f"{space}/{name}": told for space in ("", f"/{EGO}") for name, told in _RACE.items()}
+_OWN |= {
+    _JOINTS: (JOINTS, lambda session: None),
+    _CAR: (_STRING, lambda session: json.dumps(session.numbers())),
+}
+_OF_OPPONENT: dict[str, tuple[str, Callable[[LiveSession], Any]]] = {
+    _OPPONENT_SCAN: (SCAN, lambda session: None),
+    f"/{OPPONENT}/{_COLLISION}": (_TRUTH, lambda session: bool(session.simulation.engine.crashed[1])),
+}
+_FROM_HERE = _OWN | _OF_OPPONENT
+"""Topics that are none of the node host's: type, and value of its field `data`; a time is 0 where there is none."""
 
 
 class LiveRace:
@@ -63,7 +91,8 @@ class LiveRace:
     Args:
       session: to be driven on.
       step_on_drive: a tick is driven for each command, and time stands still between them.
-      send: is called with topic and JSON of each message that is published.
+      encode: returns a message as it is sent, by message and type.
+      send: is called with topic and encoded message of each that is published.
       listened: returns the topics that somebody listens to.
       tell: is called with a level of a status and a text, when something has happened.
 
@@ -71,6 +100,7 @@ class LiveRace:
       session: the same.
       step_on_drive: the same.
       published: types of the topics that are published, by name.
+      map: the message on /map.
     """
 
     def __init__(
@@ -78,26 +108,29 @@ class LiveRace:
         session: LiveSession,
         *,
         step_on_drive: bool,
-        send: Callable[[str, str], None],
+        encode: Callable[[Any, str], Any],
+        send: Callable[[str, Any], None],
         listened: Callable[[], Collection[str]],
         tell: Callable[[str, str], None],
     ) -> None:
         self.session, self.step_on_drive = session, step_on_drive
-        self._send, self._listened, self._tell = send, listened, tell
+        self._encode, self._send, self._listened, self._tell = encode, send, listened, tell
         self._graph = Graph(wall_limit=1.0)  # of no nodes: it only says what is listened to
-        self._commanded: float | None = None  # [s] on the wall's clock, of the last command
+        self._commanded = self._commanded_opponent = math.inf  # [s] on the wall's clock, of the last command
         self._said = ""  # the message of the session that was told last
-        self._standing: dict[str, str] = {}
+        self._standing: dict[str, Any] = {}
         self.published: dict[str, str] = {}
         self._sense()
-        self._map: dict[str, Any] = to_json(self._graph.answers[MAP_SERVICES[0]](None).map, GRID)
-        mounted = to_json(transform_message(self.now(), self._mounts()), TRANSFORMS)
-        parts = {"/map": self._map, "/map_metadata": self._map["info"], "/tf_static": mounted}
-        self._standing = {topic: json.dumps(part) for topic, part in parts.items()}
         others = [topic for names in OTHERS for topic in names]
         kinds = {topic: self._sensing.kind_of(topic) for topic in (*TOPICS, *others) if "/autodrive/" not in topic}
         self.published |= {topic: kind for topic, kind in kinds.items() if kind}
-        self.published |= {"/tf_static": TRANSFORMS, _CAR: "std_msgs/msg/String", DRIVE_TOPIC: DRIVE}
+        own = _FROM_HERE if len(session.world.cars) > 1 else _OWN
+        self.published |= {"/tf_static": TRANSFORMS, DRIVE_TOPIC: DRIVE}
+        self.published |= {topic: kind for topic, (kind, _) in own.items()}
+        self.map: Any = self._graph.answers[MAP_SERVICES[0]](None).map
+        mounted = transform_message(self.now(), self._mounts())
+        parts = {"/map": self.map, "/map_metadata": self.map.info, "/tf_static": mounted}
+        self._standing = {topic: self._encode(part, self.published[topic]) for topic, part in parts.items()}
 
     @property
     def time(self) -> float:
@@ -116,9 +149,12 @@ class LiveRace:
     def tick(self) -> bool:
         """Drive on for a tick, and publish what the car senses then; answer whether it did."""
         session = self.session
-        late = self._commanded is not None and time.monotonic() - self._commanded > HELD
-        if late and not self.step_on_drive and session.held_from_outside:
-            session.hold(STOP)  # whoever has driven is gone, or has let go
+        now = time.monotonic()
+        if not self.step_on_drive:  # whoever has driven is gone, or has let go
+            if now - self._commanded > HELD and session.held_from_outside:
+                session.hold(STOP)
+            if now - self._commanded_opponent > HELD:
+                session.hold(STOP, opponent=True)
         driven = session.tick()
         if driven:
             self._publish()
@@ -126,22 +162,28 @@ class LiveRace:
         return driven
 
     def take(self, topic: str, kind: str, message: Any) -> None:
-        """Take a message on one of TAKEN; a command is held, and is a tick where each one is.
+        """Take a message on one of TAKEN, or a command on any other; it is held, and is a tick where each one is.
 
         Raises:
           MessageError: it cannot be done.
         """
-        if topic in COMMANDS:
-            self._commanded = time.monotonic()
-            self.session.hold(command_of(kind, message, self.session.world.parameters.wheelbase))
-            if self.step_on_drive:
-                self._step()
+        if topic == OPPONENT_DRIVE:
+            if len(self.session.world.cars) < 2:
+                raise MessageError(f"a message on {topic}: there is no second car; accepted: --opponents")
+            wheelbase = self.session.world.cars[1].parameters.wheelbase
+            self.session.hold(command_of(kind, message, wheelbase), opponent=True)
+            self._commanded_opponent = time.monotonic()
         elif topic == PLACE:
             try:
                 self.session.put(*pose_of(message))
             except ValueError as error:
                 raise MessageError(f"a message on {topic}: {error}; accepted: a finite pose") from error
             self._place()
+        elif topic != GOAL:
+            self._commanded = time.monotonic()
+            self.session.hold(command_of(kind, message, self.session.world.parameters.wheelbase))
+            if self.step_on_drive:
+                self._step()
 
     def call(self, service: str) -> dict[str, Any]:
         """Do what one of SERVICES asks for, and return its response.
@@ -151,7 +193,7 @@ class LiveRace:
         """
         session = self.session
         if service in MAP_SERVICES:
-            return {"map": self._map}
+            return {"map": self.map}
         if service == "/reset":
             session.reset()
             self._place()
@@ -165,25 +207,39 @@ class LiveRace:
                 session.paused = session.paused or paused
         return {"success": True, "message": "paused" if session.paused else ""}
 
-    def moment(self, topics: Collection[str]) -> dict[str, str]:
-        """Return the present messages of topics, in JSON, in the order in which they are published: the scan last."""
+    def moment(self, topics: Collection[str]) -> dict[str, Any]:
+        """Return the present messages of topics, encoded, in the order in which they are published: the scan last."""
         session, sensing = self.session, self._sensing
         sensing.surroundings = session.simulation.engine.surroundings(0)
         kinds = {topic: kind for topic in topics if topic not in STANDING and (kind := self.published.get(topic))}
-        self._graph.subscriptions = [
-            Subscription(topic, message_class(kind, ROS2), lambda message: None, 1, _NODE, "")
-            for topic, kind in kinds.items()
-        ]
+        if [each.topic for each in self._graph.subscriptions] != list(kinds):
+            self._graph.subscriptions = [
+                Subscription(topic, message_class(kind, ROS2), lambda message: None, 1, _NODE, "")
+                for topic, kind in kinds.items()
+            ]
         sensed = dict(sensing.messages(session.scan, session.odometry))
-        found = {topic: json.dumps(to_json(message, kinds[topic])) for topic, message in sensed.items()}
-        found |= {topic: text for topic, text in self._standing.items() if topic in topics}
-        if _CAR in topics:
-            found[_CAR] = self._numbers()
-        if DRIVE_TOPIC in topics and not session.held_from_outside:
+        sensed |= {topic: self._of_race(topic, kind) for topic, kind in kinds.items() if topic in _FROM_HERE}
+        if DRIVE_TOPIC in kinds and not session.held_from_outside:
             steering_angle, speed = session.simulation.engine.commands[0].tolist()
             command = DriveCommand(steering_angle=steering_angle, speed=speed)
-            found[DRIVE_TOPIC] = json.dumps(to_json(drive_message(command, self.now()), DRIVE))
+            sensed[DRIVE_TOPIC] = drive_message(command, self.now())
+        found = {topic: self._encode(message, kinds[topic]) for topic, message in sensed.items()}
+        found |= {topic: part for topic, part in self._standing.items() if topic in topics}
         return dict(sorted(found.items(), key=lambda each: each[0] == _SCAN))
+
+    def _of_race(self, topic: str, kind: str) -> Any:
+        """Return the message of a topic that is none of the node host's."""
+        session = self.session
+        engine, odometry = session.simulation.engine, session.odometry
+        if topic == _JOINTS:
+            message = joints_message(odometry, session.world.parameters.wheel_radius)
+        elif topic == _OPPONENT_SCAN:
+            scan = engine.scans.get(1) or engine.beams.to_scan(engine.ranges[1], odometry.stamp)
+            message = scan_message(scan, f"{OPPONENT}/{LASER_FRAME}")
+        else:
+            return made(message_class(kind, ROS2), data=_FROM_HERE[topic][1](session))
+        message.header.stamp.sec += BEGIN // 1_000_000_000
+        return message
 
     def _step(self) -> None:
         if not self.tick():
@@ -218,12 +274,9 @@ class LiveRace:
         laser = next(each for each in mounts if each[1] == LASER_FRAME)
         return [*mounts, (f"{EGO}/{BASE_FRAME}", f"{EGO}/{LASER_FRAME}", *laser[2:])]
 
-    def _numbers(self) -> str:
-        return json.dumps({"data": json.dumps(self.session.numbers())})
-
     def _tell_what_happened(self, level: str) -> None:
         said, self._said = self._said, self.session.message
         if self._said not in ("", said):
             self._tell(level, self._said)
             if level == "error":
-                self._send(_CAR, self._numbers())
+                self._send(_CAR, self._encode(self._of_race(_CAR, _STRING), _STRING))

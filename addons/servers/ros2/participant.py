@@ -1,0 +1,367 @@
+"""A participant of DDS that a graph of ROS 2 sees as a node: topics by ROS's names, and `ros_discovery_info`.
+
+    with Participant("fg_mujoco", domain=0, log=print) as participant:
+        participant.offer("/scan", "sensor_msgs/msg/LaserScan")
+        participant.write("/scan", cdr)
+
+All is offered reliable and transient local, with the newest sample kept, which matches whatever a reader asks for but a
+deadline or a liveliness of its own. Readers ask for reliable commands, and take best effort from a writer that offers
+no more. Sources: the ROS 2 design article "Topic and Service name mapping to DDS", messages of rmw_dds_common, and
+rmw_cyclonedds_cpp (user data).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from fg_mujoco.addons.ros.bag_messages import type_store
+from fg_mujoco.errors import SettingsError, missing_extra
+from fg_mujoco.messages import shown
+
+from .dds_types import dds_type
+
+HOST = "127.0.0.1"
+DISTRIBUTIONS = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted")
+"""Of ROS 2, whose nodes may be on the other side. From iron on a node's ids are shorter, and types have hashes."""
+
+_HASHED = DISTRIBUTIONS[3:]
+_DOMAINS = 232  # the greatest: ports are 7400 + 250 times it and more
+_DISCOVERY = "ros_discovery_info"
+_GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
+_ADDRESS = re.compile(r"[A-Za-z0-9.:_-]+")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_PARTICIPANTS = 32  # whose ports are looked at on each peer
+_BLOCKED = 0.01  # [s] for which a reader that does not keep up may hold up the race
+_DEPTH = 100  # samples that wait to be read
+_POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability", 13: "history"}
+_TYPE = 24  # the policy that types must agree
+_NS = 1_000_000_000
+
+
+def require_cyclonedds() -> None:
+    """Make sure that there is a middleware.
+
+    Raises:
+      MissingExtraError: the extra `ros2` is not installed; the message has the command that installs it.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("cyclonedds", "mcap", "rosbags", "scipy")):
+        raise missing_extra("a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy", "ros2")
+
+
+@dataclass(eq=False, kw_only=True)
+class _Reader:
+    """A reader of a topic."""
+
+    topic: str
+    kind: str
+    entity: Any
+    condition: Any  # that it has samples
+    refused: int = 0  # writers whose QoS did not match
+    reliable: bool = True
+
+
+class Participant:
+    """A node on a domain.
+
+    Args:
+      name: of the node.
+      namespace: that its topics and the node are in, such as /car_1; those of tf and the clock are in none.
+      domain: its number; None: that of ROS_DOMAIN_ID, else 0.
+      host: address of the network interface; 127.0.0.1: this machine alone.
+      peers: addresses of machines to look for participants on, without multicast; none: multicast is used, where the
+        interface is not this machine's own. If neither is given, and CYCLONEDDS_URI is set, that counts.
+      distribution: of ROS 2, one of DISTRIBUTIONS.
+      log: takes lines that say what cannot match.
+
+    Attributes:
+      domain: number of the domain.
+
+    Raises:
+      MissingExtraError: the extra `ros2` is not installed.
+      SettingsError: a domain, a name or an address that cannot be.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        namespace: str = "/",
+        domain: int | None = None,
+        host: str | None = None,
+        peers: Sequence[str] = (),
+        distribution: str = "humble",
+        log: Callable[[str], None] = print,
+    ) -> None:
+        require_cyclonedds()
+        from cyclonedds.core import DDSException, WaitSet
+        from cyclonedds.domain import DomainParticipant
+        from cyclonedds.internal import DDS
+        from cyclonedds.qos import Policy, Qos
+
+        self.domain = _domain(domain)
+        self._name, self._namespace, self._log = name, _namespace(namespace), log
+        if distribution not in DISTRIBUTIONS:
+            raise SettingsError(f"distribution is {distribution!r}; accepted: {', '.join(DISTRIBUTIONS)}")
+        self._hashed, self._distribution = distribution in _HASHED, distribution
+        self._writers: dict[str, Any] = {}
+        self._kinds: dict[str, Any] = {}
+        self._readers: list[_Reader] = []
+        self._refused: dict[str, int] = {}
+        self._matched: dict[str, int] = {}  # readers that each writer has had
+        self.listened: set[str] = set()
+        config = None if host is None and not peers and "CYCLONEDDS_URI" in os.environ else _config(host or HOST, peers)
+        try:
+            self._domain = None if config is None else _joined(self.domain, config)
+            self._participant: Any = DomainParticipant(self.domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
+        except DDSException as error:
+            accepted = f"a domain with less than {_PARTICIPANTS} participants on this machine (--domain N)"
+            if config is None:
+                accepted = "settings of Cyclone DDS in CYCLONEDDS_URI, or --host or --peer in their place"
+            raise SettingsError(f"domain {self.domain} cannot be joined: {error.msg}; accepted: {accepted}") from error
+        # of Cyclone DDS itself only what ends it is logged: it has a line for each sample that is not of its type
+        DDS._dll_handle.dds_set_log_mask(1)
+        self._waiting: Any = WaitSet(self._participant)
+
+    @property
+    def node(self) -> str:
+        """Name of the node, with its namespace."""
+        return f"{self._namespace.rstrip('/')}/{self._name}"
+
+    def __enter__(self) -> Participant:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._waiting = None
+        self._readers.clear()
+        self._writers.clear()
+        self._participant = self._domain = None
+
+    def publishers(self, topics: Sequence[str], wait: float) -> list[str]:
+        """Return the topics of these that another participant publishes on, which are looked for so long [s]."""
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+
+        reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        own, end = {self._dds_name(topic): topic for topic in topics}, time.monotonic() + wait
+        while True:
+            found = {each.topic_name for each in reader.read(N=1000)} & set(own)
+            if found or time.monotonic() > end:
+                return sorted(own[each] for each in found)
+            time.sleep(0.02)
+
+    def offer(self, topic: str, kind: str) -> None:
+        """Publish on a topic from now on."""
+        from cyclonedds.pub import DataWriter
+
+        made = dds_type(kind, self._distribution if kind == _GRAPH else "")
+        qos = self._qos(reliable=True, transient=True, depth=1, kind=kind)
+        self._kinds[topic] = made
+        entity = DataWriter(self._participant, self._topic(topic, made), qos=qos)
+        self._writers[topic], self._refused[topic], self._matched[topic] = entity, 0, 0
+
+    def read(self, topic: str, kind: str) -> None:
+        """Take samples of a type from a topic from now on."""
+        self._readers.append(self._make_reader(topic, kind, reliable=True))
+
+    def announce(self) -> None:
+        """Say to the graph of ROS which node reads and publishes here."""
+        types = type_store(self._distribution).types
+        gid = types["rmw_dds_common/msg/Gid"]
+        size = 16 if self._hashed else 24
+
+        def gid_of(entity: Any) -> Any:
+            return gid(data=np.frombuffer(entity.guid.bytes.ljust(size, b"\0"), np.uint8))
+
+        node = types["rmw_dds_common/msg/NodeEntitiesInfo"](
+            node_namespace=self._namespace, node_name=self._name,
+            reader_gid_seq=[gid_of(each.entity) for each in self._readers],
+            writer_gid_seq=[gid_of(writer) for topic, writer in self._writers.items() if topic != _DISCOVERY],
+        )  # fmt: skip
+        message = types[_GRAPH](gid=gid_of(self._participant), node_entities_info_seq=[node])
+        if _DISCOVERY not in self._writers:
+            self.offer(_DISCOVERY, _GRAPH)
+        self.write(_DISCOVERY, bytes(type_store(self._distribution).serialize_cdr(message, _GRAPH)))
+
+    def write(self, topic: str, content: bytes) -> None:
+        """Publish the CDR of a message; a reader that does not keep up loses it."""
+        from cyclonedds.core import DDSException
+
+        try:
+            self._writers[topic].write(self._kinds[topic](content))
+        except DDSException as error:
+            if error.code != DDSException.DDS_RETCODE_TIMEOUT:
+                raise
+
+    def wait(self, seconds: float) -> None:
+        """Wait until there are samples, at most so long."""
+        self._waiting.wait(max(0, round(seconds * _NS)))
+
+    def take(self) -> Iterator[tuple[str, str, bytes]]:
+        """Yield topic, type and CDR of samples that have come, those of a topic in their order."""
+        for reader in self._readers:
+            for sample in reader.entity.take(_DEPTH):
+                if hasattr(sample, "content"):
+                    yield reader.topic, reader.kind, sample.content
+
+    def look(self) -> set[str]:
+        """Find who reads and who publishes now; return the topics that have new readers, and log what cannot match."""
+        fresh = set()
+        for topic, writer in self._writers.items():
+            status = writer.get_publication_matched_status()
+            (self.listened.add if status.current_count else self.listened.discard)(topic)
+            if status.total_count != self._matched[topic]:
+                self._matched[topic] = status.total_count
+                fresh.add(topic)
+            refused = writer.get_offered_incompatible_qos_status()
+            if refused.total_count > self._refused[topic]:
+                self._refused[topic] = refused.total_count
+                self._say_refused(f"{topic} has a reader", refused.last_policy_id)
+        again = [reader for reader in self._readers if self._is_refused(reader)]
+        for reader in again:
+            self._waiting.detach(reader.condition)
+            self._readers[self._readers.index(reader)] = self._make_reader(reader.topic, reader.kind, reliable=False)
+        if again:
+            self.announce()
+        return fresh
+
+    def _is_refused(self, reader: _Reader) -> bool:
+        """Return whether a writer offers best effort only, and say so of anything else that cannot match."""
+        status = reader.entity.get_requested_incompatible_qos_status()
+        if status.total_count <= reader.refused:
+            return False
+        reader.refused = status.total_count
+        if reader.reliable and _POLICIES.get(status.last_policy_id) == "reliability":
+            return True
+        self._say_refused(f"{reader.topic} has a publisher", status.last_policy_id)
+        return False
+
+    def _say_refused(self, who: str, policy: int) -> None:
+        if policy == _TYPE:
+            self._log(f"{who} of another definition of its type; accepted: that of ROS 2 {self._distribution}")
+            return
+        name = _POLICIES.get(policy, f"policy {policy}")
+        self._log(
+            f"{who} whose QoS cannot match, its {name}; accepted: any reliability, volatile or transient local, "
+            "no deadline, automatic liveliness"
+        )
+
+    def _topic(self, topic: str, made: Any) -> Any:
+        from cyclonedds.topic import Topic
+
+        return Topic(self._participant, self._dds_name(topic), made)
+
+    def _make_reader(self, topic: str, kind: str, *, reliable: bool) -> _Reader:
+        from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
+        from cyclonedds.sub import DataReader
+
+        qos = self._qos(reliable=reliable, transient=False, depth=_DEPTH, kind=kind)
+        reader = DataReader(self._participant, self._topic(topic, dds_type(kind)), qos=qos)
+        condition = ReadCondition(reader, ViewState.Any | InstanceState.Any | SampleState.NotRead)
+        self._waiting.attach(condition)
+        return _Reader(topic=topic, kind=kind, entity=reader, condition=condition, reliable=reliable)
+
+    def _qos(self, *, reliable: bool, transient: bool, depth: int, kind: str) -> Any:
+        from cyclonedds.qos import Policy, Qos
+        from cyclonedds.util import duration
+
+        policies = [
+            Policy.Reliability.Reliable(duration(seconds=_BLOCKED)) if reliable else Policy.Reliability.BestEffort,
+            Policy.Durability.TransientLocal if transient else Policy.Durability.Volatile,
+            Policy.History.KeepLast(depth),
+            Policy.IgnoreLocal.Participant,
+            Policy.DataRepresentation(use_cdrv0_representation=True, use_xcdrv2_representation=False),
+        ]
+        if self._hashed:
+            hashed = type_store(self._distribution).hash_rihs01(kind)
+            policies.append(Policy.Userdata(f"typehash={hashed};".encode()))
+        return Qos(*policies)
+
+    def _dds_name(self, topic: str) -> str:
+        if topic == _DISCOVERY:
+            return topic
+        alone = topic in ("/tf", "/tf_static", "/clock")
+        return f"rt{topic}" if alone else f"rt{self._namespace.rstrip('/')}{topic}"
+
+
+def _joined(number: int, config: str) -> Any:
+    """Return a domain with its settings; None: this process has joined it already, with those of then."""
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain
+
+    try:
+        return Domain(number, config)
+    except DDSException as error:
+        if error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+            raise
+        return None
+
+
+def _domain(number: int | None) -> int:
+    """Return the number of a domain, by default that of the environment.
+
+    Raises:
+      SettingsError: it is none.
+    """
+    value: Any = os.environ.get("ROS_DOMAIN_ID", "") or 0 if number is None else number
+    name = "ROS_DOMAIN_ID" if number is None else "domain"
+    try:
+        found = int(value)
+    except ValueError:
+        found = -1
+    if not 0 <= found <= _DOMAINS:
+        raise SettingsError(f"{name} is {shown(value)}; accepted: a whole number from 0 to {_DOMAINS}")
+    return found
+
+
+def _namespace(name: str) -> str:
+    """Return a namespace with a slash in front, and none at its end.
+
+    Raises:
+      SettingsError: it is none.
+    """
+    parts = [part for part in name.split("/") if part]
+    if not all(_NAME.fullmatch(part) for part in parts):
+        raise SettingsError(f"namespace is {name!r}; accepted: names of letters, digits and _ such as /car_1")
+    return "/" + "/".join(parts)
+
+
+def _config(host: str, peers: Sequence[str]) -> str:
+    """Return the settings of Cyclone DDS for a network interface and peers.
+
+    Raises:
+      SettingsError: an address that is none.
+    """
+    for address in peers:
+        if not _ADDRESS.fullmatch(address):
+            raise SettingsError(f"peer is {address!r}; accepted: the address of a machine, such as 192.168.1.7")
+    host = HOST if host in ("localhost", "lo") else host
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind((host, 0))
+    except OSError as error:
+        accepted = "the address of a network interface of this machine, such as 192.168.1.7"
+        raise SettingsError(f"host is {host!r}, {error.strerror or error}; accepted: {accepted}") from error
+    alone = host == HOST
+    found = "".join(f'<Peer address="{peer}"/>' for peer in ((HOST, *peers) if alone or peers else ()))
+    multicast = "false" if alone or peers else "spdp"
+    return (
+        f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{host}"/></Interfaces>'
+        f"<AllowMulticast>{multicast}</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+        f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex><SPDPInterval>500ms</SPDPInterval>"
+        f"<Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
+    )

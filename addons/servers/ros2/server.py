@@ -1,0 +1,191 @@
+"""The server of a live race on ROS 2: publishes the race's topics where somebody reads them, and takes commands.
+
+    with Ros2Server(LiveSession(Setup.of("oval")), step_on_drive=True) as server:
+        server.run()
+
+Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause (std_msgs/Bool) in place of its services.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import Any
+
+from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.addons.ros.bag_messages import DRIVE, from_cdr
+from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepted_names
+
+from ..client_commands import ACKERMANN, TWIST, TWIST_STAMPED
+from ..live_race import GOAL, STANDING, TAKEN, LiveRace
+from .dds_types import cdr_of, known_kind
+from .participant import Participant
+
+NODE = "fg_mujoco"
+RESET, PAUSE = "/reset", "/pause"
+_SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
+_COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
+_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LOOK_EVERY = 0.1  # [s] of wall time between two looks at who reads and publishes
+_SETTLED = 0.2  # [s] after which a reader that has come knows this writer, too
+_LOOK_FIRST = 0.5  # [s] for which other simulators are looked for
+_LOGGED_EVERY = 1.0  # [s] of wall time
+_MOST_LATE = 4.0  # ticks that are made up for, where the machine was too slow
+
+
+class Ros2Server:
+    """Serves a session as a node of ROS 2.
+
+    Args:
+      session: to be driven on.
+      step_on_drive: a tick is driven for each command, and time stands still between them.
+      types: type of commands by topic, `package/msg/Name`, where it is another than usual, or another topic.
+      log: takes lines that say what was refused, at most one a second; None: nobody does.
+      **participant: settings of the Participant: namespace, domain, host, peers, distribution.
+
+    Attributes:
+      url: the domain and the node, as text.
+
+    Raises:
+      MissingExtraError: the extra `ros2` is not installed.
+      SettingsError: a setting that cannot be, or a domain with another simulator of these topics.
+    """
+
+    def __init__(
+        self,
+        session: LiveSession,
+        *,
+        step_on_drive: bool = False,
+        types: Mapping[str, str] | None = None,
+        log: Callable[[str], None] | None = None,
+        **participant: Any,
+    ) -> None:
+        self._log: Callable[[str], None] = log or (lambda line: None)
+        self._logged = -_LOGGED_EVERY
+        self._open = True
+        self._fresh: set[str] = set()  # topics with readers that have not got the present moment
+        self._came = 0.0  # [s] of wall time, when the last of these readers came
+        self._participant = Participant(NODE, log=self._log, **participant)
+        taken = _taken(types or {})
+        self._race = LiveRace(
+            session, step_on_drive=step_on_drive, encode=cdr_of, send=self._send,
+            listened=lambda: self._participant.listened, tell=lambda level, text: self._log(text),
+        )  # fmt: skip
+        joined = self._participant
+        self.url = f"domain {joined.domain} of ROS 2, node {joined.node}"
+        others = joined.publishers(["/scan"], _LOOK_FIRST)
+        if others:
+            joined.close()
+            raise SettingsError(
+                f"{' and '.join(others)} on domain {joined.domain} has a publisher, another simulator or a robot; "
+                "accepted: another domain, --domain N, or topics below a name, --namespace NAME"
+            )
+        for topic, kind in self._race.published.items():
+            joined.offer(topic, kind)
+        for topic, kind in taken.items():
+            joined.read(topic, kind)
+        joined.announce()
+        for topic, content in self._race.moment(STANDING).items():
+            joined.write(topic, content)
+
+    def __enter__(self) -> Ros2Server:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End `run`, and leave the domain when it has ended."""
+        self._open = False
+
+    def run(self) -> None:
+        """Drive on in real time, or a tick for each command, until `close` or Ctrl-C."""
+        period, steps, joined = self._race.session.period, self._race.step_on_drive, self._participant
+        due = look = time.monotonic()
+        try:
+            while self._open:
+                joined.wait((look if steps else min(look, due)) - time.monotonic())
+                for topic, kind, content in joined.take():
+                    self._take(topic, kind, content)
+                now = time.monotonic()
+                if now >= look:
+                    self._look(now)
+                    look = now + _LOOK_EVERY
+                if not steps and now >= due:
+                    self._race.tick()
+                    due = max(due + period, now - _MOST_LATE * period)
+        finally:
+            joined.close()
+
+    def _look(self, now: float) -> None:
+        """See who reads and publishes; who has begun to read while time stands still gets the present moment."""
+        fresh = self._participant.look() - set(STANDING)
+        if fresh:
+            self._fresh |= fresh
+            self._came = now
+        if self._fresh and now - self._came > _SETTLED:
+            if self._race.stands:
+                for topic, content in self._race.moment(sorted(self._fresh)).items():
+                    self._participant.write(topic, content)
+            self._fresh.clear()
+
+    def _send(self, topic: str, content: bytes) -> None:
+        self._fresh.discard(topic)
+        self._participant.write(topic, content)
+
+    def _take(self, topic: str, kind: str, content: bytes) -> None:
+        """Do what a message asks for; log what is refused."""
+        try:
+            try:
+                message = from_cdr(content, kind)
+            except Exception as error:  # of bytes that are not what the type says
+                raise MessageError(f"{len(content)} bytes are no {kind}; accepted: its CDR") from error
+            if topic == RESET:
+                self._race.call(RESET)
+            elif topic == PAUSE:
+                self._race.session.paused = bool(message.data)
+            else:
+                self._race.take(topic, kind, message)
+        except (FgMujocoError, AttributeError, TypeError, ValueError, OverflowError) as error:
+            self._refuse(topic, " ".join(str(error).split()))
+
+    def _refuse(self, topic: str, text: str) -> None:
+        now = time.monotonic()
+        if now - self._logged >= _LOGGED_EVERY:
+            self._logged = now
+            self._log(f"{topic}: {text}")
+
+
+def types_in(texts: Sequence[str]) -> dict[str, str]:
+    """Return types by topic, of texts TOPIC=TYPE.
+
+    Raises:
+      SettingsError: a text that is not of this form.
+    """
+    found = {}
+    for text in texts:
+        topic, equals, kind = text.partition("=")
+        if not equals or not _TOPIC.fullmatch(topic):
+            raise SettingsError(f"type is {text!r}; accepted: TOPIC=TYPE, such as /cmd_vel={TWIST_STAMPED}")
+        found[topic] = kind
+    return found
+
+
+def _taken(types: Mapping[str, str]) -> dict[str, str]:
+    """Return the type of each topic that is read.
+
+    Raises:
+      SettingsError: a type that is not known, or that commands no car.
+    """
+    found = {topic: kinds[0] for topic, kinds in TAKEN.items() if topic != GOAL} | _SWITCHES
+    for topic, name in types.items():
+        accepted = TAKEN.get(topic, _COMMAND_KINDS)
+        kind = known_kind(name, accepted)
+        if topic in _SWITCHES or kind not in accepted:
+            raise SettingsError(f"type of {topic} is {kind}; {accepted_names(kind, accepted)}")
+        found[topic] = kind
+    return found

@@ -1,0 +1,335 @@
+"""The node of ROS 2 on DDS: peers in C++ on Fast DDS and in Python on cyclonedds, QoS, garbage, and bad input."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import threading
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fg_mujoco as fg
+from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.messages import DriveCommand
+
+pytest.importorskip("rosbags")
+pytest.importorskip("cyclonedds")
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.types import array, bounded_str, float32, int32, sequence, uint8, uint32
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from fg_mujoco.addons.ros.bag_messages import type_store
+from fg_mujoco.addons.servers.ros2.dds_types import cdr_of, dds_type
+from fg_mujoco.addons.servers.ros2.server import Ros2Server, types_in
+
+DOMAIN = 1 + os.getpid() % 90  # another in each worker
+_PATIENCE = 30.0  # [s]
+_OFFSET, _PRIME = 14695981039346656037, 1099511628211  # of FNV-1a
+
+
+@dataclass
+class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    sec: int32
+    nanosec: uint32
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class LaserScan(IdlStruct, typename="sensor_msgs::msg::dds_::LaserScan_"):
+    header: Header
+    angle_min: float32
+    angle_max: float32
+    angle_increment: float32
+    time_increment: float32
+    scan_time: float32
+    range_min: float32
+    range_max: float32
+    ranges: sequence[float32]
+    intensities: sequence[float32]
+
+
+@dataclass
+class AckermannDrive(IdlStruct, typename="ackermann_msgs::msg::dds_::AckermannDrive_"):
+    steering_angle: float32
+    steering_angle_velocity: float32
+    speed: float32
+    acceleration: float32
+    jerk: float32
+
+
+@dataclass
+class AckermannDriveStamped(IdlStruct, typename="ackermann_msgs::msg::dds_::AckermannDriveStamped_"):
+    header: Header
+    drive: AckermannDrive
+
+
+@dataclass
+class Data(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
+    data: bool
+
+
+@dataclass
+class Empty(IdlStruct, typename="std_msgs::msg::dds_::Empty_"):
+    structure_needs_at_least_one_member: uint8
+
+
+@dataclass
+class Gid(IdlStruct, typename="rmw_dds_common::msg::dds_::Gid_"):
+    data: array[uint8, 24]
+
+
+@dataclass
+class NodeEntitiesInfo(IdlStruct, typename="rmw_dds_common::msg::dds_::NodeEntitiesInfo_"):
+    node_namespace: bounded_str[256]
+    node_name: bounded_str[256]
+    reader_gid_seq: sequence[Gid]
+    writer_gid_seq: sequence[Gid]
+
+
+@dataclass
+class ParticipantEntitiesInfo(IdlStruct, typename="rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_"):
+    gid: Gid
+    node_entities_info_seq: sequence[NodeEntitiesInfo]
+
+
+_RELIABLE, _LOSSY = Policy.Reliability.Reliable(duration(seconds=1)), Policy.Reliability.BestEffort
+
+
+class Peer:
+    """A node on cyclonedds, its types written by hand."""
+
+    def __init__(self, number=DOMAIN):
+        self._participant = DomainParticipant(number)
+
+    def reader(self, topic, kind, *policies):
+        qos = Qos(Policy.History.KeepLast(10), *(policies or (_LOSSY,)))
+        return DataReader(self._participant, Topic(self._participant, topic, kind), qos=qos)
+
+    def writer(self, topic, kind, reliability=_RELIABLE):
+        return DataWriter(self._participant, Topic(self._participant, topic, kind), qos=Qos(reliability))
+
+
+def newest(reader):
+    """Return the next sample of a reader."""
+    found = reader.take_one(timeout=duration(seconds=_PATIENCE))
+    assert found is not None
+    return found
+
+
+def until(condition):
+    end = time.monotonic() + _PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def drive(speed, angle=0.0):
+    return AckermannDriveStamped(Header(Time(0, 0), ""), AckermannDrive(angle, 0.0, speed, 0.0, 0.0))
+
+
+@contextmanager
+def served(step_on_drive=True, number=DOMAIN, setup=None, **options):
+    """Yield a session and what its server, which runs, has logged."""
+    session, logged = LiveSession(setup or fg.Setup.of("oval")), []
+    session.hold(DriveCommand(steering_angle=0.0, speed=0.0))
+    server = Ros2Server(session, step_on_drive=step_on_drive, domain=number, log=logged.append, **options)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        yield session, logged
+    finally:
+        server.close()
+        thread.join()
+
+
+def steer(ranges):
+    """Return a command along the middle of the course, as fast_dds_peer.cpp computes it."""
+    left = right = 0.0
+    for each in ranges[700:860]:
+        left += min(each, 4.0)
+    for each in ranges[220:380]:
+        right += min(each, 4.0)
+    return float(np.float32(min(max(0.6 * (left - right) / 160.0, -0.4), 0.4)))
+
+
+def positions(ticks):
+    """Return where the car is at the beginning of each tick of a race that `steer` drives."""
+
+    def planner(scan, odometry):
+        ranges = scan.ranges.astype(np.float32).astype(float).tolist()
+        return DriveCommand(steering_angle=steer(ranges), speed=2.5)
+
+    result = fg.race("oval", controller=planner, laps=100, time_limit=ticks * 0.025)
+    assert len(result.ctrl) == ticks
+    return np.column_stack((result.car.column("x_m"), result.car.column("y_m"))).astype("<f8")
+
+
+@pytest.fixture(scope="module")
+def fast_dds_peer(tmp_path_factory):
+    """Return a function that starts the node in C++."""
+    if shutil.which("g++") is None or not Path("/usr/include/fastdds").is_dir():
+        pytest.skip("Fast DDS is not here: apt-get install g++ libfastrtps-dev")
+    program = tmp_path_factory.mktemp("fast_dds") / "peer"
+    source = Path(__file__).parent / "fast_dds_peer.cpp"
+    subprocess.run(["g++", "-std=c++17", "-O1", "-w", source, "-o", program, "-lfastrtps", "-lfastcdr"], check=True)
+
+    def run(commands, *options):
+        return subprocess.Popen([program, str(DOMAIN), str(commands), *options], stdout=subprocess.PIPE, text=True)
+
+    return run
+
+
+def seen_by(peer):
+    """Return what a peer in C++ prints at its end."""
+    out, _ = peer.communicate(timeout=120)
+    assert peer.returncode == 0, out
+    return dict(line.split(" ", 1) for line in out.splitlines())
+
+
+def test_2000_ticks_with_fast_dds_have_the_bits_of_a_race_twice_in_a_tenth_of_their_time(fast_dds_peer):
+    hashed = _OFFSET
+    for byte in positions(2000).tobytes():
+        hashed = (hashed ^ byte) * _PRIME % 2**64
+    for _ in range(2):
+        with served() as (session, logged):
+            seen = seen_by(fast_dds_peer(2000))
+            assert (seen["sent"], seen["poses"], seen["hash"]) == ("2000", "2000", str(hashed))
+            assert seen["node"] == "/ fg_mujoco" and int(seen["map"]) > 10_000 and seen["mounts"] == "4"
+            assert session.laps.laps_completed == 2 and [line[:5] for line in logged] == ["lap 1", "lap 2"]
+            assert float(seen["median_us"]) < 25_000 / 10  # 42 times real time on two quiet cores
+
+
+def test_fast_dds_peers_that_sleep_die_send_garbage_or_ask_for_too_much_leave_the_race(fast_dds_peer):
+    with served() as (session, logged):
+        peers = [fast_dds_peer(10**6, "reliable")]
+        until(lambda: session.simulation.time > 1.0)
+        peers[0].send_signal(signal.SIGSTOP)  # in the middle: it reads no more, and does not leave
+        for options in ((), ("garbage",), ("best_effort",), ("deadline",)):
+            assert seen_by(fast_dds_peer(150, *options))["sent"] == "150"
+        peers[0].kill()
+        peers[0].communicate()
+        assert seen_by(fast_dds_peer(20))["sent"] == "20"
+        assert not session.simulation.crashed
+    assert any("/imu has a reader whose QoS cannot match, its deadline" in line for line in logged)
+
+
+def test_a_peer_on_cyclonedds_drives_with_the_bits_of_a_race():
+    with served() as (session, _):
+        peer = Peer()
+        commands, scans = peer.writer("rt/drive", AckermannDriveStamped), peer.reader("rt/scan", LaserScan)
+        found = []
+        for _ in range(100):
+            scan = newest(scans)
+            assert len(scan.ranges) == 1081 and scan.header.frame_id == "laser"
+            found.append(session.simulation.pose[:2])
+            commands.write(drive(2.5, steer(scan.ranges)))
+        newest(scans)
+    assert np.array_equal(found, positions(100))
+
+
+def test_in_real_time_nodes_see_the_node_and_the_race_and_the_car_stops_when_they_go():
+    with served(step_on_drive=False, namespace="/car_1", distribution="humble") as (session, _):
+        peer = Peer()
+        late = Policy.Durability.TransientLocal
+        node = newest(peer.reader("ros_discovery_info", ParticipantEntitiesInfo, _RELIABLE, late))
+        (info,) = node.node_entities_info_seq
+        assert (info.node_namespace, info.node_name) == ("/car_1", "fg_mujoco")
+        assert len(info.writer_gid_seq) > 20 and len(info.reader_gid_seq) > 8
+        scans = peer.reader("rt/car_1/scan", LaserScan, _RELIABLE, late)
+        collision = peer.reader("rt/car_1/ego_racecar/collision", Data)
+        commands = peer.writer("rt/car_1/drive", AckermannDriveStamped, _LOSSY)  # it is asked for reliable ones
+        until(lambda: commands.write(drive(2.0)) or session.simulation.engine.commands[0, 1] == 2.0)
+        assert len(newest(scans).ranges) == 1081 and newest(collision).data is False
+        until(lambda: session.simulation.engine.commands[0, 1] == 0.0)
+        moved = session.simulation.pose
+        peer.writer("rt/car_1/reset", Empty).write(Empty(0))  # a late node's first sample may come before it is known
+        reset = peer.writer("rt/car_1/reset", Empty)
+        until(lambda: reset.write(Empty(0)) or session.simulation.pose != moved)
+        until(lambda: session.simulation.time < 1.0)
+
+
+def test_two_simulators_need_two_namespaces_or_domains():
+    with served():
+        with pytest.raises(SettingsError, match=r"/scan on domain .* has a publisher.*--domain N.*--namespace"):
+            Ros2Server(LiveSession(fg.Setup.of("oval")), domain=DOMAIN)
+        with served(namespace="other") as (session, _):
+            peer = Peer()
+            commands = peer.writer("rt/other/drive", AckermannDriveStamped)
+            newest(peer.reader("rt/other/scan", LaserScan))
+            commands.write(drive(1.0))
+            until(lambda: session.simulation.time > 0.0)
+
+
+def test_noise_on_its_ports_is_dropped():
+    rng = np.random.default_rng(1)
+    with served() as (session, _):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
+            for port in range(7400 + 250 * DOMAIN, 7400 + 250 * DOMAIN + 30):
+                for length in (0, 3, 20, 300, 1400):
+                    begin = b"RTPS\x02\x03" if length > 20 else b""
+                    noise.sendto(begin + rng.bytes(length), ("127.0.0.1", port))
+        peer = Peer()
+        commands, scans = peer.writer("rt/drive", AckermannDriveStamped), peer.reader("rt/scan", LaserScan)
+        newest(scans)
+        commands.write(drive(float("nan")))  # is no command, and no tick
+        commands.write(drive(1.0))
+        newest(scans)
+        assert session.simulation.time == pytest.approx(0.025)
+
+
+def test_two_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
+    setup = fg.Setup.of("oval", opponents=["gap_finder"])
+    with served(setup=setup, types={"/drive": "ackermann_msgs/AckermannDrive"}) as (session, _):
+        peer = Peer()
+        commands, second = peer.writer("rt/drive", AckermannDrive), peer.writer("rt/opp_drive", AckermannDriveStamped)
+        scans = peer.reader("rt/opp_scan", LaserScan)
+        assert newest(scans).header.frame_id == "opp_racecar/laser"
+        until(lambda: second.get_matched_subscriptions() and commands.get_matched_subscriptions())
+        second.write(drive(0.0))
+        for _ in range(20):
+            commands.write(AckermannDrive(0.0, 0.0, 1.0, 0.0, 0.0))
+            newest(scans)
+        assert session.simulation.engine.commands[1, 1] == 0.0 and session.simulation.engine.commands[0, 1] == 1.0
+
+
+def test_every_type_that_is_known_can_be_said_on_dds_and_numbers_are_copied_whole():
+    kinds = [kind for kind in type_store().fielddefs if "/msg/" in kind]
+    assert len(kinds) > 100 and all(dds_type(kind) for kind in kinds)
+    message = type_store().types["std_msgs/msg/Float32"](data=1.0)
+    assert cdr_of(message, "std_msgs/msg/Float32") == bytes.fromhex("000100000000803f")
+
+
+@pytest.mark.parametrize(
+    "settings, said",
+    [
+        ({"domain": 999}, "domain is 999; accepted: a whole number from 0 to 232"),
+        ({"namespace": "a-b"}, "namespace is 'a-b'; accepted: names of letters"),
+        ({"host": "192.0.2.77"}, "host is '192.0.2.77'.*accepted: the address of a network interface"),
+        ({"peers": ["<x>"]}, "peer is '<x>'; accepted: the address of a machine"),
+        ({"distribution": "humbel"}, "distribution is 'humbel'; accepted: foxy"),
+        ({"types": {"/drive": "sensor_msgs/msg/Scan"}}, "type 'sensor_msgs/msg/Scan' is not known; accepted: acker"),
+        ({"types": {"/drive": "sensor_msgs/LaserScan"}}, "type of /drive is sensor_msgs/msg/LaserScan; accepted"),
+    ],
+)
+def test_bad_settings_say_what_is_accepted(settings, said):
+    with pytest.raises(SettingsError, match=said):
+        Ros2Server(LiveSession(fg.Setup.of("oval")), **settings)
+    with pytest.raises(SettingsError, match="accepted: TOPIC=TYPE"):
+        types_in(["drive"])
