@@ -28,6 +28,7 @@ COMMANDS = {
     "bag": "realcar.commands:bag_command",
     "replay-scans": "realcar.commands:replay_scans_command",
     "raceline": "drivers.commands:raceline_command",
+    "car": "formats.commands:car_command",
     "report": "look.commands:report_command",
     "debug": "look.commands:debug_command",
     "view": "look.commands:view_command",
@@ -85,6 +86,7 @@ SCHEMES = {
 PARTS = {
     "between boundaries": "formats.boundaries:between_boundaries",
     "bag drive": "realcar.bag_drive:read_bag_drive",
+    "car of files": "formats.cars:load_car",
     "comparison report": "arena.study.pages:write_comparison_report",
     "dataset": "learn.dataset:Dataset",
     "drive on ray": "learn.ray_cluster:drive_on_ray",

@@ -103,11 +103,11 @@ def car_of(
     else:
         not_there += [f"{name} (tires='f1tenth_gym' has it)" for name in stiffnesses if _is_set(name, stiffnesses)]
     try:
-        built = _built(vehicle, tuple(sorted(differ.items())), lidar_dist)
+        built = build_vehicle(vehicle, tuple(sorted(differ.items())), lidar_dist)
     except FgMujocoError as error:
         kept = tuple(sorted((name, value) for name, value in differ.items() if name in _LIMITS))
         not_there += [f"{', '.join(name for name in differ if name in _BODY)} ({error})"]
-        built = _built(vehicle, kept, lidar_dist)
+        built = build_vehicle(vehicle, kept, lidar_dist)
     if not_there:
         _say(not_there, vehicle.name)
     return WorldCar(vehicle=built, mu=mu, tires=tires, changes=changes)
@@ -206,8 +206,8 @@ def _stiff(tires: Tires, stiffnesses: Mapping[str, float]) -> Tires:
 
 
 @lru_cache(maxsize=32)
-def _built(vehicle: Vehicle, differ: tuple[tuple[str, float], ...], lidar_dist: float | None) -> Vehicle:
-    """Return a vehicle with some parameters changed, and a place of the LiDAR [m].
+def build_vehicle(vehicle: Vehicle, differ: tuple[tuple[str, float], ...], lidar_dist: float | None) -> Vehicle:
+    """Return a vehicle with some parameters, of those of `own_params`, changed, and a place of the LiDAR [m].
 
     Raises:
       SettingsError, ModelError: parameters of no car that can be built from the vehicle.

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 
 from ..arguments import explain_class
-from ..course.files import foreign_kind, is_file, read_setting
+from ..course.files import foreign_kind, is_file, is_folder, read_setting
 from ..course.mjcf import MOST_MJCF
 from ..errors import ModelError, SettingsError
 from ..lidar.beams import LidarModel
 from ..messages import CarParameters
-from ..registry import Registry
+from ..registry import PARTS, Registry
 from .bodywork import add_hull
 from .car import WHEELS, car_parameters, command_delay
 from .changes import ACCEPTED_MU, GREATEST_MU, CarChanges, change_spec, set_mu
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 DEFAULT_VEHICLE = "f1tenth"
 
+_OF_OTHERS = (".yaml", ".yml", ".json", ".urdf")  # of which the add-on `formats` makes vehicles
 _MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 
 
@@ -85,7 +86,8 @@ class Vehicle:
         """Return a vehicle, checked once for each file.
 
         Args:
-          source: a bundled name, the path of an MJCF file (it ends in .xml or has a slash), or a Vehicle.
+          source: a bundled name, the path of an MJCF file (it ends in .xml or has a slash), a file or folder that
+            another stack has of a car, or a Vehicle.
 
         Raises:
           SettingsError: an unknown name, or a file that cannot be read.
@@ -95,9 +97,13 @@ class Vehicle:
             return source
         if not isinstance(source, (str, Path)):
             raise SettingsError(f"vehicle is {source!r}; accepted: a bundled name, the path of a file, or a Vehicle")
-        if isinstance(source, str) and not source.endswith(".xml") and "/" not in source and not is_file(source):
-            return _bundled(source)
+        named = isinstance(source, str) and not source.endswith(".xml") and "/" not in source
+        if named and not is_file(source) and (source in _vehicles() or not is_folder(source)):
+            return _bundled(str(source))
         path = Path(source).expanduser()
+        if is_folder(path) or (path.suffix.lower() in _OF_OTHERS and is_file(path)):
+            found: Vehicle = PARTS.find("car of files")(path)
+            return found
         if is_file(path) and (kind := foreign_kind(path)) is not None:
             raise ModelError(f"vehicle file {source}: is {kind}; accepted: {OWN_CAR}")
         text = read_setting(path, f"vehicle file {source}", "an MJCF file", MOST_MJCF)

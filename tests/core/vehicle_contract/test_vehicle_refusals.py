@@ -47,10 +47,8 @@ def test_all_faults_are_told_at_once(tmp_path):
 @each(
     ("name", "text", "said"),
     [
-        ("mine.urdf", "<robot/>", "is a URDF, of ROS; accepted: an MJCF file"),
         ("mine.xml", '<?xml version="1.0"?>\n<robot name="small"/>', "is a URDF or SDF"),
         ("mine.stl", "solid", "is a mesh"),
-        ("mine.json", "{}", "is JSON"),
         ("mine.xml", "<mujoco><include file='car.xml'/></mujoco>", "<include> is not .*is the MJCF of something else"),
         ("mine.xml", "<mujoco><worldbody><geom name='ground' type='plane' size='1 1 1'/></worldbody></mujoco>",
          r"is the MJCF of something else: it has 1 of the \d\d names of a vehicle; accepted: .*own_car"),

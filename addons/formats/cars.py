@@ -1,0 +1,254 @@
+"""A car of the files that teams have: a bundled vehicle with what they tell built in, and tires.
+
+    car = car_of([Path("NUC2_pacejka.yaml")])
+    car.vehicle, car.words                        # what was told, and what was taken instead
+    write_car(car, Path("my_car"))                # my_car.xml, my_car.toml and my_car.html
+
+What is not told is the vehicle f1tenth's. Tires that are told as a Magic Formula are one; cornering stiffnesses with a
+friction are the brush model, which has both and lets go. Without them the tires are Coulomb friction of the mu.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from fg_mujoco.addons.gym2d.params import F1TENTH, build_vehicle, own_params
+from fg_mujoco.course.files import state_of
+from fg_mujoco.course.writing import write_files
+from fg_mujoco.errors import FgMujocoError, ModelError, Note, SettingsError
+from fg_mujoco.pictures.pages.page import note, scroll, write_page
+from fg_mujoco.pictures.pages.table import Table
+from fg_mujoco.vehicle.changes import set_mu
+from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
+
+from .car_files import CarFiles, Told, files_of, is_car, read_car
+
+_UNITS = {
+    "lf": "m", "lr": "m", "m": "kg", "h": "m", "I": "kg m^2", "s_min": "rad", "s_max": "rad", "sv_min": "rad/s",
+    "sv_max": "rad/s", "v_switch": "m/s", "a_max": "m/s^2", "v_min": "m/s", "v_max": "m/s", "width": "m", "length": "m",
+    "track_width": "m", "wheel_radius": "m",
+}  # fmt: skip
+_WORDS = {
+    "lf": "front axle ahead of the centre of gravity", "lr": "rear axle behind it", "m": "mass",
+    "h": "height of the centre of gravity", "I": "yaw inertia", "s_max": "greatest steering angle",
+    "sv_max": "greatest steering rate", "v_switch": "speed above which the motor's power limits",
+    "a_max": "greatest acceleration", "v_min": "fastest backwards", "v_max": "greatest speed", "width": "width",
+    "length": "length", "track_width": "track width", "wheel_radius": "wheel radius",
+}  # fmt: skip
+_KEPT = ("track_width", "wheel_radius")  # what is not built, but the vehicle's
+_SAME = 0.01  # share within which a value is the vehicle's
+_RELAXATION, _SLIDING = 0.045, 0.7  # as in models/tires/forzaeth_nuc2.toml, which says from where
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileCar:
+    """A car of files."""
+
+    vehicle: Vehicle
+    files: CarFiles
+    tires: str  # the TOML of its tires; nothing: Coulomb friction
+    words: tuple[str, ...]  # what was told and what was taken instead, a line each
+
+
+def load_car(source: Path) -> Vehicle:
+    """Return the vehicle of a file or a folder that tells of a car, and say in a `Note` what was not told.
+
+    Raises:
+      SettingsError: what `car_of` refuses.
+    """
+    car = car_of([source])
+    taken = ", ".join(line.partition(":")[0] for line in car.words if ": not told" in line)
+    unused = [line for line in car.words if "not used" in line]
+    said = [f"{source}: told are {', '.join(car.files.values)}", f"not told, but taken: {taken or 'nothing'}", *unused]
+    warnings.warn("; ".join(said), Note, stacklevel=4)
+    return car.vehicle
+
+
+def car_of(sources: Sequence[Path]) -> FileCar:
+    """Return the car of files and folders, of which the first that tells a value has it.
+
+    Raises:
+      SettingsError: what `read_car` refuses, or a car that cannot be built.
+    """
+    for source in sources:
+        if not is_car(source):
+            raise SettingsError(f"{source}: no such file of a car; accepted: .yaml, .json, .txt, .urdf, or a folder")
+    states = tuple(state_of(file) for source in sources for file in files_of(source))
+    return _car_of(tuple(sources), states)
+
+
+@lru_cache(maxsize=16)
+def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
+    files = read_car(sources)
+    base = Vehicle.load(DEFAULT_VEHICLE)
+    own = own_params(base) | {
+        "track_width": base.parameters.track_width, "wheel_radius": base.parameters.wheel_radius
+    }  # fmt: skip
+    values = dict(files.values)
+    words = [*_lengths(values, own)]
+    for side in ("s", "sv"):
+        if f"{side}_max" in values and f"{side}_min" not in values:
+            values[f"{side}_min"] = replace(values[f"{side}_max"], value=-values[f"{side}_max"].value)
+    differ = {
+        name: told.value
+        for name, told in values.items()
+        if name in own and name not in _KEPT and not math.isclose(told.value, own[name], rel_tol=_SAME)
+    }
+    where = ", ".join(dict.fromkeys(told.file for told in files.values.values()))
+    tires, mu, tire_words = _tires(files, values["m"].value if "m" in values else own["m"])
+    try:
+        built = build_vehicle(base, tuple(sorted(differ.items())), None)
+        spec = built.spec()
+        spec.modelname = files.name
+        if mu is not None:
+            set_mu(spec, mu)
+        found = Tires.load({"name": files.name, **tires}) if tires else base.tires
+        vehicle = replace(built, name=files.name, file=str(sources[0]), text=spec.to_xml(), tires=found)
+        _ = vehicle.parameters
+    except FgMujocoError as error:
+        raise SettingsError(f"{where}: no such car can be built: {error}") from error
+    for name, value in own.items():
+        if name in ("s_min", "sv_min"):
+            continue
+        told, said = values.get(name), f"{_WORDS.get(name, name)} {{:.4g}} {_UNITS[name]}"
+        if told is None:
+            words.append(f"{said.format(value)}: not told, {DEFAULT_VEHICLE}'s")
+        elif name in _KEPT and not math.isclose(told.value, value, rel_tol=_SAME):
+            other = f"{told.name} {told.value:g} of {told.file}"
+            words.append(f"{said.format(value)}: {other} is not used, {DEFAULT_VEHICLE}'s is")
+        else:
+            words.append(f"{said.format(told.value)}: {told.name} of {told.file}")
+    words += [*tire_words, *files.notes]
+    if files.unused:
+        words.append(f"not used: {', '.join(files.unused)}")
+    return FileCar(vehicle=vehicle, files=files, tires=_toml(files, tires, tire_words), words=tuple(words))
+
+
+def _lengths(values: dict[str, Told], own: dict[str, float]) -> Iterator[str]:
+    """Share a wheelbase between the axles as the vehicle does, in place; yield words."""
+    known = [name for name in ("lf", "lr") if name in values]
+    wheelbase = values.pop("wheelbase", None)
+    if wheelbase is not None and len(known) < 2:
+        if known:
+            (one,), other = known, "lr" if known[0] == "lf" else "lf"
+            shared = {other: wheelbase.value - values[one].value}
+        else:
+            shared = {name: wheelbase.value * own[name] / (own["lf"] + own["lr"]) for name in ("lf", "lr")}
+            yield f"centre of gravity between the axles: not told, shared as {DEFAULT_VEHICLE}'s"
+        values |= {name: replace(wheelbase, value=value) for name, value in shared.items()}
+
+
+def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, list[str]]:
+    """Return the table of the tires, the friction of the vehicle, and words; no table: Coulomb friction."""
+    told = {name: each.value for name, each in files.values.items()}
+    mu = told.get("mu")
+    source = ", ".join(dict.fromkeys(files.values[name].file for name in ("Bf", "C_Sf", "mu") if name in told))
+    common = {
+        "relaxation_length": told.get("relaxation", _RELAXATION), "load_sensitivity": told.get("k_mu", 0.0),
+        "nominal_load": 0.25 * mass * 9.81, "rolling_resistance": told.get("rolling", 0.0),
+    }  # fmt: skip
+    taken = [
+        f"{name} of the tires {common[name.replace(' ', '_')]:g}: not told, as of nuc2's"
+        for name, quantity in (("relaxation length", "relaxation"), ("rolling resistance", "rolling"))
+        if quantity not in told
+    ]
+    words: list[str] = []
+    formula = [f"{letter}{axle}" for axle in "fr" for letter in "BCDE"]
+    if missing := [name for name in formula if name not in told]:
+        if len(missing) < len(formula):
+            said = ", ".join(missing)
+            raise SettingsError(f"{source}: of the Magic Formulas is not told {said}; accepted: all of them")
+    else:
+        axles = {
+            axle: {"B": told[f"B{k}"], "C": told[f"C{k}"], "D": told[f"D{k}"] * (mu or 1.0), "E": told[f"E{k}"],
+                   "sliding_share": _SLIDING} | common
+            for axle, k in (("front", "f"), ("rear", "r"))
+        }  # fmt: skip
+        said = f"Magic Formulas of {source}" + ("" if mu in (None, 1.0) else f", their D times mu {mu:g}")
+        words += [said, *taken, f"force behind the peak, at least {_SLIDING:g} of it: not told"]
+        words.append("force along the wheels as across them: not told")
+        return {"model": "magic_formula", "floor": f"not told by {source}", **axles}, None, words
+    stiffness = {name: told.get(name, math.nan) for name in ("C_Sf", "C_Sr")}
+    if not any(math.isnan(value) for value in stiffness.values()):
+        if all(math.isclose(value, F1TENTH[name], rel_tol=_SAME) for name, value in stiffness.items()):
+            words.append("C_Sf and C_Sr are f1tenth_gym's defaults, which every file has, and not used")
+        elif mu is not None:
+            axles = {
+                axle: {"stiffness": stiffness[name], "D": mu} | common
+                for axle, name in (("front", "C_Sf"), ("rear", "C_Sr"))
+            }
+            words += [f"brush tires of C_Sf, C_Sr and mu of {source}; past mu they slide, which linear tires do not"]
+            words += taken
+            return {"model": "brush", "floor": f"not told by {source}", **axles}, None, words
+        else:
+            words.append("C_Sf and C_Sr are not used: mu is not told")
+    own = Vehicle.load(DEFAULT_VEHICLE).nominal_mu
+    words.append(
+        f"Coulomb friction of mu {own:.5g}: not told, {DEFAULT_VEHICLE}'s"
+        if mu is None
+        else f"Coulomb friction of mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
+    )
+    return {}, mu, words
+
+
+def _toml(files: CarFiles, tires: dict[str, Any], words: Sequence[str]) -> str:
+    """Return a table of tires as TOML, with the words above."""
+    if not tires:
+        return ""
+    lines = [f"# Tires of {files.name}, made by fg-mujoco car."]
+    lines += [f"# {line}" for line in words]
+    lines += [f'{name} = "{tires[name]}"' for name in ("model", "floor")]
+    for axle in ("front", "rear"):
+        lines += ["", f"[{axle}]", *(f"{name} = {value!r}" for name, value in tires[axle].items())]
+    return "\n".join(lines) + "\n"
+
+
+def write_car(car: FileCar, folder: Path) -> list[Path]:
+    """Write the MJCF, the tires and the page of a car into a folder, and return their paths.
+
+    Raises:
+      OSError: they cannot be written.
+    """
+    name, spec = car.files.name, car.vehicle.spec(tires=Tires.load("contact"))
+    if car.tires:
+        element = spec.text("tires") or spec.add_text(name="tires")
+        element.data = f"{name}.toml"
+    comment = "\n  ".join(("", *car.words, "")).replace("--", "- -")
+    head, _, rest = spec.to_xml().partition("\n")
+    files = {folder / f"{name}.xml": f"{head}\n  <!--{comment}-->\n{rest}".encode()}
+    if car.tires:
+        files[folder / f"{name}.toml"] = car.tires.encode()
+    folder.mkdir(parents=True, exist_ok=True)
+    write_files(files)
+    try:
+        written = Vehicle.load(folder / f"{name}.xml")
+    except ModelError as error:  # of a car that no check has seen
+        raise SettingsError(f"{folder / name}.xml: {error}") from error
+    page = folder / f"{name}.html"
+    sources = sorted({told.file for told in car.files.values.values()})
+    write_page(page, f"{name}: a car of {', '.join(sources)}", _page(car, written))
+    return [*files, page]
+
+
+def _page(car: FileCar, vehicle: Vehicle) -> list[object]:
+    """Return the body of the page: the car beside the bundled ones, and what was told and taken."""
+    cars = [vehicle, *map(Vehicle.load, vehicle_names())]
+    columns = [own_params(each) | {
+        "track_width": each.parameters.track_width, "wheel_radius": each.parameters.wheel_radius
+    } for each in cars]  # fmt: skip
+    rows = [[_WORDS[name], _UNITS[name], *(column[name] for column in columns)] for name in _WORDS]
+    rows += [
+        ["tires", "", *(each.tires.model for each in cars)],
+        ["friction to rely on", "-", *(each.nominal_mu for each in cars)],
+        ["front peak at a slip angle", "rad", *(each.tires.axles[0].lateral.peak_slip for each in cars)],
+        ["rear peak at a slip angle", "rad", *(each.tires.axles[1].lateral.peak_slip for each in cars)],
+    ]
+    table = Table(header=["", "unit", *(each.name for each in cars)], rows=rows, left=("", "unit"))
+    return [scroll(table.html(), "whole"), *(note(line) for line in car.words)]

@@ -1,0 +1,149 @@
+"""Cars of the files that teams have: what they tell is built in, what they do not tell is said, and each laps."""
+
+import json
+import math
+
+import pytest
+
+import fg_mujoco as fg
+from cases import each
+from fg_mujoco.addons.formats.cars import car_of
+from fg_mujoco.addons.gym2d.params import own_params
+from fg_mujoco.cli.main import main
+from fg_mujoco.errors import Note, SettingsError
+from fg_mujoco.vehicle.vehicle import Vehicle
+
+GYM = {
+    "mu": 0.8, "C_Sf": 5.2, "C_Sr": 6.1, "lf": 0.16, "lr": 0.17, "h": 0.07, "m": 3.9, "I": 0.05, "s_min": -0.36,
+    "s_max": 0.36, "sv_min": -3.0, "sv_max": 3.0, "v_switch": 7.319, "a_max": 9.51, "v_min": -5.0, "v_max": 15.0,
+}  # fmt: skip
+VESC = {
+    "speed_to_erpm_gain": 4000.0, "speed_to_erpm_offset": 0.0, "steering_angle_to_servo_gain": -1.2,
+    "steering_angle_to_servo_offset": 0.53, "wheelbase": 0.32,
+    "vesc_driver": {"servo_min": 0.15, "servo_max": 0.85, "speed_min": -24000, "speed_max": 24000},
+}  # fmt: skip
+FORZA = {
+    "C_Pf": [4.8, 2.16, 0.65, 0.37], "C_Pr": [20.0, 1.5, 0.62, 0.0], "C_acc": 0.36, "I_z": 0.058, "a_max": 3,
+    "a_min": -3, "h_cg": 0.014, "l_f": 0.162, "l_r": 0.145, "l_wb": 0.307, "m": 3.54, "mu": 1, "model_name": "NUC2",
+}  # fmt: skip
+SLIPX = {
+    "dynamics.yaml": {"mass": 3.5, "inertia": {"ixx": 0.025, "izz": 0.05}, "resistance": {"roll_resist": 0.015},
+                      "geometry": {"lf": 0.16, "lr": 0.16, "h_cog": 0.06, "wheel_radius": 0.05, "width": 0.3}},
+    "limits.yaml": {"steering": {"max_angle": 0.4, "max_rate": 10.0}, "drivetrain": {"accel_max": 8.0, "v_max": 20.0}},
+    "tyres/sponge.yaml": {"nominal_load": 8.6, "linear": {"c_alpha": 60.0}, "friction": {"mu_y0": 1.1, "k_mu": 0.15},
+                          "mf_lite": {"C": 1.68, "E": 0.42}, "relaxation": {"sigma": 0.05}},
+}  # fmt: skip
+LINK = (
+    '<link name="{}"><inertial><mass value="{}"/><origin xyz="{}"/><inertia ixx=".01" iyy=".03" izz="{}"/></inertial>'
+    "<collision><geometry><{}/></geometry></collision></link>"
+)
+SPIN = (
+    '<joint name="j{0}" type="continuous"><parent link="base"/><child link="{0}"/><origin xyz="{1}" rpy="1.57 0 0"/>'
+    "</joint>"
+)
+URDF = "<robot name='r'>{}</robot>".format("".join([
+    LINK.format("base", 3.2, "0.15 0 0.02", 0.04, 'box size="0.5 0.28 0.1"'),
+    *(LINK.format(f"{x}{y}", 0.1, "0 0 0", 0.0001, 'cylinder radius="0.05"') for x in (0, 32) for y in "lr"),
+    *(SPIN.format(f"{x}{y}", f"{x / 100} {0.1 if y == 'l' else -0.1} 0") for x in (0, 32) for y in "lr"),
+]))  # fmt: skip
+FILES = {
+    "params.yaml": GYM,
+    "vesc.yaml": {"/**": {"ros__parameters": VESC}},
+    "NUC2": {"NUC2_pacejka.yaml": FORZA, "vesc.yaml": VESC},
+    "slipx": SLIPX,
+    "car.urdf": URDF,
+}
+BUILT = {
+    "params.yaml": {name: value for name, value in GYM.items() if not name.startswith(("C_", "mu"))},
+    "vesc.yaml": {"s_max": 0.32 / 1.2, "v_max": 6.0, "m": 3.74},
+    "NUC2": {"m": 3.54, "lf": 0.162, "lr": 0.145, "I": 0.058, "h": 0.014, "v_max": 6.0, "a_max": 3.0},
+    "slipx": {"m": 3.5, "lf": 0.16, "lr": 0.16, "I": 0.05, "h": 0.06, "s_max": 0.4, "width": 0.3},
+    "car.urdf": {"m": 3.6, "lr": (3.2 * 0.15 + 0.2 * 0.32) / 3.6, "length": 0.5, "width": 0.28},
+}
+SAID = {
+    "params.yaml": ["width 0.31 m: not told, f1tenth's", "brush tires of C_Sf, C_Sr and mu of params.yaml"],
+    "vesc.yaml": ["mass 3.74 kg: not told", "greatest speed 6 m/s: speed_max and the gain", "mu 1.0489: not told"],
+    "NUC2": ["wheelbase 0.32 of vesc.yaml is not used", "not used: C_acc, a_min", "force behind the peak"],
+    "slipx": ["wheel_radius 0.05 of dynamics.yaml is not used", "Magic Formulas of sponge.yaml"],
+    "car.urdf": ["mass 3.6 kg: the links", "greatest steering angle 0.4189 rad: not told, f1tenth's"],
+}
+TIRES = {"params.yaml": "brush", "vesc.yaml": "coulomb", "NUC2": "magic_formula", "slipx": "magic_formula",
+         "car.urdf": "coulomb"}  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def write(folder, name, content):
+    if not isinstance(content, str) and any("." in key for key in content):
+        for file, each_one in content.items():
+            write(folder / name, file, each_one)
+        return
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content if isinstance(content, str) else json.dumps(content))
+
+
+@each("name", FILES)
+def test_a_car_of_any_stack_is_built_said_and_driven(folder, name):
+    write(folder, name, FILES[name])
+    with pytest.warns(Note, match="told are"):
+        vehicle = Vehicle.load(name)
+    own = own_params(vehicle)
+    for quantity, value in BUILT[name].items():
+        assert own[quantity] == pytest.approx(value, rel=0.01), quantity
+    words = "\n".join(car_of([folder / name]).words)
+    assert all(said in words for said in SAID[name])
+    assert vehicle.tires.model == TIRES[name]
+    assert fg.race("oval", "gap_finder", vehicle=vehicle, laps=1, max_speed=5.0).car.finished
+
+
+def test_tires_are_those_that_are_told(folder):
+    for name in ("params.yaml", "NUC2", "slipx"):
+        write(folder, name, FILES[name])
+    brush = Vehicle.load("params.yaml").tires.front.lateral
+    assert (brush.stiffness, brush.D) == (5.2, 0.8)
+    formula = Vehicle.load("NUC2").tires.rear.lateral
+    assert (formula.B, formula.C, formula.D, formula.E) == (20.0, 1.5, 0.62, 0.0)
+    tire = Vehicle.load("slipx").tires.front
+    assert tire.lateral.slope == pytest.approx(60.0 / 8.6) and tire.load_sensitivity == 0.15
+    assert (tire.relaxation_length, tire.rolling_resistance) == (0.05, 0.015)
+    write(folder, "own.yaml", GYM | {"C_Sf": 4.718, "C_Sr": 5.4562})  # which every file has
+    assert Vehicle.load("own.yaml").tires.model == "coulomb" and Vehicle.load("own.yaml").nominal_mu == 0.8
+
+
+def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsys):
+    write(folder, "NUC2", FILES["NUC2"])
+    assert main(["car", "NUC2", "--out", "mine"]) == 0
+    assert "greatest steering rate 3.2 rad/s: not told" in capsys.readouterr().out
+    laps = [fg.race("oval", "gap_finder", vehicle=each, laps=1).car.lap_times_s for each in ("NUC2", "mine/NUC2.xml")]
+    assert laps[0] == laps[1]
+    page = (folder / "mine/NUC2.html").read_text()
+    assert "f1tenth" in page and "wheelbase 0.32 of vesc.yaml" in page
+    assert main(["car", "NUC2", "--out", "mine"]) == 2
+
+
+@each(
+    ("name", "content", "message"),
+    [
+        ("a.yaml", {"s_max": 24.0}, "s_max is 24: degrees.; accepted: 0.01 to 1.2 rad"),
+        ("a.yaml", {"m": 3.7, "mass": 3.9}, "m is 3.7 and mass is 3.9; accepted: one of them"),
+        ("a.yaml", {"m": math.nan}, "m is nan; accepted: 0.1 to 5000 kg"),
+        ("a.yaml", {"m": 3740.0}, "no such car can be built: m is 3740 kg"),
+        ("a.yaml", {"rate": 3}, "tells nothing of a car; accepted: names as m, lf"),
+        ("a.yaml", {"m": 3.7, "Bf": 5.0, "mu": 1.0}, "of the Magic Formulas is not told Cf, Df"),
+        ("a.yaml", {"m": 3.7, "mu": 0.9, "I": 0.0002}, "no such car can be built"),
+        ("a.yaml", "m: [", "a.yaml: "),
+        ("a.urdf", "<robot><link name='a'/></robot>", "no link has a mass"),
+        ("a.urdf", "<robot xmlns:xacro='x'><xacro:if/></robot>", "accepted: a plain URDF"),
+        ("b", {"other.yaml": {"m": 3}}, "is a folder without a file of a car; accepted: an MJCF"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_a_car_is_refused_in_a_line(folder, name, content, message):
+    write(folder, name, content)
+    with pytest.raises(SettingsError, match=message) as refusal:
+        Vehicle.load(name)
+    assert "\n" not in str(refusal.value)
