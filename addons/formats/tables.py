@@ -47,8 +47,9 @@ def line_table(path: Path, *, course: bool, line: str | None) -> Table:
 
 
 def _json(path: Path, course: bool, line: str | None) -> Table:
+    text = read_bytes(path)
     try:
-        content = json.loads(read_bytes(path))
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise TrackError(f"{path}: is no JSON: {error}; accepted: rows or columns with the names x and y") from error
     found = dict(_lines(path, content, path.stem, 0))
@@ -111,8 +112,9 @@ def _are_numbers(cells: list[Any]) -> bool:
 
 def _array(path: Path) -> Table:
     """Return the table of an array of NumPy; pickled objects are not read."""
+    content = read_bytes(path)
     try:
-        array = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
+        array = np.load(io.BytesIO(content), allow_pickle=False)
     except (ValueError, OSError, EOFError, MemoryError, SyntaxError) as error:
         raise TrackError(f"{path}: is no array of NumPy: {error}; accepted: numbers (n, k)") from error
     names, said = getattr(array.dtype, "names", None), ""

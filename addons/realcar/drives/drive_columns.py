@@ -109,7 +109,7 @@ class BeamColumns:
     columns: str  # with {} in place of the number of the beam
     count: int  # of the LiDAR's beams, recorded or not
     field_of_view: float = 270.0  # [deg] from the first to the last
-    nothing: float = math.inf  # [m] from here on nothing was seen
+    nothing: float = 65.0  # [m] from here on nothing was seen: a Hokuyo says 65.533 of a beam without return
     unit: str = "m"
     delay: float = 0.0  # [s] of the scan after the row
 
@@ -278,7 +278,17 @@ LAYOUTS: dict[str, dict[str, Any]] = {
         "steering": "steering_executed_rad",
         "acceleration_command": {"column": "speed_executed_m_s", "unit": "m/s^2"},
         "x": "x_m", "y": "y_m", "yaw": "yaw_rad",
-        "beams": {"columns": "beam_{}_m", "count": 1080, "nothing": 65.0},
+        "beams": {"columns": "beam_{}_m", "count": 1080},
+    },
+    "ini": {
+        # The same drives as their owners write them, below comments; a simulated one has no executed controls.
+        "time": {"column": "time", "scale": MEASURED},
+        "speed": {"column": "linear_vel_x", "delay": MEASURED},
+        "yaw_rate": {"column": "angular_vel_z", "scale": MEASURED, "delay": MEASURED},
+        "steering": "angular_control_executed",
+        "acceleration_command": {"column": "translational_control_executed", "unit": "m/s^2"},
+        "x": "pose_x", "y": "pose_y", "yaw": "pose_theta",
+        "beams": {"columns": "LIDAR_{}", "count": 1080},
     },
     "plain": {
         "time": "time_s", "speed": "speed_m_s", "yaw_rate": "yaw_rate_rad_s", "steering": "steering_rad",

@@ -23,6 +23,7 @@ from ..drives.reading import read_drives
 from ..identification.fit import require_scipy
 from .agreement import UNITS, Agreement, agreements, joined, rms, steady_task, task_of
 from .car_model import CarModel, Task
+from .unknown import unknown_parts
 from .windows import (
     HOLD_SPEED,
     LENGTHS,
@@ -163,6 +164,15 @@ class Validation:
         ]  # fmt: skip
         return Table(header=header, rows=rows)
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Which part is not known of each drive whose yaw rate is off by more than `unknown.AGREES`."""
+        how = COMMANDS if (COMMANDS, 1.0) in self.driven else HELD
+        windows, simulated = self.driven.get((how, 1.0), ((), np.empty((0, 0, 6))))
+        return unknown_parts(
+            self.motions, windows, simulated, rear=self.car.rear_axle_distance, grip=self.friction * self.car.gravity
+        )
+
     def __str__(self) -> str:
         seconds = sum(drive.end - drive.start for drive in self.drives)
         recorded, model = self.plateau
@@ -175,7 +185,7 @@ class Validation:
                 f"greatest lateral acceleration of steady states: recorded {recorded:.2f} m/s^2, model {model:.2f} "
                 f"({off:+.1f} %)"
             )
-        return "\n".join([*lines, *self.left_out])
+        return "\n".join([*lines, *self.unknown, *self.left_out])
 
 
 def validate(

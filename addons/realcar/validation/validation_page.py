@@ -105,7 +105,7 @@ def write_validation_page(found: Validation, path: str | Path) -> Path:
         ],
         drives=names_and_values(
             [*((drive.name, f"{drive.checks}; sha256 {drive.sha256}") for drive in found.drives),
-             *(("", said) for said in found.left_out)]
+             *(("", said) for said in (*found.unknown, *found.left_out))]
         ),
     )  # fmt: skip
     return write_page(path, title, body, plots=script)
