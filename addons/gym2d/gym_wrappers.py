@@ -80,4 +80,4 @@ class ObservationDelayWrapper(gymnasium.Wrapper[Any, Any, Any, Any], gymnasium.u
         """Return the observation of `delay_steps` ago."""
         seen, *others = self.env.step(action)
         self._frames.append(deepcopy(seen))
-        return (deepcopy(self._frames[0]), *others)  # type: ignore[return-value]
+        return (deepcopy(self._frames[0]), *others)

@@ -80,7 +80,7 @@ class F1TenthParallelEnv(Remade, pettingzoo.ParallelEnv):  # type: ignore[misc]
         self.metadata = self.metadata | {"render_fps": frames_per_second(interface)}
         self.possible_agents = [f"car_{index}" for index in range(agents)]
         self.agents: list[str] = []
-        self._observation_spaces = {agent: observation_space(self._episodes.observer) for agent in self.possible_agents}
+        self._observation_spaces = {agent: observation_space(self._episodes) for agent in self.possible_agents}
         self._action_spaces = {agent: action_space(interface.bounds) for agent in self.possible_agents}
         self._generator: np.random.Generator | None = None
         self._views = WorldViews(self._worlds.engine)
@@ -176,7 +176,7 @@ class F1TenthParallelEnv(Remade, pettingzoo.ParallelEnv):  # type: ignore[misc]
 
     def close(self) -> None:
         """Close the renderer, and end the threads."""
-        self._worlds.close()
+        self._episodes.close()
         self._views.close()
 
     def _known(self, agent: str) -> str:

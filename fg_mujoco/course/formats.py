@@ -123,6 +123,15 @@ def _drawn(seed: int, *, tight: bool) -> Any:
     return PARTS.find("tight circuits" if tight else "random circuits")(seed)
 
 
+def _open(name: str, car: CarParameters) -> Course:
+    from .open_ground import OpenGround
+
+    try:
+        return OpenGround(seconds=float(name.removeprefix("open_ground").removeprefix(":")))
+    except ValueError as error:  # of SettingsError, too
+        raise TrackError(f"{name!r} has no time; accepted: open_ground:SECONDS, as open_ground:10") from error
+
+
 def _scene(name: str, car: CarParameters) -> Course:
     from .scenes import load_scene
 
@@ -158,6 +167,9 @@ FORMATS: Registry[CourseFormat] = Registry(
         ),
         "scene": CourseFormat(
             accepts=lambda text: text.partition(":")[0] == "scene", load=_scene, texts="scene:NAME:SEED"
+        ),
+        "open ground": CourseFormat(
+            accepts=lambda text: text.partition(":")[0] == "open_ground", load=_open, texts="open_ground:SECONDS"
         ),
         "centreline": CourseFormat(
             accepts=is_centreline,

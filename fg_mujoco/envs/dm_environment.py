@@ -99,9 +99,10 @@ class CarEnvironment(Remade, control.Environment):  # type: ignore[misc]
         if chosen.action_repeat != 1:
             said = f"action_repeat is {chosen.action_repeat} in a dm_env environment"
             raise SettingsError(f"{said}; accepted: 1; more in Gymnasium's and PettingZoo's")
-        if chosen.on_contact != "end":
-            said = f"on_contact is {chosen.on_contact!r} in a dm_env environment"
-            raise SettingsError(f"{said}; accepted: 'end'; others in Gymnasium's and PettingZoo's")
+        for name, usual in (("on_contact", "end"), ("camera", "")):
+            if (value := getattr(chosen, name)) != usual:
+                said = f"{name} is {value!r} in a dm_env environment"
+                raise SettingsError(f"{said}; accepted: {usual!r}; others in Gymnasium's and PettingZoo's")
         if chosen.randomization.ranges:
             drawn = ", ".join(chosen.randomization.ranges)
             raise SettingsError(f"{drawn} drawn in a dm_env environment; accepted: in Gymnasium's and PettingZoo's")

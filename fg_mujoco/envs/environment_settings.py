@@ -83,6 +83,7 @@ class EnvironmentSettings(CarSettings):
     on_contact: str = "end"  # what the touch of a wall or obstacle does: "end", "stop" the car there, or "continue"
     ended_by: str = "ego"  # whose end is that of an episode: "ego", its own; "any": also a crash of another car; "all"
     observation: Any = DEFAULT_OBSERVATION  # in any way that Observation.of takes
+    camera: str = ""  # on board, whose pictures are seen: width and height [px], as "64x48", or "64x48:chase"
     privileged: Any = ()  # terms of a second vector, for a critic
     opponents: tuple[Entry, ...] = ()  # the cars that do not learn, in any of the ways that `as_entries` takes
     grid: str = "staggered"  # on which several cars start, as `race` takes it
@@ -98,6 +99,10 @@ class EnvironmentSettings(CarSettings):
         object.__setattr__(self, "end_conditions", as_end_conditions(self.end_conditions))
         object.__setattr__(self, "observation", Observation.of(self.observation))
         object.__setattr__(self, "privileged", as_privileged(self.privileged))
+        if self.camera != "":
+            from .camera import read_camera  # which imports what draws
+
+            read_camera(self.camera)
         for name, least in (("laps", 1), ("obstacle_seed", 0), ("beam_step", 1)):
             require_whole(name, getattr(self, name), least)
         object.__setattr__(self, "obstacles", obstacles_or_count(self.obstacles))
@@ -229,7 +234,8 @@ class EnvironmentSettings(CarSettings):
           TrackError, SettingsError: what cannot be driven.
         """
         ground = self.make_ground(agents)
-        laps_to_drive(ground.course, self.laps)  # refuses more than a scene has
+        if math.isfinite(ground.course.length):  # open ground is driven on for its time
+            laps_to_drive(ground.course, self.laps)  # refuses more than a scene has
         learner = WorldCar(vehicle=self.car, mu=self.set_mu, changes=self.changes, tires=self.tire_set)
         others = [learner] * (agents - 1) + [entry.world_car() for entry in self.opponents]
         return self.world(ground.course, obstacles=ground.boxes, others=others)

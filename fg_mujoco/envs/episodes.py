@@ -12,7 +12,7 @@ All arrays have a row for each car that learns: with one in each world, for each
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,12 +30,15 @@ from . import compiled_step
 from .end_conditions import OTHER_CRASHED, as_end_conditions
 from .environment_settings import EnvironmentSettings
 from .episode_draws import EpisodeDraw
-from .observer import Seen
+from .observer import CAMERA, FLAT, Seen
 from .policy_interface import PolicyInterface
 from .reward_kernels import sum_terms
 from .rewards import write_values
 from .tick_state import TickState
 from .worlds import Mask, Worlds
+
+if TYPE_CHECKING:
+    from .camera import Cameras
 
 TRUNCATIONS = ("wrong_way", "no_progress", "time_limit")
 """End reasons of a race that truncate an episode; the others terminate it."""
@@ -59,6 +62,7 @@ class Episodes:
     Attributes:
       interface: what a policy sees and answers.
       observer: of the cars that learn.
+      camera: on board of them; None: there is none.
       actions: what converts their actions to commands.
       commands: of the last tick (n, 2) [rad, m/s].
       rewards: of the last step (n,).
@@ -88,6 +92,11 @@ class Episodes:
         self.observer = self.interface.observer(
             count, car=car, beams=beams, sensors=settings.sensed, privileged=settings.privileged
         )
+        self.camera: Cameras | None = None
+        if settings.camera:
+            from .camera import Cameras  # which imports what draws
+
+            self.camera = Cameras(worlds.engine, worlds.rows, settings.camera)
         self.actions, self._repeats = self.interface.actions(count), settings.action_repeat
         self._planners = self.interface.base_planners(beams, count)
         if self._planners is not None:
@@ -306,6 +315,12 @@ class Episodes:
                 said = f"reward term {name!r} is {value} for car {car} of {len(self.rewards)}"
                 raise SettingsError(f"{said}; accepted: finite numbers")
 
+    def close(self) -> None:
+        """End the threads, and free what draws."""
+        self.worlds.close()
+        if self.camera is not None:
+            self.camera.close()
+
     def stop(self, which: Mask) -> None:
         """Stop the episodes `which` (n,)."""
         self.worlds.stop(which)
@@ -330,13 +345,15 @@ class Episodes:
             if self._planners is not None:
                 self._planners.decide(which, worlds.ranges, odometry)
             compiled_step.read(self._table, scan, numbers)
-        seen = self.observer.seen(
+        seen: Any = self.observer.seen(
             which, scan, numbers, odometry, worlds.sensed_state, worlds.readings, step=step
         )
+        if self.camera is not None and step:
+            seen = (seen if isinstance(seen, dict) else {FLAT: seen}) | {CAMERA: self.camera.draw(which)}
         if self._waits and not self._driven.all():
             for values in seen.values() if isinstance(seen, dict) else (seen,):
-                values[~self._driven] = 0.0
-        return seen
+                values[~self._driven] = 0
+        return seen  # type: ignore[no-any-return]
 
     def _repeat(self) -> None:
         """Hold the actions for the other ticks of a step, and sum the rewards."""

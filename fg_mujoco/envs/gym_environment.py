@@ -30,7 +30,7 @@ from .environment_settings import EnvironmentSettings
 from .episode_draws import read_options
 from .episodes import Episodes
 from .observations import Bounds
-from .observer import Observer
+from .observer import CAMERA, FLAT
 from .policy_interface import PolicyInterface, row_of
 from .registration import ID as ID
 from .registration import register
@@ -89,7 +89,7 @@ class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
         self.metadata = self.metadata | {
             "render_fps": frames_per_second(self.policy_interface), "render_modes": usable_modes(RENDER_MODES),
         }  # fmt: skip
-        self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes.observer)
+        self.observation_space: gymnasium.Space[Any] = observation_space(self._episodes)
         self.action_space: gymnasium.Space[Any] = action_space(self._episodes.interface.bounds)
         self._views = WorldViews(self._world.engine)
         self._window: Window | None = None
@@ -172,7 +172,7 @@ class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
 
     def close(self) -> None:
         """Close the renderer and the window, and end the threads."""
-        self._world.close()
+        self._episodes.close()
         self._views.close()
         self._close_window()
 
@@ -188,13 +188,18 @@ class F1TenthEnv(Remade, gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._episodes.facts_of(0)
 
 
-def observation_space(observer: Observer) -> gymnasium.Space[Any]:
+def observation_space(episodes: Episodes) -> gymnasium.Space[Any]:
     """Return the space of the observations of one car."""
-    if isinstance(observer.bounds, Bounds):
-        return gymnasium.spaces.Box(observer.bounds.low, observer.bounds.high)
+    found, camera = episodes.observer.bounds, episodes.camera
+    if isinstance(found, Bounds):
+        if camera is None:
+            return gymnasium.spaces.Box(found.low, found.high)
+        found = {FLAT: found}
     boxes: dict[str, gymnasium.Space[Any]] = {
-        name: gymnasium.spaces.Box(bounds.low, bounds.high) for name, bounds in observer.bounds.items()
+        name: gymnasium.spaces.Box(bounds.low, bounds.high) for name, bounds in found.items()
     }
+    if camera is not None:
+        boxes[CAMERA] = gymnasium.spaces.Box(0, 255, camera.shape, np.uint8)
     return gymnasium.spaces.Dict(boxes)
 
 

@@ -84,7 +84,7 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
             "autoreset_mode": self._mode, "render_modes": ["rgb_array"],
             "render_fps": frames_per_second(self.policy_interface),
         }  # fmt: skip
-        self.single_observation_space = observation_space(self.episodes.observer)
+        self.single_observation_space = observation_space(self.episodes)
         self.single_action_space = action_space(self.episodes.interface.bounds)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -181,7 +181,7 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
 
     def close_extras(self, **_: Any) -> None:
         """Close the thread pool and the renderer."""
-        self._worlds.close()
+        self.episodes.close()
         self._views.close()
 
     @property  # type: ignore[misc]

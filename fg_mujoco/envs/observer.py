@@ -30,8 +30,8 @@ Values = NDArray[np.float32]
 Seen = Observed | Values
 """Observations of n cars: arrays (n, ...) by name, or one array where the observation is flat."""
 
-FLAT, PRIVILEGED = "observation", "privileged"
-"""Names of the flat vector beside a privileged one, and of that one."""
+FLAT, PRIVILEGED, CAMERA = "observation", "privileged", "camera"
+"""Names of the flat vector beside a privileged one or pictures, of the privileged one, and of the pictures."""
 
 _RECEIVED = "{}_received"  # a part: whether a sensor has delivered a reading
 

@@ -35,6 +35,10 @@ REWARDS: Registry[RewardFunction] = Registry("reward term", SettingsError, "fg_m
 NEAR_WALL = 0.2
 """[m] Distance to a wall below which `near_wall` costs something."""
 
+DRIFT_ANGLES, DRIFT_SPEEDS = (0.25, 0.6, 1.2), (0.5, 2.0)
+"""[rad] Sideslip angles at which `drift` begins to count, counts in full, and begins to count less; and the [m/s] at
+which it begins to count, and counts in full."""
+
 
 def reward(function: RewardFunction) -> RewardFunction:
     """Register a reward term by the name of its function, for use as a decorator.
@@ -105,6 +109,24 @@ def speed(state: TickState) -> FloatArray:
 
 
 @reward
+def drift(state: TickState) -> FloatArray:
+    """Time in a drift [s], from 0 to the duration of the tick: the sideslip's share times the speed's.
+
+    The sideslip angle of the centre of gravity counts from 0.25 rad, a little more than any car has that rolls round a
+    bend without sliding, in full from 0.6 to 1.2 rad, and no more from 1.57 rad on, where the car goes backward. The
+    speed counts from 0.5 m/s, in full from 2 m/s.
+    """
+    ahead, left = state.speed, state.lateral_speed + state.car.rear_axle_distance * state.yaw_rate
+    angle = np.abs(np.arctan2(left, ahead))
+    least, full, most = DRIFT_ANGLES
+    rising, falling = (angle - least) / (full - least), (0.5 * math.pi - angle) / (0.5 * math.pi - most)
+    sideslip = np.clip(np.minimum(rising, falling), 0.0, 1.0)
+    slow, fast = DRIFT_SPEEDS
+    found: FloatArray = state.period * sideslip * np.clip((np.hypot(ahead, left) - slow) / (fast - slow), 0.0, 1.0)
+    return found
+
+
+@reward
 def command_rate(state: TickState) -> FloatArray:
     """Squared change of the normalised command from tick to tick, negative (`action_rate_l2` of mjlab)."""
     car = state.car
@@ -165,6 +187,7 @@ PRESETS: Mapping[str, Mapping[str, float]] = {
     "progress": {"sliding": 0.0},
     "no_slide": {"sliding": 10.0, "slip": 1.0, "impact": 0.5},
     "smooth": {"action_rate": 0.05},
+    "drift": {"progress": 0.0, "sliding": 0.0, "drift": 1.0},
     "race": {"overtaking": 1.0, "car_contact": 1.0},
 }
 """Weights in which a preset differs from the default."""

@@ -51,6 +51,7 @@ class Worlds:
       period: of a tick [s].
       agents: as given.
       cars: of each world, m.
+      rows: of the agents among the engine's.
       stride: every how many-th row of the engine's is that of an agent.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
@@ -77,11 +78,11 @@ class Worlds:
         )
         self.world, self.period, self.agents = self.engine.world, self.engine.period, agents
         self.cars = m = self.engine.cars_per_world
-        self._rows = slice(0, agents) if count == 1 else slice(0, None, m)  # of the agents
+        self.rows = slice(0, agents) if count == 1 else slice(0, None, m)  # of the agents
         self.stride = 1 if count == 1 else m
-        self.monitor = self.engine.monitor.part(self._rows)
+        self.monitor = self.engine.monitor.part(self.rows)
         if engine is None:
-            self.engine.no_messages[self._rows] = True
+            self.engine.no_messages[self.rows] = True
         if settings.builds is not None:  # as many as there are of each on average
             self.engine.room = max(round(count / (threads * settings.builds)), 1)
         entries = settings.opponents
@@ -94,9 +95,9 @@ class Worlds:
         self.tick_state: TickState | None = None
         self.sensed_state: SensedState | None = None
         if self._states is not None:
-            self.tick_state = self._states.of(self._rows, self.world.parameters)
-            self.sensed_state = self._states.sensed(self.tick_state, self._rows)
-        self._odometry = self.engine.odometry[self._rows]
+            self.tick_state = self._states.of(self.rows, self.world.parameters)
+            self.sensed_state = self._states.sensed(self.tick_state, self.rows)
+        self._odometry = self.engine.odometry[self.rows]
         self._opponents: Opponents | None = None
         if entries:
             self._opponents = self.engine.planners = Opponents(
@@ -116,7 +117,7 @@ class Worlds:
     @property
     def ranges(self) -> FloatArray:
         """Last sensed, as in LaserScan. Shape (a, beams) [m]."""
-        return np.ascontiguousarray(self.engine.ranges[self._rows])
+        return np.ascontiguousarray(self.engine.ranges[self.rows])
 
     @property
     def odometry(self) -> NDArray[np.void]:
@@ -127,29 +128,29 @@ class Worlds:
     def readings(self) -> list[Mapping[str, Reading]]:
         """What the sensors of each agent have delivered, by their names."""
         engine = self.engine
-        return [engine.readings(row) for row in range(len(engine.commands))[self._rows]] if self._sensors[0] else []
+        return [engine.readings(row) for row in range(len(engine.commands))[self.rows]] if self._sensors[0] else []
 
     @property
     def touches(self) -> NDArray[np.int64]:
         """How often each agent has touched another car since the beginning. Shape (a,)."""
-        touches: NDArray[np.int64] = self.engine.statistics["touches"][self._rows]
+        touches: NDArray[np.int64] = self.engine.statistics["touches"][self.rows]
         return touches
 
     @property
     def contact_counts(self) -> NDArray[np.int64]:
         """How often each agent has touched a wall or an obstacle, where that ends nothing. Shape (a,)."""
         assert self.contacts is not None
-        return self.contacts.counts[self._rows]
+        return self.contacts.counts[self.rows]
 
     @property
     def positions(self) -> NDArray[np.int64]:
         """Position of each agent among the cars of its world, 1 in front. Shape (a,)."""
-        return positions(self.engine)[self._rows]
+        return positions(self.engine)[self.rows]
 
     @property
     def leads(self) -> FloatArray:
         """How far each agent is ahead of the foremost other car, negative behind it. Shape (a,) [m]."""
-        return leads(self.engine)[self._rows]
+        return leads(self.engine)[self.rows]
 
     @property
     def randomization(self) -> Randomization:
@@ -240,7 +241,7 @@ class Worlds:
     def note(self, actions: ActionReader) -> None:
         """Take note of the last actions of the agents, for the terms that are functions of them."""
         if self._states is not None:
-            self._states.actions[self._rows] = actions.from_minus_1_to_1
+            self._states.actions[self.rows] = actions.from_minus_1_to_1
 
     def follow(self, driven: Mask) -> None:
         """Take note of a tick for which kernels alone have driven the agents `driven` (a,), and judged them."""
@@ -260,9 +261,9 @@ class Worlds:
             opponents[self._opponents.rows] = True
             engine.sense(engine.running & opponents)
             engine.decide()
-        engine.commands[self._rows] = commands
+        engine.commands[self.rows] = commands
         if self.cars > 1:
-            engine.commands[self._rows][~self.monitor.running, 1] = 0.0
+            engine.commands[self.rows][~self.monitor.running, 1] = 0.0
         if self.contacts is not None:
             self.contacts.clear()
         engine.drive()
@@ -270,13 +271,13 @@ class Worlds:
             self.contacts.take()
         if self.cars > 1:  # who finishes is taken off the course, and has seen the end of it
             self.sense(self.monitor.running.copy())
-            self._sensed[self._rows] = self.monitor.running
+            self._sensed[self.rows] = self.monitor.running
         self.judge()
 
     def judge(self) -> None:
         """Judge the races after a tick that the engine was driven for; a world ends with the last of its agents."""
         engine, running = self.engine, self.monitor.running
-        np.divide(engine.telemetry[self._rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
+        np.divide(engine.telemetry[self.rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
         if self._states is not None:
             self._states.drive(engine.running)
         engine.judge()
@@ -321,7 +322,7 @@ class Worlds:
         rows = which
         if self.cars > 1:
             rows = np.zeros(len(self.engine.commands), np.bool_)
-            rows[self._rows] = which
+            rows[self.rows] = which
             rows &= ~self._sensed
             self._sensed[:] = False
         self.engine.sense(rows)

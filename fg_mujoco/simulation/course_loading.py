@@ -30,8 +30,9 @@ def load_track(source: Course | str | Path, *, car: CarParameters | None = None)
     """Load a course: a circuit or a scene.
 
     Args:
-      source: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`, a path to a
-        centreline `.csv` or to a map's `.yaml` (map_track.load_map); or a course, which is returned.
+      source: a bundled name, `random:SEED`, `random:SEED:tight`, `scene:NAME`, `scene:NAME:SEED`,
+        `open_ground:SECONDS`, a path to a centreline `.csv` or to a map's `.yaml` (map_track.load_map);
+        or a course, which is returned.
       car: that a scene is made for; None: the default vehicle.
 
     Raises:

@@ -66,6 +66,13 @@ BY_HAND = {
     "time": (state(), [-0.025] * 3),
     "lap": (state(laps=[1, 2, 0], before={"laps": [0, 2, 0]}), [1.0, 0.0, 0.0]),
     "speed": (state(velocity=[[2.0, 9.0, 9.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), [0.05, -0.025, 0.0]),
+    "drift": (  # half of the angle at half of the speed; in full, to the right; too little
+        state(velocity=[
+            [1.25 * math.cos(0.425), 1.25 * math.sin(0.425), 0.0], [2.0, -3.0 - CAR.rear_axle_distance, 1.0],
+            [3.0, 0.7, 0.0],
+        ]),
+        [0.25 * PERIOD, PERIOD, 0.0],
+    ),
     "command_rate": (
         state(
             command=[[CAR.max_steering_angle, 0.0], [0.0, 2.5], [0.1, 1.0]],
@@ -87,6 +94,20 @@ BY_HAND = {
 def test_a_reward_term_is_its_closed_form(name):
     made, expected = BY_HAND[name]
     np.testing.assert_allclose(REWARDS.find(name)(made), expected, atol=1e-12)
+
+
+def test_a_car_that_slides_is_paid_for_drifting_and_one_that_grips_is_not():
+    """On the default tires: full throttle in a bend and off it, again and again; and a circle at 5 m/s^2."""
+    def seconds(commands):
+        env = F1TenthEnv(track="open_ground:8", observation="speed", rewards="drift")
+        env.reset(seed=0)
+        for step in range(320):
+            *_, info = env.step(np.array(commands[step % len(commands)]))
+            assert 0.0 <= info["reward_drift"] <= PERIOD
+        return info["return_drift"]
+
+    assert seconds([(0.3, 10.0)] * 20 + [(0.3, 0.0)] * 8) > 1.2
+    assert seconds([(0.2, 2.9)]) < 0.05
 
 
 def test_near_wall_costs_all_of_the_time_at_the_wall_and_nothing_at_its_limit():

@@ -189,3 +189,19 @@ def test_stepping_what_does_not_run_is_refused():
     envs.reset(options={"reset_mask": np.array([True, False])})
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[1\]"):
         envs.step(np.zeros((2, 2)))
+
+
+@pytest.mark.slow
+def test_pictures_of_a_batch_are_those_of_single_environments():
+    pytest.importorskip("mujoco.egl")
+    settings = {"track": "oval", "camera": "32x24", "observation": "speed,flat"}
+    envs, alone = F1TenthVectorEnv(2, **settings), F1TenthEnv(**settings)
+    together, single = [envs.reset(seed=4)[0]], [alone.reset(seed=5)[0]]
+    assert alone.observation_space.contains(single[0]) and alone.observation_space["camera"].shape == (24, 32, 3)
+    for _ in range(3):
+        together.append(envs.step(np.tile([0.2, 6.0], (2, 1)))[0])
+        single.append(alone.step(np.array([0.2, 6.0]))[0])
+    for both, own in zip(together, single, strict=True):
+        assert both["camera"][1].tobytes() == own["camera"].tobytes() != both["camera"][0].tobytes()
+    assert single[0]["camera"].tobytes() != single[-1]["camera"].tobytes()
+    envs.close(), alone.close()
