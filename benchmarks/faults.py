@@ -653,6 +653,30 @@ FAULTS = {
         new="time=odometry.stamp",
         tests="test_autodrive_bridge.py",
     ),
+    "a node of ROS 2 that comes while time stands still and gets no scan": Fault(
+        file="addons/servers/ros2/server.py",
+        old="self._asked, self._again, self._patience = sorted(self._fresh), now, _UNANSWERED",
+        new="self._asked, self._again, self._patience = [], now, _UNANSWERED",
+        tests="test_ros2.py",
+    ),
+    "topics that late nodes of ROS 2 do not get": Fault(
+        file="addons/servers/ros2/participant.py",
+        old="reliable=True, transient=True, depth=1",
+        new="reliable=True, transient=False, depth=1",
+        tests="test_ros2.py",
+    ),
+    "a publisher of ROS 2 that goes": Fault(
+        file="addons/servers/ros2/dds_types.py",
+        old="made.deserialize = made.deserialize_key =",
+        new="made.deserialize =",
+        tests="test_ros2.py",
+    ),
+    "an opponent that nodes cannot drive": Fault(
+        file="addons/servers/live_race.py",
+        old="self.session.hold(command_of(kind, message, wheelbase), opponent=True)",
+        new="self.session.hold(None, opponent=True)",
+        tests="test_ros2.py",
+    ),
     "infinite ranges in JSON": Fault(
         file="addons/servers/rosbridge/json_messages.py",
         old="np.flatnonzero(~np.isfinite(numbers))",

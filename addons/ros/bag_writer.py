@@ -234,7 +234,7 @@ def export_bag(
 
 def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any, Any]]:
     """Return the transforms of a car that never change; with those of car 0 map and odom are one."""
-    within = f"{_names(car)[0]}/" if car else ""
+    within = f"{car_namespace(car)}/" if car else ""
     transforms: list[tuple[str, str, Any, Any]] = []
     if not car:
         transforms.append((MAP_FRAME, ODOM_FRAME, np.zeros(3), _NO_ROTATION))
@@ -242,6 +242,11 @@ def car_mounts(model: mujoco.MjModel, car: int = 0) -> list[tuple[str, str, Any,
         site = element_id(model, mujoco.mjtObj.mjOBJ_SITE, car_prefix(car) + name)
         transforms.append((within + BASE_FRAME, within + frame, model.site_pos[site], model.site_quat[site]))
     return transforms
+
+
+def car_namespace(car: int) -> str:
+    """Return the namespace of a car's frames and topics."""
+    return _names(car)[0]
 
 
 def _names(car: int) -> tuple[str, str, str]:

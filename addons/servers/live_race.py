@@ -18,8 +18,10 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
+
+import numpy as np
 
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import (
@@ -28,6 +30,7 @@ from fg_mujoco.addons.ros.bag_messages import (
     DRIVE_TOPICS,
     JOINTS,
     LASER_FRAME,
+    MAP_FRAME,
     POSE,
     POSE_WITH_COVARIANCE,
     SCAN,
@@ -38,7 +41,7 @@ from fg_mujoco.addons.ros.bag_messages import (
     scan_message,
     transform_message,
 )
-from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, OPPONENT, car_mounts
+from fg_mujoco.addons.ros.bag_writer import EGO, LATCHED, OPPONENT, car_mounts, car_namespace
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
 from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
@@ -46,6 +49,7 @@ from fg_mujoco.addons.ros.node_host.message_classes import ROS2, made, message_c
 from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import STOP, DriveCommand
+from fg_mujoco.simulation.planner_adapter import OtherCar
 
 from .client_commands import ACKERMANN, HELD, TWIST, TWIST_STAMPED, command_of, pose_of
 
@@ -61,7 +65,7 @@ TAKEN = {**COMMANDS, OPPONENT_DRIVE: (DRIVE, ACKERMANN), PLACE: (POSE_WITH_COVAR
 STANDING = (*LATCHED, "/map_metadata")
 """Topics with one message, which late subscribers get, too."""
 
-_CAR, _SCAN, _JOINTS, _OPPONENT_SCAN = "/car", "/scan", "/joint_states", "/opp_scan"
+_CAR, _SCAN, _TF, _JOINTS, _OPPONENT_SCAN = "/car", "/scan", "/tf", "/joint_states", "/opp_scan"
 _NODE = "clients"  # the subscriptions of all are one
 _STRING, _TRUTH, _COUNT, _SECONDS = (f"std_msgs/msg/{name}" for name in ("String", "Bool", "Int32", "Float32"))
 _COLLISION = "collision"
@@ -218,6 +222,8 @@ class LiveRace:
                 for topic, kind in kinds.items()
             ]
         sensed = dict(sensing.messages(session.scan, session.odometry))
+        if _TF in sensed:
+            sensed[_TF].transforms.extend(self._other_transforms(sensing.surroundings.others))
         sensed |= {topic: self._of_race(topic, kind) for topic, kind in kinds.items() if topic in _FROM_HERE}
         if DRIVE_TOPIC in kinds and not session.held_from_outside:
             steering_angle, speed = session.simulation.engine.commands[0].tolist()
@@ -226,6 +232,15 @@ class LiveRace:
         found = {topic: self._encode(message, kinds[topic]) for topic, message in sensed.items()}
         found |= {topic: part for topic, part in self._standing.items() if topic in topics}
         return dict(sorted(found.items(), key=lambda each: each[0] == _SCAN))
+
+    def _other_transforms(self, others: Sequence[OtherCar]) -> list[Any]:
+        """Return where the other cars are, by the names of a bag."""
+        moved = []
+        for car, other in enumerate(others, start=1):
+            x, y, heading = other.pose
+            turned = np.array((math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)))
+            moved.append((MAP_FRAME, f"{car_namespace(car)}/{BASE_FRAME}", np.array((x, y, 0.0)), turned))
+        return list(transform_message(self.now(), moved).transforms)
 
     def _of_race(self, topic: str, kind: str) -> Any:
         """Return the message of a topic that is none of the node host's."""
@@ -270,9 +285,11 @@ class LiveRace:
         self.moment([])
 
     def _mounts(self) -> list[tuple[str, str, Any, Any]]:
-        mounts = car_mounts(self.session.world.model)
+        world = self.session.world
+        mounts = car_mounts(world.model)
         laser = next(each for each in mounts if each[1] == LASER_FRAME)
-        return [*mounts, (f"{EGO}/{BASE_FRAME}", f"{EGO}/{LASER_FRAME}", *laser[2:])]
+        others = [mount for car in range(1, len(world.cars)) for mount in car_mounts(world.model, car)]
+        return [*mounts, *others, (f"{EGO}/{BASE_FRAME}", f"{EGO}/{LASER_FRAME}", *laser[2:])]
 
     def _tell_what_happened(self, level: str) -> None:
         said, self._said = self._said, self.session.message

@@ -10,6 +10,7 @@ participants what it is, and let cyclonedds drop samples that are not of it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from functools import cache
 from typing import Any
@@ -39,6 +40,11 @@ def known_kind(name: str, accepted: Sequence[str]) -> str:
     if kind not in known:
         raise SettingsError(f"type {name!r} is not known; {accepted_names(kind, accepted, besides=known)}")
     return kind
+
+
+def kind_of(name: str) -> str:
+    """Return `package/msg/Name` of a type's name on DDS; the same name where it is none of ROS 2."""
+    return re.sub(r"^(\w+)::msg::dds_::(\w+)_$", r"\1/msg/\2", name)
 
 
 def cdr_of(message: Any, kind: str) -> bytes:
@@ -74,7 +80,8 @@ def dds_type(kind: str, distribution: str = "") -> Any:
     fields = {name: _field(said, distribution) for name, said in type_store(distribution).fielddefs[kind][1]}
     package, _, name = kind.split("/")
     made: Any = make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields, dataclassify=False)
-    made.__init__, made.serialize, made.deserialize = _hold, _held, classmethod(_holding)
+    made.__init__, made.serialize = _hold, _held
+    made.deserialize = made.deserialize_key = classmethod(_holding)  # of a key: that a publisher has gone
     return made
 
 

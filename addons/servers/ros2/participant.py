@@ -78,8 +78,8 @@ class Participant:
       namespace: that its topics and the node are in, such as /car_1; those of tf and the clock are in none.
       domain: its number; None: that of ROS_DOMAIN_ID, else 0.
       host: address of the network interface; 127.0.0.1: this machine alone.
-      peers: addresses of machines to look for participants on, without multicast; none: multicast is used, where the
-        interface is not this machine's own. If neither is given, and CYCLONEDDS_URI is set, that counts.
+      peers: addresses of machines to look for participants on, where multicast does not reach them. If neither host
+        nor peers are given, and CYCLONEDDS_URI is set, that counts.
       distribution: of ROS 2, one of DISTRIBUTIONS.
       log: takes lines that say what cannot match.
 
@@ -103,6 +103,7 @@ class Participant:
         log: Callable[[str], None] = print,
     ) -> None:
         require_cyclonedds()
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
         from cyclonedds.core import DDSException, WaitSet
         from cyclonedds.domain import DomainParticipant
         from cyclonedds.internal import DDS
@@ -127,10 +128,11 @@ class Participant:
             accepted = f"a domain with less than {_PARTICIPANTS} participants on this machine (--domain N)"
             if config is None:
                 accepted = "settings of Cyclone DDS in CYCLONEDDS_URI, or --host or --peer in their place"
-            raise SettingsError(f"domain {self.domain} cannot be joined: {error.msg}; accepted: {accepted}") from error
+            raise SettingsError(f"domain {self.domain} cannot be joined; accepted: {accepted}") from error
         # of Cyclone DDS itself only what ends it is logged: it has a line for each sample that is not of its type
         DDS._dll_handle.dds_set_log_mask(1)
         self._waiting: Any = WaitSet(self._participant)
+        self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
     @property
     def node(self) -> str:
@@ -147,21 +149,19 @@ class Participant:
 
     def close(self) -> None:
         """Leave the domain."""
-        self._waiting = None
+        self._waiting = self._publications = None
         self._readers.clear()
         self._writers.clear()
         self._participant = self._domain = None
 
-    def publishers(self, topics: Sequence[str], wait: float) -> list[str]:
-        """Return the topics of these that another participant publishes on, which are looked for so long [s]."""
-        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
-
-        reader = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+    def publishers(self, topics: Sequence[str], wait: float = 0.0) -> list[tuple[str, str]]:
+        """Return topics of these, and types on DDS, of publishers that have come; they are looked for so long [s]."""
         own, end = {self._dds_name(topic): topic for topic in topics}, time.monotonic() + wait
         while True:
-            found = {each.topic_name for each in reader.read(N=1000)} & set(own)
-            if found or time.monotonic() > end:
-                return sorted(own[each] for each in found)
+            found = [each for each in self._publications.take(N=1000) if hasattr(each, "topic_name")]
+            seen = sorted({(own[each.topic_name], each.type_name) for each in found if each.topic_name in own})
+            if seen or time.monotonic() >= end:
+                return seen
             time.sleep(0.02)
 
     def offer(self, topic: str, kind: str) -> None:
@@ -215,11 +215,11 @@ class Participant:
         """Yield topic, type and CDR of samples that have come, those of a topic in their order."""
         for reader in self._readers:
             for sample in reader.entity.take(_DEPTH):
-                if hasattr(sample, "content"):
+                if hasattr(sample, "content"):  # not that a publisher has gone
                     yield reader.topic, reader.kind, sample.content
 
     def look(self) -> set[str]:
-        """Find who reads and who publishes now; return the topics that have new readers, and log what cannot match."""
+        """Find who reads and publishes now; return the topics with new readers, and log what cannot match."""
         fresh = set()
         for topic, writer in self._writers.items():
             status = writer.get_publication_matched_status()
@@ -237,7 +237,7 @@ class Participant:
             self._readers[self._readers.index(reader)] = self._make_reader(reader.topic, reader.kind, reliable=False)
         if again:
             self.announce()
-        return fresh
+        return fresh.union(reader.topic for reader in again)
 
     def _is_refused(self, reader: _Reader) -> bool:
         """Return whether a writer offers best effort only, and say so of anything else that cannot match."""
@@ -247,12 +247,13 @@ class Participant:
         reader.refused = status.total_count
         if reader.reliable and _POLICIES.get(status.last_policy_id) == "reliability":
             return True
-        self._say_refused(f"{reader.topic} has a publisher", status.last_policy_id)
+        if status.last_policy_id != _TYPE:  # which `publishers` tells
+            self._say_refused(f"{reader.topic} has a publisher", status.last_policy_id)
         return False
 
     def _say_refused(self, who: str, policy: int) -> None:
         if policy == _TYPE:
-            self._log(f"{who} of another definition of its type; accepted: that of ROS 2 {self._distribution}")
+            self._log(f"{who} of another type, or another definition of it; accepted: that of ROS 2")
             return
         name = _POLICIES.get(policy, f"policy {policy}")
         self._log(
@@ -358,7 +359,7 @@ def _config(host: str, peers: Sequence[str]) -> str:
         raise SettingsError(f"host is {host!r}, {error.strerror or error}; accepted: {accepted}") from error
     alone = host == HOST
     found = "".join(f'<Peer address="{peer}"/>' for peer in ((HOST, *peers) if alone or peers else ()))
-    multicast = "false" if alone or peers else "spdp"
+    multicast = "false" if alone else "spdp"
     return (
         f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{host}"/></Interfaces>'
         f"<AllowMulticast>{multicast}</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"

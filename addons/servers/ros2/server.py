@@ -8,6 +8,7 @@ Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause (std_msg
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -20,7 +21,7 @@ from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepte
 
 from ..client_commands import ACKERMANN, TWIST, TWIST_STAMPED
 from ..live_race import GOAL, STANDING, TAKEN, LiveRace
-from .dds_types import cdr_of, known_kind
+from .dds_types import cdr_of, kind_of, known_kind
 from .participant import Participant
 
 NODE = "fg_mujoco"
@@ -29,7 +30,8 @@ _SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
 _COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LOOK_EVERY = 0.1  # [s] of wall time between two looks at who reads and publishes
-_SETTLED = 0.2  # [s] after which a reader that has come knows this writer, too
+_SETTLED = 0.4  # [s] after which a node that has come knows the topics here, too
+_UNANSWERED = 5.0  # [s] without a command after which the present moment is published again; then twice as long
 _LOOK_FIRST = 0.5  # [s] for which other simulators are looked for
 _LOGGED_EVERY = 1.0  # [s] of wall time
 _MOST_LATE = 4.0  # ticks that are made up for, where the machine was too slow
@@ -66,7 +68,9 @@ class Ros2Server:
         self._logged = -_LOGGED_EVERY
         self._open = True
         self._fresh: set[str] = set()  # topics with readers that have not got the present moment
-        self._came = 0.0  # [s] of wall time, when the last of these readers came
+        self._came = 0.0  # [s] of wall time, when the last reader or publisher came
+        self._asked: list[str] = []  # topics of the present moment that nobody has answered
+        self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
         self._participant = Participant(NODE, log=self._log, **participant)
         taken = _taken(types or {})
         self._race = LiveRace(
@@ -75,15 +79,15 @@ class Ros2Server:
         )  # fmt: skip
         joined = self._participant
         self.url = f"domain {joined.domain} of ROS 2, node {joined.node}"
-        others = joined.publishers(["/scan"], _LOOK_FIRST)
-        if others:
+        if joined.publishers(["/scan"], _LOOK_FIRST):
             joined.close()
             raise SettingsError(
-                f"{' and '.join(others)} on domain {joined.domain} has a publisher, another simulator or a robot; "
+                f"/scan on domain {joined.domain} has a publisher, another simulator or a robot; "
                 "accepted: another domain, --domain N, or topics below a name, --namespace NAME"
             )
         for topic, kind in self._race.published.items():
             joined.offer(topic, kind)
+        self._taken = {(topic, kind) for topic, kind in taken.items()}
         for topic, kind in taken.items():
             joined.read(topic, kind)
         joined.announce()
@@ -123,18 +127,38 @@ class Ros2Server:
 
     def _look(self, now: float) -> None:
         """See who reads and publishes; who has begun to read while time stands still gets the present moment."""
+        for topic, name in self._participant.publishers([topic for topic, _ in self._taken]):
+            self._take_type(topic, kind_of(name))
+            self._came = now
         fresh = self._participant.look() - set(STANDING)
         if fresh:
             self._fresh |= fresh
             self._came = now
         if self._fresh and now - self._came > _SETTLED:
-            if self._race.stands:
-                for topic, content in self._race.moment(sorted(self._fresh)).items():
-                    self._participant.write(topic, content)
+            self._asked, self._again, self._patience = sorted(self._fresh), now, _UNANSWERED
             self._fresh.clear()
+        if now >= self._again:
+            if self._race.stands:
+                for topic, content in self._race.moment(self._asked).items():
+                    self._participant.write(topic, content)
+            self._again = now + self._patience if self._race.step_on_drive else math.inf
+            self._patience *= 2.0
+
+    def _take_type(self, topic: str, kind: str) -> None:
+        """Read commands of a type that somebody has begun to publish; log one that is none of commands."""
+        if (topic, kind) in self._taken:
+            return
+        accepted = TAKEN.get(topic, _COMMAND_KINDS if topic not in _SWITCHES else (_SWITCHES[topic],))
+        self._taken.add((topic, kind))
+        if kind in accepted:
+            self._participant.read(topic, kind)
+            self._participant.announce()
+        else:
+            self._log(f"{topic} has a publisher of {kind}; accepted: {', '.join(accepted)}")
 
     def _send(self, topic: str, content: bytes) -> None:
         self._fresh.discard(topic)
+        self._again = math.inf
         self._participant.write(topic, content)
 
     def _take(self, topic: str, kind: str, content: bytes) -> None:

@@ -127,7 +127,7 @@ int main(int argc, char** argv) {
     std::condition_variable changed;
     int sent = 0;
     double x = NAN, y = NAN;
-    int poses = 0;
+    int poses = 0, early = 0;
     int64_t last = -1;
     uint64_t hash = 14695981039346656037u;  // FNV-1a of the bits of all positions
     size_t map_cells = 0, static_frames = 0, participants = 0;
@@ -200,6 +200,7 @@ int main(int argc, char** argv) {
         auto now = std::chrono::steady_clock::now();
         periods.push_back(std::chrono::duration<double, std::micro>(now - before).count());
         before = now;
+        early += sent < commands && poses != sent + 1;  // a scan that came before the odometry of its tick
         if (garbage) {
             Bytes cut(message.begin(), message.begin() + 4 + sent % (message.size() - 8)), noise(message);
             for (size_t i = 4; i < noise.size(); ++i) noise[i] = char(37 * i + 11 * sent);
@@ -222,7 +223,7 @@ int main(int argc, char** argv) {
     lock.unlock();
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     std::sort(periods.begin(), periods.end());
-    std::printf("sent %d\nposes %d\nhash %llu\nmap %zu\nmounts %zu\nnode %s\nmedian_us %.0f\n", sent, poses, (unsigned long long)hash, map_cells,
+    std::printf("sent %d\nposes %d\nearly %d\nhash %llu\nmap %zu\nmounts %zu\nnode %s\nmedian_us %.0f\n", sent, poses, early, (unsigned long long)hash, map_cells,
                 static_frames, names.c_str(), periods.empty() ? 0.0 : periods[periods.size() / 2]);
     std::fflush(stdout);
     std::_Exit(done ? 0 : 1);
