@@ -8,6 +8,7 @@ import numpy as np
 
 from fg_mujoco.course.line_file import require_closed
 from fg_mujoco.course.polyline import IndexArray, cross, crossings, enclosed_area, resample, segments, step_lengths
+from fg_mujoco.course.track import MIN_POINTS
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
 
@@ -38,13 +39,15 @@ def between_boundaries(
     """
     walls, sides = [], []
     for name, points in (("first", first), ("second", second)):
-        if len(points) < 4:
-            raise TrackError(f"{path}: the {name} boundary has {len(points)} points; accepted: at least 4")
+        different = points[step_lengths(points) > 0.0]
+        if len(different) < MIN_POINTS:
+            said = f"the {name} boundary has {len(different)} different points"
+            raise TrackError(f"{path}: {said}; accepted: at least {MIN_POINTS}")
         try:
             require_closed(points)
         except TrackError as error:
             raise TrackError(f"{path}: of the {name} boundary {error}") from error
-        points = points[step_lengths(points) > 0.0]
+        points = different
         length = float(step_lengths(points).sum())
         if (enclosed_area(points) > 0.0) != (enclosed_area(first if centre is None else centre) > 0.0):
             points = points[::-1]

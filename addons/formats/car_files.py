@@ -9,6 +9,7 @@ it. What is told and means nothing to a car here is listed, not dropped in silen
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +19,7 @@ from typing import Any
 
 from fg_mujoco.course.files import is_file, is_folder, read_setting
 from fg_mujoco.course.maps.map_server import plain_yaml
-from fg_mujoco.errors import SettingsError
+from fg_mujoco.errors import SettingsError, missing_extra
 from fg_mujoco.vehicle.changes import GREATEST_MU
 
 from .urdf import urdf_values
@@ -139,6 +140,8 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
     if path.suffix.lower() == ".urdf":
         yield from urdf_values(path, text)
         return
+    if importlib.util.find_spec("yaml") is None:
+        raise missing_extra("parameters of a car need PyYAML", "maps")
     try:
         content = plain_yaml(text)
     except Exception as error:  # of YAML
@@ -155,7 +158,9 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
     for axle in "fr":  # ForzaETH's lists
         formula = leaves.get(f"C_P{axle}")
         if isinstance(formula, list) and len(formula) == 4:
-            yield from ((f"{letter}{axle}", float(value)) for letter, value in zip("BCDE", formula, strict=True))
+            for letter, value in zip("BCDE", formula, strict=True):
+                number = _number(value)
+                yield f"{letter}{axle}", math.nan if number is None else number
     if "steering_angle_to_servo_gain" in numbers:
         numbers = dict(_vesc(numbers))
     yield from numbers.items()

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import json
 from collections.abc import Iterator, Sequence
@@ -21,7 +22,7 @@ from fg_mujoco.course.files import read_text
 from fg_mujoco.course.line_file import Table, line_names, read_text_table, unnamed
 from fg_mujoco.course.line_file import read_line_bytes as read_bytes
 from fg_mujoco.course.maps.map_server import plain_yaml
-from fg_mujoco.errors import TrackError
+from fg_mujoco.errors import TrackError, missing_extra
 
 _DEEPEST = 6  # levels of JSON that are searched for lines
 _MOST_COLUMNS = 7  # of an array that lies on its side
@@ -115,8 +116,9 @@ def _array(path: Path) -> Table:
     content = read_bytes(path)
     try:
         array = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, OSError, EOFError, MemoryError, SyntaxError) as error:
-        raise TrackError(f"{path}: is no array of NumPy: {error}; accepted: numbers (n, k)") from error
+    except Exception as error:  # of NumPy, and of Python's parser, which reads its header
+        said = " ".join(str(error).split())[:200]
+        raise TrackError(f"{path}: is no array of NumPy: {said}; accepted: numbers (n, k)") from error
     names, said = getattr(array.dtype, "names", None), ""
     if names is not None and array.ndim == 1:
         return _named(names, [list(row) for row in array.tolist()])
@@ -128,6 +130,8 @@ def _array(path: Path) -> Table:
 
 
 def _track_yaml(path: Path) -> Table:
+    if importlib.util.find_spec("yaml") is None:
+        raise missing_extra("a track.yaml needs PyYAML", "maps")
     try:
         keys = plain_yaml(read_text(path, 2**20))
     except Exception as error:  # of YAML

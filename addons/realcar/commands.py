@@ -69,7 +69,7 @@ _SCAN_TOPIC = option("--scan-topic", "default: /scan, or the only one with scans
     option("--report", "a page of data and fit; default: none", "FILE.html", Path),
     option(
         "--vehicle", "whose mass, inertia and lengths are assumed; default: the run's own car, or f1tenth with others",
-        "NAME|FILE.xml", names=NAMES["vehicle"],
+        "NAME|FILE", names=NAMES["vehicle"],
     ),
     option("--linear", "find the stiffness of each axle alone, which a gentle drive determines"),
     option(

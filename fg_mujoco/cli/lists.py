@@ -103,7 +103,7 @@ def value_text(value: Any) -> str:
 
 
 @command(
-    option("names", "of a vehicle, or its MJCF file; default: the bundled ones", "NAME|FILE.xml", nargs="*"),
+    option("names", "of a vehicle, or a file or folder of one; default: the bundled ones", "NAME|FILE", nargs="*"),
     option("--floors", "list the floors that were measured, and those of each set of tires"),
     option("--json", "print one JSON array and nothing else"),
 )

@@ -160,7 +160,7 @@ class CarSettings:
     """
 
     vehicle: Vehicle | str | Path = setting(
-        DEFAULT_VEHICLE, f"{{names}}, or the MJCF file of one; default: {DEFAULT_VEHICLE}", "NAME|FILE.xml", "car"
+        DEFAULT_VEHICLE, f"{{names}}, or a file or folder of one; default: {DEFAULT_VEHICLE}", "NAME|FILE", "car"
     )
     mu: float | None = setting(
         None, "friction coefficient of the tires, or their greatest peak; default: as published", "MU", "floor"

@@ -281,12 +281,17 @@ LAYOUTS: dict[str, dict[str, Any]] = {
         "beams": {"columns": "beam_{}_m", "count": 1080},
     },
     "ini": {
-        # The same drives as their owners write them, below comments; a simulated one has no executed controls.
+        # The same drives as their owners write them, below comments.
         "time": {"column": "time", "scale": MEASURED},
         "speed": {"column": "linear_vel_x", "delay": MEASURED},
         "yaw_rate": {"column": "angular_vel_z", "scale": MEASURED, "delay": MEASURED},
         "steering": "angular_control_executed",
         "acceleration_command": {"column": "translational_control_executed", "unit": "m/s^2"},
+        "x": "pose_x", "y": "pose_y", "yaw": "pose_theta",
+        "beams": {"columns": "LIDAR_{}", "count": 1080},
+    },
+    "ini_2024": {  # without what the car was sent; whether the translational control is a speed is not said
+        "time": "time", "speed": "linear_vel_x", "yaw_rate": "angular_vel_z", "steering": "angular_control_calculated",
         "x": "pose_x", "y": "pose_y", "yaw": "pose_theta",
         "beams": {"columns": "LIDAR_{}", "count": 1080},
     },

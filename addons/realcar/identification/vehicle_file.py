@@ -96,7 +96,7 @@ def _steering(root: ElementTree.Element, found: Identification, vehicle: Vehicle
         force = max(abs(float(value)) for value in element.get("forcerange", "-1 1").split())
         stiffness = force / car.max_steering_rate / lag
     element.tag = "position"
-    for name in ("gainprm", "biastype", "biasprm"):
+    for name in ("gainprm", "biastype", "biasprm", "input"):
         element.attrib.pop(name, None)
     element.set("kp", f"{stiffness:.6g}")
     _put(root, "numeric", STEERING_MAP, f"{gain:.6g} {offset:.6g}")

@@ -394,6 +394,9 @@ def test_the_identified_car_is_one_that_turns_its_wheels_as_it_was_found(found, 
     assert "<!-- " in car.text and car.parameters.mass == base.parameters.mass
     again = write_vehicle(found, car, tmp_path / "again.xml", tires="f1tenth_gym")  # a car that was identified before
     assert fg.drive(commands, vehicle=again).car.column("steering_angle_rad")[-1] == pytest.approx(angle, abs=1e-6)
+    written = replace(base, text=base.spec().to_xml())  # as MuJoCo writes it
+    path = write_vehicle(found, written, tmp_path / "third.xml", tires="f1tenth_gym")
+    assert fg.drive(commands, vehicle=path).car.column("steering_angle_rad")[-1] == pytest.approx(angle, abs=1e-6)
 
 
 def test_a_page_escapes_what_a_name_says(found, tmp_path):

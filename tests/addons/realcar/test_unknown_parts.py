@@ -63,4 +63,7 @@ def test_a_drive_of_ini_is_read_below_its_comments_and_by_its_long_names(tmp_pat
     drive, same = read_drive(tmp_path / "ini.csv"), read_drive(plain)
     assert (drive.layout, drive.acceleration_command is None) == ("ini", False)
     np.testing.assert_array_equal(drive.steering.values, same.steering.values)
+    older = (tmp_path / "ini.csv").read_text().replace("_control_executed", "_control_calculated")
+    (tmp_path / "older.csv").write_text(older)
+    assert read_drive(tmp_path / "older.csv").layout == "ini_2024"
     assert drive.beams is not None and (drive.beams.ranges == (np.inf, 2.5)).all()
