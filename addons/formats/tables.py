@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from fg_mujoco.course.files import read_text
-from fg_mujoco.course.line_file import Table, line_names, read_text_table, unnamed
+from fg_mujoco.course.line_file import Table, read_text_table, unnamed
 from fg_mujoco.course.line_file import read_line_bytes as read_bytes
+from fg_mujoco.course.line_names import name_a_line
 from fg_mujoco.course.maps.map_server import plain_yaml
 from fg_mujoco.errors import TrackError, missing_extra
 
@@ -83,7 +84,7 @@ def _lines(path: Path, value: Any, name: str, depth: int) -> Iterator[tuple[str,
     if isinstance(value, list) and len(value) > 1:
         if all(isinstance(row, dict) for row in value):
             names = tuple(key for key, cell in value[0].items() if not isinstance(cell, (dict, list)))
-            if line_names(names):
+            if name_a_line(names):
                 yield name, _named(names, [[row.get(key) for key in names] for row in value])
         elif all(isinstance(row, list) and row and _are_numbers(row) for row in value):
             if len({len(row) for row in value}) > 1:
@@ -91,7 +92,7 @@ def _lines(path: Path, value: Any, name: str, depth: int) -> Iterator[tuple[str,
             yield name, unnamed(path, value)
     elif isinstance(value, dict):
         columns = {key: cells for key, cells in value.items() if isinstance(cells, list) and _are_numbers(cells)}
-        if line_names(tuple(columns)):
+        if name_a_line(tuple(columns)):
             lengths = {key: len(cells) for key, cells in columns.items()}
             if len(set(lengths.values())) > 1:
                 said = ", ".join(f"{key} {length}" for key, length in lengths.items())

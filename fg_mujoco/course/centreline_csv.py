@@ -31,7 +31,8 @@ from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
 from ..registry import PARTS
 from .files import read_text
-from .line_file import COLUMNS, LineFile, read_line_file, require_closed
+from .line_file import LineFile, read_line_file, require_closed
+from .line_names import COLUMNS
 from .polyline import enclosed_area, spline, step_lengths
 from .track import MIN_POINTS, Track, check_size
 from .walled_track import MapTrack

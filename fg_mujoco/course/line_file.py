@@ -7,7 +7,7 @@ Columns are read by their names: those of a header, with or without `#`, in any 
 
     x, y                 x_m, y_m; also x_ref, center_x, pos_x and the like
     right, left          w_tr_right_m, w_tr_left_m; also width_right, w_left, d_right and the like; or one, width
-    two boundaries       left_x, left_y, right_x, right_y, or X_i, Y_i, X_o, Y_o, of which the widths are made
+    two boundaries       left_x, left_y, right_x, right_y, or X_i, Y_i, X_o, Y_o, which are the walls
     s, psi, kappa        distance, heading and curvature; also yaw, theta, curvature and the like
     speed, ax            vx_mps, ax_mps2; also v, speed, velocity, acc and the like
 
@@ -40,9 +40,8 @@ from ..errors import Note, TrackError
 from ..messages import FloatArray
 from ..registry import PARTS
 from .files import read_bytes
+from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, places_of, plain_name, unit_of
 
-COLUMNS = ("x_m", "y_m", "w_tr_right_m", "w_tr_left_m")
-RACELINE = ("s_m", *COLUMNS[:2], "psi_rad", "kappa_radpm", "vx_mps", "ax_mps2")
 MOST_POINTS = 200_000
 """Work on a line grows with its points."""
 
@@ -50,44 +49,8 @@ FOREIGN = (".json", ".npy", ".yaml", ".yml")
 """Suffixes of files that the add-on `formats` makes tables of."""
 
 _WITHOUT_HEADER = {2: COLUMNS[:2], 3: (*COLUMNS[:2], "vx_mps"), 4: COLUMNS, 7: RACELINE}
-_LINES = (
-    *("{}", "{}_ref", "ref_{}", "{}_center", "center_{}", "{}_centre", "centre_{}", "centerline_{}", "centreline_{}"),
-    *("{}_pos", "pos_{}", "position_{}", "pose_{}", "{}_position"),
-)
-_SIDES = (
-    *("w_tr_{}", "w_{}", "width_{}", "{}_width", "width_tr_{}", "track_width_{}", "d_{}", "dist_{}", "{}_dist"),
-    *("distance_{}", "{}_distance", "dist_to_{}", "{}"),
-)
-_NAMES = {side: tuple(form.format(side) for form in _SIDES) for side in ("right", "left")} | {
-    "width": ("width", "track_width"),
-    "speed": ("vx", "v", "speed", "velocity", "vel", "v_x", "v_ref", "vx_ref", "ref_speed", "target_speed"),
-    "s": ("s", "arc_length", "arclength", "station"),
-    "psi": ("psi", "yaw", "theta", "heading", "yaw_angle", "psi_ref"),
-    "kappa": ("kappa", "curvature", "curv", "kappa_ref"),
-    "ax": ("ax", "acc", "acceleration", "a_x", "acc_x"),
-}
-_BOUNDARIES = tuple(  # of the two of a course: x and y of either, left and right or inside and outside
-    tuple(names.split())
-    for names in (
-        "left_boundary_x left_boundary_y right_boundary_x right_boundary_y",
-        "left_bound_x left_bound_y right_bound_x right_bound_y",
-        "left_x left_y right_x right_y",
-        "x_left y_left x_right y_right",
-        "x_l y_l x_r y_r",
-        "x_i y_i x_o y_o",
-        "x_inner y_inner x_outer y_outer",
-        "inner_x inner_y outer_x outer_y",
-    )
-)
-_LENGTHS = {"": 1.0, "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001}
-_SPEEDS = {"": 1.0, "mps": 1.0, "m_s": 1.0, "ms": 1.0, "kmh": 1.0 / 3.6, "km_h": 1.0 / 3.6, "kph": 1.0 / 3.6}
-_ANGLES = {"": 1.0, "rad": 1.0, "radians": 1.0, "deg": math.pi / 180.0, "degrees": math.pi / 180.0}
-_OTHERS = {"": 1.0, "radpm": 1.0, "rad_m": 1.0, "1_m": 1.0, "mps2": 1.0, "m_s2": 1.0, "ms2": 1.0}
-_UNITS = {"speed": _SPEEDS, "psi": _ANGLES, "kappa": _OTHERS, "ax": _OTHERS}
-_VARIANT = re.compile(r"_(iqp|sp|opt|racetraj|raceline)$")  # of which optimiser a column is
 _NAME = re.compile(r"[^\W\d]\w*( ?[\[(].*)?")  # of a column, with its unit in brackets
 _GREATEST = 1e9  # [m] or [m/s]: squares of it are still numbers
-_SHOWN = 8  # names of a header in a message
 _HEADING, _ROUND = 0.9, 0.7  # mean length of unit vectors that agree in direction, and of those of a line that bends
 _LEAST_GAP, _WIDEST_GAP = 1.0, 1.5  # [m], and times the longest step: that a closed line may leave to its first point
 _HARDEST = 35.0  # [m/s^2] in a corner that no car of this kind holds: speeds that ask for more are in km/h
@@ -157,21 +120,21 @@ def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -
 def _understood(path: Path, table: Table, course: bool) -> LineFile:
     """Return the line of a table."""
     names = table.names
-    said = f"columns {', '.join(names[:_SHOWN])}{', ...' if len(names) > _SHOWN else ''}"
-    line, found, bounds = _places(path, table)
+    said = f"columns {', '.join(names[:SHOWN])}{', ...' if len(names) > SHOWN else ''}"
+    line, found, bounds = places_of(f"{path}: {table.header}", names)
     wanted = ("right", "left", "width") if course else ("speed",)
     used = {quantity: place for quantity, place in found.items() if quantity in wanted}
     notes = [table.said] if table.said else []
     if not course and used and not any(_cell(row[used["speed"]]) for row in table.rows):
         used, notes = {}, [*notes, f"{names[found['speed']]} is 0 everywhere and not used"]
-    points = _numbers(path, table, [(place, _unit(names[place], _LENGTHS)) for place in line])
+    points = _numbers(path, table, [(place, unit_of(names[place], "x")) for place in line])
     values = {
-        quantity: _numbers(path, table, [(place, _unit(names[place], _UNITS.get(quantity, _LENGTHS)))], least=0.0)[:, 0]
+        quantity: _numbers(path, table, [(place, unit_of(names[place], quantity))], least=0.0)[:, 0]
         for quantity, place in used.items()
     }
     others = {quantity: place for quantity, place in found.items() if quantity not in used}
     for quantity, place in others.items():  # what nobody needs may be anything
-        unit = _unit(names[place], _UNITS.get(quantity, _LENGTHS))
+        unit = unit_of(names[place], quantity)
         column = np.array([unit * _cell(row[place]) for row in table.rows])
         if np.isfinite(column).all():
             values[quantity] = column
@@ -187,7 +150,7 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
     if line and (used or not course):
         bounds = ()
     if bounds:
-        sides = (_numbers(path, table, [(k, _unit(names[k], _LENGTHS)) for k in bounds[i : i + 2]]) for i in (0, 2))
+        sides = (_numbers(path, table, [(k, unit_of(names[k], "x")) for k in bounds[i : i + 2]]) for i in (0, 2))
         points, right, left, walls = PARTS.find("between boundaries")(path, *sides, points if line else None)
         values, notes = {"right": right, "left": left}, [*notes, "the two boundaries are the walls"]
     elif not course and (shifted := _shifted(table, points)) is not None:
@@ -201,7 +164,7 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
     if not table.header:
         note += ", by their number"
     if left_out := [name for place, name in enumerate(names) if place not in read]:
-        note += f"; not used: {', '.join(left_out[:_SHOWN])}{', ...' if len(left_out) > _SHOWN else ''}"
+        note += f"; not used: {', '.join(left_out[:SHOWN])}{', ...' if len(left_out) > SHOWN else ''}"
     return LineFile(points=points, values=values, columns=said, said="; ".join([note, *notes]), walls=walls)
 
 
@@ -294,7 +257,7 @@ def _split(path: Path, text: str, said: str) -> Table:
             continue
         if content.startswith("#"):
             above, above_line = content.lstrip("#").rpartition(":")[2].strip(), number
-            if _lines_of(_cells(above)):
+            if lines_of(_cells(above)):
                 columns, header = tuple(_cells(above)), number
             continue
         if not rows and not is_bare and not any(map(_is_number, cells)):
@@ -307,7 +270,7 @@ def _split(path: Path, text: str, said: str) -> Table:
             else:
                 columns = _WITHOUT_HEADER.get(len(cells), ())
         if len(cells) != len(columns):
-            accepted = f"{len(columns)}, {', '.join(columns[:_SHOWN])}" if columns else NUMBERS
+            accepted = f"{len(columns)}, {', '.join(columns[:SHOWN])}" if columns else NUMBERS
             raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}")
         rows.append(cells)
         places.append(number)
@@ -340,65 +303,6 @@ def _cells(content: str) -> list[str]:
     return [cell.strip().strip("\"'").strip() for cell in content.split(separator)]
 
 
-def _plain(name: str, units: Iterable[str]) -> tuple[str, str]:
-    """Return a name in small letters without its unit, and the unit, one of some."""
-    name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip()).casefold()
-    words = [word for word in re.split(r"[\s_\-\[\](){}/^]+", name) if word]
-    for count in (2, 1):
-        unit = "_".join(words[-count:])
-        if len(words) > count and unit in units:
-            return _VARIANT.sub("", "_".join(words[:-count])), unit
-    return _VARIANT.sub("", "_".join(words)), ""
-
-
-def _unit(name: str, units: Mapping[str, float]) -> float:
-    return units[_plain(name, units)[1]]
-
-
-def _lines_of(names: Iterable[str]) -> list[tuple[int, int]]:
-    """Return the places of x and y of each line that columns name."""
-    plain = [_plain(name, _LENGTHS)[0] for name in names]
-    pairs = (
-        tuple([k for k, name in enumerate(plain) if name == form.format(axis)] for axis in "xy") for form in _LINES
-    )
-    return [pair for xs, ys in pairs for pair in zip(xs, ys, strict=False)]
-
-
-def line_names(names: tuple[str, ...]) -> bool:
-    """Return whether columns of these names have a line or two boundaries."""
-    plain = {_plain(name, _LENGTHS)[0] for name in names}
-    return bool(_lines_of(names)) or any(set(forms) <= plain for forms in _BOUNDARIES)
-
-
-def _places(path: Path, table: Table) -> tuple[tuple[int, ...], dict[str, int], tuple[int, ...]]:
-    """Return the columns of x and y, of what else is known, and of two boundaries; nothing where there are none."""
-    where, columns = f"{path}: {table.header}", table.names
-    named = ", ".join(columns[:_SHOWN])
-    lines = _lines_of(columns)
-    plain = [_plain(name, _LENGTHS)[0] for name in columns]
-    forms = next((forms for forms in _BOUNDARIES if set(forms) <= set(plain)), ())
-    bounds = tuple(plain.index(form) for form in forms)
-    if len(lines) != 1 and not (bounds and not lines):
-        found = "no x and y" if not lines else f"several lines, {', '.join(columns[x] for x, _ in lines)}"
-        raise TrackError(f"{where} names {found}, in {named}; accepted: one x and one y, as {', '.join(COLUMNS)}")
-    places: dict[str, int] = {}
-    for quantity, forms in _NAMES.items():
-        plain = [_plain(name, _UNITS.get(quantity, _LENGTHS))[0] for name in columns]
-        for form in forms:
-            if plain.count(form) > 1:
-                twice = " and ".join(repr(name) for name, each in zip(columns, plain, strict=True) if each == form)
-                raise TrackError(f"{where} has a column twice, {twice}; accepted: each once")
-            if form in plain:
-                places.setdefault(quantity, plain.index(form))
-    sides = [quantity for quantity in ("right", "left") if quantity in places]
-    if len(sides) == 1:
-        one = columns[places[sides[0]]]
-        raise TrackError(f"{where} names one side's width only, {one}; accepted: one to either side")
-    if sides:
-        places.pop("width", None)
-    return lines[0] if lines else (), places, bounds
-
-
 def _numbers(path: Path, table: Table, places: Sequence[tuple[int, float]], least: float = -math.inf) -> FloatArray:
     """Return the numbers of some columns times their units, above a least one. (n, k)."""
     numbers = np.empty((len(table.rows), len(places)))
@@ -416,7 +320,7 @@ def _numbers(path: Path, table: Table, places: Sequence[tuple[int, float]], leas
 
 def _shifted(table: Table, points: FloatArray) -> FloatArray | None:
     """Return the line of a reference, its normals and offsets from it, as TUM's optimiser has them for planners."""
-    plain = [_plain(name, _LENGTHS)[0] for name in table.names]
+    plain = [plain_name(name)[0] for name in table.names]
     if not {"x_normvec", "y_normvec", "alpha"} <= set(plain):
         return None
     x, y, alpha = (
@@ -434,7 +338,7 @@ def _odd(
     named = {quantity: table.names[place] for quantity, place in places.items()}
     psi, kappa, speed = (values.get(quantity) for quantity in ("psi", "kappa", "speed"))
     if len(points) > 2 and psi is not None and np.ptp(psi) > 0.0 and (wrong := _heading_fault(points, psi)) is not None:
-        if wrong and _plain(named["psi"], _ANGLES)[1] not in ("deg", "degrees"):
+        if wrong and unit_of(named["psi"], "psi") == 1.0:
             raise TrackError(
                 f"{path}: {table.header}: {named['psi']} turns with the line in degrees; accepted: radians, or a name "
                 "that ends in _deg"
@@ -445,7 +349,7 @@ def _odd(
         notes.append(f"{named['kappa']} has the other sign than the line")
     if speed is not None and np.ptp(speed) > 0.2 * speed.max() and (np.abs(bend) > _BENT).any():
         hardest = float(np.quantile(speed[np.abs(bend) > _BENT] ** 2 * np.abs(bend[np.abs(bend) > _BENT]), 0.9))
-        if hardest > _HARDEST and _unit(named["speed"], _SPEEDS) == 1.0:
+        if hardest > _HARDEST and unit_of(named["speed"], "speed") == 1.0:
             raise TrackError(
                 f"{path}: {table.header}: {named['speed']} asks for {hardest:.0f} m/s^2 in corners, in km/h for "
                 f"{hardest / 3.6**2:.0f}; accepted: m/s, or a name that ends in _kmh"

@@ -23,7 +23,8 @@ import numpy as np
 
 from fg_mujoco.course.clearance import clearances
 from fg_mujoco.course.course import Course, outline
-from fg_mujoco.course.line_file import RACELINE, raceline_text
+from fg_mujoco.course.line_file import raceline_text
+from fg_mujoco.course.line_names import RACELINE
 from fg_mujoco.course.obstacles import Obstacle
 from fg_mujoco.course.track import Track
 from fg_mujoco.course.writing import write_file
