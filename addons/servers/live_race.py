@@ -77,6 +77,7 @@ _RACE: dict[str, tuple[str, Callable[[LiveSession], Any]]] = {
     "best_lap_time": (_SECONDS, lambda session: min(session.laps.lap_times, default=0.0)),
 }
 _OWN = {f"{space}/{name}": told for space in ("", f"/{EGO}") for name, told in _RACE.items()}
+_OWN[f"/{EGO}/lap_time"] = _RACE["last_lap_time"]  # as f1tenth_gym_ros has it
 _OWN |= {
     _JOINTS: (JOINTS, lambda session: None),
     _CAR: (_STRING, lambda session: json.dumps(session.numbers())),

@@ -255,7 +255,7 @@ class Engine(Uncopied):
             read_motions_all(share.tables, share.firsts, which, poses, velocities)
 
     def surroundings(self, row: int) -> Surroundings:
-        """Return the surroundings of a car: its world, and the poses of its other cars."""
+        """Return the surroundings of a car: its world, its other cars, and whether it touches something."""
         i, own = divmod(row, self.cars_per_world)
         qpos, qvel, others = self.qpos(i), self.qvel(i), []
         for other in range(row - own, row - own + self.cars_per_world):
@@ -263,7 +263,8 @@ class Engine(Uncopied):
                 car = self._arrays.constants[other : other + 1]
                 x, y, heading, speed, _, yaw_rate = point_motion(qpos, qvel, 0.0, car)
                 others.append(OtherCar(pose=(x, y, heading), speed=speed, yaw_rate=yaw_rate))
-        return Surroundings(world=self.world_of(i), others=tuple(others))
+        contact = bool(self.crashed[row] or self.touched_at[row].max() >= self.time(i))
+        return Surroundings(world=self.world_of(i), others=tuple(others), contact=contact)
 
     def slip(self, i: int = 0) -> FloatArray:
         """Return the tire slip of the car that was driven last in the batch of world i, as TireSlip.values. Live.

@@ -99,6 +99,7 @@ class Surroundings:
 
     world: World
     others: tuple[OtherCar, ...]  # in the order of the cars of the world, without its own
+    contact: bool = False  # whether the car has touched something in the last tick
 
 
 class Cars(Protocol):

@@ -63,7 +63,8 @@ class CarArrays:
     ranges: FloatArray  # (r, beams) [m] as in LaserScan, last sensed
     commands: FloatArray  # (r, 2) [rad, m/s]
     crashed: Mask  # (r,) whether the chassis has touched anything but a car since the car was placed
-    touched_at: FloatArray  # (r, m) when it last touched each car of its world [s]; -inf: not since it was placed
+    touched_at: FloatArray  # (r, m) when it last touched each car of its world [s]; -inf: not since it was placed; in
+    # the place of itself, when race control has put it back from a wall
     failed: Mask  # (r,) whether the planner or the engine failed
     telemetry: FloatArray  # (r, len(TELEMETRY)) of the last tick
     statistics: NDArray[np.void]  # (r,) of STATISTICS, since the car was placed

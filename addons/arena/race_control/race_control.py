@@ -172,6 +172,7 @@ class RaceControl(RaceRecord):
         s = float(timer["place"]) - (course.origin or 0.0) + passed - float(timer["progress"])
         engine.crashed[row], engine.monitor.reasons[row], engine.running[row] = False, 0, True
         self._put(car, Start(s=s if course.closed else max(s, 0.0)))
+        engine.touched_at[row, car] = engine.time(self._world)
 
     def _look_for_touches(self, time: float) -> None:
         if not self._open and self._engine.touched_at[self._rows].max() < time:

@@ -52,6 +52,7 @@ class Driving:
     def __init__(self, graph: Graph, car: CarParameters, said: Callable[[], str]) -> None:
         self._graph, self._car, self._said = graph, car, said
         self._last: tuple[float, float] | None = None  # command that was made of numbers
+        self._reset_told = False
         self._bad, self._counted = 0, 0  # commands in a row that were not, and messages when that was found
 
     def topics(self) -> list[Publication]:
@@ -97,6 +98,7 @@ class Driving:
           NodeError: the tenth such command in a row; several drive topics, see `topics`.
         """
         topics = self.topics()
+        self._tell_of_resets()
         brake = self._brake()
         if brake is not None:
             return brake
@@ -122,6 +124,15 @@ class Driving:
         held = "the car stands" if self._last is None else "the last command is held"
         warnings.warn(f"{said}, which is no command: {held}", stacklevel=2)
         return self._last
+
+    def _tell_of_resets(self) -> None:
+        """Warn once of a node that wants the simulator to put the car back: a race goes on."""
+        for each in () if self._reset_told else self._graph.publications:
+            wanted = each.asks_for_reset and each.count and not self._graph.listens(each.topic)
+            if wanted and getattr(self._graph.newest.get(each.topic), "data", True):
+                self._reset_told = True
+                said = f"{self._said()} has published on {each.topic}{each.place}"
+                warnings.warn(f"{said}: a race has no reset, and the car stays where it is", stacklevel=3)
 
     def _of_one(self, message: Any, topic: Publication) -> tuple[tuple[float, float], str]:
         """Return speed and angle of a message, and what in it is no number: nothing, or name, value and topic."""

@@ -35,6 +35,7 @@ _READING = 1_000  # [ns] from one reading of the clock to the next at the same i
 _MOST_ROUNDS = 100_000  # resumptions at one instant before a node is said to let no time pass
 _MOST_QUESTIONS = 1000  # whether it is over, at one instant, before time goes on
 _COMMANDS = ("ackermann_msgs/", "std_msgs/Float", "geometry_msgs/Twist")  # types of topics that command a car
+_RESETS = ("/initialpose", "/reset", "/autodrive/reset_command")
 _BRAKE = re.compile(r"/(?:brake|brake_bool|emergency_br(?:ake|aking|eak|eaking))$")
 _CLOSING = 0.2  # [s] that a thread has to end
 _LONGEST_IMPORTS = 600.0  # [s] of wall time beyond the limit that imports may take
@@ -90,6 +91,11 @@ class Publication:
         """Whether its messages may command a car."""
         kind = getattr(self.kind, "_type", "")
         return kind.startswith(_COMMANDS) or self.is_drive_param or self.is_brake_switch
+
+    @property
+    def asks_for_reset(self) -> bool:
+        """Whether its messages ask the simulator to put the car somewhere, unless they say False."""
+        return self.topic in _RESETS
 
     @property
     def is_brake_switch(self) -> bool:
@@ -360,7 +366,7 @@ class Graph:
         publication.count += 1
         publication.at = self.now
         listened = self.listens(publication.topic)
-        if not (publication.commands or latch or listened or self.journal is not None):
+        if not (publication.commands or publication.asks_for_reset or latch or listened or self.journal is not None):
             return  # nobody sees it
         kept = self.newest[publication.topic] = copy.deepcopy(message)
         if self.journal is not None:

@@ -17,12 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from fg_mujoco.course.lap_timer import LapTimer
 from fg_mujoco.messages import CarParameters, LaserScan, Odometry
 from fg_mujoco.simulation.planner_adapter import Surroundings
 from fg_mujoco.simulation.world import World
 
 from ..bag_messages import BASE_FRAME, IMU_FRAME, LASER_FRAME, MAP_FRAME, ODOM_FRAME, nanoseconds
 from ..composed_topics import SPEED_TO_ERPM, STEERING, THROTTLE, cars_in
+from ..front_camera import FIELD_OF_VIEW, SIZE, FrontCamera
 from ..occupancy_grid import Grid, grid_of
 from .graph import BEGIN, Graph
 from .message_classes import ROS1, made, message_class
@@ -30,7 +32,8 @@ from .rospy_times import NANOSECONDS, RosTime
 from .transform_modules import matrix
 
 _ODOMETRY = "nav_msgs/msg/Odometry"
-_FLOAT = "std_msgs/msg/Float32"
+_FLOAT, _COUNT, _TRUTH = "std_msgs/msg/Float32", "std_msgs/msg/Int32", "std_msgs/msg/Bool"
+_IMAGE, _LENS = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 
 TOPICS: dict[str, tuple[str, str]] = {
     "/clock": ("rosgraph_msgs/msg/Clock", "clock"),
@@ -50,6 +53,8 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/gt_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
     "/amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", "pose_with_covariance"),
+    **{f"{camera}/image_raw": (_IMAGE, "image") for camera in ("/camera", "/camera/color")},
+    **{f"{camera}/camera_info": (_LENS, "lens") for camera in ("/camera", "/camera/color")},
 }
 """The messages of each tick: type, and the method that makes it. The map is published once.
 
@@ -57,6 +62,12 @@ The order is this one, and scans come before all else but the clock, as in f1ten
 scan comes knows the pose of the tick before. AutoDRIVE sends its scan last.
 """
 
+_OF_LAPS = {
+    "lap_count": (_COUNT, "lap_count"),
+    "lap_time": (_FLOAT, "lap_time"),
+    "last_lap_time": (_FLOAT, "last_lap_time"),
+    "best_lap_time": (_FLOAT, "best_lap_time"),
+}
 _OF_AUTODRIVE = {
     "ips": ("geometry_msgs/msg/Point", "position"),
     "imu": ("sensor_msgs/msg/Imu", "imu_with_orientation"),
@@ -66,10 +77,16 @@ _OF_AUTODRIVE = {
     "steering": (_FLOAT, "steering"),
     "left_encoder": ("sensor_msgs/msg/JointState", "left_encoder"),
     "right_encoder": ("sensor_msgs/msg/JointState", "right_encoder"),
+    "front_camera": (_IMAGE, "image"),
+    "collision_count": (_COUNT, "collision_count"),
+    **_OF_LAPS,
     "lidar": ("sensor_msgs/msg/LaserScan", "scan"),
 }
 AUTODRIVE_VEHICLES = ("f1tenth_1", "roboracer_1")
 """Names of the car in AutoDRIVE's releases."""
+TOPICS |= {f"{space}/{name}": made for space in ("", "/ego_racecar") for name, made in _OF_LAPS.items()}
+TOPICS |= dict.fromkeys(("/collision", "/ego_racecar/collision"), (_TRUTH, "collision"))
+TOPICS["/ego_racecar/lap_time"] = _FLOAT, "last_lap_time"  # as f1tenth_gym_ros has it
 TOPICS |= {f"/autodrive/{car}/{name}": made for car in AUTODRIVE_VEHICLES for name, made in _OF_AUTODRIVE.items()}
 
 OTHERS = (
@@ -83,8 +100,10 @@ TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose", "/amcl_p
 _NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
 MAP_SERVICES = ("/map_server/map", "/static_map", "/map_server/static_map", "/map_server/get_map")
 
+_NEED_SURROUNDINGS = ("map", "map_info", "image")
 _EARLY, _LATE = {"clock": 0, "scan": 1}, 2  # places in a tick
 _EGO = "ego_racecar/"
+CAMERA_FRAME = "camera"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -116,6 +135,7 @@ class Sensing:
         self.command = (0.0, 0.0)  # speed [m/s] and steering angle [rad], last commanded
         self._turned = np.zeros(4)  # [rad] of the wheels, since the start
         self._mapped: Any = None  # the model whose map has been published
+        self._camera, self._laps = FrontCamera(), LapsSoFar()
         self._known: tuple[Any, dict[str, str]] | None = None
         self._cars: tuple[str, ...] = AUTODRIVE_VEHICLES
         graph.provided.update({topic: kind for topic, (kind, _) in TOPICS.items()})
@@ -146,9 +166,12 @@ class Sensing:
             self._graph.transforms[f"{_EGO}front_{side}_wheel"] = _EGO + BASE_FRAME, turned
         listened = {each.topic for each in self._graph.subscriptions}
         self._map(listened)
+        if not listened.isdisjoint(_RACE_TOPICS):
+            self._laps.see(self.surroundings, odometry.stamp, *self._at[:2])
         made_already: dict[str, Any] = {}
         for topic, maker in self._topics().items():
-            if topic in listened and maker not in ("map", "map_info"):
+            unknown = self.surroundings is None and maker in _NEED_SURROUNDINGS
+            if topic in listened and maker not in ("map", "map_info") and not unknown:
                 if maker not in made_already:
                     kind, _, number = maker.partition(" ")
                     make = getattr(self, f"_make_{kind}")
@@ -157,9 +180,9 @@ class Sensing:
 
     def kind_of(self, topic: str) -> str | None:
         """Return the type of a topic that is published here; None where it is not."""
-        if topic in ("/map", "/map_metadata") and self.surroundings is None:
-            return None
         maker = self._topics().get(topic)
+        if maker in _NEED_SURROUNDINGS and self.surroundings is None:
+            return None
         if maker is None:
             return None
         if topic in TOPICS:
@@ -328,6 +351,45 @@ class Sensing:
     def _make_right_encoder(self) -> Any:
         return self._encoder("right_encoder", 3)
 
+    def _make_collision(self) -> Any:
+        return made(self._kind(_TRUTH), data=self._laps.touching)
+
+    def _make_collision_count(self) -> Any:
+        return made(self._kind(_COUNT), data=self._laps.touches)
+
+    def _make_lap_count(self) -> Any:
+        return made(self._kind(_COUNT), data=len(self._laps.times))
+
+    def _make_lap_time(self) -> Any:
+        return self._number(self._odometry.stamp - sum(self._laps.times))
+
+    def _make_last_lap_time(self) -> Any:
+        return self._number((0.0, *self._laps.times)[-1])
+
+    def _make_best_lap_time(self) -> Any:
+        return self._number(min(self._laps.times, default=0.0))
+
+    def _make_image(self) -> Any:
+        assert self.surroundings is not None
+        pixels = self._camera.picture(self.surroundings, self._pose).tobytes()
+        return made(
+            self._kind(_IMAGE), header=self._header(self._odometry.stamp, CAMERA_FRAME), height=SIZE[1], width=SIZE[0],
+            encoding="rgb8", is_bigendian=0, step=3 * SIZE[0],
+            data=pixels if self._flavour == ROS1 else array.array("B", pixels),
+        )  # fmt: skip
+
+    def _make_lens(self) -> Any:
+        width, height = SIZE
+        focus = 0.5 * height / math.tan(0.5 * FIELD_OF_VIEW)  # [px]
+        message = self._kind(_LENS)(
+            header=self._header(self._odometry.stamp, CAMERA_FRAME), height=height, width=width,
+            distortion_model="plumb_bob",
+        )  # fmt: skip
+        first = "K" if self._flavour == ROS1 else "k"
+        matrix_of = [focus, 0.0, 0.5 * width, 0.0, focus, 0.5 * height, 0.0, 0.0, 1.0]
+        setattr(message, first, matrix_of)
+        return message
+
     def _encoder(self, name: str, wheel: int) -> Any:
         turned = float(self._turned[wheel])
         return made(
@@ -397,6 +459,38 @@ class Sensing:
     def _vector(self, values: Any) -> Any:
         x, y, z = map(float, values)
         return made(self._kind("geometry_msgs/msg/Vector3"), x=x, y=y, z=z)
+
+
+_RACE_TOPICS = frozenset(
+    topic for topic, (_, maker) in TOPICS.items() if maker.endswith(("lap_time", "lap_count")) or "collision" in maker
+)
+
+
+class LapsSoFar:
+    """The laps and touches of a car, from when somebody listens to them.
+
+    Attributes:
+      times: of the laps driven [s].
+      touching: whether the car has touched something in the last tick.
+      touches: how often it has begun to.
+    """
+
+    def __init__(self) -> None:
+        self._timer: LapTimer | None = None
+        self.times: tuple[float, ...] = ()
+        self.touching, self.touches = False, 0
+
+    def see(self, surroundings: Surroundings | None, stamp: float, x: float, y: float) -> None:
+        """Take where the car is at a time [s]."""
+        if surroundings is None:
+            return
+        self.touches += surroundings.contact and not self.touching
+        self.touching = surroundings.contact
+        if self._timer is None:
+            self._timer = LapTimer(surroundings.world.track)
+        if math.isfinite(surroundings.world.track.length):
+            self._timer.update(stamp, (x, y))
+            self.times = self._timer.lap_times
 
 
 def _rank(entry: tuple[str, str]) -> int:

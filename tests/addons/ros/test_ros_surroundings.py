@@ -1,6 +1,7 @@
 """What nodes of ROS are told beyond the LiDAR: the map, the other cars; and AutoDRIVE's topics, services, actions."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -221,3 +222,70 @@ def test_a_node_that_waits_for_a_service_that_nobody_offers_is_told_which(tmp_pa
     said = r"it waits for the service /ready, which nobody offers \(.*mine.py, line \d+\)"
     with pytest.raises(Exception, match=said):
         commands(make(source), 210)
+
+
+def test_a_node_gets_laps_and_touches(tmp_path):
+    """Two laps by the centreline; race control puts a car back that has touched the wall."""
+    log = str(tmp_path / "log.txt")
+    init = """
+from std_msgs.msg import Bool, Float32, Int32
+self.seen = {}
+names = {"/ego_racecar/collision": Bool, "/ego_racecar/lap_time": Float32, "/lap_time": Float32,
+         "/autodrive/roboracer_1/lap_count": Int32, "/autodrive/roboracer_1/collision_count": Int32,
+         "/autodrive/roboracer_1/best_lap_time": Float32}
+for name, kind in names.items():
+    self.create_subscription(kind, name, lambda m, name=name: self.seen.setdefault(name, []).append(m.data), 1)
+"""
+    write = f"""
+open({log!r}, "w").write(repr({{name: (values[0], values[-1], max(values)) for name, values in self.seen.items()}}))
+"""
+    steer = """
+k = len(message.ranges) // 6
+left, right = (sum(min(r, 5.0) for r in message.ranges[part]) / k for part in (slice(-2 * k, -k), slice(k, 2 * k)))
+"""
+    result = fg.race("oval", node2(tmp_path, write + steer + "self.drive(2.0, 0.3 * (left - right))", init), laps=2)
+    told = eval((tmp_path / "log.txt").read_text())
+    first, second = result.car.lap_times_s
+    assert told["/autodrive/roboracer_1/lap_count"] == (0, 1, 1) and not told["/ego_racecar/collision"][2]
+    assert told["/ego_racecar/lap_time"] == pytest.approx((0.0, first, first), abs=0.03)
+    assert told["/autodrive/roboracer_1/best_lap_time"][1] == pytest.approx(first, abs=0.03)
+    assert told["/lap_time"][1] == pytest.approx(second, abs=0.06)
+    blind = node2(tmp_path, write + "self.drive(3.0)", init)
+    result = fg.race("oval", blind, laps=1, time_limit=8.0, rules="autodrive_2026", opponents=["gap_finder"])
+    told = eval((tmp_path / "log.txt").read_text())
+    assert result.cars[0].collisions_wall == told["/autodrive/roboracer_1/collision_count"][2] >= 1
+    assert told["/ego_racecar/collision"][2]
+
+
+@pytest.mark.slow
+def test_a_node_gets_pictures_of_what_is_ahead(tmp_path):
+    init = """
+from sensor_msgs.msg import CameraInfo, Image
+self.create_subscription(Image, "/camera/color/image_raw", lambda m: self.got.update(image=m), 1)
+self.create_subscription(CameraInfo, "/camera/color/camera_info", lambda m: self.got.update(lens=m), 1)
+"""
+    body = """
+if "image" in self.got:
+    image, lens = self.got["image"], self.got["lens"]
+    assert (image.width, image.height, image.encoding, image.step) == (640, 360, "rgb8", 1920)
+    pixels = np.frombuffer(bytes(image.data), np.uint8).reshape(360, 640, 3).astype(float)
+    assert pixels[20].mean(axis=0)[2] > pixels[20].mean(axis=0)[0] + 20.0  # a blue sky over a grey floor
+    assert np.ptp(pixels[200, :80].mean(axis=0)) < 20.0 and lens.width == 640 and 350.0 < lens.k[0] == lens.k[4] < 450.0
+    self.drive(1.0)
+"""
+    assert fg.race("oval", node2(tmp_path, body, init), time_limit=0.3).car.max_speed_m_s > 0.2
+
+
+@each("topic, kind, told", [("/autodrive/reset_command", "Bool", True), ("/reset", "Empty", True),
+                            ("/autodrive/reset_command", "Bool", False)])  # fmt: skip
+def test_a_node_that_asks_for_a_reset_is_told_that_there_is_none(topic, kind, told, tmp_path):
+    init = f"""
+from std_msgs.msg import {kind}
+self.kind, self.reset = {kind}, self.create_publisher({kind}, {topic!r}, 1)
+"""
+    body = f"self.reset.publish(self.kind({f'data={told}' if kind == 'Bool' else ''}))\nself.drive(1.0)"
+    planner = node2(tmp_path, body, init)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert fg.race("oval", planner, time_limit=0.3).car.max_speed_m_s > 0.2
+    assert sum("a race has no reset" in str(each.message) for each in said) == told
