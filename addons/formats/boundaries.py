@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 
 from fg_mujoco.course.line_file import require_closed
+from fg_mujoco.course.maps.map_server import OccupancyMap, require_maps_extra
+from fg_mujoco.course.maps.map_track import clear_line
+from fg_mujoco.course.maps.region import find_course
 from fg_mujoco.course.polyline import IndexArray, cross, crossings, enclosed_area, resample, segments, step_lengths
 from fg_mujoco.course.track import MIN_POINTS
 from fg_mujoco.errors import TrackError
 from fg_mujoco.messages import FloatArray
 
-_SPACING, _LINE = 0.05, 0.2  # [m] of points on the boundaries, and on the line
+_SPACING = 0.05  # [m] of points on the boundaries
 _MOST = 20_000  # points on a boundary
-_ROUNDS = 6  # in which the line is moved to the middle
-_ALONG = 2  # points to either side over which the line is smoothed
-_RIGHT_SIDE = 0.9  # least share of the line with one boundary on its left and the other on its right
+_PIXEL, _MOST_PIXELS = 0.05, 3000  # [m] and number of the map that the line is found in, along the longer side
+_BORDER = 1.0  # [m] of the map round the course
 _BLOCK = 256  # points whose distances are taken at once, to bound the memory
 
 
@@ -53,39 +55,45 @@ def between_boundaries(
             points = points[::-1]
         walls.append(points)
         sides.append(resample(points, max(_SPACING, length / _MOST))[0])
-    if len(crossed := crossings(segments(walls[0]), segments(walls[1]))[0]):
-        x, y = walls[0][crossed[0]].tolist()
-        raise TrackError(f"{path}: the boundaries cross near x {x:.2f}, y {y:.2f} m; accepted: two that are apart")
-    line = centre if centre is not None else _middle(*sides)
+    _require_apart(path, walls[0], walls[1], "the boundaries cross")
+    line = centre if centre is not None else _middle(path, walls)
+    for wall in walls:
+        _require_apart(path, line, wall, "the line crosses a boundary")
     near = [side[_nearest(line, side)] for side in sides]
     ahead = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
-    is_left = [float((cross(ahead, each - line) > 0.0).mean()) for each in near]
-    left = int(is_left[1] > is_left[0])
-    if is_left[left] < _RIGHT_SIDE or is_left[1 - left] > 1.0 - _RIGHT_SIDE:
-        raise TrackError(
-            f"{path}: the boundaries are not to either side of a line: one is to the left of "
-            f"{is_left[left]:.0%} of it, the other to the right of {1.0 - is_left[1 - left]:.0%}; "
-            "accepted: the two of one course"
-        )
+    is_left = [float((cross(ahead, each - line) > 0.0).mean()) > 0.5 for each in near]
+    if is_left[0] == is_left[1]:
+        raise TrackError(f"{path}: both boundaries are on one side of the line; accepted: the two of one course")
+    left = int(is_left[1])
     widths = [np.hypot(*(each - line).T) for each in near]
     return line, widths[1 - left], widths[left], (walls[1 - left], walls[left])
 
 
-def _middle(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the line in the middle between two boundaries, in the order of the first."""
-    outer, inner = (first, second) if step_lengths(first).sum() > step_lengths(second).sum() else (second, first)
-    line = 0.5 * (outer + inner[_nearest(outer, inner)])
-    for _ in range(_ROUNDS):
-        line = resample(line[step_lengths(line) > 1e-6], _LINE)[0]
-        line = _smoothed(line)
-        to = [side[_nearest(line, side)] - line for side in (outer, inner)]
-        apart = [np.maximum(np.hypot(*each.T), 1e-9)[:, None] for each in to]
-        line = line + 0.5 * (apart[0] - apart[1]) * (to[0] / apart[0] - to[1] / apart[1]) / 2.0
-    return _smoothed(_smoothed(line))  # of the steps between the points of the boundaries
+def _require_apart(path: Path, one: FloatArray, other: FloatArray, said: str) -> None:
+    if len(crossed := crossings(segments(one), segments(other))[0]):
+        x, y = one[crossed[0]].tolist()
+        raise TrackError(f"{path}: {said} near x {x:.2f}, y {y:.2f} m; accepted: the two boundaries of one course")
 
 
-def _smoothed(line: FloatArray) -> FloatArray:
-    return np.asarray(np.mean([np.roll(line, k, axis=0) for k in range(-_ALONG, _ALONG + 1)], axis=0))
+def _middle(path: Path, walls: list[FloatArray]) -> FloatArray:
+    """Return the line in the middle between two boundaries, as that of a map of them, in the direction of the first."""
+    require_maps_extra()
+    from PIL import Image, ImageDraw
+
+    low = np.min([wall.min(axis=0) for wall in walls], axis=0) - _BORDER
+    high = np.max([wall.max(axis=0) for wall in walls], axis=0) + _BORDER
+    pixel = max(_PIXEL, float((high - low).max()) / _MOST_PIXELS)
+    columns, rows = np.ceil((high - low) / pixel).astype(int).tolist()
+    image = Image.new("1", (columns, rows), 0)
+    draw = ImageDraw.Draw(image)
+    for wall, free in zip(sorted(walls, key=lambda wall: -abs(enclosed_area(wall))), (1, 0), strict=True):
+        draw.polygon([tuple(point) for point in ((wall - low) / pixel - 0.5).tolist()], fill=free, outline=0)
+    grid = np.asarray(image, dtype=np.bool_)  # its first row is the lowest here
+    occupancy = OccupancyMap(path=path, free=grid, resolution=pixel, origin=(float(low[0]), float(low[1]), 0.0))
+    line = clear_line(occupancy, find_course(occupancy))
+    if (enclosed_area(line) > 0.0) != (enclosed_area(walls[0]) > 0.0):
+        line = line[::-1]
+    return np.roll(line, -int(_nearest(walls[0][:1], line)[0]), axis=0)
 
 
 def _nearest(points: FloatArray, others: FloatArray) -> IndexArray:

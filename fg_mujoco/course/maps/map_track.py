@@ -182,7 +182,7 @@ def read_map(
         if direction is not None:
             raise TrackError(f"{path}: direction is {direction!r}, but there is no way round; accepted: none")
         return _map_scene(occupancy, course, near)
-    line = _clear_line(occupancy, course)
+    line = clear_line(occupancy, course)
     heading = 0.0 if occupancy.heading is None else occupancy.heading
     return _map_track(occupancy, course.outlines, _oriented(line, near, direction, heading))
 
@@ -287,7 +287,7 @@ def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) ->
             f"walls with a way round, or a way of {SHORTEST_WAY:.1f} m, {BEHIND:.0f} m of it behind the start and "
             f"{BEYOND:.0f} m beyond the goal"
         )
-    way = _clear_line(occupancy, course)
+    way = clear_line(occupancy, course)
     if np.hypot(*(way[-1] - start)) < np.hypot(*(way[0] - start)):
         way = way[::-1]
     length = float(np.hypot(*np.diff(way, axis=0).T).sum())
@@ -302,7 +302,7 @@ def _map_scene(occupancy: OccupancyMap, course: MapCourse, start: FloatArray) ->
     )
 
 
-def _clear_line(occupancy: OccupancyMap, course: MapCourse) -> FloatArray:
+def clear_line(occupancy: OccupancyMap, course: MapCourse) -> FloatArray:
     """Return the line of a course in the world, even and smooth, and still clear of the walls. Shape (n, 2) [m]."""
     from scipy.spatial import cKDTree
 
