@@ -22,6 +22,7 @@ from fg_mujoco.simulation.planner_failure import one_line
 
 from .graph import Graph
 from .launch_objects import Context, Lacking, LaunchImports, Made, executed, refusal
+from .ros_parameters import flat, read_ros_arguments
 from .source import data_file
 from .workspace import executable, packages
 
@@ -254,13 +255,14 @@ class LaunchFiles:
         given = named.get("arguments", ())
         self._refuse(given, place)
         arguments = [self._text(each) for each in given or () if not isinstance(each, Lacking)]
-        plain, more = _without_ros_arguments(arguments, remap)
+        called = self._text(named["name"]) if named.get("name") else None
+        given = read_ros_arguments(arguments, called, self.said)
         namespace = "/".join(each for each in (*self._namespaces, self._text(named.get("namespace") or "")) if each)
         self.nodes.append(
             Launched(
-                path=found[0], entry=found[1], name=self._text(named["name"]) if named.get("name") else None,
-                namespace=namespace.strip("/"), parameters={**parameters, **more}, parameter_files=tuple(files),
-                remap=remap, arguments=tuple(plain),
+                path=found[0], entry=found[1], name=given.name or called,
+                namespace=(given.namespace or namespace).strip("/"), parameters={**parameters, **given.parameters},
+                parameter_files=(*files, *given.files), remap={**remap, **given.remap}, arguments=given.plain,
             )
         )  # fmt: skip
 
@@ -399,36 +401,6 @@ def launched(path: Path, given: Mapping[str, Any], said: str, graph: Graph) -> L
         )
     if left:
         warnings.warn(f"{path}: left out are {left}", stacklevel=2)
-    return found
-
-
-def _without_ros_arguments(arguments: list[str], remap: dict[str, str]) -> tuple[list[str], dict[str, Any]]:
-    """Return a node's arguments without ROS's own, and the parameters that those give; remappings are added."""
-    plain: list[str] = []
-    parameters: dict[str, Any] = {}
-    of_ros = False
-    waiting = iter(arguments)
-    for each in waiting:
-        if each == "--ros-args":
-            of_ros = True
-        elif of_ros and each == "--":
-            of_ros = False
-        elif not of_ros:
-            plain.append(each)
-        elif each in ("-p", "--param", "-r", "--remap"):
-            name, _, value = next(waiting, "").partition(":=")
-            if each in ("-p", "--param"):
-                parameters[name] = plain_yaml(value)
-            else:
-                remap[name] = value
-    return plain, parameters
-
-
-def flat(values: Mapping[Any, Any], before: str = "") -> dict[str, Any]:
-    """Return nested parameters under names with dots."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        found.update(flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value})
     return found
 
 

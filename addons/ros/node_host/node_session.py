@@ -41,6 +41,7 @@ class Session:
       arguments: in its `sys.argv`, behind the file.
       namespace: of the topics that it names without one; its own where there is none.
       undeclared: parameters that it need not have.
+      given_to: returns what is given to a node of a full name, where its program names it; None: `given` is.
     """
 
     graph: Graph
@@ -51,6 +52,7 @@ class Session:
     arguments: tuple[str, ...] = ()
     namespace: str = ""
     undeclared: frozenset[str] = frozenset()
+    given_to: Callable[[str], dict[str, Any]] | None = None
     ok: bool = False
     ended: bool = False
     subscriptions: list[Subscription] = field(default_factory=list)
@@ -80,6 +82,11 @@ class Session:
             if said in self.remaps:
                 return "/" + self.remaps[said].strip("/")
         return full
+
+    def named(self, node: str, namespace: str) -> None:
+        """Take the parameters of a node of a name, which files may have for several."""
+        if self.given_to is not None:
+            self.given = self.given_to(f"{self.namespace or namespace}/{node}")
 
     def take(self, name: str, default: Any) -> Any:
         """Return the value of a parameter: the one that is given, else the default."""

@@ -29,8 +29,9 @@ from fg_mujoco.errors import ControllerError, accepted_names, missing_extra
 
 from .graph import Graph
 from .imports import read_node
-from .launch_files import flat, launched
+from .launch_files import launched
 from .message_classes import ROS1, ROS2
+from .ros_parameters import flat, read_parameters
 from .source import own_files, parse
 from .workspace import may_start
 
@@ -136,7 +137,8 @@ def start_launch_file(program: Program, given: Mapping[str, Any], said: str, gra
     for number, each in enumerate(found.nodes, start=1):
         parameters: dict[str, Any] = {}
         for parameter_file in each.parameter_files:
-            parameters.update(read_parameters(parameter_file, each.name or each.path.stem, said))
+            node = f"{each.namespace}/{each.name or each.path.stem}"
+            parameters.update(parameters_in(parameter_file, node, said))
             graph.data.add(str(parameter_file))
         try:
             nodes.append(
@@ -222,7 +224,7 @@ def _read_launch(path: Path, said: str) -> Program:
             raise ControllerError(f"{where}: parameters and remap; accepted: {{name: value}}")
         if row.get("params_file"):
             file = path.parent / str(row["params_file"])
-            parameters = {**read_parameters(file, str(row.get("name") or ""), where), **parameters}
+            parameters = {**parameters_in(file, str(row.get("name") or ""), where), **parameters}
             parts.append(b"\n# " + file.name.encode() + b"\n" + read_node(file, where))
         nodes.append(
             read_node_file(
@@ -237,29 +239,13 @@ def _read_launch(path: Path, said: str) -> Program:
     return Program(path=path, text=b"".join(parts), nodes=tuple(nodes))
 
 
-def read_parameters(path: Path, node: str, said: str) -> dict[str, Any]:
-    """Return the parameters of a node in a YAML file of ROS 2 (`node: ros__parameters: ...`) or ROS 1 (a mapping).
-
-    Args:
-      path: of the file.
-      node: name of the node; of ROS 2 the entries of other nodes are left out; empty: of all.
-      said: what wants them, for messages.
+def parameters_in(path: Path, node: str, said: str) -> dict[str, Any]:
+    """Return the parameters of a node in a file, see `read_parameters`.
 
     Raises:
-      ControllerError: it cannot be read, or is no mapping.
+      ControllerError: it cannot be read, or is no file of parameters.
     """
-    found = _yaml(path, read_node(path, said), said)
-    if not isinstance(found, dict):
-        raise ControllerError(f"{said}: {path} is no file of parameters; accepted: a mapping of names and values")
-    sections = {
-        str(key).strip("/"): value["ros__parameters"]
-        for key, value in found.items()
-        if isinstance(value, dict) and isinstance(value.get("ros__parameters"), dict)
-    }
-    if not sections:
-        return flat(found)
-    chosen = [value for key, value in sections.items() if key in ("**", node.strip("/")) or not node]
-    return {name: value for section in chosen for name, value in flat(section).items()}
+    return read_parameters(path, read_node(path, said), node, said)
 
 
 def read_arguments(given: Any, said: str) -> tuple[str, ...]:

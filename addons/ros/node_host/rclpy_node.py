@@ -123,6 +123,7 @@ class Node:
         if not session.ok:
             raise RuntimeError(f"node {node_name!r} is made before rclpy.init(), or after rclpy.shutdown()")
         name = session.name or node_name
+        session.named(name, namespace or "")
         self._fg = Inside(
             self, session, name, "/" + (namespace or "").strip("/"), NodeLogger(session.graph, name),
             Clock(session.graph), allow_undeclared_parameters,

@@ -15,7 +15,7 @@ import sys
 import warnings
 import weakref
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -41,8 +41,9 @@ from .imports import Imports, NeedsRospy
 from .message_classes import ROS1, ROS2, Definitions, message_class, require_rosbags
 from .node_session import Session
 from .other_modules import other_modules, overlays, random_overlays
-from .program import NodeFile, Program, read_arguments, read_parameters, read_program, start_launch_file
+from .program import NodeFile, Program, parameters_in, read_arguments, read_program, start_launch_file
 from .rclpy_modules import rclpy_modules
+from .ros_parameters import read_ros_arguments
 from .rospy_modules import rospy_modules
 from .rospy_times import NANOSECONDS
 from .sensing import Sensing, is_anothers
@@ -160,11 +161,16 @@ class RosPlanner:
         self._graph.spares = lambda process, error: goes_on()(process, error)  # type: ignore[misc]
         self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
-            of_file = {} if file is None else read_parameters(Path(file), node.name or "", self._said())
-            own = {**node.parameters, **of_file, **given}
+            said = read_ros_arguments(arguments or node.arguments, node.name, self._said())
+            called, namespace = said.name or node.name, (said.namespace or node.namespace).strip("/")
+            files = (*([] if file is None else [Path(file)]), *said.files)
+            self._graph.data |= set(map(str, said.files))
+            parameters = partial(_parameters_of, node.parameters, files, {**said.parameters, **given}, self._said())
             session = Session(
-                self._graph, node.path, own, {**node.remap, **remap}, node.name, arguments or node.arguments,
-                namespace=node.namespace, undeclared=frozenset(node.parameters if node.takes_all else ()),
+                self._graph, node.path, parameters(f"{namespace}/{called}" if called else ""),
+                {**node.remap, **said.remap, **remap}, called, said.plain, namespace=namespace,
+                undeclared=frozenset(node.parameters if node.takes_all else ()),
+                given_to=parameters if files and not called else None,
             )  # fmt: skip
             self._sessions.append(session)
             self._graph.start(node.name or node.class_name or node.path.stem, _starter(session, node, definitions))
@@ -298,6 +304,14 @@ class RosPlanner:
     def _line(self) -> str:
         node = self._program.nodes[0]
         return f" ({node.path}, line {node.line})" if len(self._program.nodes) == 1 else f" ({self._program.path})"
+
+
+def _parameters_of(
+    own: Mapping[str, Any], files: Sequence[Path], given: Mapping[str, Any], said: str, node: str
+) -> dict[str, Any]:
+    """Return the parameters of a node of a full name: its own, those of files, and those that are given."""
+    of_files = {name: value for file in files for name, value in parameters_in(file, node, said).items()}
+    return {**own, **of_files, **given}
 
 
 def _said(graph: Graph, program: Program) -> str:

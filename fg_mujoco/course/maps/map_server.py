@@ -304,10 +304,10 @@ def plain_yaml(text: str | bytes) -> Any:
     """
     import yaml
 
-    return yaml.load(text, _plain_loader())
+    return yaml.load(text, plain_loader())
 
 
-def _plain_loader() -> Any:
+def plain_loader() -> Any:
     """Return a loader of YAML that refuses aliases, which multiply, deep nesting, and values of many characters."""
     import yaml
 
