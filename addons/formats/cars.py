@@ -26,6 +26,7 @@ from fg_mujoco.pictures.pages.page import note, scroll, write_page
 from fg_mujoco.pictures.pages.table import Table
 from fg_mujoco.vehicle.changes import set_mu
 from fg_mujoco.vehicle.tires import Tires
+from fg_mujoco.vehicle.tires.law import GREATEST_SLIP
 from fg_mujoco.vehicle.vehicle import DEFAULT_VEHICLE, Vehicle, vehicle_names
 
 from .car_files import CarFiles, Told, files_of, is_car, read_car
@@ -44,6 +45,7 @@ _WORDS = {
 }  # fmt: skip
 _KEPT = ("track_width", "wheel_radius")  # what is not built, but the vehicle's
 _SAME = 0.01  # share within which a value is the vehicle's
+_LEAST_C, _OF_D = 0.5, 0.9  # of a Magic Formula with a peak, as `MagicFormula` takes it
 _RELAXATION, _SLIDING = 0.045, 0.7  # as in models/tires/forzaeth_nuc2.toml, which says from where
 
 
@@ -99,7 +101,7 @@ def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
     differ = {
         name: told.value
         for name, told in values.items()
-        if name in own and name not in _KEPT and not math.isclose(told.value, own[name], rel_tol=_SAME)
+        if name in own and name not in (*_KEPT, "width") and not math.isclose(told.value, own[name], rel_tol=_SAME)
     }
     where = ", ".join(dict.fromkeys(told.file for told in files.values.values()))
     tires, mu, tire_words = _tires(files, values["m"].value if "m" in values else own["m"])
@@ -107,6 +109,9 @@ def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
         built = build_vehicle(base, tuple(sorted(differ.items())), None)
         spec = built.spec()
         spec.modelname = files.name
+        if "width" in values:  # of the outline alone: masses are where the vehicle's wheels are
+            chassis = spec.geom("chassis")
+            chassis.size = (chassis.size[0], 0.5 * values["width"].value, chassis.size[2])
         if mu is not None:
             set_mu(spec, mu)
         found = Tires.load({"name": files.name, **tires}) if tires else base.tires
@@ -166,15 +171,20 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
             said = ", ".join(missing)
             raise SettingsError(f"{source}: of the Magic Formulas is not told {said}; accepted: all of them")
     else:
-        axles = {
-            axle: {"B": told[f"B{k}"], "C": told[f"C{k}"], "D": told[f"D{k}"] * (mu or 1.0), "E": told[f"E{k}"],
-                   "sliding_share": _SLIDING} | common
-            for axle, k in (("front", "f"), ("rear", "r"))
-        }  # fmt: skip
-        said = f"Magic Formulas of {source}" + ("" if mu in (None, 1.0) else f", their D times mu {mu:g}")
-        words += [said, *taken, f"force behind the peak, at least {_SLIDING:g} of it: not told"]
+        formulas = {k: (told[f"B{k}"], told[f"C{k}"], told[f"D{k}"] * (mu or 1.0), told[f"E{k}"]) for k in "fr"}
+        words.append(f"Magic Formulas of {source}" + ("" if mu in (None, 1.0) else f", their D times mu {mu:g}"))
+        peaks = {k: _greatest(*formulas[k]) for k in "fr"}
+        if all(C >= _LEAST_C and peaks[k] >= _OF_D * D for k, (_, C, D, _) in formulas.items()):
+            model = "magic_formula"
+            curves = {k: dict(zip("BCDE", formulas[k], strict=True)) | {"sliding_share": _SLIDING} for k in "fr"}
+            words += [*taken, f"force behind the peak, at least {_SLIDING:g} of it: not told"]
+        else:  # as some that were fitted to drives that never slid
+            model = "brush"
+            curves = {k: {"stiffness": B * C * D / peaks[k], "D": peaks[k]} for k, (B, C, D, _) in formulas.items()}
+            words += ["brush tires of their slopes and greatest forces, because they have no peak", *taken]
         words.append("force along the wheels as across them: not told")
-        return {"model": "magic_formula", "floor": f"not told by {source}", **axles}, None, words
+        axles = {axle: curves[axle[0]] | common for axle in ("front", "rear")}
+        return {"model": model, "floor": f"not told by {source}", **axles}, None, words
     stiffness = {name: told.get(name, math.nan) for name in ("C_Sf", "C_Sr")}
     if not any(math.isnan(value) for value in stiffness.values()):
         if all(math.isclose(value, F1TENTH[name], rel_tol=_SAME) for name, value in stiffness.items()):
@@ -196,6 +206,12 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         else f"Coulomb friction of mu {mu:g}: {files.values['mu'].name} of {files.values['mu'].file}"
     )
     return {}, mu, words
+
+
+def _greatest(B: float, C: float, D: float, E: float) -> float:  # noqa: N803 - as the formula has them
+    """Return the greatest force over the load of a Magic Formula [-]."""
+    slips = [B * GREATEST_SLIP * k / 200 for k in range(1, 201)]
+    return max(abs(D * math.sin(C * math.atan(slip - E * (slip - math.atan(slip))))) for slip in slips)
 
 
 def _toml(files: CarFiles, tires: dict[str, Any], words: Sequence[str]) -> str:

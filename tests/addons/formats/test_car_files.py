@@ -111,6 +111,12 @@ def test_tires_are_those_that_are_told(folder):
     tire = Vehicle.load("slipx").tires.front
     assert tire.lateral.slope == pytest.approx(60.0 / 8.6) and tire.load_sensitivity == 0.15
     assert (tire.relaxation_length, tire.rolling_resistance) == (0.05, 0.015)
+    flat = {"Bf": 5.54, "Cf": 0.42, "Df": 1.86, "Ef": 0.37, "Br": 6.6, "Cr": 0.56, "Dr": 1.73, "Er": 1.06, "m": 3.5}
+    write(folder, "flat.yaml", flat)  # without a peak, as a car has it that never slid
+    brush = Vehicle.load("flat.yaml").tires.front.lateral
+    assert (brush.model, brush.slope) == ("brush", pytest.approx(5.54 * 0.42 * 1.86)) and 0.9 < brush.D < 1.1
+    write(folder, "narrow.yaml", {"width": 0.2032, "m": 3.47, "lf": 0.159, "lr": 0.171})  # as ForzaETH's simulator
+    assert Vehicle.load("narrow.yaml").parameters.width == pytest.approx(0.2032)
     write(folder, "own.yaml", GYM | {"C_Sf": 4.718, "C_Sr": 5.4562})  # which every file has
     assert Vehicle.load("own.yaml").tires.model == "coulomb" and Vehicle.load("own.yaml").nominal_mu == 0.8
 
