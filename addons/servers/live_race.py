@@ -46,7 +46,7 @@ from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
 from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.addons.ros.node_host.graph import BEGIN, Graph, Subscription
 from fg_mujoco.addons.ros.node_host.message_classes import ROS2, made, message_class
-from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, TOPICS, Sensing
+from fg_mujoco.addons.ros.node_host.sensing import MAP_SERVICES, OTHERS, OWN_TO_OTHER, TOPICS, Sensing
 from fg_mujoco.errors import MessageError
 from fg_mujoco.messages import STOP, DriveCommand
 from fg_mujoco.simulation.planner_adapter import OtherCar
@@ -126,7 +126,7 @@ class LiveRace:
         self._standing: dict[str, Any] = {}
         self.published: dict[str, str] = {}
         self._sense()
-        others = [topic for names in OTHERS for topic in names]
+        others = [topic for names in OTHERS for topic in names] + [OWN_TO_OTHER]
         kinds = {topic: self._sensing.kind_of(topic) for topic in (*TOPICS, *others) if "/autodrive/" not in topic}
         self.published |= {topic: kind for topic, kind in kinds.items() if kind}
         own = _FROM_HERE if len(session.world.cars) > 1 else _OWN

@@ -95,6 +95,8 @@ OTHERS = (
     ("/opp_racecar3/odom", "/ego_racecar/opp_odom3"),
 )
 """Odometry of the other cars: the names for the first, the second and the third."""
+OWN_TO_OTHER = "/opp_racecar/opp_odom"
+"""The own car's odometry, as the first of the others knows it."""
 TAKEN_FOR = {"/scan": "", "/odom": "", "/pf/viz/inferred_pose": "pose", "/amcl_pose": ""}
 """Topics that one of another name is taken for, where a node listens to no other of the type, and what it must say."""
 _NOT_OWN = re.compile(r"opp|goal|initial")  # in names of what is another car's, or a person's
@@ -210,10 +212,12 @@ class Sensing:
                 found.update({f"/autodrive/{car}/{name}": maker for name, (_, maker) in _OF_AUTODRIVE.items()})
             for number, names in enumerate(OTHERS[:others]):
                 found.update(dict.fromkeys(names, f"other {number}"))
+            if others:
+                found[OWN_TO_OTHER] = "odometry"
             if self.opponent:  # the other car is the ego
                 found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
                 if others:
-                    found.update({"/opp_racecar/opp_odom": "other 0", "/ego_racecar/odom": "other 0"})
+                    found.update({OWN_TO_OTHER: "other 0", "/ego_racecar/odom": "other 0"})
             found = dict(sorted(found.items(), key=_rank))
             self._known = (others, self.opponent, count), found
         return self._known[1]

@@ -357,12 +357,11 @@ def _config(host: str, peers: Sequence[str]) -> str:
     except OSError as error:
         accepted = "the address of a network interface of this machine, such as 192.168.1.7"
         raise SettingsError(f"host is {host!r}, {error.strerror or error}; accepted: {accepted}") from error
-    alone = host == HOST
-    found = "".join(f'<Peer address="{peer}"/>' for peer in ((HOST, *peers) if alone or peers else ()))
-    multicast = "false" if alone else "spdp"
+    here = (HOST,) if host == HOST or peers else ()
+    found = "".join(f'<Peer address="{peer}"/>' for peer in (*here, *peers))
     return (
         f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{host}"/></Interfaces>'
-        f"<AllowMulticast>{multicast}</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+        "<AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
         f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex><SPDPInterval>500ms</SPDPInterval>"
         f"<Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
     )
