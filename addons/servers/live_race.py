@@ -87,7 +87,7 @@ _OF_OPPONENT: dict[str, tuple[str, Callable[[LiveSession], Any]]] = {
     f"/{OPPONENT}/{_COLLISION}": (_TRUTH, lambda session: bool(session.simulation.engine.crashed[1])),
 }
 _FROM_HERE = _OWN | _OF_OPPONENT
-"""Topics that are none of the node host's: type, and value of its field `data`; a time is 0 where there is none."""
+"""Topics that the node host has not, or that the session knows better: type, and value of the field `data`."""
 
 
 class LiveRace:
@@ -217,10 +217,11 @@ class LiveRace:
         session, sensing = self.session, self._sensing
         sensing.surroundings = session.simulation.engine.surroundings(0)
         kinds = {topic: kind for topic in topics if topic not in STANDING and (kind := self.published.get(topic))}
-        if [each.topic for each in self._graph.subscriptions] != list(kinds):
+        heard = [topic for topic in kinds if topic not in _FROM_HERE]
+        if [each.topic for each in self._graph.subscriptions] != heard:
             self._graph.subscriptions = [
-                Subscription(topic, message_class(kind, ROS2), lambda message: None, 1, _NODE, "")
-                for topic, kind in kinds.items()
+                Subscription(topic, message_class(kinds[topic], ROS2), lambda message: None, 1, _NODE, "")
+                for topic in heard
             ]
         sensed = dict(sensing.messages(session.scan, session.odometry))
         if _TF in sensed:
