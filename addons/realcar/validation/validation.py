@@ -23,7 +23,7 @@ from ..drives.reading import read_drives
 from ..identification.fit import require_scipy
 from .agreement import UNITS, Agreement, agreements, joined, rms, steady_task, task_of
 from .car_model import CarModel, Task
-from .unknown import unknown_parts
+from .unknown import AGREES, unknown_parts
 from .windows import (
     HOLD_SPEED,
     LENGTHS,
@@ -167,11 +167,15 @@ class Validation:
     @property
     def unknown(self) -> tuple[str, ...]:
         """Which part is not known of each drive whose yaw rate is off by more than `unknown.AGREES`."""
-        how = COMMANDS if (COMMANDS, 1.0) in self.driven else HELD
-        windows, simulated = self.driven.get((how, 1.0), ((), np.empty((0, 0, 6))))
+        windows, simulated = self.driven.get((self._how, 1.0), ((), np.empty((0, 0, 6))))
         return unknown_parts(
             self.motions, windows, simulated, rear=self.car.rear_axle_distance, grip=self.friction * self.car.gravity
         )
+
+    @property
+    def _how(self) -> str:
+        """How drives are judged: by the recorded commands, or at the recorded speed where there are none."""
+        return COMMANDS if (COMMANDS, 1.0) in self.driven else HELD
 
     def __str__(self) -> str:
         seconds = sum(drive.end - drive.start for drive in self.drives)
@@ -185,7 +189,10 @@ class Validation:
                 f"greatest lateral acceleration of steady states: recorded {recorded:.2f} m/s^2, model {model:.2f} "
                 f"({off:+.1f} %)"
             )
-        return "\n".join([*lines, *self.unknown, *self.left_out])
+        unknown, how = self.unknown, self._how
+        counted = len({window.drive for window in self.driven[how, 1.0][0]}) if (how, 1.0) in self.driven else 0
+        lines.append(f"yaw rate within {AGREES:.0%} in 1 s, {how}: {counted - len(unknown)} of {counted} drives")
+        return "\n".join([*lines, *unknown, *self.left_out])
 
 
 def validate(
