@@ -319,7 +319,7 @@ def module_of(policy: Any, normalize: Mapping[str, Any] | None, inputs: list[str
                 named[name] = torch.clamp((named[name] - mean) / std, -clip, clip)
             for name, shape in unseen.items():
                 named[name] = parts[0].new_zeros((len(parts[0]), *shape))
-            action = self.policy._predict(named if spaces else parts[0], deterministic=True)
+            action = self.policy._predict(named if spaces else named[inputs[0]], deterministic=True)
             if not self.policy.squash_output:
                 return action
             low, high = (torch.as_tensor(each) for each in (policy.action_space.low, policy.action_space.high))
