@@ -53,8 +53,6 @@ def rcl_yaml(text: str | bytes) -> Any:
     Raises:
       Exception: YAML's own; a value that is missing; a list of several types.
     """
-    import yaml
-
     class Loader(plain_loader()):  # type: ignore[misc]
         yaml_implicit_resolvers: dict[Any, Any] = {}  # noqa: RUF012
 
@@ -76,7 +74,7 @@ def rcl_yaml(text: str | bytes) -> Any:
 
     Loader.add_implicit_resolver("!rcl", re.compile(r"(?s).*"), None)
     Loader.add_constructor("!rcl", Loader.construct_rcl)
-    return yaml.load(text, Loader)  # a loader of plain values
+    return plain_yaml(text, Loader)
 
 
 def read_parameters(path: Path, text: bytes, node: str, said: str) -> dict[str, Any]:

@@ -296,15 +296,19 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return settings
 
 
-def plain_yaml(text: str | bytes) -> Any:
+def plain_yaml(text: str | bytes, loader: Any = None) -> Any:
     """Return the plain values of a YAML text, of a map or of a node's parameters.
+
+    Args:
+      text: of the YAML.
+      loader: made of `plain_loader()`; None: that one.
 
     Raises:
       Exception: YAML's own, and whatever its values' readers raise.
     """
     import yaml
 
-    return yaml.load(text, plain_loader())
+    return yaml.load(text, loader or plain_loader())
 
 
 def plain_loader() -> Any:
