@@ -159,7 +159,8 @@ class Participant:
         own, end = {self._dds_name(topic): topic for topic in topics}, time.monotonic() + wait
         while True:
             found = [each for each in self._publications.take(N=1000) if hasattr(each, "topic_name")]
-            seen = sorted({(own[each.topic_name], each.type_name) for each in found if each.topic_name in own})
+            others = [each for each in found if each.participant_key != self._participant.guid]
+            seen = sorted({(own[each.topic_name], each.type_name) for each in others if each.topic_name in own})
             if seen or time.monotonic() >= end:
                 return seen
             time.sleep(0.02)

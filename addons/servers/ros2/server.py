@@ -26,6 +26,7 @@ from .participant import Participant
 
 NODE = "fg_mujoco"
 RESET, PAUSE = "/reset", "/pause"
+_SCAN = "/scan"
 _SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
 _COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -79,12 +80,13 @@ class Ros2Server:
         )  # fmt: skip
         joined = self._participant
         self.url = f"domain {joined.domain} of ROS 2, node {joined.node}"
-        if joined.publishers(["/scan"], _LOOK_FIRST):
+        self._two = (
+            f"{_SCAN} on domain {joined.domain} has a publisher, another simulator or a robot; "
+            "accepted: another domain, --domain N, or topics below a name, --namespace NAME"
+        )
+        if joined.publishers([_SCAN], _LOOK_FIRST):
             joined.close()
-            raise SettingsError(
-                f"/scan on domain {joined.domain} has a publisher, another simulator or a robot; "
-                "accepted: another domain, --domain N, or topics below a name, --namespace NAME"
-            )
+            raise SettingsError(self._two)
         for topic, kind in self._race.published.items():
             joined.offer(topic, kind)
         self._taken = {(topic, kind) for topic, kind in taken.items()}
@@ -127,9 +129,12 @@ class Ros2Server:
 
     def _look(self, now: float) -> None:
         """See who reads and publishes; who has begun to read while time stands still gets the present moment."""
-        for topic, name in self._participant.publishers([topic for topic, _ in self._taken]):
-            self._take_type(topic, kind_of(name))
-            self._came = now
+        for topic, name in self._participant.publishers([_SCAN, *(topic for topic, _ in self._taken)]):
+            if topic == _SCAN:
+                self._log(self._two)
+            else:
+                self._take_type(topic, kind_of(name))
+                self._came = now
         fresh = self._participant.look() - set(STANDING)
         if fresh:
             self._fresh |= fresh

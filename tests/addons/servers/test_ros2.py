@@ -279,6 +279,16 @@ def test_two_simulators_need_two_namespaces_or_domains():
             until(lambda: session.simulation.time > 0.0)
 
 
+def test_a_robot_that_comes_later_is_told():
+    with served() as (_, logged):
+        peer = Peer()
+        newest(peer.reader("rt/scan", LaserScan))
+        assert not logged
+        _ = peer.writer("rt/scan", LaserScan)
+        until(lambda: logged)
+        assert "/scan on domain" in logged[0] and "has a publisher" in logged[0]
+
+
 def test_noise_on_its_ports_is_dropped():
     rng = np.random.default_rng(1)
     with served() as (session, _):
