@@ -129,7 +129,7 @@ def _open(name: str, car: CarParameters) -> Course:
     try:
         return OpenGround(seconds=float(name.removeprefix("open_ground").removeprefix(":")))
     except ValueError as error:  # of SettingsError, too
-        raise TrackError(f"{name!r} has no time; accepted: open_ground:SECONDS, as open_ground:10") from error
+        raise TrackError(f"track {name!r} has no time; accepted: open_ground:SECONDS, as open_ground:10") from error
 
 
 def _scene(name: str, car: CarParameters) -> Course:

@@ -464,7 +464,7 @@ BAD = {
     "laps": (*WHOLE, 0, 10**9), "seed": WHOLE, "obstacle_seed": WHOLE, "obstacles": (math.nan, "many", {}, -1, 0.5),
     "time_limit": (*POSITIVE, math.inf, 1e9), "decision_limit": (*POSITIVE,), "mu": (*POSITIVE, math.inf, 50.0),
     "planner_mu": (*POSITIVE, -math.inf, 50.0), "max_speed": (*POSITIVE, math.inf, 1e9),
-    "odometry_drift": (*NUMBER, math.inf, 3.0), "lidar": ("sonar", 3, []), "track": ({}, 3, b"x"),
+    "odometry_drift": (*NUMBER, math.inf, 3.0), "lidar": ("sonar", 3, []), "track": ({}, 3, b"x", "open_ground:x"),
     "vehicle": ("nobody", 3, []), "tires": ("rubber", 3), "floor": ("ice", 3), "knows": ("all", 3),
     "assist": ("some", "", 3, "full,full"),
     "sensors": (3, ["eye"]),

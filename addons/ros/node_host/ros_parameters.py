@@ -128,6 +128,8 @@ def _matches(names: Sequence[str], own: Sequence[str]) -> bool:
     if not names:
         return not own
     if names[0] == "**":
+        while names[1:2] == ("**",):  # which would be tried in all ways
+            names = names[1:]
         return any(_matches(names[1:], own[skipped:]) for skipped in range(len(own) + 1))
     return bool(own) and names[0] in ("*", own[0]) and _matches(names[1:], own[1:])
 

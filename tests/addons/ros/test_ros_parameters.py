@@ -48,6 +48,11 @@ def test_the_parameters_of_a_node_are_those_under_its_name_and_under_patterns(no
     assert found == {"speed": speed, "gains": [1.0, 0.5], "frames.base": "08"}
 
 
+def test_patterns_that_match_in_many_ways_take_no_time():
+    text = "/**" * 200 + "/wall:\n  ros__parameters: {speed: 1.0}"
+    assert read_parameters(Path("p.yaml"), text.encode(), "a/b/wall", "node") == {"speed": 1.0}
+
+
 def test_a_parameter_file_of_ros_1_is_a_mapping():
     found = read_parameters(Path("p.yaml"), b"speed: 2\nteam: {gain: ~}", "gap", "node")
     assert found == {"speed": 2, "team.gain": None}
