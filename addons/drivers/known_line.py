@@ -22,8 +22,8 @@ Dynamics 58(10), 2020, for the rounds; C. Cryer, The Solution of a Quadratic Pro
 Overrelaxation, SIAM Journal on Control 9, 1971, for the relaxation.
 
 Limits: what stands on the line behind a corner, and was not there in the first lap, is seen late: the car comes faster
-than it could stop within what it sees. A line that is sharper somewhere than 1.25 times the curvature at full lock is
-not followed at all.
+than it could stop within what it sees. So from when a moving target has been seen on, the planner drives. A line that
+is sharper somewhere than 1.08 times the curvature at full lock is not followed at all.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ _POINTS = 64  # that the car looks ahead
 _USES, _USES_WHEN_LATE = (0.93, 0.85), (0.9, 0.7)
 _NEAR_LOCK = 0.8  # share of the curvature at full lock from which on the car is slower, as it hardly can correct
 _SLOWER = 0.5  # share by which the squared speed is less at full lock
-_TOO_SHARP = 1.25  # share of the curvature at full lock: a line that is sharper somewhere is not followed
+_TOO_SHARP = 1.08  # share of the curvature at full lock: a line that is sharper somewhere is not followed
 _TURNS_FASTER = 1.35  # times the share of the grip for turning the wheels, on the line
 _TURNING_USE = 0.58  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
 _CORRECTION_USE = 0.9  # share of the limiter's cornering acceleration for coming back to the line
@@ -117,7 +117,7 @@ LINE = np.dtype(
 )
 """Type of a line, and of what is kept of it from tick to tick; zero at the beginning."""
 
-REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE)])
+REMEMBERED = np.dtype([("lap", LAP_MAP), ("line", LINE), ("among_targets", np.bool_)])
 """Type of all that is remembered of the first lap."""
 
 
@@ -535,6 +535,9 @@ def _remember(  # type: ignore[no-untyped-def]
     """Record the lap, and decide while the car is on its line; arguments as in control.stages."""
     driver, memory, reference = driven.driver, driven.memory, driven.reference
     seen, odometry = driven.scan, driven.odometry
+    own.among_targets |= memory.predictions.count > 0
+    if own.among_targets:
+        return
     see_lap(own.lap, seen, guiding, odometry, driver.car.lidar_offset)
     if not driven.decided and _is_on_line(seen, valid, odometry, driver, memory, own, reference):
         extend_path(seen, odometry, driver, memory)

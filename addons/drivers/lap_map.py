@@ -19,7 +19,7 @@ Source: F. Lu and E. Milios, Robot Pose Estimation in Unknown Environments by Ma
 Intelligent and Robotic Systems 18, 1997, and Globally Consistent Range Scan Alignment for Environment Mapping,
 Autonomous Robots 4, 1997, in which a closed loop corrects all poses.
 
-Limits: a lap has at most 512 m. Dead reckoning may be off by 1 m and 2 % of the way when the lap closes. Two places
+Limits: a lap has at most 512 m. Dead reckoning may be off by 1 m and 2 % of the way, and by .15 rad, when the lap closes. Two places
 that look the same, lie as near to each other as that, and are driven through in the same direction count as one.
 """
 
@@ -42,7 +42,8 @@ FAR = 8.0  # [m] readings from here on are not used
 _FIRST, _LAST = 4, 40  # places at which the lap may close
 _LEAST_LAP = 32  # places of a lap
 _OFF, _OFF_SHARE = 1.0, 0.02  # [m] and share of the way: how far dead reckoning may be off when the lap closes
-_TURNED = 0.6  # [rad] the same, of the heading
+_TURNED = 0.6  # [rad] of the car from a place, within which a scan is matched with it
+_HEADING_OFF = 0.15  # [rad] how far the heading of dead reckoning may be off
 _STEP = 0.05  # [m] beside each of the first places, from the second to the first time: later ones may be further off
 _CLOSING_STEPS = 20  # of matching when the lap closes
 _CLOSES = 0.7  # share of the beams that fit, from which on the lap closes
@@ -154,6 +155,8 @@ def _close(lap: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -
     if fits < _CLOSES or math.hypot(x - lap.places[first, 0], y - lap.places[first, 1]) > _STEP * first:
         return
     turn = _turn_between(lap.heading, heading)  # a lap turns by 2 pi, which is no error
+    if abs(turn) > _HEADING_OFF:  # odometry that drifts would lead the car off its line
+        return
     count = lap.count - first
     before_x, before_y = lap.places[first, 0], lap.places[first, 1]
     here_x, here_y = before_x, before_y
