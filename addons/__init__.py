@@ -8,7 +8,7 @@
     realcar   drives and bags of real cars: identify, validate, map, bags; measured floors and LiDARs
     look      the report of a run, its debug page, the live view
     formats   courses, lines and cars in the files that teams have
-    drivers   planners that follow a line of a map, remember, learn, localise themselves or overtake; racelines
+    drivers   planners that follow a line of a map, learn, localise themselves or overtake; racelines
 
 The tables below name what each provides, as "addon.module:attribute"; `fg_mujoco.registry.added` reads them. Nothing is
 imported before it is used. An add-on imports the core, and from other add-ons only what pyproject.toml lists.
@@ -51,7 +51,6 @@ NAMES = {
 PLANNERS = {
     "overtaker": "drivers.overtaker:Overtaker",
     "pure_pursuit": "drivers.pure_pursuit:PurePursuit",
-    "scout": "drivers.scout:Scout",
 }
 """Planners by name."""
 
@@ -73,7 +72,6 @@ SCENES = {
 
 STAGES = {
     "learn": "drivers.friction_learning:LEARN",
-    "remember": "drivers.known_line:REMEMBER",
 }
 """Stages of driving by the names that `assist` joins."""
 

@@ -63,19 +63,19 @@ FAULTS = {
     ),
     # the lap that is remembered, and the line through it
     "the error of the dead reckoning that is added again when a lap closes": Fault(
-        file="addons/drivers/lap_map.py",
+        file="controllers/perception/lap_map.py",
         old="shift_x, shift_y = x - here_x, y - here_y",
         new="shift_x, shift_y = here_x - x, here_y - y",
         tests="test_lap_map.py",
     ),
     "scans that are matched in the wrong direction": Fault(
-        file="addons/drivers/lap_map.py",
+        file="controllers/perception/lap_map.py",
         old="ex -= normal_x * error",
         new="ex += normal_x * error",
         tests="test_lap_map.py",
     ),
     "a line that braking follows as if the car drove straight ahead": Fault(
-        file="addons/drivers/known_line.py",
+        file="controllers/safety/known_line.py",
         old="used = square * demand / grip",
         new="used = 0.0 * demand / grip",
         tests="test_lap_map.py",

@@ -1,12 +1,13 @@
 """Races the planner that makes its own line, and compares its laps from the third on with two scales.
 
-    python benchmarks/scout.py [--track six,maps,random:0:20] [--mu 1.0489,0.66] [--controller scout]
+    python benchmarks/scout.py [--track six,maps,random:0:20] [--mu 1.0489,0.66] [--controller gap_finder]
         [--data ../shared/data] [--json FILE]
 
-Five laps at 8 m/s. The laps from the third on are compared with those of gap_finder, in the mean, and with two bounds
-of lab.lap_time_bound by the grip of the car with two tracks: that of the planner's own line, and that of the
-raceline of least time on the true map (0.1 m to the walls). The share of the own line's bound in the other's says what
-the line costs; what is left is speed and steering. `six` are the bundled circuits, and `maps` those of race_maps/.
+Five laps at 8 m/s. The laps from the third on are compared with those of gap_finder without `remember`, in the mean,
+and with two bounds of lab.lap_time_bound by the grip of the car with two tracks: that of the planner's own line, and
+that of the raceline of least time on the true map (0.1 m to the walls). The share of the own line's bound in the
+other's says what the line costs; what is left is speed and steering. `six` are the bundled circuits, and `maps` those
+of race_maps/.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ import numpy as np
 from common import parser, report, table
 
 import fg_mujoco as fg
-from fg_mujoco.addons.drivers.known_line import line_of
 from fg_mujoco.addons.drivers.racelines.grip import double_track_grip
 from fg_mujoco.addons.drivers.racelines.raceline import GripLimits, make_raceline
 from fg_mujoco.controllers.control.planner import Planner
+from fg_mujoco.controllers.safety.known_line import line_of
 from fg_mujoco.errors import FgMujocoError
 from fg_mujoco.lab.lap_time_bound import fastest_speeds, lap_time, smooth_line
 from fg_mujoco.racing.resolved import Resolved
@@ -71,7 +72,7 @@ def drive(name: str, course: str, mu: float, controller: str) -> Row:
     setup = Setup.of(course, mu=mu, controller=controller, laps=LAPS)
     planner = Resolved.of(setup).build_planners()[0]
     car = fg.race(course, planner, laps=LAPS, mu=mu).car
-    other = fg.race(course, "gap_finder", laps=LAPS, mu=mu).car
+    other = fg.race(course, "gap_finder[assist=full-remember]", laps=LAPS, mu=mu).car
     own = raceline = math.nan
     remembers = isinstance(planner, Planner) and "remember" in planner.stages
     line = line_of(planner) if remembers else np.empty((0, 2))
@@ -124,7 +125,7 @@ def main() -> None:
     add = command.add_argument
     add("--track", default="six,maps,random:0:20", metavar="NAME,...", help="six, maps, random:FIRST:END, or a course")
     add("--mu", default="1.0489,0.66", metavar="MU,...", help="of the floor, and told to the planners")
-    add("--controller", default="scout", help="as `race --controller` takes it")
+    add("--controller", default="gap_finder", help="as `race --controller` takes it")
     add("--data", type=Path, default=Path(__file__).parents[1] / "../shared/data", help="folder that has race_maps/")
     options = command.parse_args()
     warnings.simplefilter("ignore")  # of keys in a map's file that are not map_server's

@@ -2,10 +2,11 @@
 
 - control: the base classes of planners, the stages of a tick, steering, speed laws, settings;
 - perception: filters of a scan, gaps in it, targets that move, and the local map;
-- safety: predictions, guidance, braking trajectories, the safety filter, recovery and the friction limiter.
+- safety: predictions, guidance, the line of a known lap, braking trajectories, the safety filter, recovery and the
+  friction limiter.
 
 Of fg_mujoco they import messages, errors and compiled kernels, which a planner on a real car has, too. Planners that
-remember, learn, follow lines or overtake are in `addons/drivers`, which registers their stages.
+learn, follow lines or overtake are in `addons/drivers`, which registers their stages.
 
 A planner needs no entry here to be raced: `--controller path/to/file.py:ClassName` does too, and an installed package
 may register its own (entry point group `fg_mujoco.controllers`).

@@ -38,7 +38,7 @@ SCENES = {  # heads of the columns
 }  # fmt: skip
 SUMMARY = ("| oval |", "| tight |", "| Spielberg |", "| ESP |", "| random:")  # rows of the circuits that come first
 WITH_A_MAP = ("pure_pursuit",)
-OF_ADDONS = ("overtaker.py", "pure_pursuit.py", "scout.py")
+OF_ADDONS = ("overtaker.py", "pure_pursuit.py")
 
 MARKED = re.compile(r"(<!-- table (\w+): made by make figures -->\n).*?(<!-- end of table -->)", re.DOTALL)
 

@@ -33,11 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.band_program import least_on_ring
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, longitudinal_share
+from fg_mujoco.controllers.safety.least_time import fastest_lap
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine
 
-from .band_program import least_on_ring
 from .line_profile import ROOM, Y
 
 Objective = Literal["time", "curvature"]
@@ -390,111 +391,6 @@ def _room(
                         high[i] = min(high[i], aside - half)
                     elif sides[k, 0] < 0.0 and aside < sides[k, 1]:
                         low[i] = max(low[i], aside + half)
-
-
-@kernel
-def _left(table: FloatArray, lateral: float, most: float) -> tuple[float, float]:
-    """Return what a table has at a lateral acceleration [m/s^2], and its slope; beyond the last entry 0."""
-    place = lateral / most * (len(table) - 1)
-    at = int(place)
-    if at >= len(table) - 1:
-        return 0.0, 0.0
-    slope = table[at + 1] - table[at]
-    return table[at] + (place - at) * slope, slope * (len(table) - 1) / most
-
-
-@kernel
-def fastest_lap(
-    bends: FloatArray,
-    steps: FloatArray,
-    most: float,
-    accelerating: FloatArray,
-    braking: FloatArray,
-    power: float,
-    max_speed: float,
-    lock: float,
-    lock_price: float,
-    speeds: FloatArray,
-    by_bend: FloatArray,
-    by_step: FloatArray,
-) -> float:
-    """Return the time of a lap [s] and the price of curvature beyond the lock, and write speeds and derivatives.
-
-    Args:
-      bends: curvatures (n,) [1/m].
-      steps: from each point to the next (n,) [m].
-      most: of Grip, like the next four.
-      accelerating, braking, power, max_speed: of Grip.
-      lock: greatest curvature without a price [1/m].
-      lock_price: of the squared curvature beyond [s m].
-      speeds: (n,) [m/s], written to.
-      by_bend: derivative by each curvature (n,) [s m], written to.
-      by_step: derivative by each step (n,) [s/m], written to.
-    """
-    n = len(bends)
-    squared, limit = np.empty(n), np.empty(n)
-    gained, lost = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    slowest = 0
-    for i in range(n):
-        limit[i] = squared[i] = min(max_speed * max_speed, most / max(abs(bends[i]), 1e-9))
-        if limit[i] < limit[slowest]:
-            slowest = i
-    for j in range(n - 1):
-        i = (slowest + j) % n
-        ahead = (i + 1) % n
-        push = _left(accelerating, abs(bends[i]) * squared[i], most)[0]
-        reached = squared[i] + 2.0 * steps[i] * min(push, power / math.sqrt(squared[i]))
-        if reached < squared[ahead]:
-            squared[ahead], gained[ahead] = reached, True
-    forward = squared.copy()
-    for j in range(n - 1):
-        ahead = (slowest - j) % n
-        i = (ahead - 1) % n
-        reached = squared[ahead] + 2.0 * steps[i] * _left(braking, abs(bends[ahead]) * squared[ahead], most)[0]
-        if reached < squared[i]:
-            squared[i], lost[i] = reached, True
-    time = 0.0
-    by_square = np.zeros(n)
-    for i in range(n):
-        ahead = (i + 1) % n
-        here, there = math.sqrt(squared[i]), math.sqrt(squared[ahead])
-        speeds[i], by_bend[i], by_step[i] = here, 0.0, 2.0 / (here + there)
-        time += by_step[i] * steps[i]
-        by_square[i] -= steps[i] / (here + there) ** 2 / here
-        by_square[ahead] -= steps[i] / (here + there) ** 2 / there
-    for j in range(n - 2, -1, -1):  # the passes, backwards
-        ahead = (slowest - j) % n
-        i = (ahead - 1) % n
-        if lost[i]:
-            left, slope = _left(braking, abs(bends[ahead]) * squared[ahead], most)
-            twice = 2.0 * steps[i] * by_square[i]
-            by_square[ahead] += by_square[i] + twice * slope * abs(bends[ahead])
-            by_bend[ahead] += twice * slope * math.copysign(squared[ahead], bends[ahead])
-            by_step[i] += 2.0 * left * by_square[i]
-            by_square[i] = 0.0
-    for j in range(n - 2, -1, -1):
-        i = (slowest + j) % n
-        ahead = (i + 1) % n
-        if gained[ahead]:
-            push, slope = _left(accelerating, abs(bends[i]) * forward[i], most)
-            motor = power / math.sqrt(forward[i])
-            twice = 2.0 * steps[i] * by_square[ahead]
-            if motor < push:
-                by_square[i] += by_square[ahead] - 0.5 * twice * motor / forward[i]
-                push = motor
-            else:
-                by_square[i] += by_square[ahead] + twice * slope * abs(bends[i])
-                by_bend[i] += twice * slope * math.copysign(forward[i], bends[i])
-            by_step[i] += 2.0 * push * by_square[ahead]
-            by_square[ahead] = 0.0
-    for i in range(n):
-        if limit[i] < max_speed * max_speed:
-            by_bend[i] -= by_square[i] * limit[i] / bends[i]
-        beyond = abs(bends[i]) - lock
-        if beyond > 0.0:
-            time += lock_price * beyond * beyond * steps[i]
-            by_bend[i] += 2.0 * lock_price * math.copysign(beyond, bends[i]) * steps[i]
-    return time
 
 
 @lru_cache(maxsize=8)

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.controllers.control.assist import SAFE
 from fg_mujoco.controllers.control.driving import refer_to_goal
 from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, Record, setting
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
@@ -68,6 +69,7 @@ class Overtaker(GapFinder):
     """The gap finder among other cars."""
 
     Settings = OvertakerSettings
+    assists = {"full": (*SAFE, "guidance")}  # noqa: RUF012 - on a known line it would not look out for other cars
     memory_type = RACING
     hides_cars = True
 

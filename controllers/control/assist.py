@@ -3,7 +3,7 @@
     assist="none"            the planner alone, with the speed laws of its source
     assist="grip"            the same with the friction limiter
     assist="safe"            speed laws, sight, safety filter, prediction, recovery and friction limiter
-    assist="full"            the same with guidance: the default
+    assist="full"            the same with guidance and remember: the default
     assist="sight,limiter"   stages of one's own choice, in any order
     assist="full+learn"      names of stages and of assists may be joined, by a comma or by +
     assist="full-prediction" and stages may be left out
@@ -29,7 +29,7 @@ ASSISTS: Mapping[str, tuple[str, ...]] = {
     "none": (),
     "grip": ("limiter",),
     "safe": SAFE,
-    "full": (*SAFE, "guidance"),
+    "full": (*SAFE, "guidance", "remember"),
 }
 """The four assists; `none` and `grip` have the speed laws of the planner's source besides."""
 
@@ -49,6 +49,7 @@ STAGES: Registry[object] = Registry(
         "sight": f"{_DECISION}SIGHT_STAGE",
         "safety_filter": f"{_DECISION}SAFETY_FILTER_STAGE",
         "recovery": f"{_DECISION}RECOVERY_STAGE",
+        "remember": "fg_mujoco.controllers.safety.known_line:REMEMBER",
     }
     | added("STAGES"),
 )

@@ -94,9 +94,10 @@ class PlannerBatch:
         self.kept = {name: np.zeros(count, stage.own) for name, stage in stages.items()}
         has = {name: np.array([name in planner.stages for planner in planners]) for name in stages}
         for world, planner in enumerate(planners):
-            for name, (_, first) in planner.stages.items():
-                self.kept[name][world] = first[0]
-        self._first = {name: kept.copy() for name, kept in self.kept.items()}
+            for name, (stage, first) in planner.stages.items():
+                if stage.first is not None:  # else nothing is written, and takes no memory
+                    self.kept[name][world] = first[0]
+        self._first = {name: kept.copy() for name, kept in self.kept.items() if stages[name].first is not None}
         self._steps: list[tuple[Any, dict[str, NDArray[Any]]]] = []
         self._calls = np.empty((0, 2), np.int64)  # the same by address, for the arrays that were given last
         nothing, all_worlds = np.zeros(count, NO_MEMORY), np.ones(count, np.bool_)
@@ -135,7 +136,7 @@ class PlannerBatch:
         self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
         self._driven["memory"][which] = np.zeros((), DRIVING_MEMORY)
         for name, kept in self.kept.items():
-            kept[which] = self._first[name][which]
+            kept[which] = self._first[name][which] if name in self._first else np.zeros((), kept.dtype)
 
     def __call__(
         self,

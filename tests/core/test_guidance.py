@@ -75,5 +75,5 @@ def test_on_a_lap_as_short_as_its_memory_it_is_no_slower_than_without_guidance(w
     rows = [f"{2.2 * math.cos(a):.5f}, {1.6 * math.sin(a):.5f}, 0.62, 0.62" for a in angles]
     path = tmp_path / "ring.csv"
     path.write_text("# x_m, y_m, w_tr_right_m, w_tr_left_m\n" + "\n".join(rows) + "\n")
-    laps, alone = (fg.race(path, laps=4, assist=each).car.lap_times_s for each in ("full", "full-guidance"))
+    laps, alone = (fg.race(path, laps=4, assist=each).car.lap_times_s for each in ("full", "safe"))
     assert len(laps) == len(alone) == 4 and sum(laps[1:]) < 1.02 * sum(alone[1:])

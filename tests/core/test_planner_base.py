@@ -186,12 +186,12 @@ def test_a_registered_stage_changes_the_command_and_keeps_its_memory_until_a_res
 @each(
     ("planner", "assist", "stages"),
     [
-        (GapFinder, "full", {*SAFE, "guidance"}),
+        (GapFinder, "full", {*SAFE, "guidance", "remember"}),
         (GapFinder, "safe", {*SAFE}),
         (GapFinder, "grip", {*GapFinder.source_laws, "limiter"}),
         (GapFinder, "none", {*GapFinder.source_laws}),
         (GapFinder, "sight , limiter", {"sight", "limiter"}),
-        (GapFinder, "full+learn-prediction", {*SAFE, "guidance", "learn"} - {"prediction"}),
+        (GapFinder, "full+learn-prediction", {*SAFE, "guidance", "remember", "learn"} - {"prediction"}),
         (WallFollow, "full", {*SAFE, "guidance"} - {"safety_filter", "prediction", "recovery"}),
     ],
 )
@@ -207,7 +207,7 @@ def test_without_a_friction_limit_the_laws_of_the_scan_are_left_and_nothing_else
 
 
 def test_what_a_stage_keeps_is_kept_for_the_planners_that_have_it():
-    plain, remembers = GapFinder(CAR, MU), GapFinder(CAR, MU, assist="full+remember")
+    plain, remembers = GapFinder(CAR, MU, assist="safe"), GapFinder(CAR, MU)
     assert len(PlannerBatch(GapFinder, [remembers, plain]).kept["remember"]) == 2
     with pytest.raises(KeyError):
         plain.kept("remember")

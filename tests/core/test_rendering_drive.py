@@ -146,7 +146,7 @@ def test_forces_on_the_tires_are_what_moves_the_car(lap, scenery):
 
 
 PLANNERS_WITH_GAPS = (
-    "gap_finder", "scout", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
+    "gap_finder", "overtaker", "follow_the_gap", "disparity_selection", "threshold_gap", "weighted_gap"
 )  # fmt: skip
 
 

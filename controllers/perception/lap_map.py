@@ -19,8 +19,8 @@ Source: F. Lu and E. Milios, Robot Pose Estimation in Unknown Environments by Ma
 Intelligent and Robotic Systems 18, 1997, and Globally Consistent Range Scan Alignment for Environment Mapping,
 Autonomous Robots 4, 1997, in which a closed loop corrects all poses.
 
-Limits: a lap has at most 512 m. Dead reckoning may be off by 1 m and 2 % of the way, and by .15 rad, when the lap closes. Two places
-that look the same, lie as near to each other as that, and are driven through in the same direction count as one.
+Limits: a lap has at most 512 m. Dead reckoning may be off by 1 m, 2 % of the way, and .15 rad when the lap closes. Two
+places that look the same, lie as near to each other as that, and are driven through in the same direction count as one.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ import math
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.perception.scan_geometry import looks_ahead, nearest_place, period_of, sees
 from fg_mujoco.messages import FloatArray
+
+from ..control.planner_settings import Record
+from .scan_geometry import looks_ahead, nearest_place, period_of, sees
 
 PLACES = 2048  # at most
 SPACING = 0.25  # [m] of places
@@ -43,7 +44,7 @@ _FIRST, _LAST = 4, 40  # places at which the lap may close
 _LEAST_LAP = 32  # places of a lap
 _OFF, _OFF_SHARE = 1.0, 0.02  # [m] and share of the way: how far dead reckoning may be off when the lap closes
 _TURNED = 0.6  # [rad] of the car from a place, within which a scan is matched with it
-_HEADING_OFF = 0.15  # [rad] how far the heading of dead reckoning may be off
+_HEADING_OFF = 0.15  # [rad] by which dead reckoning may have turned too far
 _STEP = 0.05  # [m] beside each of the first places, from the second to the first time: later ones may be further off
 _CLOSING_STEPS = 20  # of matching when the lap closes
 _CLOSES = 0.7  # share of the beams that fit, from which on the lap closes
@@ -64,6 +65,7 @@ _TURN_COUNTS = 0.7  # [m/rad] so that the nearest place goes round a hairpin wit
 LAP_MAP = np.dtype(
     [
         ("closed", np.bool_),
+        ("drifts", np.bool_),  # dead reckoning was off by more than a lap may be: none closes any more
         ("x", np.float64),  # [m] of the rear axle, from where recording began
         ("y", np.float64),  # [m]
         ("heading", np.float64),  # [rad]
@@ -125,7 +127,7 @@ def _record(lap: Record, scan: Record, ranges: FloatArray, speed: float, lidar_o
         last = lap.places[lap.count - 1]
         if math.hypot(lap.x - last[0], lap.y - last[1]) < SPACING:
             return
-    if lap.count == PLACES or speed < 0.0:
+    if lap.count == PLACES or speed < 0.0 or lap.drifts:
         return
     place = lap.places[lap.count]
     place[0], place[1], place[2] = lap.x, lap.y, lap.heading
@@ -155,7 +157,8 @@ def _close(lap: Record, scan: Record, ranges: FloatArray, lidar_offset: float) -
     if fits < _CLOSES or math.hypot(x - lap.places[first, 0], y - lap.places[first, 1]) > _STEP * first:
         return
     turn = _turn_between(lap.heading, heading)  # a lap turns by 2 pi, which is no error
-    if abs(turn) > _HEADING_OFF:  # odometry that drifts would lead the car off its line
+    if abs(turn) > _HEADING_OFF:  # its odometry drifts; at a later place the scan might fit without that turn
+        lap.drifts = True
         return
     count = lap.count - first
     before_x, before_y = lap.places[first, 0], lap.places[first, 1]

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from cases import each
-from fg_mujoco.addons.drivers.band_program import least_on_ring, least_on_ring_into, solve_ring
+from fg_mujoco.controllers.control.band_program import least_on_ring, least_on_ring_into, solve_ring
 
 
 def program(seed, count):

@@ -34,22 +34,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fg_mujoco.compiled.kernels import kernel
-from fg_mujoco.controllers.control.decision import extend_path
-from fg_mujoco.controllers.control.holding import hold_by
-from fg_mujoco.controllers.control.planner_settings import Record
-from fg_mujoco.controllers.control.reasons import KNOWN_LINE, note
-from fg_mujoco.controllers.control.stages import Stage
-from fg_mujoco.controllers.control.steering import arc_through, late_by, saturate
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
-from fg_mujoco.controllers.perception.scan_geometry import nearest_place, sees
-from fg_mujoco.controllers.safety.friction_limiter import LIMITER, longitudinal_share
 from fg_mujoco.messages import FloatArray
 
-from .lap_map import FAR, LAP_MAP, PLACES, see_lap, tell_sides, wall_points
+from ..control.decision import extend_path
+from ..control.holding import hold_by
+from ..control.planner_settings import Record
+from ..control.reasons import KNOWN_LINE, note
+from ..control.stages import Stage
+from ..control.steering import arc_through, late_by, saturate
+from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
+from ..perception.lap_map import FAR, LAP_MAP, PLACES, see_lap, tell_sides, wall_points
+from ..perception.scan_geometry import nearest_place, sees
+from .friction_limiter import LIMITER, longitudinal_share
 from .least_time import quicken
 
 if TYPE_CHECKING:
-    from fg_mujoco.controllers.control.planner import Planner
+    from ..control.planner import Planner
 
 RADIUS = 4  # column of the line after those of control.tracking: the greatest speed squared over `lateral` [m]
 DEMAND = 5  # column: the acceleration that the tires hold while the car brakes, over the speed squared [1/m]

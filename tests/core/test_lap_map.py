@@ -8,7 +8,11 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, lines, seen_from
-from fg_mujoco.addons.drivers.known_line import (
+from fg_mujoco.controllers.control.driving import REFERENCE
+from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
+from fg_mujoco.controllers.perception.lap_map import see_lap
+from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
+from fg_mujoco.controllers.safety.known_line import (
     DEMAND,
     RADIUS,
     REMEMBERED,
@@ -18,10 +22,6 @@ from fg_mujoco.addons.drivers.known_line import (
     shape_line,
     speed_on,
 )
-from fg_mujoco.addons.drivers.lap_map import see_lap
-from fg_mujoco.controllers.control.driving import REFERENCE
-from fg_mujoco.controllers.control.tracking import CURVATURE, HEADING, X, Y
-from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter, held_on_circle
 from fg_mujoco.messages import ODOMETRY
 from scan_worlds import CAR
 
@@ -177,7 +177,7 @@ def test_something_new_on_the_line_is_seen(away):
 
 def test_laps_after_the_first_are_faster_and_no_tire_slides():
     """Without `remember` laps 2 and 3 take 21.1 s."""
-    car = fg.race("tight", "gap_finder[assist=full+remember]", laps=3, mu=0.66).car
+    car = fg.race("tight", "gap_finder", laps=3, mu=0.66).car
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01
