@@ -6,7 +6,7 @@
 races are driven, all with the default settings unless the group says otherwise:
 
 - circuits: gap_finder, five laps, on the bundled circuits, on the real ones of `--data` and on random:0 to random:19;
-- planners: every planner, five laps, on the bundled circuits;
+- planners: every planner, five laps, on the bundled circuits, without `remember`: all of them would drive one line;
 - scenes: every planner in every scene, ten seeds;
 - speeds: every planner in two scenes at six greatest speeds, five seeds;
 - thresholds: threshold_gap with five thresholds, two laps, on the bundled circuits.
@@ -81,7 +81,7 @@ def drive(data: Path, runs: Path, workers: int) -> dict[str, Any]:
     scenes = successes(group("scenes", track=[f"scene:{name}" for name in fg.scene_names()], seed=range(10)))
     return {
         "circuits": by_controller(circuits)["gap_finder"],
-        "planners": by_controller(group("planners", track=BUNDLED)),
+        "planners": by_controller(group("planners", track=BUNDLED, assist="full-remember")),
         "scenes": {name: {scene: speeds["8"] for scene, speeds in found.items()} for name, found in scenes.items()},
         "speeds": successes(group("speeds", track=SPEED_SCENES, max_speed=SPEEDS, seed=range(5))),
         "thresholds": by_controller(group("thresholds", thresholds, track=BUNDLED, laps=2)),
