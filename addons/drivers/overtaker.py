@@ -30,7 +30,14 @@ from fg_mujoco.controllers.control.planner_settings import FROM_ZERO, POSITIVE, 
 from fg_mujoco.controllers.gap_finder import GapFinder, GapFinderSettings
 from fg_mujoco.controllers.perception.intermediate_scans import IntermediateScans, keep
 from fg_mujoco.controllers.perception.scan_geometry import sees
-from fg_mujoco.controllers.safety.predictions import MOST_CARS, draw_disc, place_of, separate, track, write_predictions
+from fg_mujoco.controllers.safety.predictions import (
+    MOST_CARS,
+    hide_targets,
+    place_of,
+    separate,
+    track,
+    write_predictions,
+)
 from fg_mujoco.messages import FloatArray, Reading
 
 from .other_cars import WIDEST, follow_told, is_told, read_told, watch_cars
@@ -112,9 +119,8 @@ class Overtaker(GapFinder):
                     if among:
                         keep(clear, without)
                     if moves and leave_cars_out(memory.seen, predictions):
-                        separate(scan[0], without, clear, odometry[world].speed, predictions)
-                        separate(scan[0], drawn, clear, odometry[world].speed, predictions)
-                        keep(clear, without)
+                        separate(scan[0], without, clear, predictions)
+                        hide_targets(predictions.targets, drawn)
                     if among and driver.prediction:
                         predict_cars(memory, driver.car, settings.braking, predictions)
                     keep(scans.filtered, drawn)
@@ -265,3 +271,17 @@ def _draw_car(
     for place in range(-1, 2):
         x, y = ahead + place * reach * math.cos(heading), left + place * reach * math.sin(heading)
         draw_disc(scan, ranges, x, y, radius)
+
+
+@kernel
+def draw_disc(scan: Record, ranges: FloatArray, ahead: float, left: float, radius: float) -> None:
+    """Draw a disc into a scan (n,) [m], by its radius and its place ahead and to the left of the LiDAR [m]."""
+    far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
+    half = math.asin(min(radius / max(far, 1.0001 * radius), 1.0))
+    first = math.ceil((bearing - half - scan.angle_min) / scan.angle_increment)
+    end = math.floor((bearing + half - scan.angle_min) / scan.angle_increment) + 1
+    for beam in range(max(first, 0), min(end, len(ranges))):
+        away = scan.angle_min + scan.angle_increment * beam - bearing
+        side = far * math.sin(away)
+        near = far * math.cos(away) - math.sqrt(max(radius * radius - side * side, 0.0))
+        ranges[beam] = min(ranges[beam], max(near, 0.02))

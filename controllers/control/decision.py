@@ -4,7 +4,7 @@ A planner gives a reference: a steering angle, a greatest speed, and the bearing
 the same for all planners, as far as they have the stages (assist), each of which is named here:
 
 1. `mean_range`: the law of the mean range towards the goal lowers the speed (speed).
-2. `prediction`: what moves is tracked, and the safety filter keeps out of where it may be (predictions).
+2. `prediction`: what moves is tracked (predictions); near it 6 is a plan in time, or what keeps out of where it may be.
 3. `guidance`: a reference that leads into a pocket, or back, is replaced by one that leads on. While guidance turns the
    car in several moves, only 8 applies.
 4. `distance_ahead`, `friction_law`: the speed is lowered by the distance straight ahead, and to v = sqrt(g mu b /
@@ -29,9 +29,10 @@ from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
 from ..safety.guidance import guide, path_ahead
-from ..safety.predictions import foresee, turned
+from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
+from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
-from ..safety.safety_filter import least_cornering, passing_steering, safe_steering
+from ..safety.safety_filter import least_cornering, safe_steering
 from .holding import hold, read_speedometer
 from .planner_settings import Record
 from .reasons import (
@@ -45,6 +46,7 @@ from .reasons import (
     MOVES,
     NO_PLAN,
     NO_REFERENCE,
+    PLAN_IN_TIME,
     PLANNER,
     RECOVERY,
     SAFETY_FILTER,
@@ -58,7 +60,8 @@ from .speed import distance_ahead_speed, friction_speed
 from .stages import Stage
 from .steering import saturate
 
-_ONWARDS = 3.0  # [m/s] with which the car may go on past a target where its reference is slower
+_ONWARDS = 3.0  # [m/s] with which the car may go on among targets where its reference is slower
+_NO_MOVES = 2.0  # [m] from a target the car does not turn in moves
 _BESIDE = 0.06  # [rad] of steering from the reference, within which a direction is driven as fast as the reference
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
@@ -67,7 +70,7 @@ _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 def predict(  # type: ignore[no-untyped-def]
     scan, valid, guiding, clear, driven, lines, trajectories, own, command
 ):
-    """Track what moves, and draw it into the scan where it may be; arguments as in stages."""
+    """Track what moves, and take it out of the scan; arguments as in stages."""
     foresee(scan, valid, clear, driven.odometry, driven.driver, driven.memory.predictions)
 
 
@@ -102,6 +105,9 @@ def guide_reference(  # type: ignore[no-untyped-def]
     scan, turning = driven.scan, memory.guidance.turning
     if memory.predictions.count > 0:
         turning.slow = 0  # what is in the way moves on
+        for row in memory.predictions.rows[: memory.predictions.count]:
+            if math.hypot(row[X], row[Y]) < _NO_MOVES:
+                turning.active = False
     own_reference = (reference.steering_angle, reference.speed, reference.bearing, reference.distance)
     guide(scan, guiding, odometry, driver.limiter, driver.guidance_settings, memory.guidance, reference)
     if reference.places > 0:
@@ -169,7 +175,7 @@ def drive_filtered(  # type: ignore[no-untyped-def]
     extend_path(scan, odometry, driver, memory)
     command[0], command[1] = _drive_filtered(
         scan, widened, odometry, driver, memory, reference.steering_angle, speed, _in_sight(driven, widened, table),
-        predictions, table.radius, reference.lane[: reference.places],
+        predictions, table.radius, reference.lane[: reference.places], reference.bearing, reference.distance,
     )  # fmt: skip
 
 
@@ -275,6 +281,8 @@ def _drive_filtered(
     predictions: FloatArray,
     radius: float,
     lane: FloatArray,
+    bearing: float,
+    distance: float,
 ) -> tuple[float, float]:
     """Return the command for a reference that passes the safety filter, or for the direction that the filter chooses.
 
@@ -282,7 +290,7 @@ def _drive_filtered(
     hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too.
     In another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it
     brakes: on a motion that it follows it stays on that motion, else it takes the direction that the filter chooses.
-    Where it stands and no direction is free it reverses, and tries again.
+    Where it stands and no direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
 
     Args:
       scan: of type SCAN.
@@ -293,9 +301,11 @@ def _drive_filtered(
       steering_angle: of the reference [rad].
       speed: of the reference, by the speed laws [m/s].
       in_sight: from which the car stops within what it sees [m/s].
-      predictions: of targets that move (k, 10), see safety.predictions.
+      predictions: of targets that move (k, 12), see safety.predictions.
       radius: of the disc over the car's front [m].
       lane: motion (m, 4) on which the car stays beside another one; m may be 0.
+      bearing: of the reference's goal [rad].
+      distance: of that goal [m].
     """
     angle, now, car = odometry.steering_angle, odometry.speed, driver.car
     limiter, settings, history, period = driver.limiter, driver.filter_settings, memory.history, period_of(scan)
@@ -311,12 +321,33 @@ def _drive_filtered(
     reference_speed = speed if knows_speed else min(speed, max(in_sight, settings.crawl_speed))
     if not knows_speed:
         note(memory.reasons, SIGHT, steering_angle, reference_speed)
+    among = memory.predictions.cars > 0
+    if not among and is_among(predictions):
+        may_back_off = driver.recovery and abs(now) < 1.2 and now < 0.3 and history.known > 0
+        seen, onwards = memory.predictions.targets, max(reference_speed, min(_ONWARDS, driver.max_speed))
+        pose = (float(seen.x), float(seen.y), seen.heading + (memory.course.angle if limiter.slip.soft else 0.0))
+        what, planned, planned_speed = plan_in_time(
+            limiter, memory.limiter, settings, memory.plan, pose, widened, scan.angle_min, scan.angle_increment,
+            bearing, distance, onwards, angle, now, period, predictions, radius, guidance.way, may_back_off,
+        )  # fmt: skip
+        memory.kept = False
+        if what == BACKS_OFF:
+            memory.plan.backed += max(-now, 0.0) * period
+            history.stood = 0.0
+            back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
+            note(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
+            return hold(scan, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
+        if now > 0.5:
+            memory.plan.backed = 0.0
+        if what == DRIVES:
+            note(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
+            return hold(scan, odometry, driver, memory, planned, planned_speed, 1.0)
+        predictions, reference_speed = predictions[:0], 0.0
     safe, use, found = safe_steering(
         limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, reference_speed,
         angle, now, period, path, memory.kept, predictions, radius, guidance.way,
     )  # fmt: skip
     memory.kept = found and safe == reference
-    among = memory.predictions.cars > 0
     if among and not memory.kept:
         without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
@@ -332,15 +363,6 @@ def _drive_filtered(
                     now, period, path, use_without, predictions, radius, guidance.way,
                 )  # fmt: skip
             return hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
-    if len(predictions) > 0 and not memory.kept and not among:
-        onwards = max(reference_speed, min(_ONWARDS, driver.max_speed))
-        past, use_past, passes = passing_steering(
-            limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference,
-            onwards, angle, now, period, path, predictions, radius, guidance.way,
-        )  # fmt: skip
-        if passes:
-            note(memory.reasons, SAFETY_FILTER, past, onwards)
-            return hold(scan, odometry, driver, memory, past, onwards, use_past)
     stands = abs(now) < settings.standing_speed
     leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.way.found
     if driver.recovery and reverses(history, driver.recovery_settings, stands, leads_on, waits, period):

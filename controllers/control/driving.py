@@ -20,6 +20,7 @@ from fg_mujoco.messages import ODOMETRY, CarParameters, FloatArray, require
 from ..perception.scan_geometry import SCAN
 from ..safety.friction_limiter import LIMITER, LIMITER_MEMORY, FrictionLimiter
 from ..safety.guidance import GUIDANCE, GuidanceSettings
+from ..safety.plan_in_time import PLAN_IN_TIME
 from ..safety.predictions import MOST_LATE, PREDICTIONS
 from ..safety.recovery import PATH_HISTORY, RecoverySettings
 from ..safety.safety_filter import SafetyFilterSettings
@@ -123,6 +124,7 @@ DRIVING_MEMORY = np.dtype(
         ("speedometer", SPEEDOMETER),
         ("course", COURSE),
         ("predictions", PREDICTIONS),
+        ("plan", PLAN_IN_TIME),
         ("kept", np.bool_),  # whether the reference passed the safety filter
         ("reasons", *REASONS),  # of the last decision; written, and never read
     ]

@@ -18,7 +18,7 @@ from fg_mujoco.compiled.kernels import inlined
 from fg_mujoco.messages import FloatArray
 
 MAXIMUM, PLANNER, LAST_PLAN, NO_PLAN, MEAN_RANGE, GUIDANCE, MOVES, KNOWN_LINE, NO_REFERENCE, AHEAD = range(10)
-LAW, AFTER_RECOVERY, SIGHT, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 19)
+LAW, AFTER_RECOVERY, SIGHT, PLAN_IN_TIME, SAFETY_FILTER, RECOVERY, LOCK, GRIP, TRANSIENTS, SPEEDOMETER = range(10, 20)
 
 _STEPS = (
     ("maximum speed", "the fastest that the planner may command"),
@@ -34,6 +34,7 @@ _STEPS = (
     ("friction law", "v = sqrt(g mu b / tan|d|) of the steering angle, and nothing besides"),
     ("after recovery", "slow, after the car has reversed"),
     ("sight", "the car can stop within what it sees"),
+    ("plan in time", "among what moves: a motion that meets nothing, or meets it latest; the car may back off"),
     ("safety filter", "the simulated stop after the reference has to be free; else another direction, or brakes"),
     ("recovery", "the car stands without a frontier, and reverses along its path"),
     ("steering lock", "the car's greatest steering angle"),

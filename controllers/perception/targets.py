@@ -8,11 +8,13 @@
    seen under the same angle at its least range. The middle of the ends does not go round a box or a cylinder when the
    car does. The least of many noisy beams is too short, so where there is noise the ranges are averaged first, over an
    eighth of the cluster at most. An end in front of farther ground belongs to the thing itself; one beside nearer
-   ground is the edge of a shadow, and says nothing of motion.
+   ground is the edge of a shadow, and says nothing of motion. Of a thing that is partly hidden the end is where it is
+   seen itself, as the part in cover may be the nearest.
 3. Clusters are followed from scan to scan in a frame that stands still, by dead reckoning. A Kalman filter with
    constant velocity, whose covariance is the same for x and y, is fed with the mean innovation of the ends that belong
    to the thing. So a thing that comes out of cover is measured by the end that leads. Innovations against the velocity
-   are summed up (CUSUM): a slow thing that turns back is noticed after some scans, and its velocity is measured anew.
+   are summed up (CUSUM): a thing that turns back is noticed after some scans. Its velocity is turned round then, and
+   the place is kept, because it will turn there again.
 4. A target moves if its velocity is `_CERTAIN` standard deviations from zero, faster than an odometry error of `_DRIFT`
    makes standing things appear, and if the scans of the last 0.4 s agree: where it is now, one saw past, or where it
    was, one sees past now. What only changes its outline, as a wall's end does when the car turns round it, never
@@ -60,6 +62,7 @@ _FIRST_SPEED = 2.0  # [m/s] the same, of the velocity of a new one
 _MISFIT = 9.0  # squared innovation over its variance; at the second in turn the velocity is uncertain again
 _TURNED = 3.0  # standard deviations: sum of innovations against the velocity, from which on it has turned
 _ALLOWED = 0.5  # the same, of each innovation, that is not counted
+_UNCERTAIN = 0.3  # of its speed is the standard deviation of one that has turned back
 _CERTAIN = 4.0  # standard deviations
 _LEAST_SPEED = 0.25  # [m/s]
 _DRIFT = 0.06  # share by which odometry may err
@@ -96,6 +99,8 @@ TARGET = np.dtype(
         ("size", np.float64),  # [m] greatest radius that was seen
         ("first", np.int64),  # beam of the last sighting,
         ("end", np.int64),  # and the one behind the last
+        ("turns", np.int64),  # times that it was seen to turn back
+        ("turned", np.float64, (2, 2)),  # x and y [m] of the last two places where it did
     ]
 )
 SNAPSHOT = np.dtype(
@@ -239,13 +244,17 @@ def _is_cluster(
     half, radius, of_range = math.sin(0.5 * turn), 0.0, noise
     if own_right and own_left:
         radius, of_range = least * half / (1.0 - half), noise / (1.0 - half)
-    away, bearing = least + radius, memory.heading + bearing_of(scan, first)
+    away_right = away_left = least + radius
+    bearing = memory.heading + bearing_of(scan, first)
     between, outline = least * scan.angle_increment, _OUTLINE * least * turn * turn
+    if not (own_right and own_left):
+        away_right, away_left = right, left
+        outline = abs(left - right) / (end - 1 - first)
     found.variance = _RANGE_NOISE * _RANGE_NOISE + of_range * of_range + between * between / 12.0 + outline * outline
-    found.ends[RIGHT, 0] = memory.x + away * math.cos(bearing)
-    found.ends[RIGHT, 1] = memory.y + away * math.sin(bearing)
-    found.ends[LEFT, 0] = memory.x + away * math.cos(bearing + turn)
-    found.ends[LEFT, 1] = memory.y + away * math.sin(bearing + turn)
+    found.ends[RIGHT, 0] = memory.x + away_right * math.cos(bearing)
+    found.ends[RIGHT, 1] = memory.y + away_right * math.sin(bearing)
+    found.ends[LEFT, 0] = memory.x + away_left * math.cos(bearing + turn)
+    found.ends[LEFT, 1] = memory.y + away_left * math.sin(bearing + turn)
     found.own[RIGHT], found.own[LEFT] = own_right, own_left
     found.radius, found.distance, found.first, found.end, found.taken = radius, least, first, end, False
     return True
@@ -291,7 +300,10 @@ def _follow(
     if ends == 0:  # only edges of shadows: it is there, and its motion is not seen
         noise *= 100.0
     sum_of_both = target.p_place + noise
-    change = _change_of_speed(target, dx, dy, ends, sum_of_both)
+    change, turned = _change_of_speed(target, dx, dy, ends, sum_of_both)
+    if turned:
+        _turn_back(target, cluster, dx, dy)
+        dx = dy = 0.0
     if change > 0.0:
         target.p_place += 0.5 * (dx * dx + dy * dy)
         target.p_speed += change * change
@@ -318,8 +330,24 @@ def _follow(
 
 
 @kernel
-def _change_of_speed(target: Record, dx: float, dy: float, ends: int, variance: float) -> float:
-    """Return by how much a target may have changed its velocity [m/s]; 0: its innovations do not say that it has."""
+def _turn_back(target: Record, cluster: Record, dx: float, dy: float) -> None:
+    """Turn the velocity of a target round where it is seen now, which is dx, dy [m] from where it was expected."""
+    target.vx, target.vy = -target.vx, -target.vy
+    place = target.turns % 2
+    for axis in range(2):
+        target.turned[place, axis] = 0.5 * (cluster.ends[RIGHT, axis] + cluster.ends[LEFT, axis])
+    target.turns += 1
+    for end in range(2):
+        target.ends[end, 0] += dx
+        target.ends[end, 1] += dy
+
+
+@kernel
+def _change_of_speed(target: Record, dx: float, dy: float, ends: int, variance: float) -> tuple[float, bool]:
+    """Return by how much a target may have changed its velocity [m/s], and whether it has turned back.
+
+    The first is 0 where its innovations do not say that it has.
+    """
     speed = math.hypot(target.vx, target.vy)
     if speed < _LEAST_SPEED or target.age <= _LEAST_AGE:
         target.against = 0.0
@@ -327,14 +355,14 @@ def _change_of_speed(target: Record, dx: float, dy: float, ends: int, variance: 
         against = -(dx * target.vx + dy * target.vy) / (speed * math.sqrt(variance))
         target.against = max(target.against + against - _ALLOWED, 0.0)
     target.misfits = target.misfits + 1 if dx * dx + dy * dy > 2.0 * _MISFIT * variance else 0
-    change = 0.0
-    if target.misfits >= 2:
+    change, turned = 0.0, target.against > _TURNED
+    if turned:
+        change = _UNCERTAIN * speed
+    elif target.misfits >= 2:
         change = 0.5 * _FIRST_SPEED
-    elif target.against > _TURNED:
-        change = speed
     if change > 0.0:
         target.misfits, target.against = 0, 0.0
-    return change
+    return change, bool(turned)
 
 
 @kernel
@@ -476,7 +504,7 @@ def _begin(targets: Record, cluster: Record) -> None:
             target.vx = target.vy = target.unseen = target.still = 0.0
             target.p_place, target.p_mixed = cluster.variance, 0.0
             target.p_speed = _FIRST_SPEED * _FIRST_SPEED
-            target.misfits = target.evidence = 0
+            target.misfits = target.evidence = target.turns = 0
             target.against = 0.0
             target.moves = False
             return

@@ -2,17 +2,13 @@
 
 A target is a disc that goes on along the line of its velocity. At a time t it is somewhere between two places on this
 line: as far as it comes if it holds its speed, and where it is if it begins to brake now. Both grow apart by the
-uncertainty of its speed. Where the line meets what stands, the target stays there or turns back at the same speed.
+uncertainty of its speed. Where the line meets what stands, or where the target was seen to turn back, it stays there or
+turns back at the same speed.
 
-From these the scans are made that a planner decides by (`foresee`, `separate`):
-
-clear   the beams that end on targets are lengthened to what is next to them. The safety filter simulates its stops in
-        this scan, and compares each place of the stop with each target at the time when the car is there. The speed by
-        sight is of this scan, too.
-seen    the same, with each target drawn where it may be when the car could be as far away. The planner, guidance and
-        the other speed laws have this scan: they go past a target on the side where it will not be, or wait.
-
-Without a target that moves both are the LiDAR's scan, to the last bit.
+The beams that end on targets are lengthened to what is next to them (`foresee`, `separate`): the planner, guidance, the
+speed laws and the stops of the safety filter have a scan of what stands. These stops are compared with each target at
+the time when the car is there, and near a target the car drives by a plan in time (plan_in_time). Without a target that
+moves the scan is that of the LiDAR, to the last bit.
 
 Source: for the two ends of the interval, S. Shalev-Shwartz, S. Shammah and A. Shashua, On a Formal Model of Safe and
 Scalable Self-driving Cars, arXiv 1708.06374; for stops among moving things, D. Fox, W. Burgard and S. Thrun, as in
@@ -44,7 +40,10 @@ MOST_ROWS = MOST_TARGETS + 3 * MOST_CARS
 MOST_LATE = 16
 """Ticks from which on scans are too late to be compared with."""
 
-X, Y, COS, SIN, SPEED, RADIUS, TO_WALL, BRAKING, SPREAD, CURVATURE = range(10)  # columns of a prediction
+# columns of a prediction
+X, Y, COS, SIN, SPEED, RADIUS, TO_WALL, BRAKING, SPREAD, CURVATURE, FROM_WALL, TURNS = range(12)
+
+_COLUMNS = 12
 
 _BRAKING = 6.0  # [m/s^2] of a target that drives in the car's direction
 _SLOWING = 0.3  # [1/s] share of its speed that a target which crosses loses in a second
@@ -52,10 +51,7 @@ _MARGIN = 0.06  # [m] round a target
 _LEAST_RADIUS = 0.1  # [m]
 _FARTHEST_WALL = 4.0  # [m] along its line, to which what stands there is looked for
 _ALONG = 0.1  # [m] between the places where that is done
-_HORIZON, _STEPS = 2.4, 24  # [s] for which targets are drawn, in so many steps
-_FASTER = 3.0  # [m/s^2] by which the car may gain speed on its way to a target
-_SLOWLY = 0.8  # [m/s^2] the same, at least
-_SLOWER = 0.65  # of its speed, with which it may come there
+_ON_LINE = 0.3  # [m] from a target's line, at which a place where it turned lies on it
 WAIT, WAITS = 0.4, 4  # [s] for which a car that has stopped should not be met, in so many steps
 
 PREDICTIONS = np.dtype(
@@ -68,8 +64,9 @@ PREDICTIONS = np.dtype(
         ("count", np.int64),
         ("cars", np.int64),  # how many of them, at the end, are of cars that a planner follows by its own rules
         # middle, ahead and left of the LiDAR [m], cosine and sine of its course, speed [m/s], radius [m], way to what
-        # stands [m], braking [m/s^2], uncertainty of the speed [m/s] and curvature of its path [1/m]
-        ("rows", np.float64, (MOST_ROWS, 10)),
+        # stands [m], braking [m/s^2], uncertainty of the speed [m/s], curvature of its path [1/m], way back to what
+        # stands [m], and at how many ends of its way it was seen to turn
+        ("rows", np.float64, (MOST_ROWS, _COLUMNS)),
     ]
 )
 """Type of what is kept from tick to tick; zero at the beginning."""
@@ -82,7 +79,7 @@ def foresee(
     """Predict and separate the targets; return whether one moves. Without one neither scan is written to."""
     moves = predict(scan, seen, odometry, driver, memory)
     if moves:
-        separate(scan, seen, clear, odometry.speed, memory)
+        separate(scan, seen, clear, memory)
     return moves
 
 
@@ -153,23 +150,25 @@ def write_predictions(memory: Record) -> bool:
 
 
 @kernel
-def separate(scan: Record, seen: FloatArray, clear: FloatArray, speed: float, memory: Record) -> None:
-    """Write the scan without targets, and draw them where they may be when the car could be there.
+def separate(scan: Record, seen: FloatArray, clear: FloatArray, memory: Record) -> None:
+    """Take the targets out of a scan, copy it, and write how far each of them can go on and back.
 
     Args:
       scan: of type SCAN.
       seen: readings (n,) [m], written to.
-      clear: (n,) [m], written to.
-      speed: of the car [m/s].
-      memory: of type PREDICTIONS; the ways to what stands are written to.
+      clear: (n,) [m], written to: the same.
+      memory: of type PREDICTIONS, written to.
     """
     hide_targets(memory.targets, seen)
     for beam in range(len(seen)):
         clear[beam] = seen[beam]
-    for k in range(memory.count):
-        memory.rows[k, TO_WALL] = _way_to_wall(scan, clear, memory.rows[k])
-    for k in range(memory.count):
-        _draw(scan, seen, memory.rows[k], max(speed, 0.0))
+    k = 0
+    for target in memory.targets.targets:
+        if target.age > 0 and target.moves:
+            memory.rows[k, TO_WALL] = _way_to_wall(scan, clear, memory.rows[k], 1.0)
+            memory.rows[k, FROM_WALL] = _way_to_wall(scan, clear, memory.rows[k], -1.0)
+            _end_where_it_turned(memory.targets, target, memory.rows[k])
+            k += 1
 
 
 @kernel
@@ -216,7 +215,7 @@ def meets(rows: FloatArray, ahead: float, left: float, radius: float, time: floa
     """Return whether a disc at a place [m] could touch a target at a time [s].
 
     Args:
-      rows: predictions (k, 10).
+      rows: predictions (k, 12).
       ahead: of where the LiDAR is now.
       left: the same.
       radius: [m].
@@ -239,7 +238,7 @@ def meets(rows: FloatArray, ahead: float, left: float, radius: float, time: floa
 
 @kernel
 def turned(memory: Record, angle: float) -> FloatArray:
-    """Return the predictions (k, 10) in a frame that is turned to the left by an angle [rad] round the LiDAR."""
+    """Return the predictions (k, 12) in a frame that is turned to the left by an angle [rad] round the LiDAR."""
     rows: FloatArray = memory.rows[: memory.count].copy()
     if angle != 0.0:
         cos, sin = math.cos(angle), math.sin(angle)
@@ -251,11 +250,14 @@ def turned(memory: Record, angle: float) -> FloatArray:
 
 
 @kernel
-def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray) -> float:
-    """Return how far a target can go along its line before its rim touches a standing thing [m]; inf: there is none."""
+def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray, sign: float) -> float:
+    """Return how far a target can go before its rim touches a standing thing [m]; inf: there is none.
+
+    It goes on along its line where `sign` is 1, and back where it is -1.
+    """
     for step in range(int(_FARTHEST_WALL / _ALONG) + 1):
         way = row[RADIUS] - _MARGIN + step * _ALONG
-        ahead, left = row[X] + way * row[COS], row[Y] + way * row[SIN]
+        ahead, left = row[X] + sign * way * row[COS], row[Y] + sign * way * row[SIN]
         beam = nearest_place(scan.angle_min, scan.angle_increment, ahead, left)
         if not 0.0 <= beam < len(clear):
             return math.inf
@@ -265,32 +267,15 @@ def _way_to_wall(scan: Record, clear: FloatArray, row: FloatArray) -> float:
 
 
 @kernel
-def _draw(scan: Record, ranges: FloatArray, row: FloatArray, speed: float) -> None:
-    """Draw a target into a scan (n,) [m] at all places where a car of this speed [m/s] could meet it."""
-    radius = row[RADIUS]
-    for step in range(_STEPS + 1):
-        time = step * _HORIZON / _STEPS
-        soonest = speed * time + 0.5 * _FASTER * time * time
-        latest = _SLOWER * speed * time + 0.5 * _SLOWLY * time * time
-        near, far = interval(row, time)
-        places = int((far - near) / radius) + 1
-        for place in range(places + 1):
-            way = near + (far - near) * place / places
-            ahead, left = row[X] + way * row[COS], row[Y] + way * row[SIN]
-            distance = math.hypot(ahead, left)
-            if latest - radius <= distance <= soonest + 2.0 * radius:
-                draw_disc(scan, ranges, ahead, left, radius)
-
-
-@kernel
-def draw_disc(scan: Record, ranges: FloatArray, ahead: float, left: float, radius: float) -> None:
-    """Draw a disc into a scan (n,) [m], by its radius and its place ahead and to the left of the LiDAR [m]."""
-    far, bearing = math.hypot(ahead, left), math.atan2(left, ahead)
-    half = math.asin(min(radius / max(far, 1.0001 * radius), 1.0))
-    first = math.ceil((bearing - half - scan.angle_min) / scan.angle_increment)
-    end = math.floor((bearing + half - scan.angle_min) / scan.angle_increment) + 1
-    for beam in range(max(first, 0), min(end, len(ranges))):
-        away = scan.angle_min + scan.angle_increment * beam - bearing
-        side = far * math.sin(away)
-        near = far * math.cos(away) - math.sqrt(max(radius * radius - side * side, 0.0))
-        ranges[beam] = min(ranges[beam], max(near, 0.02))
+def _end_where_it_turned(seen: Record, target: Record, row: FloatArray) -> None:
+    """Shorten the ways of a target to where it was seen to turn back, and write at how many ends it was."""
+    cos, sin = math.cos(seen.heading), math.sin(seen.heading)
+    row[TURNS] = 0.0
+    for place in range(min(target.turns, 2)):
+        dx, dy = target.turned[place, 0] - seen.x, target.turned[place, 1] - seen.y
+        ahead, left = cos * dx + sin * dy - row[X], cos * dy - sin * dx - row[Y]
+        along, across = row[COS] * ahead + row[SIN] * left, row[COS] * left - row[SIN] * ahead
+        if abs(across) < _ON_LINE:
+            row[TURNS] += 1.0
+            end = TO_WALL if along > 0.0 else FROM_WALL
+            row[end] = min(row[end], abs(along))

@@ -20,8 +20,8 @@ Automation Magazine 4(1), 1997) over directions and shares of grip.
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
 
-What moves is not in this scan, but compared with the simulated car at each time (predictions). Where the reference
-cannot be stopped after because of it, going on past it before the stop is simulated as well (`passing_steering`).
+What moves is not in this scan, but compared with the simulated car at each time (predictions). Near it the car drives
+by a plan in time instead.
 
 Limits: the simulated car does not slip. What the scan does not show counts as free.
 """
@@ -58,7 +58,6 @@ _BRAKES_FIRST = (0.0, 0.25)  # shares with which a car brakes harder than with t
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
 _LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
-_GOES_ON = (0.3, 0.6, 0.9, 1.2)  # [s] for which the car may go on before it brakes, to be past a target that moves
 _WIDEST = 1.8  # [rad] to either side; directions further back are not simulated
 
 
@@ -131,7 +130,7 @@ def safe_steering(
       period: between commands [s].
       path: motion (m, 4) that the reference leads along, in the frame of the rear axle; m may be 0.
       kept: whether the reference passed at the last scan.
-      predictions: of targets that move (k, 10), see `predictions`; the scan is the one without them.
+      predictions: of targets that move (k, 12), see `predictions`; the scan is the one without them.
       radius: of the disc that covers the car's front [m].
       ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
     """
@@ -155,8 +154,8 @@ def safe_steering(
         for use in _LATERAL_USES:
             last = memory.acceleration
             left = speed_at_contact(
-                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, 0.0,
-                angle_now, speed, period, path if number == 0 else path[:0], predictions, radius, ground,
+                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, at_first, angle_now,
+                speed, period, path if number == 0 else path[:0], predictions, radius, ground,
             )  # fmt: skip
             memory.acceleration = last
             if left == 0.0 and number == 0:
@@ -173,7 +172,7 @@ def safe_steering(
         last = memory.acceleration
         left = speed_at_contact(
             limiter, memory, settings, widened, angle_min, angle_increment, goal, best_use, settings.margin_aside, 0.0,
-            0.0, angle_now, speed, period, path[:0], predictions, radius, ground,
+            angle_now, speed, period, path[:0], predictions, radius, ground,
         )  # fmt: skip
         memory.acceleration = last
         if left <= least:
@@ -215,66 +214,13 @@ def least_cornering(
     for use in _BRAKES_FIRST:
         last = memory.acceleration
         left = speed_at_contact(
-            limiter, memory, settings, widened, angle_min, angle_increment, goal, use, settings.margin_aside, 0.0, 0.0,
+            limiter, memory, settings, widened, angle_min, angle_increment, goal, use, settings.margin_aside, 0.0,
             angle_now, speed, period, path, predictions[:0], radius, ground,
         )  # fmt: skip
         memory.acceleration = last
         if left == 0.0:
             return float(use)
     return otherwise
-
-
-@kernel
-def passing_steering(
-    limiter: Record,
-    memory: Record,
-    settings: Record,
-    widened: FloatArray,
-    angle_min: float,
-    angle_increment: float,
-    steering_angle: float,
-    reference_speed: float,
-    angle_now: float,
-    speed_now: float,
-    period: float,
-    path: FloatArray,
-    predictions: FloatArray,
-    radius: float,
-    ground: Record,
-) -> tuple[float, float, bool]:
-    """Return a steering angle [rad] with which the car gets past all targets and stops then, as `safe_steering` does.
-
-    The car goes on at the speed of the reference for the least time of _GOES_ON after which it can stop. Directions are
-    the reference's and those with the longest views, five in all.
-
-    Args are those of `safe_steering`.
-    """
-    car, speed, pursuit = limiter.car, max(speed_now, settings.crawl_speed), settings.pursuit_distance
-    reference = bearing_of_arc(steering_angle, pursuit, car.lidar_offset, car.wheelbase)
-    each_side = math.floor(settings.fan / settings.fan_step + 1e-6)
-    views = np.empty(2 * each_side + 1)
-    for number in range(len(views)):
-        bearing = reference + _aside(number, settings.fan_step)
-        views[number] = max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal)
-    number = 0
-    for attempt in range(5):
-        bearing = reference + _aside(number, settings.fan_step)
-        for on in _GOES_ON:
-            for use in _LATERAL_USES:
-                last = memory.acceleration
-                left = speed_at_contact(
-                    limiter, memory, settings, widened, angle_min, angle_increment, (bearing, views[number]), use,
-                    settings.margin_aside, reference_speed, on, angle_now, speed, period,
-                    path if number == 0 else path[:0], predictions, radius, ground,
-                )  # fmt: skip
-                memory.acceleration = last
-                if left == 0.0:
-                    if attempt == 0:
-                        return steering_angle, use, True
-                    return pursue(bearing, pursuit, car.lidar_offset, car.wheelbase), use, True
-        views[number] = 0.0
-        number = int(np.argmax(views))
-    return steering_angle, 0.0, False
 
 
 @kernel
@@ -296,7 +242,6 @@ def speed_at_contact(
     lateral_use: float,
     margin: float,
     at_first: float,
-    goes_on: float,
     angle: float,
     speed: float,
     period: float,
@@ -322,12 +267,11 @@ def speed_at_contact(
       lateral_use: share of the grip for cornering.
       margin: [m].
       at_first: speed that is commanded for one tick, before the car brakes [m/s].
-      goes_on: time for which it is commanded after that [s].
       angle: present steering angle [rad].
       speed: present [m/s].
       period: of a tick [s].
       path: a motion (m, 4) to steer along instead of to the goal, in the frame of the rear axle; m may be 0.
-      predictions: of targets that move (k, 10), which the same discs have to keep clear of, see `predictions`.
+      predictions: of targets that move (k, 12), which the same discs have to keep clear of, see `predictions`.
       radius: of these discs [m].
       ground: of type FRONTIER_SEARCH: along a path, ground that was seen free counts as free where a corner hides it.
     """
@@ -354,7 +298,7 @@ def speed_at_contact(
         elif distance > settings.arrived:
             nearer = min(1.0, settings.pursuit_distance / distance)
             reference = arc_through(lidar + nearer * goal_ahead, nearer * goal_left, car.wheelbase)
-        reference_speed = at_first if tick == 0 or time < goes_on else 0.0
+        reference_speed = at_first if tick == 0 else 0.0
         command = limited(
             limiter, memory, reference, reference_speed, lateral_use, angle, speed, ticks * period, True
         )
@@ -372,7 +316,7 @@ def speed_at_contact(
         angle, speed = next_angle, next_speed
         cos, sin = math.cos(heading), math.sin(heading)
         ahead, left = x + front * cos - lidar, y + front * sin
-        beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
+        beyond = reading_towards(widened, angle_min, angle_increment, ahead, left)
         away, reach = math.sqrt(ahead * ahead + left * left), front + to_bumper + margin
         if not beyond > away + to_bumper + margin:
             hidden = known and away > beyond + radius  # what stands there is not in the way, but before it
@@ -381,7 +325,7 @@ def speed_at_contact(
         for offset in (0.0, lidar):
             ahead, left = x + offset * cos - lidar, y + offset * sin
             if ahead > 0.0:
-                beyond = _reading_towards(widened, angle_min, angle_increment, ahead, left)
+                beyond = reading_towards(widened, angle_min, angle_increment, ahead, left)
                 away = math.sqrt(ahead * ahead + left * left)
                 hidden = known and away > beyond + radius
                 if not (beyond > away or (hidden and _was_seen(ground, x, y, cos, sin, offset))):
@@ -419,7 +363,7 @@ def _was_seen(ground: Record, x: float, y: float, cos: float, sin: float, ahead:
 
 
 @kernel
-def _reading_towards(ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
+def reading_towards(ranges: FloatArray, angle_min: float, angle_increment: float, ahead: float, left: float) -> float:
     """Return the reading of `ranges` (n,) [m] in the direction of a point [m] in the frame of the LiDAR."""
     place = nearest_place(angle_min, angle_increment, ahead, left)
     return float(ranges[int(min(len(ranges) - 1.0, max(0.0, place)))])

@@ -34,7 +34,8 @@ _LAWS = {
     "maximum speed": "#9aa1ab", "planner": "#2f7ed8", "last plan": "#b06a00", "no plan": "#7a1f2b",
     "mean range": "#59b4e0", "guidance": "#a04bd0",
     "turning in moves": "#d06bd0", "no reference": "#7a1f2b", "distance ahead": "#b8a200", "after recovery": "#c98a5a",
-    "sight": "#e07b00", "safety filter": "#e0314b", "recovery": "#8a5a2b", "friction limiter": "#12a066",
+    "sight": "#e07b00", "plan in time": "#c2178f", "safety filter": "#e0314b", "recovery": "#8a5a2b",
+    "friction limiter": "#12a066",
     "clamped by the car": "#3b4252", "the planner failed": "#e0314b", "not known": _UNKNOWN,
 }  # fmt: skip
 _OTHERS = ("#2f7ed8", "#e07b00", "#12a066", "#a04bd0", "#b8a200", "#59b4e0", "#c98a5a", "#d06bd0")

@@ -1,0 +1,567 @@
+"""The plan in time: among things that move, motions of the car are judged by where everything is when.
+
+A stop is no safe end where something will come by, and a way that is blocked now may be free when the car is there. So
+near a target motions of some 3 s are tried, and the best one is driven for one tick:
+
+1. Paths: towards the reference's goal, as the wheels stand, towards the place of the last plan, and through places
+   across the way at the distance of the nearest target, of which every third is tried in each tick. The wheels turn on
+   them as fast as the friction limiter lets them; walls end them.
+2. Profiles: on each path the car goes on, creeps or waits for some time, and then brakes to a stop.
+3. At each time a target is within an interval of its line, which ends where it is expected to turn: at a wall, or where
+   it was seen to turn back twice. A motion is free if it touches none of them, and ends where none comes by: a stop in
+   the lane of something that crosses is no end. Motions that only use up the margins come next, then those that touch
+   something latest and slowest.
+4. What has not been seen to turn at both ends may turn at any time. Motions on which the car could still go on or brake
+   then are preferred, for 3 s of waiting at most.
+5. Of free motions the one wins that comes farthest in 2 s, with room beside targets and without turning the wheels to
+   and fro. As it is chosen from few, the car has to be able to stop before what stands after the next tick, by the
+   simulated stops of the safety filter. If no motion passes, the car brakes as that filter does.
+6. Where no motion is free, and the car stands and is out of the way behind itself, it backs off, by 1 m at most.
+
+Near a target the car goes at most _PASSING, and faster farther away: what turns is known some .2 s later. What drives
+ahead at _DRIVES or more is a car, and may not turn back.
+
+Sources: D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
+Magazine 4(1), 1997, for sampled motions; K. Kant and S. Zucker, Toward Efficient Trajectory Planning: The Path-Velocity
+Decomposition, International Journal of Robotics Research 5(3), 1986, for paths first and profiles then; S. Petti and
+T. Fraichard, Safe Motion Planning in Dynamic Environments, IEEE/RSJ IROS 2005, for ends that stay free.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fg_mujoco.compiled.kernels import kernel
+from fg_mujoco.messages import FloatArray
+
+from ..control.planner_settings import Record
+from ..control.speed import share_of_way
+from ..control.steering import arc_through
+from .predictions import COS, FROM_WALL, RADIUS, SIN, SPEED, SPREAD, TO_WALL, TURNS, X, Y
+from .safety_filter import bearing_of_arc, reading_towards, speed_at_contact
+
+NO_PLAN, DRIVES, BACKS_OFF = range(3)
+"""What a plan says: no motion passed, a steering angle and a speed, or that the car backs off."""
+
+BACKING_SPEED = 1.0  # [m/s]
+
+_NEAR, _BEHIND = 8.0, 1.0  # [m] to targets ahead, and in any direction, among which the car plans
+_STEP, _STEPS = 0.1, 40  # [s] of a motion
+_POINT, _POINTS = 0.15, 56  # [m] between points of a path
+_SCORED = 2.0  # [s] in which the way counts
+_PLACES, _ASIDE = 19, 0.15  # across the way, [m] between them
+_PARTS = 3  # ticks in which all of them are tried
+_PATHS = _PLACES + 2
+_FARTHEST, _NEAREST = 4.0, 1.0  # [m] to these places
+_LOOKS = 1.3  # [m] to the point on the way to a place for which the car steers
+_ARRIVED = 0.5  # [m]
+_MARGIN, _WIDENED = 0.02, 0.02  # [m] besides those of targets, and round the car
+_USED = 0.08  # [m] of all margins that a motion may use up where none is free
+_SIGMAS, _MOST_SPREAD = 2.0, 0.1  # of a target's speed, and [m/s]
+_SLOWS, _MOST_SLOWING = 0.3, 1.0  # [1/s] of its speed, and [m/s^2]: by how much one may become slower
+_SEEN = 0.15  # [s] after which it is known that one has turned, and .1 m of what it goes until then
+_SOON = 1.2  # [s] for which a motion has to be free of one that turns at once
+_PASSING = 3.0  # [m/s] past a target, and faster past one that drives ahead
+_DRIVES, _LENGTH = 1.5, 0.4  # [m/s] ahead: it is a car, and [m] of it are ahead of what is seen
+_SLOWING = 0.5  # of the greatest braking, on the way to a target
+_LANE, _CROSSES = 0.3, 0.7  # [m] beside the lane of one that crosses; greatest cosine of its course
+_WAIT, _WAITS = 4, 3  # steps for which a car that has stopped should not be met, so many times
+_GOES_ON, _TURNS_AT_ONCE, _KEPT = 4.0, 6.0, 0.3  # worth [m] of 1 m of room, of 4 above, and of the last plan
+_PATIENCE = 2.0  # [m/s] by which the second gets less as the car waits
+_PASSED, _ROOM, _ROOM_WAITING = 2.0, 0.6, 0.1  # [m] of way from which on a motion passes; room that counts
+_STEERS, _GOES_ASIDE = 3.0, 0.2  # [m/rad], [-]: cost of turning the wheels, and of a place's way aside
+_TOUCHES, _TIGHT, _PER_METRE = -1000.0, -20.0, 100.0  # score of motions that touch, or use up margins
+_FREE = -10.0  # a motion with a better score is free
+_TRIED, _STOP_MARGINS = 8, (0.1, 0.05)  # motions whose stops are simulated, [m] with these margins
+_MOST_TURN = 0.03  # [rad] that the wheels turn in a tick
+_BACK, _BACKING_STEPS = 0.8, 15  # [m] backwards that are looked at
+
+# share of the onward speed and its time [s], twice; then the car brakes
+_PROFILES = (
+    (0.0, 0.0, 0.0, 0.0), (1.0, 0.4, 0.0, 0.0), (1.0, 0.8, 0.0, 0.0), (1.0, 1.2, 0.0, 0.0), (1.0, 1.8, 0.0, 0.0),
+    (0.5, 0.6, 0.0, 0.0), (0.5, 1.2, 0.0, 0.0), (0.15, 0.5, 0.0, 0.0),
+    (0.0, 0.3, 1.0, 0.8), (0.0, 0.6, 1.0, 0.8), (0.5, 0.5, 1.0, 0.8), (0.2, 1.0, 1.0, 0.8),
+)  # fmt: skip
+_REACTS = 0.2  # [s] for which a profile is followed before the car brakes for one that turned
+
+PLAN_IN_TIME = np.dtype(
+    [
+        ("tick", np.int64),
+        ("kept", np.int64),  # tick of the last plan, through this place in the frame of the targets:
+        ("x", np.float64),  # [m]
+        ("y", np.float64),  # [m]
+        ("waited", np.float64),  # [s] for which the car has been slow
+        ("backed", np.float64),  # [m] that it has backed off since it last drove
+    ]
+)
+"""Type of what is kept from tick to tick; zero at the beginning."""
+
+
+@kernel
+def is_among(rows: FloatArray) -> bool:
+    """Return whether a target is so near that the car plans in time; `rows` are predictions (k, 12)."""
+    for k in range(len(rows)):
+        away = math.hypot(rows[k, X], rows[k, Y])
+        if away < _BEHIND or (away < _NEAR and rows[k, X] > 0.0):
+            return True
+    return False
+
+
+@kernel
+def plan_in_time(
+    limiter: Record,
+    memory: Record,
+    settings: Record,
+    plan: Record,
+    pose: tuple[float, float, float],
+    widened: FloatArray,
+    angle_min: float,
+    angle_increment: float,
+    bearing: float,
+    distance: float,
+    onwards: float,
+    angle: float,
+    speed: float,
+    period: float,
+    rows: FloatArray,
+    radius: float,
+    ground: Record,
+    may_back_off: bool,
+) -> tuple[int, float, float]:
+    """Return what to do, DRIVES and so on, and the steering angle [rad] and the speed [m/s] of a car that drives.
+
+    Args:
+      limiter: of type LIMITER.
+      memory: of type LIMITER_MEMORY, unchanged afterwards.
+      settings: fields of SafetyFilterSettings.
+      plan: of type PLAN_IN_TIME, written to.
+      pose: x, y [m] and heading [rad] of the LiDAR in the frame of the targets.
+      widened: readings (n,) [m] without targets, each widened by the disc that covers the car's front.
+      angle_min: bearing of the first [rad].
+      angle_increment: between them [rad].
+      bearing: of the reference's goal from the LiDAR [rad].
+      distance: of that goal [m].
+      onwards: speed at which the car would go on [m/s].
+      angle: present steering angle [rad].
+      speed: present [m/s].
+      period: of a tick [s].
+      rows: predictions (k, 12), see `predictions`.
+      radius: of the disc over the car's front [m].
+      ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
+      may_back_off: whether the car stands, and may reverse.
+    """
+    car = limiter.car
+    plan.tick += 1
+    plan.waited = plan.waited + period if speed < 1.0 else 0.0
+    far, passing = _FARTHEST, math.inf
+    for k in range(len(rows)):
+        if rows[k, X] > -0.2:
+            far = min(far, math.hypot(rows[k, X], rows[k, Y]))
+            passing = min(passing, _PASSING + max(rows[k, SPEED] * rows[k, COS], 0.0))
+    far = max(far, _NEAREST)
+    room = far - _NEAREST + (passing * passing - _PASSING * _PASSING) / (2.0 * _SLOWING * limiter.braking)
+    goal_x, goal_y = distance * math.cos(bearing), distance * math.sin(bearing)
+    reaches, spans = _reaches(car, rows), _spans(rows)
+    response = limiter.settings.steering_response
+    servo = share_of_way(period, response) * response / period  # of the limiter's rate, in the mean of a tick
+    scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
+    path, cautious = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0)
+    for number in range(_PATHS + 1):
+        if 0 < number < _PLACES and (number + plan.tick) % _PARTS != 0:
+            continue
+        aside, cos, sin = 0.0, math.cos(pose[2]), math.sin(pose[2])
+        if number == 0:
+            x, y = goal_x, goal_y
+        elif number < _PLACES:
+            aside = (number // 2) * _ASIDE * (1.0 if number % 2 == 0 else -1.0)
+            towards = bearing + math.atan(aside / far)
+            view = reading_towards(widened, angle_min, angle_increment, math.cos(towards), math.sin(towards))
+            reach = min(far, view - 0.1)
+            if reach < _ARRIVED:
+                continue
+            x, y = reach * math.cos(towards), reach * math.sin(towards)
+        elif number == _PLACES:
+            x, y = 1.2, 0.5 * math.tan(angle) / car.wheelbase * (1.2 + car.lidar_offset) ** 2
+        else:
+            dx, dy = plan.x - pose[0], plan.y - pose[1]
+            x, y = cos * dx + sin * dy, cos * dy - sin * dx
+            if plan.kept != plan.tick - 1 or x < 0.4:
+                continue
+        places[number, 0], places[number, 1] = x, y
+        cost = _STEERS * abs(_steering_to(car, x, y) - angle) + _GOES_ASIDE * abs(math.atan(aside / far) * far)
+        worth = _KEPT if number == _PATHS else 0.0
+        free = _lay(
+            limiter, widened, angle_min, angle_increment, (x, y), (goal_x, goal_y), onwards, angle, speed,
+            room, servo, path,
+        )  # fmt: skip
+        _judge(
+            limiter, memory.acceleration, path, free, onwards, speed, room, rows, spans, reaches, cost,
+            worth, cautious, scores[number],
+        )  # fmt: skip
+    if may_back_off and plan.backed < 1.0 and np.max(scores) < _FREE and _is_out_of_the_way_behind(car, rows, reaches):
+        return BACKS_OFF, 0.0, 0.0
+    cap = _cap(limiter, room)
+    for margin in _STOP_MARGINS:
+        left = scores.copy()
+        for _ in range(_TRIED):
+            best = int(np.argmax(left))
+            number, k = best // len(_PROFILES), best % len(_PROFILES)
+            if left[number, k] == -math.inf:
+                break
+            x, y, first = places[number, 0], places[number, 1], min(_PROFILES[k][0] * onwards, cap)
+            if _PROFILES[k][1] == 0.0:
+                first = 0.0
+            if _can_stop(
+                limiter, memory, settings, widened, angle_min, angle_increment, bearing, distance, x, y, first, margin,
+                angle, speed, period, rows, radius, ground,
+            ):  # fmt: skip
+                plan.kept, cos, sin = plan.tick, math.cos(pose[2]), math.sin(pose[2])
+                plan.x, plan.y = pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+                return DRIVES, _steering_to(car, x, y), first
+            for other in range(len(_PROFILES)):  # their next command is the same
+                if (0.0 if _PROFILES[other][1] == 0.0 else min(_PROFILES[other][0] * onwards, cap)) == first:
+                    left[number, other] = -math.inf
+    return NO_PLAN, 0.0, 0.0
+
+
+@kernel
+def _steering_to(car: Record, x: float, y: float) -> float:
+    """Return the steering angle [rad] towards a place in the frame of the LiDAR [m], by a point on the way to it."""
+    nearer = min(1.0, _LOOKS / math.hypot(x + car.lidar_offset, y))
+    return float(arc_through(nearer * (x + car.lidar_offset), nearer * y, car.wheelbase))
+
+
+@kernel
+def _cap(limiter: Record, room: float) -> float:
+    """Return the greatest speed [m/s] at a way [m] ahead of where the car may only pass."""
+    return math.sqrt(_PASSING * _PASSING + 2.0 * _SLOWING * limiter.braking * max(room, 0.0))
+
+
+@kernel
+def _reaches(car: Record, rows: FloatArray) -> FloatArray:
+    """Return for each target (k,) how near its middle a disc of the car may come [m]; one that is nearer may leave."""
+    reaches, front = np.empty(len(rows)), car.length - car.rear_overhang - 0.25 * car.width - car.lidar_offset
+    for k in range(len(rows)):
+        now = math.inf
+        for offset in (front, 0.0, -car.lidar_offset):
+            now = min(now, math.hypot(rows[k, X] - offset, rows[k, Y]))
+        reach = 0.5 * car.width + _WIDENED + _MARGIN + rows[k, RADIUS]
+        reaches[k] = max(min(reach, now - 0.02), 0.7 * reach)
+    return reaches
+
+
+@kernel
+def _spans(rows: FloatArray) -> FloatArray:
+    """Return for each step and target (m, k, 4) the interval on its line [m], and that if it turns back at once."""
+    spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 4))
+    for step in range(len(spans)):
+        for k in range(len(rows)):
+            spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP)
+            spans[step, k, 2], spans[step, k, 3] = occupied_if_it_turns(rows[k], step * _STEP)
+    return spans
+
+
+@kernel
+def occupied(row: FloatArray, time: float) -> tuple[float, float]:
+    """Return between which ways along its line a target may be at a time [s]; it turns where it is expected to [m]."""
+    known = row[TURNS] >= 2.0
+    speed, spread = row[SPEED], (1.0 if known else _SIGMAS) * min(row[SPREAD], _MOST_SPREAD)
+    slower = 0.0 if known else 0.5 * min(_SLOWS * speed, _MOST_SLOWING) * time * time
+    near, far = max((speed - spread) * time - slower, -spread * time), (speed + spread) * time
+    if _drives(row):
+        return min(near, row[TO_WALL]) - 0.1, min(far, row[TO_WALL]) + _LENGTH
+    if far > row[TO_WALL]:
+        near = min(near, 2.0 * row[TO_WALL] - far)
+        far = max(row[TO_WALL], near)
+    return near, far
+
+
+@kernel
+def _drives(row: FloatArray) -> bool:
+    """Return whether a target drives ahead as a car does, which follows the walls, and does not turn back."""
+    return bool(row[SPEED] * row[COS] > _DRIVES)
+
+
+@kernel
+def occupied_if_it_turns(row: FloatArray, time: float) -> tuple[float, float]:
+    """Return the same of a target that turns back at once; a car or one that is known to turn elsewhere does not."""
+    if row[TURNS] >= 2.0 or _drives(row):
+        return occupied(row, time)
+    spread = min(row[SPREAD], _MOST_SPREAD)
+    least = min((row[SPEED] - spread) * max(time - _SEEN, 0.0), max(row[FROM_WALL] - 0.3, 0.0))
+    return -min((row[SPEED] + spread) * time, row[FROM_WALL]), 0.1 - least
+
+
+@kernel
+def _lay(
+    limiter: Record,
+    widened: FloatArray,
+    angle_min: float,
+    angle_increment: float,
+    place: tuple[float, float],
+    goal: tuple[float, float],
+    onwards: float,
+    angle: float,
+    speed: float,
+    room: float,
+    servo: float,
+    path: FloatArray,
+) -> int:
+    """Write the path of the rear axle through a place and on to the goal; return how many of its points are free.
+
+    Args:
+      place: ahead and left of the LiDAR [m].
+      goal: the same.
+      room: way to where the car may only pass [m].
+      servo: share of the limiter's rate of turning with which the wheels turn.
+      path: (n, 6), written to: x, y [m], cosine and sine of the heading, curvature [1/m], and the share of the lateral
+        grip that turning the wheels takes. The others are as of `plan_in_time`.
+    """
+    car = limiter.car
+    lidar, front, to_bumper = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width, 0.25 * car.width
+    lock = math.tan(car.max_steering_angle) / car.wheelbase
+    x, y, heading, curvature = -lidar, 0.0, 0.0, math.tan(angle) / car.wheelbase
+    cos, sin, last = 1.0, 0.0, False
+    to_x, to_y = place
+    for point in range(len(path)):
+        path[point, 0], path[point, 1], path[point, 2], path[point, 3], path[point, 4] = x, y, cos, sin, curvature
+        if point > 0:
+            for offset in (front, lidar, 0.0):
+                at_x, at_y = x + offset * cos, y + offset * sin
+                if offset == front or at_x > 0.0:
+                    beyond = reading_towards(widened, angle_min, angle_increment, at_x, at_y)
+                    if not beyond > math.sqrt(at_x * at_x + at_y * at_y) + (
+                        to_bumper + _MARGIN if offset == front else 0.0
+                    ):
+                        return point
+        ahead, left = cos * (to_x - x) + sin * (to_y - y), cos * (to_y - y) - sin * (to_x - x)
+        if ahead < _ARRIVED and not last:
+            last = True
+            to_x, to_y = goal
+            ahead, left = cos * (to_x - x) + sin * (to_y - y), cos * (to_y - y) - sin * (to_x - x)
+        if ahead < _ARRIVED:
+            ahead, left = 1.0, 0.0
+        nearer = min(1.0, _LOOKS / math.sqrt(ahead * ahead + left * left))
+        wanted = 2.0 * left / ((ahead * ahead + left * left) * nearer)
+        most = min(lock, 0.9 * limiter.lateral / max(speed * speed, 0.1))
+        change, time = max(min(wanted, most), -most) - curvature, _POINT / max(speed, 0.7)
+        cornering = speed * speed * curvature
+        unused = max(limiter.lateral - math.copysign(cornering, change * cornering), 0.0)
+        unused = min(unused, limiter.settings.most_left * limiter.lateral)
+        rate = limiter.settings.turn_in_use * unused / (limiter.yaw_lag * max(speed, 0.5))
+        rate = min(rate, car.max_steering_rate / car.wheelbase)
+        change = max(min(change, servo * rate * time), -servo * rate * time)
+        path[point, 5] = limiter.yaw_lag * speed * abs(change) / (time * limiter.lateral)
+        curvature += change
+        aim = min(onwards, _cap(limiter, room - point * _POINT))
+        speed = max(min(aim, speed + 0.8 * limiter.accelerating * time), speed - 0.7 * limiter.braking * time)
+        x += _POINT * math.cos(heading + 0.5 * curvature * _POINT)
+        y += _POINT * math.sin(heading + 0.5 * curvature * _POINT)
+        heading += curvature * _POINT
+        cos, sin = math.cos(heading), math.sin(heading)
+    return 2 * len(path)
+
+
+@kernel
+def _judge(
+    limiter: Record,
+    acceleration: float,
+    path: FloatArray,
+    free: int,
+    onwards: float,
+    speed: float,
+    room: float,
+    rows: FloatArray,
+    spans: FloatArray,
+    reaches: FloatArray,
+    cost: float,
+    worth: float,
+    cautious: float,
+    scores: FloatArray,
+) -> None:
+    """Write the scores (p,) [m] of all profiles on a path, by what it costs and is worth by itself [m].
+
+    `cautious` is what it is worth if targets may turn at once [m]; the others are as of `_try`.
+    """
+    in_time, last = math.inf, -1.0
+    for k in range(len(_PROFILES)):
+        profile = _PROFILES[k]
+        gap, way, turns = _try(
+            limiter, acceleration, path, free, onwards, profile, speed, room, rows, spans, reaches, True
+        )
+        if k == 0:
+            in_time = turns
+        elif profile[0] != last:
+            last = profile[0]
+            _, _, in_time = _try(
+                limiter, acceleration, path, free, onwards, (last, _REACTS, 0.0, 0.0), speed, room, rows, spans,
+                reaches, False,
+            )  # fmt: skip
+        score = gap
+        if gap >= 0.0:
+            score = way - cost + _GOES_ON * min(gap, _ROOM if way > _PASSED else _ROOM_WAITING)
+        elif gap > 0.1 * _TOUCHES:
+            score = way - cost + _PER_METRE * gap + _TIGHT
+        scores[k] = score + cautious * min(max(turns, in_time) / _SOON, 1.0) + worth
+
+
+@kernel
+def _try(
+    limiter: Record,
+    acceleration: float,
+    path: FloatArray,
+    free: int,
+    onwards: float,
+    profile: tuple[float, float, float, float],
+    speed: float,
+    room: float,
+    rows: FloatArray,
+    spans: FloatArray,
+    reaches: FloatArray,
+    goes_on: bool,
+) -> tuple[float, float, float]:
+    """Return the room beside targets [m], the way in _SCORED [m], and when the car touches one that turns at once [s].
+
+    Instead of the first, of a motion that touches something: _TOUCHES and more, the later and the slower it does. The
+    third is inf where it touches none.
+
+    Args:
+      acceleration: that was last commanded [m/s^2].
+      path: (n, 6), as of `_lay`.
+      free: how many of its points are.
+      profile: one of _PROFILES.
+      room: way to where the car may only pass [m].
+      rows: predictions (k, 12).
+      spans: of targets (m, k, 4).
+      reaches: of targets (k,) [m].
+      goes_on: whether targets that go on are looked at, too. The others are as of `plan_in_time`.
+    """
+    car = limiter.car
+    lidar, front = car.lidar_offset, car.length - car.rear_overhang - 0.25 * car.width
+    way, scored, gap, turns = 0.0, 0.0, _ROOM, math.inf
+    slows = min(max(-acceleration, 0.0), limiter.braking)
+    for step in range(1, _STEPS + 1):
+        time, point = step * _STEP, min(int(way / _POINT), len(path) - 2)
+        share = max(1.0 - speed * speed * abs(path[point, 4]) / limiter.lateral - path[point, 5], 0.1)
+        aim = 0.0
+        if time - 0.5 * _STEP < profile[1]:
+            aim = profile[0] * onwards
+        elif time - 0.5 * _STEP < profile[1] + profile[3]:
+            aim = profile[2] * onwards
+        aim = min(aim, _cap(limiter, room - way))
+        slows = min(slows + 3.0 * limiter.braking * _STEP, 0.9 * share * limiter.braking) if aim < speed else 0.0
+        after = max(min(aim, speed + 0.8 * share * limiter.accelerating * _STEP), speed - slows * _STEP)
+        way += 0.5 * (speed + after) * _STEP
+        speed = after
+        if time <= _SCORED:
+            scored = way
+        part, touched = way / _POINT, _TOUCHES + time - 0.5 * speed
+        if part > len(path) - 2:
+            break
+        if part + 0.5 > free:
+            return (touched if goes_on else gap), scored, min(turns, time)
+        point = int(part)
+        x = path[point, 0] + (part - point) * (path[point + 1, 0] - path[point, 0])
+        y = path[point, 1] + (part - point) * (path[point + 1, 1] - path[point, 1])
+        cos, sin, stands = path[point, 2], path[point, 3], speed < 0.05
+        for k in range(len(rows)):
+            row, reach = rows[k], reaches[k]
+            at, beside = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
+            beside -= row[SIN] * (x - row[X])
+            on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
+            for offset in (front, lidar, 0.0):
+                along, across = at + offset * on, beside + offset * aside
+                if abs(across) > reach + _ROOM:
+                    continue
+                if goes_on:
+                    apart = _apart(spans[step, k, 0], spans[step, k, 1], along, across)
+                    if apart < (reach + gap) * (reach + gap):
+                        gap = math.sqrt(apart) - reach
+                        if gap < -_USED:
+                            return touched, scored, min(turns, time)
+                if turns == math.inf and _apart(spans[step, k, 2], spans[step, k, 3], along, across) < reach * reach:
+                    turns = time
+                if stands:
+                    lane = reach + (_LANE if abs(row[COS]) < _CROSSES else 0.0)
+                    if goes_on and abs(across) < lane and -row[FROM_WALL] - 0.2 < along < row[TO_WALL] + 0.2:
+                        return touched, scored, turns
+                    for wait in range(1, _WAITS + 1):
+                        later = spans[step + _WAIT * wait, k]
+                        if goes_on and _apart(later[0], later[1], along, across) < reach * reach:
+                            return _TOUCHES + time + 0.1 * wait, scored, turns
+                        if turns == math.inf and _apart(later[2], later[3], along, across) < reach * reach:
+                            turns = time + 0.1 * wait
+        if stands or (not goes_on and turns < math.inf):
+            break
+    return gap, scored, turns
+
+
+@kernel
+def _apart(near: float, far: float, along: float, across: float) -> float:
+    """Return the square of the distance [m^2] of a place from an interval on a target's line."""
+    off = max(max(near - along, along - far), 0.0)
+    return off * off + across * across
+
+
+@kernel
+def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray) -> bool:
+    """Return whether a car that reverses keeps away from what would touch it where it stands."""
+    front = car.length - car.rear_overhang - 0.25 * car.width - car.lidar_offset
+    stands = backs = 0.0
+    for step in range(1, _BACKING_STEPS + 1):
+        back = min(max(step * _STEP - _SEEN, 0.0), 1.0) * _BACK
+        for k in range(len(rows)):
+            row = rows[k]
+            near, far = occupied(row, step * _STEP)
+            for offset in (front, 0.0, -car.lidar_offset):
+                dx, dy = offset - row[X], -row[Y]
+                along, across = row[COS] * dx + row[SIN] * dy, row[COS] * dy - row[SIN] * dx
+                stands = min(stands, math.sqrt(_apart(near, far, along, across)) - reaches[k])
+                along, across = along - back * row[COS], across + back * row[SIN]
+                backs = min(backs, math.sqrt(_apart(near, far, along, across)) - reaches[k])
+    return backs > stands + 0.02
+
+
+@kernel
+def _can_stop(
+    limiter: Record,
+    memory: Record,
+    settings: Record,
+    widened: FloatArray,
+    angle_min: float,
+    angle_increment: float,
+    bearing: float,
+    distance: float,
+    x: float,
+    y: float,
+    first: float,
+    margin: float,
+    angle: float,
+    speed: float,
+    period: float,
+    rows: FloatArray,
+    radius: float,
+    ground: Record,
+) -> bool:
+    """Return whether the car can stop before what stands, after a tick towards a place x, y at a speed `first` [m/s].
+
+    It stops towards the goal, towards that place, or as its wheels then stand. `margin` is ahead of the bumper [m]; the
+    others are as of `plan_in_time`.
+    """
+    car = limiter.car
+    angle += max(min(0.7 * (_steering_to(car, x, y) - angle), _MOST_TURN), -_MOST_TURN)
+    along = bearing_of_arc(angle, settings.pursuit_distance, car.lidar_offset, car.wheelbase)
+    view = reading_towards(widened, angle_min, angle_increment, math.cos(along), math.sin(along))
+    for goal in ((bearing, distance), (math.atan2(y, x), math.hypot(x, y)), (along, max(view, _ARRIVED))):
+        for use in (1.0, 0.5):
+            last = memory.acceleration
+            left = speed_at_contact(
+                limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, first, angle, speed,
+                period, np.empty((0, 4)), rows[:0], radius, ground,
+            )  # fmt: skip
+            memory.acceleration = last
+            if left == 0.0:
+                return True
+    return False
