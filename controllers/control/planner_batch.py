@@ -81,6 +81,7 @@ class PlannerBatch:
         self._trajectories = _joined(list(tables.values()), np.zeros(0, TRAJECTORIES))
         self._lines = _joined(list(lines.values()), _NO_LINE)
         self._geometry, self._given = cast(Any, None), cast(tuple[Any, ...], ())
+        self._used = False  # what nobody has written to takes no memory
         self._table = ArrayTable(ARRAYS, {})
         self._tables: list[ArrayTable] = []
         self._lent: list[ArrayTable] = []
@@ -133,6 +134,8 @@ class PlannerBatch:
 
     def reset(self, which: NDArray[np.bool_] | slice = _ALL) -> None:
         """Forget everything seen so far, in all worlds or in those `which` (n,)."""
+        if not self._used:
+            return
         self._own["memory"][which] = np.zeros((), self._own.dtype["memory"])
         self._driven["memory"][which] = np.zeros((), DRIVING_MEMORY)
         for name, kept in self.kept.items():
@@ -192,6 +195,7 @@ class PlannerBatch:
         commands: FloatArray,
     ) -> None:
         """Put the arrays of a call into the tables, unless they are those of the last call."""
+        self._used = True
         if geometry is not self._geometry:  # neither a scan nor a geometry changes
             self._arrays["scan"][0], self._geometry = scan_values(geometry), geometry
         ranges, running = np.ascontiguousarray(ranges, np.float64), np.ascontiguousarray(running, np.bool_)
