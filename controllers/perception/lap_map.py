@@ -232,6 +232,16 @@ def wall_points(lap: Record, place: int, scan: Record, count: int, lidar_offset:
 
 
 @kernel
+def beam_directions(scan: Record, count: int) -> FloatArray:
+    """Return cosines and sines of the bearings of the beams that are kept, of `count` beams. Shape (BEAMS, 2)."""
+    directions = np.empty((BEAMS, 2))
+    for beam in range(BEAMS):
+        bearing = scan.angle_min + scan.angle_increment * (beam * (count - 1) // (BEAMS - 1))
+        directions[beam, 0], directions[beam, 1] = math.cos(bearing), math.sin(bearing)
+    return directions
+
+
+@kernel
 def tell_sides(lap: Record, place: int, scan: Record, count: int, lidar_offset: float) -> None:
     """Write on which side of the lap's path the beams of a place ended; arguments as of `wall_points`."""
     ends = wall_points(lap, place, scan, count, lidar_offset)

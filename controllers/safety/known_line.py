@@ -43,7 +43,7 @@ from ..control.reasons import KNOWN_LINE, note
 from ..control.stages import Stage
 from ..control.steering import arc_through, late_by, saturate
 from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
-from ..perception.lap_map import FAR, LAP_MAP, PLACES, see_lap, tell_sides, wall_points
+from ..perception.lap_map import FAR, LAP_MAP, PLACES, beam_directions, see_lap, tell_sides
 from ..perception.scan_geometry import nearest_place, sees
 from .friction_limiter import LIMITER, longitudinal_share
 from .least_time import quicken
@@ -65,7 +65,7 @@ _MARGIN = 0.16  # [m] between the car's outline and walls
 _BEHIND, _AHEAD = 6, 10  # places whose beams are read for the room at a point
 _THROUGH = 0.6  # [m] by which the line may lead through a wall, before its points are moved
 _PLACES_A_TICK = 12  # whose beams are told to be to the left or right in a tick
-_POINTS_A_TICK = 12  # whose room is read in a tick
+_POINTS_A_TICK = 48  # whose room is read in a tick
 _MOVES_A_TICK = 30_000  # of points
 _POINTS = 64  # that the car looks ahead
 # shares of the limiter's cornering acceleration and of its braking; of tires that need slip angles, and so answer late
@@ -144,9 +144,10 @@ def shape_line(line: Record, lap: Record, scan: Record, beams: int, limiter: Rec
     elif line.shape == 1:
         _spread(line, lap)
     elif line.shape == 2:
+        directions = beam_directions(scan, beams)
         for _ in range(_POINTS_A_TICK):
             if line.done < line.count:
-                _read_room(line, lap, scan, beams, limiter.car)
+                _read_room(line, lap, directions, limiter.car)
                 line.done += 1
         if line.done == line.count:
             line.shape, line.done = 3, 0
@@ -232,8 +233,11 @@ def _spread_evenly(line: Record, count: int) -> None:
 
 
 @kernel
-def _read_room(line: Record, lap: Record, scan: Record, beams: int, car: Record) -> None:
-    """Read the room to both sides of the next point off the ends of the beams from the places round it."""
+def _read_room(line: Record, lap: Record, directions: FloatArray, car: Record) -> None:
+    """Read the room to both sides of the next point off the ends of the beams from the places round it.
+
+    `directions` are those of the beams that are kept, see `beam_directions`.
+    """
     k = line.done
     x, y, normal_x, normal_y = line.base[k, 0], line.base[k, 1], line.normal[k, 0], line.normal[k, 1]
     best, least = line.next, math.inf  # of the places, which are as many to the metre as the points
@@ -248,11 +252,16 @@ def _read_room(line: Record, lap: Record, scan: Record, beams: int, car: Record)
     tail, nose = -car.rear_overhang - _MARGIN, car.length - car.rear_overhang + _MARGIN
     for aside in range(-_BEHIND, _AHEAD + 1):
         place = (best + aside) % lap.count
-        ends = wall_points(lap, place, scan, beams, car.lidar_offset)
-        for beam in range(len(ends)):
-            dx, dy = ends[beam, 0] - x, ends[beam, 1] - y
-            if tail < normal_y * dx - normal_x * dy < nose:  # nor is NaN
-                to_left = normal_x * dx + normal_y * dy
+        cos, sin = math.cos(lap.places[place, 2]), math.sin(lap.places[place, 2])
+        from_x = lap.places[place, 0] + car.lidar_offset * cos - x
+        from_y = lap.places[place, 1] + car.lidar_offset * sin - y
+        # the lidar and the beam's direction, along the line's normal and across it
+        cross, along = normal_y * from_x - normal_x * from_y, normal_x * from_x + normal_y * from_y
+        turned_cos, turned_sin = normal_x * cos + normal_y * sin, normal_y * cos - normal_x * sin
+        for beam in range(len(directions)):
+            distance, forward, sideways = lap.ranges[place, beam], directions[beam, 0], directions[beam, 1]
+            if distance < FAR and tail < cross + distance * (turned_sin * forward - turned_cos * sideways) < nose:
+                to_left = along + distance * (turned_cos * forward + turned_sin * sideways)
                 if lap.to_left[place, beam] > 0 and to_left > -_THROUGH:
                     left = min(left, to_left - half)
                 elif lap.to_left[place, beam] < 0 and to_left < _THROUGH:
