@@ -181,3 +181,14 @@ def test_laps_after_the_first_are_faster_and_no_tire_slides():
     assert car.finished and car.collisions_wall == 0
     assert car.lap_times_s[2] < 0.93 * 21.1
     assert car.max_slide_m_s < 0.01
+
+
+def test_a_lap_of_odometry_that_drifts_does_not_close_at_a_later_place_either():
+    remembered = np.zeros(1, REMEMBERED)[0]
+    drive(remembered, 0.0, 1.6, odometry(1.0, 1.05))
+    assert remembered["lap"]["drifts"] and not remembered["lap"]["closed"]
+
+
+def test_a_line_that_is_about_as_sharp_as_full_lock_for_long_is_not_followed():
+    """On a line of 1.10 times the lock's curvature the car ran wide, into the wall."""
+    assert fg.race("maze", laps=2).car.finished
