@@ -12,7 +12,7 @@ near a target motions of some 3 s are tried, and the best one is driven for one 
    the lane of something that crosses is no end. Motions that only use up the margins come next, then those that touch
    something latest and slowest.
 4. What has not been seen to turn at both ends may turn at any time. Motions on which the car could still go on or brake
-   then are preferred, for 3 s of waiting at most.
+   then are preferred, for 3 s of waiting at most. After that the margins of what is known to turn get less.
 5. Of free motions the one wins that comes farthest in 2 s, with room beside targets and without turning the wheels to
    and fro. As it is chosen from few, the car has to be able to stop before what stands after the next tick, by the
    simulated stops of the safety filter. If no motion passes, the car brakes as that filter does.
@@ -61,6 +61,7 @@ _MARGIN, _WIDENED = 0.02, 0.02  # [m] besides those of targets, and round the ca
 _USED = 0.08  # [m] of all margins that a motion may use up where none is free
 _SIGMAS, _MOST_SPREAD = 2.0, 0.1  # of a target's speed, and [m/s]
 _SLOWS, _MOST_SLOWING = 0.3, 1.0  # [1/s] of its speed, and [m/s^2]: by how much one may become slower
+_BOLD_AFTER, _BOLD = 3.0, 0.06  # [s] of waiting, and of that again until margins of what is known are less by [m]
 _SEEN = 0.15  # [s] after which it is known that one has turned, and .1 m of what it goes until then
 _SOON = 1.2  # [s] for which a motion has to be free of one that turns at once
 _PASSING = 3.0  # [m/s] past a target, and faster past one that drives ahead
@@ -163,7 +164,8 @@ def plan_in_time(
     far = max(far, _NEAREST)
     room = far - _NEAREST + (passing * passing - _PASSING * _PASSING) / (2.0 * _SLOWING * limiter.braking)
     goal_x, goal_y = distance * math.cos(bearing), distance * math.sin(bearing)
-    reaches, spans = _reaches(car, rows), _spans(rows)
+    bold = min(max(plan.waited - _BOLD_AFTER, 0.0) / _BOLD_AFTER, 1.0)
+    reaches, spans = _reaches(car, rows, bold), _spans(rows, bold)
     response = limiter.settings.steering_response
     servo = share_of_way(period, response) * response / period  # of the limiter's rate, in the mean of a tick
     scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
@@ -240,34 +242,42 @@ def _cap(limiter: Record, room: float) -> float:
 
 
 @kernel
-def _reaches(car: Record, rows: FloatArray) -> FloatArray:
-    """Return for each target (k,) how near its middle a disc of the car may come [m]; one that is nearer may leave."""
+def _reaches(car: Record, rows: FloatArray, bold: float) -> FloatArray:
+    """Return for each target (k,) how near its middle a disc of the car may come [m]; one that is nearer may leave.
+
+    `bold` is as of `occupied`.
+    """
     reaches, front = np.empty(len(rows)), car.length - car.rear_overhang - 0.25 * car.width - car.lidar_offset
     for k in range(len(rows)):
         now = math.inf
         for offset in (front, 0.0, -car.lidar_offset):
             now = min(now, math.hypot(rows[k, X] - offset, rows[k, Y]))
         reach = 0.5 * car.width + _WIDENED + _MARGIN + rows[k, RADIUS]
+        if rows[k, TURNS] >= 2.0:
+            reach -= _BOLD * bold
         reaches[k] = max(min(reach, now - 0.02), 0.7 * reach)
     return reaches
 
 
 @kernel
-def _spans(rows: FloatArray) -> FloatArray:
+def _spans(rows: FloatArray, bold: float) -> FloatArray:
     """Return for each step and target (m, k, 4) the interval on its line [m], and that if it turns back at once."""
     spans = np.empty((_STEPS + _WAIT * _WAITS + 1, len(rows), 4))
     for step in range(len(spans)):
         for k in range(len(rows)):
-            spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP)
-            spans[step, k, 2], spans[step, k, 3] = occupied_if_it_turns(rows[k], step * _STEP)
+            spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP, bold)
+            spans[step, k, 2], spans[step, k, 3] = occupied_if_it_turns(rows[k], step * _STEP, bold)
     return spans
 
 
 @kernel
-def occupied(row: FloatArray, time: float) -> tuple[float, float]:
-    """Return between which ways along its line a target may be at a time [s]; it turns where it is expected to [m]."""
+def occupied(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
+    """Return between which ways along its line a target may be at a time [s]; it turns where it is expected to [m].
+
+    `bold`: from 0 to 1, as the car has waited.
+    """
     known = row[TURNS] >= 2.0
-    speed, spread = row[SPEED], (1.0 if known else _SIGMAS) * min(row[SPREAD], _MOST_SPREAD)
+    speed, spread = row[SPEED], (1.0 - 0.5 * bold if known else _SIGMAS) * min(row[SPREAD], _MOST_SPREAD)
     slower = 0.0 if known else 0.5 * min(_SLOWS * speed, _MOST_SLOWING) * time * time
     near, far = max((speed - spread) * time - slower, -spread * time), (speed + spread) * time
     if _drives(row):
@@ -285,10 +295,10 @@ def _drives(row: FloatArray) -> bool:
 
 
 @kernel
-def occupied_if_it_turns(row: FloatArray, time: float) -> tuple[float, float]:
+def occupied_if_it_turns(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
     """Return the same of a target that turns back at once; a car or one that is known to turn elsewhere does not."""
     if row[TURNS] >= 2.0 or _drives(row):
-        return occupied(row, time)
+        return occupied(row, time, bold)
     spread = min(row[SPREAD], _MOST_SPREAD)
     least = min((row[SPEED] - spread) * max(time - _SEEN, 0.0), max(row[FROM_WALL] - 0.3, 0.0))
     return -min((row[SPEED] + spread) * time, row[FROM_WALL]), 0.1 - least
@@ -514,14 +524,14 @@ def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray
         back = min(max(step * _STEP - _SEEN, 0.0), 1.0) * _BACK
         for k in range(len(rows)):
             row = rows[k]
-            near, far = occupied(row, step * _STEP)
+            near, far = occupied(row, step * _STEP, 0.0)
             for offset in (front, 0.0, -car.lidar_offset):
                 dx, dy = offset - row[X], -row[Y]
                 along, across = row[COS] * dx + row[SIN] * dy, row[COS] * dy - row[SIN] * dx
                 stands = min(stands, math.sqrt(_apart(near, far, along, across)) - reaches[k])
                 along, across = along - back * row[COS], across + back * row[SIN]
                 backs = min(backs, math.sqrt(_apart(near, far, along, across)) - reaches[k])
-    return backs > stands + 0.02
+    return backs > max(stands + 0.02, -_USED)
 
 
 @kernel

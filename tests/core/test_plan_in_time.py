@@ -46,11 +46,12 @@ def decide(rows, speed, *, widened=None, plan=None, may_back_off=False, onwards=
 
 def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expected_to():
     unknown, known = target(3.0, 0.0, 0.0, 1.0), target(3.0, 0.0, 0.0, 1.0, to_wall=0.5, turns=2.0)
-    assert occupied(unknown, 1.0) == pytest.approx((1.0 - 0.1 - 0.15, 1.0 + 0.1))  # two sigmas, .3 m/s^2
-    assert occupied(known, 0.4) == pytest.approx((0.38, 0.42))
-    assert occupied(known, 1.0) == pytest.approx((2 * 0.5 - 1.05, 0.5))
-    assert occupied_if_it_turns(known, 1.0) == occupied(known, 1.0)
-    near, far = occupied_if_it_turns(unknown, 1.15)
+    assert occupied(unknown, 1.0, 0.0) == pytest.approx((1.0 - 0.1 - 0.15, 1.0 + 0.1))  # two sigmas, .3 m/s^2
+    assert occupied(known, 0.4, 0.0) == pytest.approx((0.38, 0.42))
+    assert occupied(known, 1.0, 0.0) == pytest.approx((2 * 0.5 - 1.05, 0.5))
+    assert occupied_if_it_turns(known, 1.0, 0.0) == occupied(known, 1.0, 0.0)
+    assert occupied(known, 0.4, 1.0) == pytest.approx((0.39, 0.41))  # the car has waited
+    near, far = occupied_if_it_turns(unknown, 1.15, 0.0)
     assert (near, far) == pytest.approx((-1.05 * 1.15, 0.1 - 0.95))
 
 
@@ -69,12 +70,13 @@ def test_motions_are_free_by_a_slow_check_of_discs_and_intervals(seed):
         LIMITER, widened, FIRST, INCREMENT, place, (8.0, 0.0), 4.0, rng.uniform(-0.2, 0.2), now, 1.0, 0.6, path
     )  # fmt: skip
     assert free == 112
-    reaches, spans, front = planned._reaches(CAR_ROW, rows), planned._spans(rows), CAR.length - CAR.rear_overhang
+    reaches, spans = planned._reaches(CAR_ROW, rows, 0.0), planned._spans(rows, 0.0)
+    front = CAR.length - CAR.rear_overhang
     for profile in planned._PROFILES:
         gap, _, _ = planned._try(LIMITER, 0.0, path, free, 4.0, profile, now, 1.0, rows, spans, reaches, True)
         least = math.inf
         for time, x, y, cos, sin in driven(path, profile, now):
-            near, far = occupied(row, time)
+            near, far = occupied(row, time, 0.0)
             for offset in (front - 0.25 * CAR.width, CAR.lidar_offset, 0.0):
                 for along in np.linspace(near, far, 9):
                     dx, dy = x + offset * cos - row[0] - along * row[2], y + offset * sin - row[1] - along * row[3]
