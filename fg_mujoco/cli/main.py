@@ -90,7 +90,10 @@ def _ended_in_order(terminated: threading.Event) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _warnings_in_a_line() -> Iterator[None]:
-    """Print each warning and note that is meant for users once, a line each on stderr: a FinalWarning at the end."""
+    """Print each warning and note that is meant for users once, a line each on stderr: a FinalWarning at the end.
+
+    Notes come at the end, too, and not at all where a command is refused: a refusal is one line.
+    """
     shown: dict[str, type[Warning]] = {}
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
@@ -103,8 +106,6 @@ def _warnings_in_a_line() -> Iterator[None]:
             shown[str(message)] = category
             if category is UserWarning:
                 say(str(message))
-            elif category is Note:
-                print("fg-mujoco:", in_one_line(str(message)), file=sys.stderr)
 
     def say(message: str) -> None:
         print("fg-mujoco: warning:", *message.split(), file=sys.stderr)
@@ -114,6 +115,9 @@ def _warnings_in_a_line() -> Iterator[None]:
         usual, warnings.showwarning = warnings.showwarning, show
         try:
             yield
+            for message, category in shown.items():
+                if category is Note:
+                    print("fg-mujoco:", in_one_line(message), file=sys.stderr)
         finally:
             for message, category in shown.items():
                 if category is FinalWarning:

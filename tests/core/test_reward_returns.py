@@ -12,6 +12,7 @@ from fg_mujoco.envs.rewards import PRESETS, RUNNING_COSTS, Rewards
 
 PATH = Path(__file__).parents[2] / "benchmarks" / "reward_returns.py"
 CRASHES = ("crash at once", "sprint into a wall")
+ONWARDS = [None, *(name for name in PRESETS if Rewards(preset=name).progress > 0.0)]  # `drift` is not worth driving on
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def drives(benchmark):
 
 
 @each("gamma", [0.99, 0.995, 1.0])
-@each("preset", [None, *PRESETS])
+@each("preset", ONWARDS)
 def test_a_crash_is_worth_less_than_anything_else_and_driving_most(benchmark, drives, preset, gamma):
     worth = {name: benchmark.returns(Rewards(preset=preset), drive, gamma) for name, drive in drives.items()}
     others = {name: value for name, value in worth.items() if name not in CRASHES}
