@@ -104,6 +104,11 @@ def places_of(where: str, columns: tuple[str, ...]) -> tuple[tuple[int, ...], di
     if len(lines) != 1 and not (bounds and not lines):
         found = "no x and y" if not lines else f"several lines, {', '.join(columns[x] for x, _ in lines)}"
         raise TrackError(f"{where} names {found}, in {named}; accepted: one x and one y, as {', '.join(COLUMNS)}")
+    for form in _LINES:
+        xs, ys = ([n for n, each in zip(columns, plain, strict=True) if each == form.format(axis)] for axis in "xy")
+        if xs and ys and len(xs) != len(ys):
+            twice = " and ".join(map(repr, xs if len(xs) > len(ys) else ys))
+            raise TrackError(f"{where} has a column twice, {twice}; accepted: each once")
     places: dict[str, int] = {}
     for quantity, forms in _NAMES.items():
         plain = [plain_name(name, _UNITS.get(quantity, _LENGTHS))[0] for name in columns]

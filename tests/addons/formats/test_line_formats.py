@@ -163,6 +163,7 @@ def spoiled(text, cell, place):
     [
         ("a.csv", table(CENTRE + ",w_tr_left_m=left"), "line 1 has a column twice, 'w_tr_left_m' and 'w_tr_left_m'"),
         ("a.csv", table(CENTRE + ",vx_mps,vx=slow"), "a column twice, 'vx_mps' and 'vx'"),
+        ("a.csv", table(CENTRE + ",x=y"), "a column twice, 'x_m' and 'x'"),
         ("a.csv", table(CENTRE + ",vx_mps=kmh"), "in km/h for 6; accepted: m/s"),
         ("a.csv", table(CENTRE + ",psi_rad=deg"), "psi_rad turns with the line in degrees; accepted: radians"),
         ("a.csv", spoiled(table(CENTRE), "nan", 7), "line 8: x_m is 'nan'; accepted: a finite number"),
