@@ -332,13 +332,10 @@ def _drive_filtered(
         )  # fmt: skip
         memory.kept = False
         if what == BACKS_OFF:
-            memory.plan.backed += max(-now, 0.0) * period
             history.stood = 0.0
             back = saturate(angle_along_history(history, car.wheelbase), car.max_steering_angle)
             note(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
             return hold(scan, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
-        if now > 0.5:
-            memory.plan.backed = 0.0
         if what == DRIVES:
             note(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
             return hold(scan, odometry, driver, memory, planned, planned_speed, 1.0)

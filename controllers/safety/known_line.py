@@ -46,7 +46,7 @@ from ..control.tracking import CURVATURE, HEADING, LAG, X, Y, next_place
 from ..perception.lap_map import FAR, LAP_MAP, PLACES, beam_directions, see_lap, tell_sides
 from ..perception.scan_geometry import nearest_place, sees
 from .friction_limiter import LIMITER, longitudinal_share
-from .least_time import quicken
+from .least_time import average, quicken
 
 if TYPE_CHECKING:
     from ..control.planner import Planner
@@ -187,7 +187,7 @@ def _spread(line: Record, lap: Record) -> None:
             line.base[k, 0], line.base[k, 1] = lap.places[k, 0], lap.places[k, 1]
         for _ in range(_SMOOTHED):
             for column in range(2):
-                _smooth(line.base[: line.count], column)
+                average(line.base[: line.count, column])
     _spread_evenly(line, lap.count // _APART[line.round])
     for k in range(line.count):
         before, after = line.base[k - 1 if k > 0 else line.count - 1], line.base[(k + 1) % line.count]
@@ -196,18 +196,6 @@ def _spread(line: Record, lap: Record) -> None:
         line.normal[k, 0], line.normal[k, 1] = -dy / apart, dx / apart
         line.aside[k, 0] = 0.0
     line.shape, line.done, line.next = 2, 0, 0
-
-
-@kernel
-def _smooth(points: FloatArray, column: int) -> None:
-    """Move a column of each point of a closed line by half of the way to the middle of its neighbours."""
-    count = len(points)
-    first, before = points[0, column], points[count - 1, column]
-    for k in range(count):
-        here = points[k, column]
-        after = points[k + 1, column] if k + 1 < count else first
-        points[k, column] = 0.5 * here + 0.25 * (before + after)
-        before = here
 
 
 @kernel
@@ -298,7 +286,7 @@ def _finish(line: Record, limiter: Record) -> None:
         points[k, X], points[k, Y], points[k, HEADING] = here[0], here[1], math.atan2(dy, dx)
         bend = (here[0] - before[0]) * (after[1] - here[1]) - (here[1] - before[1]) * (after[0] - here[0])
         points[k, CURVATURE] = bend / (line.spacing * line.spacing * 0.5 * math.hypot(dx, dy))
-    _smooth(points[:count], CURVATURE)
+    average(points[:count, CURVATURE])
     lateral_use, _ = _uses(limiter)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car
     tightest = math.tan(car.max_steering_angle) / car.wheelbase

@@ -81,7 +81,7 @@ def quicken(
         mean[k] = 0.5 * (to[k] + on[k])
         by_bend[k] /= mean[k]
     for _ in range(_SMOOTHED):
-        _average(by_bend)
+        average(by_bend)
     # how each curvature grows by a move of the point before it, of its own, and of the next
     rows = np.empty((3, n))
     for k in range(n):
@@ -160,8 +160,8 @@ def _measure(
 
 
 @kernel
-def _average(values: FloatArray) -> None:
-    """Move each value of a ring by half of the way to the middle of its neighbours."""
+def average(values: FloatArray) -> None:
+    """Move each value (n,) of a ring by half of the way to the middle of its neighbours; `values` is written to."""
     count = len(values)
     first, before = values[0], values[count - 1]
     for k in range(count):

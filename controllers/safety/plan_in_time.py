@@ -78,6 +78,7 @@ _FREE = -10.0  # a motion with a better score is free
 _TRIED, _STOP_MARGINS = 8, (0.1, 0.05)  # motions whose stops are simulated, [m] with these margins
 _MOST_TURN = 0.03  # [rad] that the wheels turn in a tick
 _BACK, _BACKING_STEPS = 0.8, 15  # [m] backwards that are looked at
+_FARTHEST_BACK, _DROVE = 1.0, 0.5  # [m] that the car backs off until it drives again, and [m/s] at which it does
 
 # share of the onward speed and its time [s], twice; then the car brakes
 _PROFILES = (
@@ -156,6 +157,8 @@ def plan_in_time(
     car = limiter.car
     plan.tick += 1
     plan.waited = plan.waited + period if speed < 1.0 else 0.0
+    if speed > _DROVE:
+        plan.backed = 0.0
     far, passing = _FARTHEST, math.inf
     for k in range(len(rows)):
         if rows[k, X] > -0.2:
@@ -202,7 +205,9 @@ def plan_in_time(
             limiter, memory.acceleration, path, free, onwards, speed, room, rows, spans, reaches, cost,
             worth, cautious, scores[number],
         )  # fmt: skip
-    if may_back_off and plan.backed < 1.0 and np.max(scores) < _FREE and _is_out_of_the_way_behind(car, rows, reaches):
+    may_back_off = may_back_off and plan.backed < _FARTHEST_BACK and np.max(scores) < _FREE
+    if may_back_off and _is_out_of_the_way_behind(car, rows, reaches):
+        plan.backed += max(-speed, 0.0) * period
         return BACKS_OFF, 0.0, 0.0
     cap = _cap(limiter, room)
     for margin in _STOP_MARGINS:
