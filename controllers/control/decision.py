@@ -28,7 +28,7 @@ from fg_mujoco.messages import FloatArray
 from ..perception.scan_filters import widen_all
 from ..perception.scan_geometry import beams_between, period_of
 from ..safety.braking_trajectories import safe_speed
-from ..safety.guidance import guide, path_ahead
+from ..safety.guidance import guide, keep_stop, path_ahead, stop_ahead
 from ..safety.plan_in_time import BACKING_SPEED, BACKS_OFF, DRIVES, is_among, plan_in_time
 from ..safety.predictions import X, Y, foresee, turned
 from ..safety.recovery import angle_along_history, extend_history, reverses
@@ -55,13 +55,15 @@ from .reasons import (
     note,
 )
 from .reasons import GUIDANCE as GUIDED
-from .slip import held_arc, see_from_course
+from .slip import held_arc, late_on_path, see_from_course
 from .speed import distance_ahead_speed, friction_speed
 from .stages import Stage
-from .steering import saturate
+from .steering import late_by, saturate
+from .tracking import steer_along
 
 _ONWARDS = 3.0  # [m/s] with which the car may go on among targets where its reference is slower
 _NO_MOVES = 2.0  # [m] from a target the car does not turn in moves
+_BRAKES_FIRST = 0.25  # share of the grip for cornering with which a car brakes harder than with the limiter's own
 _BESIDE = 0.06  # [rad] of steering from the reference, within which a direction is driven as fast as the reference
 _AHEAD = math.radians(2.0)  # to either side: beams that count as straight ahead
 
@@ -290,7 +292,8 @@ def _drive_filtered(
     hairpin does not get round. A direction next to the reference's is driven as fast, if the car can stop there, too.
     In another one it brakes, but not below the crawl speed as long as a direction is free. Where none is free it
     brakes: on a motion that it follows it stays on that motion, else it takes the direction that the filter chooses.
-    Where it stands and no direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
+    Before that, it brakes along the motion on which it could last stop, if it still can there. Where it stands and no
+    direction is free it reverses, and tries again. Near what moves it drives by a plan in time.
 
     Args:
       scan: of type SCAN.
@@ -345,6 +348,10 @@ def _drive_filtered(
         angle, now, period, path, memory.kept, predictions, radius, guidance.way,
     )  # fmt: skip
     memory.kept = found and safe == reference
+    if memory.kept and guidance.follows and not keeps:
+        keep_stop(guidance)
+    elif found:
+        guidance.stop.count = 0
     if among and not memory.kept:
         without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
@@ -355,10 +362,11 @@ def _drive_filtered(
             if keeps:
                 use_without = 1.0  # beside another car it has to follow the course
             else:
-                use_without = least_cornering(
+                least = least_cornering(
                     limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
-                    now, period, path, use_without, predictions, radius, guidance.way,
+                    now, period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.way,
                 )  # fmt: skip
+                use_without = least if least >= 0.0 else use_without
             return hold(scan, odometry, driver, memory, steering_angle, 0.0, use_without)
     stands = abs(now) < settings.standing_speed
     leads_on, waits = found and not guidance.stuck, memory.predictions.count > 0 or not guidance.way.found
@@ -367,6 +375,19 @@ def _drive_filtered(
         note(memory.reasons, RECOVERY, back, -driver.recovery_settings.speed)
         return hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
+        last = stop_ahead(guidance)
+        for margin in (settings.margin_kept * settings.margin_aside, 0.0):
+            if stands or len(last) == 0 or len(predictions) > 0:
+                break
+            use_last = least_cornering(
+                limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
+                now, period, last, margin, 1.0, predictions, radius, guidance.way,
+            )  # fmt: skip
+            if use_last >= 0.0:
+                late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
+                back = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
+                note(memory.reasons, SAFETY_FILTER, back, 0.0)
+                return hold(scan, odometry, driver, memory, back, 0.0, use_last)
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
         if guidance.follows and not keeps:  # it is free, as far as its search could tell
             note(memory.reasons, SAFETY_FILTER, steering_angle, speed)
@@ -376,7 +397,7 @@ def _drive_filtered(
     if safe != reference and guidance.follows and not keeps and len(predictions) == 0:
         on_motion = least_cornering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle, now,
-            period, path, -1.0, predictions, radius, guidance.way,
+            period, path, settings.margin_aside, _BRAKES_FIRST, predictions, radius, guidance.way,
         )  # fmt: skip
         if on_motion >= 0.0:
             note(memory.reasons, SAFETY_FILTER, steering_angle, 0.0)

@@ -97,6 +97,8 @@ GUIDANCE = np.dtype(
         ("way", FRONTIER_SEARCH),
         ("motion", MOTION),  # that the car follows
         ("trial", MOTION),  # that was last searched for
+        ("stop", MOTION),  # along which the safety filter last found a stop; without points: it found another one since
+        ("stop_progress", np.int64),  # index of its point that is next
         ("follows", np.bool_),  # there is a motion to follow
         ("progress", np.int64),  # index of the motion's point that is next
         ("narrow", np.bool_),  # the motion leads through a gap that is hardly wider than the car
@@ -342,11 +344,35 @@ def path_ahead(memory: Record) -> FloatArray:
     """Return the points (m, 4) of the motion that the car follows, in the frame of its rear axle; or none."""
     if not memory.follows:
         return np.empty((0, 4))
-    world = memory.way.map
+    return _in_frame_of_car(memory.way.map, memory.motion, memory.progress)
+
+
+@kernel
+def keep_stop(memory: Record) -> None:
+    """Keep the motion that the car follows as one along which it can stop."""
+    memory.stop.count, memory.stop_progress = memory.motion.count, memory.progress
+    memory.stop.points[:] = memory.motion.points
+
+
+@kernel
+def stop_ahead(memory: Record) -> FloatArray:
+    """Return the points (m, 4) of the motion along which the car could last stop, as `path_ahead` does."""
+    world, motion = memory.way.map, memory.stop
+    if motion.count > 0:
+        points = motion.points[: motion.count]
+        memory.stop_progress = next_place(points, memory.stop_progress, world.x, world.y, world.heading)
+    return _in_frame_of_car(world, motion, memory.stop_progress)
+
+
+@kernel
+def _in_frame_of_car(world: Record, motion: Record, first: int) -> FloatArray:
+    """Return the points (m, 4) of a motion from a place on; no points if there is only one left."""
+    if first + 1 >= motion.count:
+        return np.empty((0, 4))
     cos, sin = math.cos(world.heading), math.sin(world.heading)
-    path = np.empty((memory.motion.count - memory.progress, 4))
+    path = np.empty((motion.count - first, 4))
     for k in range(len(path)):
-        point = memory.motion.points[memory.progress + k]
+        point = motion.points[first + k]
         dx, dy = point[X] - world.x, point[Y] - world.y
         path[k, X], path[k, Y] = cos * dx + sin * dy, cos * dy - sin * dx
         path[k, HEADING], path[k, CURVATURE] = point[HEADING] - world.heading, point[CURVATURE]

@@ -72,6 +72,7 @@ _POINTS = 64  # that the car looks ahead
 _USES, _USES_WHEN_LATE = (0.93, 0.85), (0.9, 0.7)
 _NEAR_LOCK = 0.8  # share of the curvature at full lock from which on the car is slower, as it hardly can correct
 _SLOWER = 0.5  # share by which the squared speed is less at full lock
+_CUSP = 1.6  # spacings from the point before to the one after, below which the line turns back at a point
 _TOO_SHARP = 1.08  # share of the curvature at full lock: a line that is sharper somewhere is not followed
 _TURNS_FASTER = 1.35  # times the share of the grip for turning the wheels, on the line
 _TURNING_USE = 0.58  # share of the limiter's steering rate; in the mean of a tick the servo turns with .59 of it
@@ -286,6 +287,8 @@ def _finish(line: Record, limiter: Record) -> None:
         points[k, X], points[k, Y], points[k, HEADING] = here[0], here[1], math.atan2(dy, dx)
         bend = (here[0] - before[0]) * (after[1] - here[1]) - (here[1] - before[1]) * (after[0] - here[0])
         points[k, CURVATURE] = bend / (line.spacing * line.spacing * 0.5 * math.hypot(dx, dy))
+        if math.hypot(dx, dy) < _CUSP * line.spacing:
+            line.until = math.inf  # the line goes to and fro, where the car turned in moves: the planner drives
     average(points[:count, CURVATURE])
     lateral_use, _ = _uses(limiter)
     share, lag, car = _TURNING_USE * limiter.settings.turn_in_use, limiter.yaw_lag, limiter.car

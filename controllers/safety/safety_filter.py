@@ -13,9 +13,11 @@ the contact; the margins often make that a stop. It keeps its steering angle if 
 between two directions that are as bad takes from braking at every scan. Each direction is simulated with several
 shares of the grip for cornering, from braking first and turning late to the reverse. Where guidance leads the car, the
 reference is the motion that it follows, and its stop is simulated along the motion, not towards a goal; ground that
-the end of a barrier hides counts as free there if the local map has it free and away from walls. This is a
-dynamic window (D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics &
-Automation Magazine 4(1), 1997) over directions and shares of grip.
+the end of a barrier hides counts as free there if the local map has it free and away from walls. The last motion
+along which a stop was found is kept: where no stop is found any more, because the motion was given up or is another
+one, the car brakes along that one (S. Petti and T. Fraichard, Safe Motion Planning in Dynamic Environments, IEEE/RSJ
+IROS 2005). This is a dynamic window (D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision
+Avoidance, IEEE Robotics & Automation Magazine 4(1), 1997) over directions and shares of grip.
 
 These stops are as hard as the tires hold, and those that limit the speed are far softer. On a track without obstacles
 the reference is therefore rarely changed.
@@ -54,7 +56,7 @@ At a friction of 1.0489; for other floors see `friction_limiter.evasive`.
 """
 
 _LATERAL_USES = (0.5, 1.0, 0.75, 0.25)  # simulated in this order: the limiter's own first
-_BRAKES_FIRST = (0.0, 0.25)  # shares with which a car brakes harder than with the limiter's own
+_USES_WHEN_BRAKING = (0.0, 0.25, 0.5, 0.75, 1.0)  # in this order where the car corners as little as it can
 _FINE_TICKS = 8  # later ones are simulated two at a time
 _TICKS = 64  # of the longest stop: 3 s
 _LONGER = 1.02  # [-] way of a stop over that of wheels that do not slip; tires that brake slip by up to 1 %
@@ -193,12 +195,13 @@ def least_cornering(
     speed_now: float,
     period: float,
     path: FloatArray,
-    otherwise: float,
+    margin: float,
+    most: float,
     predictions: FloatArray,
     radius: float,
     ground: Record,
 ) -> float:
-    """Return the least share of the grip for cornering with which the car stops in time before what stands.
+    """Return the least share of the grip for cornering with which the car stops in time before what stands; -1: none.
 
     A car that corners with half of the grip brakes with little more than half of what it could straight ahead: one of
     its rear tires slides first. Before another car it brakes, and corners only as far as walls make it.
@@ -206,21 +209,24 @@ def least_cornering(
     Args are those of `safe_steering`, and:
 
     Args:
-      otherwise: share if there is none below the limiter's own.
+      margin: ahead of the bumper [m].
+      most: greatest share that is tried.
     """
     speed, pursuit = max(speed_now, settings.crawl_speed), settings.pursuit_distance
     bearing = bearing_of_arc(steering_angle, pursuit, limiter.car.lidar_offset, limiter.car.wheelbase)
     goal = (bearing, max(reading(widened, angle_min, angle_increment, bearing), settings.nearest_goal))
-    for use in _BRAKES_FIRST:
+    for use in _USES_WHEN_BRAKING:
+        if use > most:
+            break
         last = memory.acceleration
         left = speed_at_contact(
-            limiter, memory, settings, widened, angle_min, angle_increment, goal, use, settings.margin_aside, 0.0,
-            angle_now, speed, period, path, predictions[:0], radius, ground,
+            limiter, memory, settings, widened, angle_min, angle_increment, goal, use, margin, 0.0, angle_now, speed,
+            period, path, predictions[:0], radius, ground,
         )  # fmt: skip
         memory.acceleration = last
         if left == 0.0:
             return float(use)
-    return otherwise
+    return -1.0
 
 
 @kernel
