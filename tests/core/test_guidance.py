@@ -46,6 +46,13 @@ def test_in_a_dead_end_it_stops_and_touches_nothing(seed):
     assert abs(race.car.column("speed_m_s")[-1]) < 0.1
 
 
+@each(("seed", "laps"), [(138, 1), (154, 1), (228, 1), (241, 3)])
+def test_where_its_motion_is_given_up_the_car_still_stops_and_leaves_a_line_that_turns_back(seed, laps):
+    """Without the last stop it ran into a wall after 2 s; on its line, which has a cusp, in the third lap."""
+    car = fg.race(f"random:{seed}:tight", "gap_finder", laps=laps, max_speed=8.0).car
+    assert car.finished and car.collisions_wall == 0
+
+
 @each("blind", [scan_of(np.zeros(1081)), scan_of([]), scan_of(np.full(1081, math.nan))])
 def test_the_place_is_kept_in_ticks_in_which_nothing_is_seen(blind):
     planner = finder()

@@ -97,14 +97,14 @@ def bend(radius, aside):
     return ranges
 
 
-@each(("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.8), 0.5)])
+@each(("ranges", "use"), [(np.full(BEAMS, 30.0), 0.0), (bend(3.0, 2.5), 0.0), (bend(3.0, 0.8), -1.0)])
 def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use):
     row = np.array([record_values(for_car(SafetyFilterSettings(), CAR))], record_type(SafetyFilterSettings))
     memory = np.zeros(1, LIMITER_MEMORY)
     angle = math.atan(CAR.wheelbase / 3.0)
     found = least_cornering(
         LIMITER.record[0], memory[0], row[0], ranges, START, INCREMENT, angle, angle, 4.2, 0.025, NO_PATH,
-        SafetyFilterSettings().margin_aside, 1.0, NO_TARGETS, 0.17, UNSEEN,
+        SafetyFilterSettings().margin_aside, 0.25, NO_TARGETS, 0.17, UNSEEN,
     )  # fmt: skip
     assert (found, memory["acceleration"][0]) == (use, 0.0)
 
