@@ -104,7 +104,7 @@ def test_a_car_that_brakes_corners_only_as_far_as_the_walls_make_it(ranges, use)
     angle = math.atan(CAR.wheelbase / 3.0)
     found = least_cornering(
         LIMITER.record[0], memory[0], row[0], ranges, START, INCREMENT, angle, angle, 4.2, 0.025, NO_PATH,
-        SafetyFilterSettings().margin_aside, 0.25, NO_TARGETS, 0.17, UNSEEN,
+        row[0]["margin_aside"], 0.25, NO_TARGETS, 0.17, UNSEEN,
     )  # fmt: skip
     assert (found, memory["acceleration"][0]) == (use, 0.0)
 
