@@ -51,6 +51,7 @@ from fg_mujoco.controllers.control.steering import late_by, pursue
 from fg_mujoco.controllers.perception.scan_geometry import sees
 from fg_mujoco.controllers.safety.friction_limiter import FrictionLimiter
 from fg_mujoco.course.line_file import require_closed
+from fg_mujoco.course.polyline import is_inside, step_lengths
 from fg_mujoco.errors import SettingsError, TrackError
 from fg_mujoco.messages import CarParameters, FloatArray, MapLine, Odometry
 from fg_mujoco.registry import PARTS
@@ -71,6 +72,8 @@ from .line_profile import (
 
 _PURE_PURSUIT, _MAP = 1, 4  # places of words of the setting `tracker`
 _SHORT_JOINING = 1.0  # m/m: the other trackers join the line further on by no more, so as not to cut a bend on the way
+_SHORTEST, _LONGEST = 0.5, 1.5  # times the course's own line may a lap of another be
+_LOOKED_AT = 100  # points of a line, about, of which most have to be on the course
 _SEARCH = 2.0  # [m] along the line, to either side of the last nearest point
 
 
@@ -253,7 +256,7 @@ class PurePursuit(Planner):
 
     @staticmethod
     def _require_lap(points: FloatArray, map_line: MapLine, path: str) -> None:
-        """Raise SettingsError for a line that is not closed, or goes round a closed course against its direction."""
+        """Raise SettingsError for a line that is not closed, or is no lap of a course in its direction."""
         try:
             require_closed(points)
         except TrackError as error:
@@ -265,6 +268,17 @@ class PurePursuit(Planner):
             raise SettingsError(
                 f"line {path} goes {way}, the course {course}; accepted: a line in the course's direction; a map or a "
                 f"CSV is turned round by --track 'FILE[direction={way}]'"
+            )
+        length, lap = (float(step_lengths(line).sum()) for line in (points, map_line.points))
+        if not _SHORTEST <= length / lap <= _LONGEST:
+            raise SettingsError(f"line {path} is {length:.1f} m long, the course {lap:.1f} m; accepted: one lap of it")
+        some = points[:: max(len(points) // _LOOKED_AT, 1)]
+        outside = some[~is_inside(some, map_line.walls)] if map_line.walls else some[:0]
+        if len(outside) > 0.5 * len(some):
+            x, y = outside[0].tolist()
+            raise SettingsError(
+                f"line {path} is outside of the course, as at ({x:.2f}, {y:.2f}); accepted: a line between its walls, "
+                "in metres and in its map's frame"
             )
 
     @staticmethod

@@ -30,7 +30,7 @@ import numpy as np
 from ..errors import TrackError, accepted_names, nearest
 from ..messages import FloatArray
 from ..registry import PARTS
-from .files import read_text
+from .files import foreign_kind, is_file, read_text
 from .line_file import LineFile, read_line_file, require_closed
 from .line_names import COLUMNS
 from .polyline import enclosed_area, spline, step_lengths
@@ -48,7 +48,9 @@ WIDEST_ROAD = 30.0
 
 _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of course in millimetres
 _SPECIFICATION = re.compile(r"(?P<path>.*\.(?P<suffix>csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
+_ANY = re.compile(r"(?P<path>.*\.(?P<suffix>[^.\[\]]+))\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
+_JUMP = 3.0  # times the usual width: a width that is no longer that of a wall beside the line
 
 
 def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str] = ()) -> None:
@@ -92,7 +94,7 @@ def read_centreline(
 
     Args:
       path: the file.
-      width: of the track [m], half of it to either side of the line, for a file without widths.
+      width: of the track [m], half of it to either side of the line, in place of what the file has.
       boundary: the file of the other boundary of the course, of which `path` has one.
       scale: by which the course is larger than its file says.
       line: which of the lines of a file of several; None: its centreline.
@@ -101,16 +103,18 @@ def read_centreline(
 
     Raises:
       TrackError: with the file, and the line where there is one: a file that cannot be read or is empty, too few
-        points, a wrong number of columns, a cell that is no finite number, a width that is not positive, is missing or
-        is given twice, an unknown direction, or what `Track` refuses.
+        points, a wrong number of columns, a cell that is no finite number, a width that is not positive or is missing,
+        an unknown direction, or what `Track` refuses.
     """
     path = Path(path)
     if not 0.0 < scale < math.inf:
         raise TrackError(f"{path}: scale is {scale!r}; accepted: a positive number")
     points, widths, file = _read(path, boundary, scale, line, said=said)
     if width is not None:
+        if file.walls is not None:
+            raise TrackError(f"{path}: width is {width!r}, but the two boundaries are the walls; accepted: none")
         if widths is not None:
-            raise TrackError(f"{path}: width is {width!r}, but the file has widths of its own; accepted: none")
+            file = replace(file, said=f"{file.said}; width={width:g} in place of its widths")
         if not 0.0 < width < math.inf:
             raise TrackError(f"{path}: width is {width!r}; accepted: a positive number of metres")
         widths = np.full((2, len(points)), 0.5 * width)
@@ -125,6 +129,8 @@ def read_centreline(
         )
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
+    if said:
+        file.note()
     (right, left), walls = widths, tuple(scale * wall for wall in file.walls or ())
     if direction is not None and (enclosed_area(points) > 0.0) != (direction == "counterclockwise"):
         points, right, left = (np.roll(column[::-1], 1, axis=0) for column in (points, left, right))
@@ -137,7 +143,10 @@ def read_centreline(
         track = (MapTrack if walls else Track)(name=name or path.stem, **values)
         _ = track.left_wall  # drawn here, so that a refusal names the file
     except TrackError as error:
-        raise TrackError(f"{path}: {error}") from error
+        side, usual = np.max((right, left), axis=0), float(np.median((right, left)))
+        jumps = side.max() > _JUMP * usual  # as of rays that look along a corridor
+        hint = f"; a width is {side.max():.3g} m, most are {usual:.3g}: {path.name}[width=W] sets one for all"
+        raise TrackError(f"{path}: {error}{hint if jumps else ''}") from error
     return track
 
 
@@ -152,7 +161,7 @@ def read_points(path: str | Path) -> FloatArray:
 
 def is_centreline(name: str) -> bool:
     """Return whether a name of a track, as load_track takes it, is that of a centreline file, and not of a map."""
-    match = _SPECIFICATION.fullmatch(name)
+    match = _specified(name)
     if match is None or match["suffix"][0] not in "yY":
         return match is not None
     try:
@@ -162,13 +171,20 @@ def is_centreline(name: str) -> bool:
     return bool(re.search(r"(?m)^cent(re|er)line\s*:", text)) and not re.search(r"(?m)^image\s*:", text)
 
 
+def _specified(name: str) -> re.Match[str] | None:
+    """Return the parts of a name that is that of a table by its suffix, or that of any text file with settings."""
+    match = _ANY.fullmatch(name)
+    other = match is not None and foreign_kind(match["path"]) is None and is_file(match["path"])
+    return _SPECIFICATION.fullmatch(name) or (match if other else None)
+
+
 def load_centreline(name: str) -> Track:
     """Load a track by `FILE.csv` or `FILE.csv[SETTING=VALUE,...]`; the settings are those of `read_centreline`.
 
     Raises:
       TrackError: an unknown setting, or a value that it does not take; and what `read_centreline` raises.
     """
-    match = _SPECIFICATION.fullmatch(name)
+    match = _specified(name)
     if match is None:
         return read_centreline(name, said=True)
     return read_centreline(match["path"], said=True, **read_settings(name, match["settings"] or "", _SETTINGS))
@@ -222,8 +238,6 @@ def _read(
     """Return the line (n, 2), the widths to the right and left (2, n) [m], None without, and the file."""
     file = read_line_file(path, course=boundary is None, line=name)
     line, widths = file.points, np.empty((0, len(file.points)))
-    if said:
-        file.note()
     if boundary is not None:
         other = read_line_file(boundary, course=False)
         if said:

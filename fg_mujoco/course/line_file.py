@@ -17,12 +17,14 @@ are what their number says:
     x_m, y_m                                                 a line
     x_m, y_m, vx_mps                                         a line with speeds
     x_m, y_m, w_tr_right_m, w_tr_left_m                      a centreline
-    s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2     a raceline of TUM's optimiser
+    x_m, y_m, psi_rad, vx_mps                                a log: the third is a heading, or often not above 0; or
+                                                             x_m, y_m, vx_mps, psi_rad
+    s_m; x_m; y_m; psi_rad; kappa_radpm; vx_mps; ax_mps2     a raceline of TUM's optimiser, also without s_m
 
-A column without a name that turns with the line is a heading, and neither a width nor a speed. Headings in degrees and
-speeds in km/h that are named otherwise are found by the shape of the line, and refused. Text files have cells separated
-by commas, semicolons, tabs or spaces; lines starting with `#` are comments. Other files (JSON, NumPy, a folder's
-track.yaml) are made a table of columns by an add-on.
+Headings in degrees and speeds in km/h that are named otherwise are found by the shape of the line, and refused. Text
+files have cells separated by commas, semicolons, tabs or spaces; lines starting with `#` are comments, and so is text
+above a header that names a line. Other files (JSON, NumPy, a folder's track.yaml) are made a table of columns by an
+add-on.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ import math
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +42,7 @@ from ..errors import Note, TrackError
 from ..messages import FloatArray
 from ..registry import PARTS
 from .files import read_bytes
-from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, places_of, plain_name, unit_of
+from .line_names import COLUMNS, RACELINE, SHOWN, lines_of, name_a_line, places_of, plain_name, unit_of
 
 MOST_POINTS = 200_000
 """Work on a line grows with its points."""
@@ -48,9 +50,11 @@ MOST_POINTS = 200_000
 FOREIGN = (".json", ".npy", ".yaml", ".yml")
 """Suffixes of files that the add-on `formats` makes tables of."""
 
-_WITHOUT_HEADER = {2: COLUMNS[:2], 3: (*COLUMNS[:2], "vx_mps"), 4: COLUMNS, 7: RACELINE}
+_LOG = (*COLUMNS[:2], "psi_rad", "vx_mps")
+_WITHOUT_HEADER = {2: COLUMNS[:2], 3: (*COLUMNS[:2], "vx_mps"), 4: COLUMNS, 6: RACELINE[1:], 7: RACELINE}
 _NAME = re.compile(r"[^\W\d]\w*( ?[\[(].*)?")  # of a column, with its unit in brackets
 _GREATEST = 1e9  # [m] or [m/s]: squares of it are still numbers
+_FEW = 0.1  # share of widths that are not above 0, beyond which a column is something else
 _HEADING, _ROUND = 0.9, 0.7  # mean length of unit vectors that agree in direction, and of those of a line that bends
 _LEAST_GAP, _WIDEST_GAP = 1.0, 1.5  # [m], and times the longest step: that a closed line may leave to its first point
 _HARDEST = 35.0  # [m/s^2] in a corner that no car of this kind holds: speeds that ask for more are in km/h
@@ -119,8 +123,11 @@ def read_line_file(path: str | Path, *, course: bool, line: str | None = None) -
 
 def _understood(path: Path, table: Table, course: bool) -> LineFile:
     """Return the line of a table."""
+    if not table.header:
+        table = _named_by_rows(path, table)
     names = table.names
     said = f"columns {', '.join(names[:SHOWN])}{', ...' if len(names) > SHOWN else ''}"
+    said += "" if table.header else ", by their number"
     line, found, bounds = places_of(f"{path}: {table.header}", names)
     wanted = ("right", "left", "width") if course else ("speed",)
     used = {quantity: place for quantity, place in found.items() if quantity in wanted}
@@ -138,14 +145,6 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
         column = np.array([unit * _cell(row[place]) for row in table.rows])
         if np.isfinite(column).all():
             values[quantity] = column
-    if not table.header and names == RACELINE and not _is_distance(values.get("s", points[:, 0]), points):
-        raise TrackError(
-            f"{path}: has {len(names)} columns without names, of which the first is no distance along the line; "
-            f"accepted: {', '.join(RACELINE)}, or a header that names the columns"
-        )
-    if not table.header and any(_is_heading(points, values[quantity]) for quantity in used):
-        said, values = f"{len(names)} columns without names, of which one is the heading of the line", {}
-        used, notes = {}, [*notes, said]
     walls = None
     if line and (used or not course):
         bounds = ()
@@ -155,17 +154,50 @@ def _understood(path: Path, table: Table, course: bool) -> LineFile:
         values, notes = {"right": right, "left": left}, [*notes, "the two boundaries are the walls"]
     elif not course and (shifted := _shifted(table, points)) is not None:
         points, notes = shifted, [*notes, "the line is the reference moved by alpha along its normals"]
-    if table.header:
-        notes += _odd(path, table, points, values, found)
+    notes += _odd(path, table, points, values, found)
     if "width" in values:  # one width, half of it to either side
         values["right"] = values["left"] = 0.5 * values.pop("width")
     read = {*line, *used.values(), *bounds}
     note = f"{path}: {len(points)} points of {', '.join(names[place] for place in sorted(read))}"
     if not table.header:
         note += ", by their number"
-    if left_out := [name for place, name in enumerate(names) if place not in read]:
+    if left_out := [name for place, name in enumerate(names) if place not in read and name]:
         note += f"; not used: {', '.join(left_out[:SHOWN])}{', ...' if len(left_out) > SHOWN else ''}"
     return LineFile(points=points, values=values, columns=said, said="; ".join([note, *notes]), walls=walls)
+
+
+def _named_by_rows(path: Path, table: Table) -> Table:
+    """Return a table without a header with the names that its rows agree with.
+
+    Raises:
+      TrackError: columns that are nowhere a line, or, of a raceline, whose heading or distance is none.
+    """
+    names = table.names
+    rows = np.array([[_cell(cell) for cell in row] for row in table.rows])
+    at = names.index(COLUMNS[0])
+    points = rows[:, at : at + 2]
+    if not np.isfinite(points).all():
+        return table  # which is refused where it is read
+    turns = [len(names) > 2 and _is_heading(points, column) for column in rows.T[at + 2 :]]
+    if names == COLUMNS and (turns[0] or float((rows[:, 2] <= 0.0).mean()) > _FEW):
+        return replace(table, names=_LOG)
+    if names == COLUMNS and turns[1]:
+        return replace(table, names=(*_LOG[:2], *_LOG[:1:-1]))
+    if len(names) == 3 and turns[0]:
+        return replace(table, names=_LOG[:3])
+    wrong = ""
+    if names == RACELINE and not _is_distance(rows[:, 0], points):
+        wrong = "the first is no distance along the line"
+    elif len(names) > 4 and _bends(points) and not turns[0] and np.ptp(rows[:, at + 2]) > 0.0:
+        wrong = f"column {at + 3} is not its heading"
+    elif len(names) > 2 and len(flat := np.flatnonzero(np.ptp(points, axis=0) == 0.0)) == 1:
+        wrong = f"column {at + int(flat[0]) + 1} is {points[0, flat[0]]:g} everywhere"
+    if wrong:
+        raise TrackError(
+            f"{path}: has {len(names)} columns without names, of which {wrong}; accepted: {', '.join(names)}, or a "
+            "header that names the columns"
+        )
+    return table
 
 
 def raceline_text(columns: Mapping[str, FloatArray], comments: Iterable[str] = ()) -> str:
@@ -204,10 +236,17 @@ def require_closed(points: FloatArray) -> None:
     """
     steps = np.hypot(*np.diff(points, axis=0).T)
     gap, longest = float(np.hypot(*(points[0] - points[-1]))), float(steps.max(initial=0.0))
-    if gap > max(_LEAST_GAP, _WIDEST_GAP * longest):
+    closed = max(_LEAST_GAP, _WIDEST_GAP * longest)
+    if gap > closed:
+        away = np.hypot(*(points - points[0]).T)
+        left = int(np.argmax(away > closed))  # the first point that is no longer near the first
+        lap = left + int(np.argmin(away[left:]))
+        hint = "one that repeats its first point at the end is closed by a straight"
+        if away[lap] <= closed:
+            hint = f"it comes by its first point again, so that its first {lap} points may be a lap"
         raise TrackError(
             f"the line ends {gap:.2f} m from its first point, in steps of {longest:.2f} m at most: it is not closed; "
-            "accepted: a closed line; one that repeats its first point at the end is closed by a straight"
+            f"accepted: a closed line; {hint}"
         )
 
 
@@ -260,7 +299,7 @@ def _split(path: Path, text: str, said: str) -> Table:
             if lines_of(_cells(above)):
                 columns, header = tuple(_cells(above)), number
             continue
-        if not rows and not is_bare and not any(map(_is_number, cells)):
+        if not rows and not (is_bare and name_a_line(columns)) and not any(map(_is_number, cells)):
             columns, header, is_bare = tuple(cells), number, True
             continue
         if not rows and not header:
@@ -269,6 +308,8 @@ def _split(path: Path, text: str, said: str) -> Table:
                 columns, header = tuple(names), above_line
             else:
                 columns = _WITHOUT_HEADER.get(len(cells), ())
+        while len(cells) > len(columns) and not cells[-1]:
+            cells.pop()  # behind a separator that ends the line
         if len(cells) != len(columns):
             accepted = f"{len(columns)}, {', '.join(columns[:SHOWN])}" if columns else NUMBERS
             raise TrackError(f"{path}: line {number} has {len(cells)} columns; accepted: {accepted}")
@@ -282,7 +323,7 @@ def _split(path: Path, text: str, said: str) -> Table:
     return Table(names=columns, header=header_line, rows=rows, places=places, said=said, path=path)
 
 
-NUMBERS = f"4, {', '.join(COLUMNS)}; or, without widths, 2 or 3 or 7; or a header that names them"
+NUMBERS = f"4, {', '.join(COLUMNS)}; or, without widths, 2, 3, 4, 6 or 7; or a header that names them"
 """Numbers of columns that are accepted without names."""
 
 
@@ -338,7 +379,7 @@ def _odd(
     named = {quantity: table.names[place] for quantity, place in places.items()}
     psi, kappa, speed = (values.get(quantity) for quantity in ("psi", "kappa", "speed"))
     if len(points) > 2 and psi is not None and np.ptp(psi) > 0.0 and (wrong := _heading_fault(points, psi)) is not None:
-        if wrong and unit_of(named["psi"], "psi") == 1.0:
+        if wrong and table.header and unit_of(named["psi"], "psi") == 1.0:
             raise TrackError(
                 f"{path}: {table.header}: {named['psi']} turns with the line in degrees; accepted: radians, or a name "
                 "that ends in _deg"
@@ -350,9 +391,11 @@ def _odd(
     if speed is not None and np.ptp(speed) > 0.2 * speed.max() and (np.abs(bend) > _BENT).any():
         hardest = float(np.quantile(speed[np.abs(bend) > _BENT] ** 2 * np.abs(bend[np.abs(bend) > _BENT]), 0.9))
         if hardest > _HARDEST and unit_of(named["speed"], "speed") == 1.0:
+            is_kmh = hardest < 3.6**2 * _HARDEST
             raise TrackError(
-                f"{path}: {table.header}: {named['speed']} asks for {hardest:.0f} m/s^2 in corners, in km/h for "
-                f"{hardest / 3.6**2:.0f}; accepted: m/s, or a name that ends in _kmh"
+                f"{path}: {table.header or 'by their number'}: {named['speed']} asks for {hardest:.0f} m/s^2 in corners"
+                f"{f', in km/h for {hardest / 3.6**2:.0f}' if is_kmh else ''}; accepted: m/s"
+                f"{', or a name that ends in _kmh' if is_kmh else ''}"
             )
     return notes
 
@@ -372,9 +415,9 @@ def _curvature(points: FloatArray) -> FloatArray:
 
 
 def _agrees(points: FloatArray, angles: FloatArray) -> float:
-    """Return how well angles [rad] turn with a closed line, whatever they are counted from: 1 as it does."""
-    ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    return float(abs(np.exp(1j * (angles - np.arctan2(ahead[:, 1], ahead[:, 0]))).mean()))
+    """Return how well angles [rad] turn with a line, whatever they are counted from: 1 as it does."""
+    ahead = np.gradient(points @ (1.0, 1.0j))  # a point where the car stands has no weight
+    return float(abs(np.exp(1j * angles) @ ahead.conj()) / max(np.abs(ahead).sum(), 1e-12))
 
 
 def _heading_fault(points: FloatArray, psi: FloatArray) -> bool | None:
@@ -384,11 +427,14 @@ def _heading_fault(points: FloatArray, psi: FloatArray) -> bool | None:
     return _agrees(points, np.radians(psi)) > _HEADING and float(np.abs(psi).max()) > 4.0 * math.pi
 
 
+def _bends(points: FloatArray) -> bool:
+    """Return whether a line goes so far round that a heading is told from other columns."""
+    return len(points) > 2 and _agrees(points, np.zeros(len(points))) <= _ROUND
+
+
 def _is_heading(points: FloatArray, column: FloatArray) -> bool:
     """Return whether a column [rad or deg] turns with a line that bends, whatever it is counted from."""
-    if _agrees(points, np.zeros(len(points))) > _ROUND:
-        return False
-    return any(_agrees(points, angles) > _HEADING for angles in (column, np.radians(column)))
+    return _bends(points) and any(_agrees(points, angles) > _HEADING for angles in (column, np.radians(column)))
 
 
 def _is_distance(column: FloatArray, points: FloatArray) -> bool:

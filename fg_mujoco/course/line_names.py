@@ -27,7 +27,7 @@ _SIDES = (
 )
 _NAMES = {side: tuple(form.format(side) for form in _SIDES) for side in ("right", "left")} | {
     "width": ("width", "track_width"),
-    "speed": ("vx", "v", "speed", "velocity", "vel", "v_x", "v_ref", "vx_ref", "ref_speed", "target_speed"),
+    "speed": ("vx", "v", "speed", "velocity", "vel", "v_x", "v_ref", "vx_ref", "ref_speed", "target_speed", "linear_x"),
     "s": ("s", "arc_length", "arclength", "station"),
     "psi": ("psi", "yaw", "theta", "heading", "yaw_angle", "psi_ref"),
     "kappa": ("kappa", "curvature", "curv", "kappa_ref"),
@@ -52,6 +52,7 @@ _ANGLES = {"": 1.0, "rad": 1.0, "radians": 1.0, "deg": math.pi / 180.0, "degrees
 _OTHERS = {"": 1.0, "radpm": 1.0, "rad_m": 1.0, "1_m": 1.0, "mps2": 1.0, "m_s2": 1.0, "ms2": 1.0}
 _UNITS = {"speed": _SPEEDS, "psi": _ANGLES, "kappa": _OTHERS, "ax": _OTHERS}
 _VARIANT = re.compile(r"_(iqp|sp|opt|racetraj|raceline)$")  # of which optimiser a column is
+_OF_A_MESSAGE = re.compile(r".*_((position|pose|linear)_[xyz])")  # of ROS, behind what it is in: pose.pose.position.x
 
 
 def unit_of(name: str, quantity: str) -> float:
@@ -63,12 +64,10 @@ def unit_of(name: str, quantity: str) -> float:
 def plain_name(name: str, units: Iterable[str] = _LENGTHS) -> tuple[str, str]:
     """Return a name in small letters without its unit, and the unit, one of some."""
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.strip()).casefold()
-    words = [word for word in re.split(r"[\s_\-\[\](){}/^]+", name) if word]
-    for count in (2, 1):
-        unit = "_".join(words[-count:])
-        if len(words) > count and unit in units:
-            return _VARIANT.sub("", "_".join(words[:-count])), unit
-    return _VARIANT.sub("", "_".join(words)), ""
+    words = [word for word in re.split(r"[\s_\-\[\](){}/^.]+", name) if word]
+    count = next((n for n in (2, 1) if len(words) > n and "_".join(words[-n:]) in units), 0)
+    plain = _VARIANT.sub("", "_".join(words[: len(words) - count]))
+    return _OF_A_MESSAGE.sub(r"\1", plain), "_".join(words[len(words) - count :])
 
 
 def lines_of(names: Iterable[str]) -> list[tuple[int, int]]:

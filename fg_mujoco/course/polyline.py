@@ -6,6 +6,7 @@ Segment i runs from point i to point i + 1.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,19 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 def enclosed_area(points: FloatArray) -> float:
     """Area inside, counterclockwise positive [m^2] (the shoelace formula)."""
     return 0.5 * float(np.sum(cross(points, np.roll(points, -1, axis=0))))
+
+
+def is_inside(points: FloatArray, loops: Iterable[FloatArray]) -> NDArray[np.bool_]:
+    """Return which points (n, 2) lie inside an odd number of closed polylines, as between the walls of a course."""
+    px, py = points.T[:, :, None]
+    inside = np.zeros(len(points), dtype=np.bool_)
+    for loop in loops:
+        (x, y), (next_x, next_y) = np.moveaxis(segments(loop), 0, -1)
+        passes = (y > py) != (next_y > py)  # a ray along x from a point crosses the line of this segment
+        with np.errstate(divide="ignore", invalid="ignore"):
+            beyond = x + (py - y) * (next_x - x) / (next_y - y) > px
+        inside ^= np.count_nonzero(passes & beyond, axis=1) % 2 == 1
+    return inside
 
 
 def nearby(first: FloatArray, second: FloatArray, reach: float = 0.0) -> tuple[IndexArray, IndexArray]:

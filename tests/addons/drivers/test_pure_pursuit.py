@@ -133,6 +133,18 @@ def test_a_raceline_against_the_course_is_refused_with_the_option_that_turns_the
         pursuer(circle(6.0, -direction), line=str(path))
 
 
+def test_a_line_that_is_no_lap_of_the_course_is_refused(tmp_path):
+    path = tmp_path / "raceline.csv"
+    course = replace(circle(4.0), walls=(circle(5.0).points, circle(3.0).points))
+    for points, said in (
+        (np.add(circle(4.0).points, (9.0, 0.0)), r"outside of the course, as at \(13.00, 0.00\); accepted: a line"),
+        (np.tile(circle(4.0).points, (2, 1)), "is 50.3 m long, the course 25.1 m; accepted: one lap of it"),
+    ):
+        np.savetxt(path, points, delimiter=",")
+        with pytest.raises(SettingsError, match=said):
+            pursuer(course, line=str(path))
+
+
 def test_in_a_batch_each_follows_its_own_line_as_alone():
     lines = [circle(4.0), STRAIGHT, circle(4.0), circle(9.0, -1)]
     poses = [at(4.0, 0.1, 1.5, 1.0), at(3.0, 0.2, 0.0, 2.0), at(0.0, 4.0, 3.1, 3.0), at(9.0, 0.0, -1.5, 2.5)]

@@ -21,6 +21,7 @@ LEFT, RIGHT = LINE + 0.9 * NORMAL, LINE - 1.1 * NORMAL
 WIDTHS = {"right": np.full(200, 1.1), "left": np.full(200, 0.9)}
 KNOWN = {
     **{name.partition("_")[0]: column for name, column in MADE.items()}, **WIDTHS, "zero": np.zeros(200),
+    "jumps": np.where(np.arange(200) % 20 < 9, 20.0, 0.9),
     "id": np.arange(200.0), "zone": ["straight"] * 200, "slow": np.ones(200), "deg": np.degrees(MADE["psi_rad"]),
     "kmh": 3.6 * MADE["vx_mps"], "lx": LEFT[:, 0], "ly": LEFT[:, 1], "rx": RIGHT[:, 0], "ry": RIGHT[:, 1],
 }  # fmt: skip
@@ -113,6 +114,8 @@ LINES = {
     "kmh.csv": table("x_m,y_m,speed_kmh=kmh,yaw_deg=deg"),
     "global_waypoints.json": WAYPOINTS,
     "line.npy": np.column_stack((LINE, MADE["vx_mps"])),
+    "log.csv": "".join(table("x,y,psi,vx", separator=", ").splitlines(True)[1:]),
+    "echo.trj": "Recorded on Monday\n" + table("%time=s,pose.pose.position.x=x,pose.pose.position.y=y,linear.x=vx"),
 }
 
 
@@ -168,6 +171,9 @@ def spoiled(text, cell, place):
         ("a.csv", table(CENTRE + ",psi_rad=deg"), "psi_rad turns with the line in degrees; accepted: radians"),
         ("a.csv", spoiled(table(CENTRE), "nan", 7), "line 8: x_m is 'nan'; accepted: a finite number"),
         ("a.csv", "\n".join(table(CENTRE).splitlines()[:3]), "2 points; accepted: at least 4"),
+        ("a.csv", table("x,y=zero,v=y").partition("\n")[2], "column 2 is 0 everywhere; accepted: x_m, y_m, vx_mps"),
+        ("a.csv", table(CENTRE) + "\n".join(table(CENTRE).splitlines()[1:101]), "its first 200 points may be a lap"),
+        ("a.csv", table("x,y,w_left=jumps,w_right=right"), "20 m, most are 1.1: a.csv.width=W. sets"),
         ("a.json", "{", "is no JSON"),
         ("a.json", json.dumps({"a": 1}), "has no line; accepted: rows or columns with the names x and y"),
         ("a.json", json.dumps({"X": [0, 1, 2], "Y": [0, 1]}), "columns of different lengths, X 3, Y 2"),
