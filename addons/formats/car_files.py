@@ -27,15 +27,17 @@ from .urdf import urdf_values
 _MOST_BYTES = 2**20  # of a file
 _SPELLINGS = {
     "m": "m mass vehicle_mass total_mass", "I": "I I_z Iz Izz izz moment_inertia yaw_inertia inertia_z",
-    "lf": "lf l_f l_cg2front", "lr": "lr l_r l_cg2rear", "wheelbase": "wheelbase l_wb lwb",
+    "lf": "lf l_f l_cg2front", "lr": "lr l_r l_cg2rear", "wheelbase": "wheelbase wheel_base l_wb lwb",
     "h": "h h_cg h_cog height_cg", "mu": "mu friction_coeff friction_coefficient",
     "C_Sf": "C_Sf C_S_front cs_f", "C_Sr": "C_Sr C_S_rear cs_r",
-    "s_min": "s_min", "s_max": "s_max max_steering_angle max_angle",
-    "sv_min": "sv_min", "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed",
+    "s_min": "s_min min_steer min_steering_angle delta_min",
+    "s_max": "s_max max_steer max_steering_angle max_steer_angle max_angle delta_max",
+    "sv_min": "sv_min ddelta_min",
+    "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed ddelta_max",
     "v_switch": "v_switch", "a_max": "a_max max_accel accel_max max_acceleration", "v_min": "v_min",
     "v_max": "v_max max_speed", "width": "width", "length": "length", "track_width": "track_width track_front",
     "wheel_radius": "wheel_radius r_wheel", "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
-} | {f"{letter}{axle}": f"{letter}{axle}" for letter in "BCDE" for axle in "fr"}  # fmt: skip
+} | {f"{letter}{axle}": f"{letter}{axle} {letter}_{axle}" for letter in "BCDE" for axle in "fr"}  # fmt: skip
 _QUANTITIES = {name: quantity for quantity, names in _SPELLINGS.items() for name in names.split()}
 _MUST = {
     "m": (0.1, 5000.0, "kg"), "I": (1e-4, 1e5, "kg m^2"), "lf": (0.01, 5.0, "m"), "lr": (0.01, 5.0, "m"),
@@ -43,11 +45,13 @@ _MUST = {
     "s_min": (-1.2, -0.01, "rad"), "sv_max": (0.01, 100.0, "rad/s"), "sv_min": (-100.0, -0.01, "rad/s"),
     "v_max": (0.1, 200.0, "m/s"), "v_min": (-200.0, 0.0, "m/s"), "a_max": (0.1, 100.0, "m/s^2"),
     "width": (0.01, 5.0, "m"), "length": (0.01, 10.0, "m"), "wheel_radius": (0.005, 1.0, "m"),
-}  # fmt: skip
+} | {f"D{axle}": (1e-3, GREATEST_MU, "times the load, and not newtons") for axle in "fr"}  # fmt: skip
 """Of a quantity the least, the greatest, and its unit."""
 
 _OF_A_FOLDER = ("*pacejka*", "*linear*", "car_model.*", "params.*", "dynamics.*", "limits.*", "vesc.*")
-_SUFFIXES = (".yaml", ".yml", ".json", ".txt", ".urdf")
+_URDF = (".urdf", ".xacro")
+_SUFFIXES = (".yaml", ".yml", ".json", ".txt", *_URDF)
+_USUAL_WHEELBASE = 0.25  # [m] of the vesc.yaml that cars of .33 m are delivered with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +141,7 @@ def files_of(path: Path) -> list[Path]:
 def _values(path: Path) -> Iterator[tuple[str, float]]:
     """Yield the names and numbers of a file; behind a name there may stand of what in the file it is made."""
     text = read_setting(path, f"vehicle file {path}", "a file of a car's parameters", _MOST_BYTES)
-    if path.suffix.lower() == ".urdf":
+    if path.suffix.lower() in _URDF:
         yield from urdf_values(path, text)
         return
     if importlib.util.find_spec("yaml") is None:
@@ -176,6 +180,8 @@ def _vesc(numbers: dict[str, float]) -> Iterator[tuple[str, float]]:
     most, _ = (numbers.pop(name, 0.0) for name in ("speed_max", "speed_min"))
     if gain and most:
         yield "v_max of speed_max and the gain of the speed", abs((most - offset) / gain)
+    if numbers.get("wheelbase") == _USUAL_WHEELBASE:
+        yield f"the wheelbase of {numbers.pop('wheelbase'):g} m that every vesc.yaml has", _USUAL_WHEELBASE
     yield from numbers.items()
 
 

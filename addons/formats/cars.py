@@ -95,6 +95,12 @@ def _car_of(sources: tuple[Path, ...], states: tuple[str, ...]) -> FileCar:
     }  # fmt: skip
     values = dict(files.values)
     words = [*_lengths(values, own)]
+    if "length" in values:
+        wheelbase = sum(values[name].value if name in values else own[name] for name in ("lf", "lr"))
+        if values["length"].value <= wheelbase:  # of a model of points
+            short = values.pop("length")
+            said = f"is not used: the axles are {wheelbase:.3g} m apart"
+            words.append(f"{short.name} {short.value:g} of {short.file} {said}")
     for side in ("s", "sv"):
         if f"{side}_max" in values and f"{side}_min" not in values:
             values[f"{side}_min"] = replace(values[f"{side}_max"], value=-values[f"{side}_max"].value)
@@ -165,13 +171,17 @@ def _tires(files: CarFiles, mass: float) -> tuple[dict[str, Any], float | None, 
         if quantity not in told
     ]
     words: list[str] = []
-    formula = [f"{letter}{axle}" for axle in "fr" for letter in "BCDE"]
-    if missing := [name for name in formula if name not in told]:
-        if len(missing) < len(formula):
-            said = ", ".join(missing)
-            raise SettingsError(f"{source}: of the Magic Formulas is not told {said}; accepted: all of them")
+    formula = [f"{letter}{axle}" for axle in "fr" for letter in "BCD"]
+    if told.keys().isdisjoint(["Bf", "Br", "Df", "Dr"]):  # C alone is a stiffness, in one unit or another
+        words += [f"{files.values[name].name} {told[name]:g} is not used: B and D are not told" for name in formula
+                  if name in told]  # fmt: skip
+    elif missing := [name for name in formula if name not in told]:
+        said = ", ".join(missing)
+        raise SettingsError(f"{source}: of the Magic Formulas is not told {said}; accepted: all of them, E or none")
     else:
-        formulas = {k: (told[f"B{k}"], told[f"C{k}"], told[f"D{k}"] * (mu or 1.0), told[f"E{k}"]) for k in "fr"}
+        formulas = {  # B has a sign where slip angles have the other one
+            k: (abs(told[f"B{k}"]), told[f"C{k}"], told[f"D{k}"] * (mu or 1.0), told.get(f"E{k}", 0.0)) for k in "fr"
+        }
         words.append(f"Magic Formulas of {source}" + ("" if mu in (None, 1.0) else f", their D times mu {mu:g}"))
         peaks = {k: _greatest(*formulas[k]) for k in "fr"}
         if all(C >= _LEAST_C and peaks[k] >= _OF_D * D for k, (_, C, D, _) in formulas.items()):

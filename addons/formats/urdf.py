@@ -24,7 +24,9 @@ def urdf_values(path: Path, text: str) -> Iterator[tuple[str, float]]:
       SettingsError: no URDF, one that is not expanded, or one without masses.
     """
     if "<!DOCTYPE" in text or "<!ENTITY" in text or "xacro:" in text:
-        raise SettingsError(f"{path}: is a XACRO or has entities; accepted: a plain URDF, as `xacro FILE` prints it")
+        made = f"xacro {path.name} > car.urdf"
+        said = f"is a XACRO or has entities; accepted: the URDF that `{made}` writes, with ROS or `pip install xacro`"
+        raise SettingsError(f"{path}: {said}")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 DEFAULT_VEHICLE = "f1tenth"
 
-_OF_OTHERS = (".yaml", ".yml", ".json", ".urdf")  # of which the add-on `formats` makes vehicles
+_OF_OTHERS = (".yaml", ".yml", ".json", ".urdf", ".xacro")  # of which the add-on `formats` makes vehicles
 _MOUNT = 'name="lidar_mount"'  # the files of models/ that have it are the bundled vehicles
 
 

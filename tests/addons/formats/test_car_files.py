@@ -117,8 +117,22 @@ def test_tires_are_those_that_are_told(folder):
     assert (brush.model, brush.slope) == ("brush", pytest.approx(5.54 * 0.42 * 1.86)) and 0.9 < brush.D < 1.1
     write(folder, "narrow.yaml", {"width": 0.2032, "m": 3.47, "lf": 0.159, "lr": 0.171})  # as ForzaETH's simulator
     assert Vehicle.load("narrow.yaml").parameters.width == pytest.approx(0.2032)
+    three = {"B_f": -9.0, "C_f": 1.4, "D_f": 0.8, "B_r": -9.0, "C_r": 1.4, "D_r": 0.9}  # as in models of MPC
+    write(folder, "three.json", {"mass": 3.5, **three})
+    formula = Vehicle.load("three.json").tires.front.lateral
+    assert (formula.B, formula.C, formula.D, formula.E) == (9.0, 1.4, 0.8, 0.0)
     write(folder, "own.yaml", GYM | {"C_Sf": 4.718, "C_Sr": 5.4562})  # which every file has
     assert Vehicle.load("own.yaml").tires.model == "coulomb" and Vehicle.load("own.yaml").nominal_mu == 0.8
+
+
+def test_what_is_not_this_car_s_is_said_and_not_used(folder):
+    """The wheelbase of every vesc.yaml, the length of a car drawn as a point, a cornering stiffness in some unit."""
+    write(folder, "a.json", VESC | {"wheelbase": 0.25, "length": 0.32, "Cf": 2.3})
+    words, own = "\n".join(car_of([folder / "a.json"]).words), own_params(Vehicle.load("a.json"))
+    assert own["lf"] + own["lr"] == pytest.approx(0.3302) and own["length"] == pytest.approx(0.58)
+    assert "the wheelbase of 0.25 m that every vesc.yaml has" in words
+    assert "length 0.32 of a.json is not used: the axles are 0.33 m apart" in words
+    assert "Cf 2.3 is not used: B and D are not told" in words
 
 
 def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsys):
@@ -144,7 +158,8 @@ def test_the_command_writes_a_vehicle_that_drives_alike_and_a_page(folder, capsy
         ("a.yaml", {"m": 3.7, "mu": 0.9, "I": 0.0002}, "no such car can be built"),
         ("a.yaml", "m: [", "a.yaml: "),
         ("a.urdf", "<robot><link name='a'/></robot>", "no link has a mass"),
-        ("a.urdf", "<robot xmlns:xacro='x'><xacro:if/></robot>", "accepted: a plain URDF"),
+        ("a.xacro", "<robot xmlns:xacro='x'><xacro:if/></robot>", "the URDF that `xacro a.xacro > car.urdf` writes"),
+        ("a.yaml", {"m": 3.7, "Bf": 9.0, "Cf": 1.4, "Df": 18.0}, "Df is 18; accepted: 0.001 to 3 times the load"),
         ("b", {"other.yaml": {"m": 3}}, "is a folder without a file of a car; accepted: an MJCF"),
     ],
 )  # fmt: skip
