@@ -50,7 +50,7 @@ _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of
 _SPECIFICATION = re.compile(r"(?P<path>.*\.(?P<suffix>csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
 _ANY = re.compile(r"(?P<path>.*\.(?P<suffix>[^.\[\]]+))\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
-_JUMP = 3.0  # times the usual width: a width that is no longer that of a wall beside the line
+_JUMP = 5.0  # times the usual width: a width that is no longer that of a wall beside the line
 
 
 def write_centreline(track: Track, path: str | Path, header_lines: Sequence[str] = ()) -> None:
@@ -129,12 +129,13 @@ def read_centreline(
         )
     if direction is not None and direction not in DIRECTIONS:
         raise TrackError(f"{path}: direction is {direction!r}; {accepted_names(direction, DIRECTIONS)}")
-    if said:
-        file.note()
     (right, left), walls = widths, tuple(scale * wall for wall in file.walls or ())
     if direction is not None and (enclosed_area(points) > 0.0) != (direction == "counterclockwise"):
         points, right, left = (np.roll(column[::-1], 1, axis=0) for column in (points, left, right))
         walls = tuple(wall[::-1] for wall in reversed(walls))
+    hint, widest, usual = "", float(widths.max()), float(np.median(widths))
+    if widest > _JUMP * usual:  # as of rays that look along a corridor
+        hint = f"; a width is {widest:.3g} m, most are {usual:.3g}: {path.name}[width=W] sets one for all"
     try:
         name = path.parent.name if path.suffix in (".yaml", ".yml") else path.stem  # of a track.yaml
         values = {"centreline": points, "width_right": right, "width_left": left}
@@ -143,10 +144,9 @@ def read_centreline(
         track = (MapTrack if walls else Track)(name=name or path.stem, **values)
         _ = track.left_wall  # drawn here, so that a refusal names the file
     except TrackError as error:
-        side, usual = np.max((right, left), axis=0), float(np.median((right, left)))
-        jumps = side.max() > _JUMP * usual  # as of rays that look along a corridor
-        hint = f"; a width is {side.max():.3g} m, most are {usual:.3g}: {path.name}[width=W] sets one for all"
-        raise TrackError(f"{path}: {error}{hint if jumps else ''}") from error
+        raise TrackError(f"{path}: {error}{hint}") from error
+    if said:
+        replace(file, said=file.said + hint).note()
     return track
 
 

@@ -154,6 +154,14 @@ def test_a_course_is_scaled():
     assert small.length == pytest.approx(0.5 * track.length) and small.width_left[0] == pytest.approx(0.45)
 
 
+def test_widths_that_jump_are_said_and_one_may_stand_for_all():
+    write("rays.csv", table("x,y,w_left=left,w_right=jumps"))
+    with pytest.warns(Note, match=r"a width is 20 m, most are 0.9: rays.csv\[width=W\] sets one for all"):
+        assert load_track("rays.csv").width_right.max() == 20.0
+    with pytest.warns(Note, match="width=2 in place of its widths$"):
+        assert load_track("rays.csv[width=2]").width_right.max() == 1.0
+
+
 def spoiled(text, cell, place):
     lines = text.splitlines()
     cells = lines[place].split(",")
