@@ -33,10 +33,10 @@ _SPELLINGS = {
     "s_min": "s_min min_steer min_steering_angle delta_min",
     "s_max": "s_max max_steer max_steering_angle max_steer_angle max_angle delta_max",
     "sv_min": "sv_min ddelta_min",
-    "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed ddelta_max",
+    "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed max_steering_rate ddelta_max",
     "v_switch": "v_switch", "a_max": "a_max max_accel accel_max max_acceleration", "v_min": "v_min",
-    "v_max": "v_max max_speed", "width": "width", "length": "length", "track_width": "track_width track_front",
-    "wheel_radius": "wheel_radius r_wheel", "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
+    "v_max": "v_max max_speed", "width": "width width_m", "length": "length length_m",
+    "track_width": "track_width track_front", "wheel_radius": "wheel_radius r_wheel", "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
 } | {f"{letter}{axle}": f"{letter}{axle} {letter}_{axle}" for letter in "BCDE" for axle in "fr"}  # fmt: skip
 _QUANTITIES = {name: quantity for quantity, names in _SPELLINGS.items() for name in names.split()}
 _MUST = {
@@ -151,7 +151,10 @@ def _values(path: Path) -> Iterator[tuple[str, float]]:
     except Exception as error:  # of YAML
         said = " ".join(str(error).split())
         raise SettingsError(f"vehicle file {path}: {said}; accepted: YAML or JSON of names and numbers") from error
-    leaves = dict(_leaves(content))
+    leaves: dict[str, Any] = {}
+    for name, value in _leaves(content):  # of a name in several sections the first is the file's own
+        if leaves.setdefault(name, value) != value and (number := _number(value)) is not None:
+            yield f"a second {name} of {number:g}", number
     numbers = {name: number for name, value in leaves.items() if (number := _number(value)) is not None}
     if (nominal := numbers.get("nominal_load")) and "c_alpha" in numbers:  # SlipX's tyres, of both axles
         friction, shape = numbers.pop("mu_y0", math.nan), numbers.pop("C", math.nan)

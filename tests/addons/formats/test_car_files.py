@@ -127,10 +127,12 @@ def test_tires_are_those_that_are_told(folder):
 
 def test_what_is_not_this_car_s_is_said_and_not_used(folder):
     """The wheelbase of every vesc.yaml, the length of a car drawn as a point, a cornering stiffness in some unit."""
-    write(folder, "a.json", VESC | {"wheelbase": 0.25, "length": 0.32, "Cf": 2.3})
+    other = {"manager": {"ros__parameters": {"speed_max": 5.0}}}  # in another unit, of another node
+    write(folder, "a.json", VESC | {"wheelbase": 0.25, "length": 0.32, "Cf": 2.3} | other)
     words, own = "\n".join(car_of([folder / "a.json"]).words), own_params(Vehicle.load("a.json"))
     assert own["lf"] + own["lr"] == pytest.approx(0.3302) and own["length"] == pytest.approx(0.58)
     assert "the wheelbase of 0.25 m that every vesc.yaml has" in words
+    assert "a second speed_max of 5" in words and own["v_max"] == pytest.approx(6.0)
     assert "length 0.32 of a.json is not used: the axles are 0.33 m apart" in words
     assert "Cf 2.3 is not used: B and D are not told" in words
 
