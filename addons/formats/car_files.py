@@ -36,7 +36,8 @@ _SPELLINGS = {
     "sv_max": "sv_max max_steering_vel max_steering_velocity max_rate max_servo_speed max_steering_rate ddelta_max",
     "v_switch": "v_switch", "a_max": "a_max max_accel accel_max max_acceleration", "v_min": "v_min",
     "v_max": "v_max max_speed", "width": "width width_m", "length": "length length_m",
-    "track_width": "track_width track_front", "wheel_radius": "wheel_radius r_wheel", "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
+    "track_width": "track_width track_front", "wheel_radius": "wheel_radius r_wheel",
+    "rolling": "roll_resist", "relaxation": "sigma", "k_mu": "k_mu",
 } | {f"{letter}{axle}": f"{letter}{axle} {letter}_{axle}" for letter in "BCDE" for axle in "fr"}  # fmt: skip
 _QUANTITIES = {name: quantity for quantity, names in _SPELLINGS.items() for name in names.split()}
 _MUST = {
