@@ -16,13 +16,13 @@ Of a car with `sensors`, all that each of them has delivered:
     /sensors/NAME  fg_mujoco_msgs/msg/Reading                 names with units, values; frame of the sensor
 
 Of several cars, car 0 has these topics. The others have topics of the same kinds by their own names, those of
-f1tenth_gym_ros for two cars, with frames of their own under map:
+f1tenth_gym_ros, with frames of their own under map:
 
     /ego_racecar/odom  car 0's odometry, map -> ego_racecar/base_link;  /ego_racecar/opp_odom  car 1's
     /opp_scan, /opp_drive, /opp_racecar/odom, /opp_racecar/imu, /opp_racecar/joint_states  car 1's;
     /opp_racecar/opp_odom  car 0's
-    /car_2/scan, /car_2/drive, /car_2/odom, /car_2/imu, /car_2/joint_states  car 2's, and so on
-    /opp_racecar/sensors/NAME, /car_2/sensors/NAME  of the others' sensors
+    /opp_scan2, /opp_drive2, /opp_racecar2/odom, /ego_racecar/opp_odom2 and so on  car 2's; then 3 in place of 2
+    /opp_racecar/sensors/NAME, /opp_racecar2/sensors/NAME  of the others' sensors
 
 Times are simulated: a run begins at 0. A message is logged at the tick in which it was delivered; its stamp is the
 time of the measurement. The odometry of a run does not drift, so map and odom are one frame.
@@ -251,9 +251,14 @@ def car_namespace(car: int) -> str:
 
 def _names(car: int) -> tuple[str, str, str]:
     """Return the namespace of a car, and its topics of scans and of commands."""
-    if car < 2:
-        return ((EGO, "/scan", "/drive"), (OPPONENT, "/opp_scan", "/opp_drive"))[car]
-    return f"car_{car}", f"/car_{car}/scan", f"/car_{car}/drive"
+    if not car:
+        return EGO, "/scan", "/drive"
+    return f"{OPPONENT}{_suffix(car)}", f"/opp_scan{_suffix(car)}", f"/opp_drive{_suffix(car)}"
+
+
+def _suffix(car: int) -> str:
+    """Return what f1tenth_gym_ros appends to the names of the second opponent and those after it."""
+    return str(car) if car > 1 else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,7 +297,7 @@ def _write_others(
     """Write a tick of all cars but car 0, and car 0's odometry by its name among several."""
     if tick < ends.leaves:
         own = _told(sensed[0], f"{EGO}/{BASE_FRAME}")
-        for topic in (f"/{EGO}/odom", f"/{OPPONENT}/opp_odom"):
+        for topic in (f"/{EGO}/odom", *(f"/{other.namespace}/opp_odom" for other in others)):
             bag.write(topic, own, time)
     moved = []
     for other in others:
@@ -302,8 +307,7 @@ def _write_others(
         moved.append((MAP_FRAME, other.base, seen.position, seen.quaternion))
         odometry = _told(seen, other.base)
         bag.write(f"/{name}/odom", odometry, time)
-        if other.car == 1:
-            bag.write(f"/{EGO}/opp_odom", odometry, time)
+        bag.write(f"/{EGO}/opp_odom{_suffix(other.car)}", odometry, time)
         bag.write(f"/{name}/imu", imu_message(seen.odometry, f"{name}/{IMU_FRAME}"), time)
         bag.write(f"/{name}/joint_states", joints_message(seen.odometry, other.radius, other.base), time)
         _write_readings(bag, f"/{name}", other.sensors, seen, time)

@@ -261,7 +261,7 @@ class LiveRace:
     def _step(self) -> None:
         if not self.tick():
             paused = self.session.paused and self.session.failure is None
-            reason = "the race is paused: call /pause" if paused else self.session.message
+            reason = "the race is paused: call /pause, or publish on /pause_sim" if paused else self.session.message
             raise MessageError(f"no tick was driven: {reason}")
 
     def _place(self) -> None:

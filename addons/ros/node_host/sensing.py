@@ -47,7 +47,7 @@ TOPICS: dict[str, tuple[str, str]] = {
     "/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
     "/vesc/sensors/core": ("vesc_msgs/msg/VescStateStamped", "vesc_state"),
     "/odom": (_ODOMETRY, "odometry"),
-    "/ego_racecar/odom": (_ODOMETRY, "odometry"),
+    "/ego_racecar/odom": (_ODOMETRY, "odometry_on_map"),
     "/vesc/odom": (_ODOMETRY, "odometry"),
     "/pf/pose/odom": (_ODOMETRY, "odometry"),
     "/pf/viz/inferred_pose": ("geometry_msgs/msg/PoseStamped", "pose"),
@@ -109,7 +109,7 @@ CAMERA_FRAME = "camera"
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
-_OPPONENT = "opp_racecar/base_link"
+_OPPONENT = "opp_racecar"
 
 
 class Sensing:
@@ -213,7 +213,7 @@ class Sensing:
             for number, names in enumerate(OTHERS[:others]):
                 found.update(dict.fromkeys(names, f"other {number}"))
             if others:
-                found[OWN_TO_OTHER] = "odometry"
+                found[OWN_TO_OTHER] = "odometry_on_map"
             if self.opponent:  # the other car is the ego
                 found.update({"/opp_scan": "scan", "/opp_racecar/odom": "odometry", "/opponent/odom": "odometry"})
                 if others:
@@ -291,16 +291,22 @@ class Sensing:
         )
 
     def _make_odometry(self) -> Any:
-        return self._odometry_of(
-            self._at, self._odometry.speed, self._odometry.yaw_rate, BASE_FRAME if not self.opponent else _OPPONENT
-        )  # fmt: skip
+        return self._own_odometry(BASE_FRAME if not self.opponent else f"{_OPPONENT}/{BASE_FRAME}")
+
+    def _make_odometry_on_map(self) -> Any:
+        """As f1tenth_gym_ros has it."""
+        return self._own_odometry(_EGO + BASE_FRAME)
+
+    def _own_odometry(self, frame: str) -> Any:
+        return self._odometry_of(self._at, self._odometry.speed, self._odometry.yaw_rate, frame)
 
     def _make_other(self, number: int) -> Any:
         assert self.surroundings is not None
         other = self.surroundings.others[number]
         x, y, heading = other.pose
         at = x, y, math.sin(heading / 2), math.cos(heading / 2)
-        frame = _EGO + BASE_FRAME if self.opponent else _OPPONENT
+        ego = self.opponent and not number
+        frame = _EGO + BASE_FRAME if ego else f"{_OPPONENT}{number + 1 if number else ''}/{BASE_FRAME}"
         return self._odometry_of(at, other.speed, other.yaw_rate, frame)
 
     def _odometry_of(self, at: tuple[float, ...], speed: float, yaw_rate: float, frame: str) -> Any:

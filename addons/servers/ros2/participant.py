@@ -16,9 +16,11 @@ import importlib.util
 import os
 import re
 import socket
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from types import TracebackType
 from typing import Any
 
@@ -28,7 +30,7 @@ from fg_mujoco.addons.ros.bag_messages import type_store
 from fg_mujoco.errors import SettingsError, missing_extra
 from fg_mujoco.messages import shown
 
-from .dds_types import dds_type
+from .dds_types import dds_type, kind_of
 
 HOST = "127.0.0.1"
 DISTRIBUTIONS = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted")
@@ -38,12 +40,15 @@ _HASHED = DISTRIBUTIONS[3:]
 _DOMAINS = 232  # the greatest: ports are 7400 + 250 times it and more
 _DISCOVERY = "ros_discovery_info"
 _GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
-_ADDRESS = re.compile(r"[A-Za-z0-9.:_-]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _PARTICIPANTS = 32  # whose ports are looked at on each peer
+_FATAL, _ERRORS = 1, 3  # what Cyclone DDS logs
 _BLOCKED = 0.01  # [s] for which a reader that does not keep up may hold up the race
 _DEPTH = 100  # samples that wait to be read
-_POLICIES = {2: "durability", 4: "deadline", 5: "latency budget", 8: "liveliness", 11: "reliability", 13: "history"}
+_POLICIES = {
+    2: "durability", 3: "presentation", 4: "deadline", 5: "latency budget", 6: "ownership", 8: "liveliness",
+    11: "reliability", 12: "destination order", 25: "data representation",
+}  # fmt: skip
 _TYPE = 24  # the policy that types must agree
 _NS = 1_000_000_000
 
@@ -77,9 +82,8 @@ class Participant:
       name: of the node.
       namespace: that its topics and the node are in, such as /car_1; those of tf and the clock are in none.
       domain: its number; None: that of ROS_DOMAIN_ID, else 0.
-      host: address of the network interface; 127.0.0.1: this machine alone.
-      peers: addresses of machines to look for participants on, where multicast does not reach them. If neither host
-        nor peers are given, and CYCLONEDDS_URI is set, that counts.
+      host: address of the network interface; None: 127.0.0.1, this machine alone, unless CYCLONEDDS_URI is set.
+      peers: addresses of machines to look for participants on, where multicast does not reach them.
       distribution: of ROS 2, one of DISTRIBUTIONS.
       log: takes lines that say what cannot match.
 
@@ -103,7 +107,11 @@ class Participant:
         log: Callable[[str], None] = print,
     ) -> None:
         require_cyclonedds()
-        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+        from cyclonedds.builtin import (
+            BuiltinDataReader,
+            BuiltinTopicDcpsPublication,
+            BuiltinTopicDcpsSubscription,
+        )
         from cyclonedds.core import DDSException, WaitSet
         from cyclonedds.domain import DomainParticipant
         from cyclonedds.internal import DDS
@@ -116,23 +124,31 @@ class Participant:
         self._hashed, self._distribution = distribution in _HASHED, distribution
         self._writers: dict[str, Any] = {}
         self._kinds: dict[str, Any] = {}
+        self._offered: dict[str, str] = {}
+        self._topics: dict[str, str] = {}  # by their names on DDS
+        self._told: set[str] = set()  # topics with a reader of another type
         self._readers: list[_Reader] = []
         self._refused: dict[str, int] = {}
         self._matched: dict[str, int] = {}  # readers that each writer has had
         self.listened: set[str] = set()
-        config = None if host is None and not peers and "CYCLONEDDS_URI" in os.environ else _config(host or HOST, peers)
+        if host is None and not peers and os.environ.get("CYCLONEDDS_URI"):
+            self._domain = None
+        else:
+            self._domain = _joined(self.domain, *_addresses(HOST if host is None else host, peers))
         try:
-            self._domain = None if config is None else _joined(self.domain, config)
             self._participant: Any = DomainParticipant(self.domain, qos=Qos(Policy.Userdata(b"enclave=/;")))
         except DDSException as error:
-            accepted = f"a domain with less than {_PARTICIPANTS} participants on this machine (--domain N)"
-            if config is None:
-                accepted = "settings of Cyclone DDS in CYCLONEDDS_URI, or --host or --peer in their place"
-            raise SettingsError(f"domain {self.domain} cannot be joined; accepted: {accepted}") from error
+            raise SettingsError(
+                f"domain {self.domain} cannot be joined; accepted: settings of Cyclone DDS in CYCLONEDDS_URI, or "
+                "--host in their place"
+            ) from error
         # of Cyclone DDS itself only what ends it is logged: it has a line for each sample that is not of its type
-        DDS._dll_handle.dds_set_log_mask(1)
+        DDS._dll_handle.dds_set_log_mask(_FATAL)
         self._waiting: Any = WaitSet(self._participant)
-        self._publications: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self._known: dict[str, Any] = {
+            "publisher": BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication),
+            "reader": BuiltinDataReader(self._participant, BuiltinTopicDcpsSubscription),
+        }
 
     @property
     def node(self) -> str:
@@ -149,21 +165,43 @@ class Participant:
 
     def close(self) -> None:
         """Leave the domain."""
-        self._waiting = self._publications = None
+        self._waiting = None
+        self._known.clear()
         self._readers.clear()
         self._writers.clear()
         self._participant = self._domain = None
 
-    def publishers(self, topics: Sequence[str], wait: float = 0.0) -> list[tuple[str, str]]:
-        """Return topics of these, and types on DDS, of publishers that have come; they are looked for so long [s]."""
-        own, end = {self._dds_name(topic): topic for topic in topics}, time.monotonic() + wait
-        while True:
-            found = [each for each in self._publications.take(N=1000) if hasattr(each, "topic_name")]
-            others = [each for each in found if each.participant_key != self._participant.guid]
-            seen = sorted({(own[each.topic_name], each.type_name) for each in others if each.topic_name in own})
-            if seen or time.monotonic() >= end:
-                return seen
+    def is_published(self, topic: str, wait: float) -> bool:
+        """Return whether another participant publishes on a topic; it is looked for so long [s]."""
+        name, end = self._dds_name(topic), time.monotonic() + wait
+        while all(each.topic_name != name for each in self._others(self._known["publisher"].read(N=1000))):
+            if time.monotonic() >= end:
+                return False
             time.sleep(0.02)
+        return True
+
+    def come(self) -> Iterator[tuple[str, str, str]]:
+        """Yield topic, "publisher" or "reader", and type of who has come on the topics here; log who cannot match."""
+        from cyclonedds.qos import Policy
+
+        for who, reader in self._known.items():
+            for each in self._others(reader.take(N=1000)):
+                topic, kind = self._topics.get(each.topic_name), kind_of(each.type_name)
+                if topic is None:
+                    continue
+                partition, ours = each.qos[Policy.Partition], self._offered.get(topic, kind)
+                names = () if partition is None else partition.partitions
+                if names and not any(fnmatchcase("", name) for name in names):
+                    self._log(f"{topic} has a {who} in the partition {', '.join(names)!r}; accepted: in none")
+                    continue
+                if who == "reader" and kind != ours:
+                    self._log(f"{topic} has a reader of {kind}; accepted: {ours}")
+                    self._told.add(topic)
+                yield topic, who, kind
+
+    def _others(self, found: Sequence[Any]) -> list[Any]:
+        here = [each for each in found if getattr(each, "qos", None) is not None]  # not those that have gone
+        return [each for each in here if each.participant_key != self._participant.guid]
 
     def offer(self, topic: str, kind: str) -> None:
         """Publish on a topic from now on."""
@@ -171,9 +209,15 @@ class Participant:
 
         made = dds_type(kind, self._distribution if kind == _GRAPH else "")
         qos = self._qos(reliable=True, transient=True, depth=1, kind=kind)
-        self._kinds[topic] = made
+        self._kinds[topic], self._offered[topic] = made, kind
         entity = DataWriter(self._participant, self._topic(topic, made), qos=qos)
         self._writers[topic], self._refused[topic], self._matched[topic] = entity, 0, 0
+
+    def withdraw(self, topic: str) -> None:
+        """Publish no longer on a topic."""
+        for each in (self._writers, self._kinds, self._refused, self._matched):
+            each.pop(topic, None)
+        self.listened.discard(topic)
 
     def read(self, topic: str, kind: str) -> None:
         """Take samples of a type from a topic from now on."""
@@ -231,6 +275,8 @@ class Participant:
             refused = writer.get_offered_incompatible_qos_status()
             if refused.total_count > self._refused[topic]:
                 self._refused[topic] = refused.total_count
+                if refused.last_policy_id == _TYPE and topic in self._told:
+                    continue
                 self._say_refused(f"{topic} has a reader", refused.last_policy_id)
         again = [reader for reader in self._readers if self._is_refused(reader)]
         for reader in again:
@@ -248,7 +294,7 @@ class Participant:
         reader.refused = status.total_count
         if reader.reliable and _POLICIES.get(status.last_policy_id) == "reliability":
             return True
-        if status.last_policy_id != _TYPE:  # which `publishers` tells
+        if status.last_policy_id != _TYPE:  # which `come` tells
             self._say_refused(f"{reader.topic} has a publisher", status.last_policy_id)
         return False
 
@@ -259,13 +305,15 @@ class Participant:
         name = _POLICIES.get(policy, f"policy {policy}")
         self._log(
             f"{who} whose QoS cannot match, its {name}; accepted: any reliability, volatile or transient local, "
-            "no deadline, automatic liveliness"
+            "and of all else the default"
         )
 
     def _topic(self, topic: str, made: Any) -> Any:
         from cyclonedds.topic import Topic
 
-        return Topic(self._participant, self._dds_name(topic), made)
+        name = self._dds_name(topic)
+        self._topics[name] = topic
+        return Topic(self._participant, name, made)
 
     def _make_reader(self, topic: str, kind: str, *, reliable: bool) -> _Reader:
         from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState
@@ -300,17 +348,43 @@ class Participant:
         return f"rt{topic}" if alone else f"rt{self._namespace.rstrip('/')}{topic}"
 
 
-def _joined(number: int, config: str) -> Any:
-    """Return a domain with its settings; None: this process has joined it already, with those of then."""
+def _joined(number: int, host: str, peers: Sequence[str]) -> Any:
+    """Return a domain on a network interface; None: this process has joined it already, with the settings of then.
+
+    Raises:
+      SettingsError: it cannot be joined.
+    """
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain
+    from cyclonedds.internal import DDS
 
-    try:
-        return Domain(number, config)
-    except DDSException as error:
-        if error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
-            raise
-        return None
+    here = (HOST,) if host == HOST or peers else ()
+    found = "".join(f'<Peer address="{peer}"/>' for peer in (*here, *peers))
+    config = (
+        f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{host}"/></Interfaces>'
+        "<AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+        f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex><SPDPInterval>500ms</SPDPInterval>"
+        f"<Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
+    )
+    kept = os.dup(2)
+    with tempfile.TemporaryFile() as told:  # Cyclone DDS tells the reason on stderr alone
+        os.dup2(told.fileno(), 2)
+        DDS._dll_handle.dds_set_log_mask(_ERRORS)
+        try:
+            return Domain(number, config)
+        except DDSException as error:
+            if error.code == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+                return None
+            told.seek(0)
+            _, _, reason = told.read().decode(errors="replace").partition("]")  # time and domain
+            raise SettingsError(
+                f"domain {number} cannot be joined on {host}: {' '.join(reason.partition(': ')[2].split())}; accepted: "
+                "the address of a network interface that is up (--host), and a domain with less than "
+                f"{_PARTICIPANTS} participants on this machine (--domain)"
+            ) from error
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _domain(number: int | None) -> int:
@@ -342,27 +416,22 @@ def _namespace(name: str) -> str:
     return "/" + "/".join(parts)
 
 
-def _config(host: str, peers: Sequence[str]) -> str:
-    """Return the settings of Cyclone DDS for a network interface and peers.
+def _addresses(host: str, peers: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the addresses of the network interface and of peers in numbers: one that is none ends Cyclone DDS.
 
     Raises:
-      SettingsError: an address that is none.
+      SettingsError: an address that is none, or a peer that this interface does not reach.
     """
-    for address in peers:
-        if not _ADDRESS.fullmatch(address):
-            raise SettingsError(f"peer is {address!r}; accepted: the address of a machine, such as 192.168.1.7")
-    host = HOST if host in ("localhost", "lo") else host
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-            free.bind((host, 0))
-    except OSError as error:
-        accepted = "the address of a network interface of this machine, such as 192.168.1.7"
-        raise SettingsError(f"host is {host!r}, {error.strerror or error}; accepted: {accepted}") from error
-    here = (HOST,) if host == HOST or peers else ()
-    found = "".join(f'<Peer address="{peer}"/>' for peer in (*here, *peers))
-    return (
-        f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{host}"/></Interfaces>'
-        "<AllowMulticast>spdp</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
-        f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex><SPDPInterval>500ms</SPDPInterval>"
-        f"<Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
-    )
+    found = []
+    for name, text in (("host", host), *(("peer", peer) for peer in peers)):
+        try:
+            address = socket.gethostbyname(text)
+        except (OSError, ValueError):  # of names that are unknown, too long, or contain a zero
+            address = "0"
+        if address.startswith("0"):
+            raise SettingsError(f"{name} is {shown(text)}; accepted: the address of a machine, such as 192.168.1.7")
+        found.append(address)
+        if found[0] == HOST and not address.startswith("127."):
+            accepted = "--host with the address of this machine's network interface, such as 192.168.1.7"
+            raise SettingsError(f"peer is {text!r}, which is not reached from host {HOST}; accepted: {accepted}")
+    return found[0], found[1:]

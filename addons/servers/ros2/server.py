@@ -3,7 +3,7 @@
     with Ros2Server(LiveSession(Setup.of("oval")), step_on_drive=True) as server:
         server.run()
 
-Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause (std_msgs/Bool) in place of its services.
+Topics are those of `live_race`, and /reset (std_msgs/Empty) and /pause_sim (std_msgs/Bool) in place of its services.
 """
 
 from __future__ import annotations
@@ -11,22 +11,26 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import DRIVE, from_cdr
+from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepted_names
 
 from ..client_commands import ACKERMANN, TWIST, TWIST_STAMPED
 from ..live_race import GOAL, STANDING, TAKEN, LiveRace
-from .dds_types import cdr_of, kind_of, known_kind
+from .dds_types import cdr_of, known_kind
 from .participant import Participant
 
 NODE = "fg_mujoco"
-RESET, PAUSE = "/reset", "/pause"
+RESET, PAUSE = "/reset", "/pause_sim"
 _SCAN = "/scan"
+_SHARED = ("/tf", "/tf_static", DRIVE_TOPIC)  # topics that many publish on
+_ESTIMATED = ("/map", "/map_metadata", "/pf/pose/odom", "/pf/viz/inferred_pose", "/amcl_pose")
+"""Topics that are left to a node that publishes on them: they are of a map server, or of a localization."""
 _SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
 _COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -34,6 +38,7 @@ _LOOK_EVERY = 0.1  # [s] of wall time between two looks at who reads and publish
 _SETTLED = 0.4  # [s] after which a node that has come knows the topics here, too
 _UNANSWERED = 5.0  # [s] without a command after which the present moment is published again; then twice as long
 _LOOK_FIRST = 0.5  # [s] for which other simulators are looked for
+_ALONE = 10.0  # [s] without a node after which it is said what may be wrong
 _LOGGED_EVERY = 1.0  # [s] of wall time
 _MOST_LATE = 4.0  # ticks that are made up for, where the machine was too slow
 
@@ -71,25 +76,25 @@ class Ros2Server:
         self._fresh: set[str] = set()  # topics with readers that have not got the present moment
         self._came = 0.0  # [s] of wall time, when the last reader or publisher came
         self._asked: list[str] = []  # topics of the present moment that nobody has answered
+        self._alone = math.inf  # [s] when to say that no node has come
         self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
-        self._participant = Participant(NODE, log=self._log, **participant)
-        taken = _taken(types or {})
         self._race = LiveRace(
             session, step_on_drive=step_on_drive, encode=cdr_of, send=self._send,
             listened=lambda: self._participant.listened, tell=lambda level, text: self._log(text),
         )  # fmt: skip
-        joined = self._participant
+        taken = _taken(types or {}, self._race.published)
+        self._participant = joined = Participant(NODE, log=self._log, **participant)
         self.url = f"domain {joined.domain} of ROS 2, node {joined.node}"
         self._two = (
             f"{_SCAN} on domain {joined.domain} has a publisher, another simulator or a robot; "
             "accepted: another domain, --domain N, or topics below a name, --namespace NAME"
         )
-        if joined.publishers([_SCAN], _LOOK_FIRST):
+        if joined.is_published(_SCAN, _LOOK_FIRST):
             joined.close()
             raise SettingsError(self._two)
         for topic, kind in self._race.published.items():
             joined.offer(topic, kind)
-        self._taken = {(topic, kind) for topic, kind in taken.items()}
+        self._taken = {topic: {kind} for topic, kind in taken.items()}
         for topic, kind in taken.items():
             joined.read(topic, kind)
         joined.announce()
@@ -112,6 +117,7 @@ class Ros2Server:
         """Drive on in real time, or a tick for each command, until `close` or Ctrl-C."""
         period, steps, joined = self._race.session.period, self._race.step_on_drive, self._participant
         due = look = time.monotonic()
+        self._alone = look + _ALONE
         try:
             while self._open:
                 joined.wait((look if steps else min(look, due)) - time.monotonic())
@@ -129,12 +135,19 @@ class Ros2Server:
 
     def _look(self, now: float) -> None:
         """See who reads and publishes; who has begun to read while time stands still gets the present moment."""
-        for topic, name in self._participant.publishers([_SCAN, *(topic for topic, _ in self._taken)]):
-            if topic == _SCAN:
-                self._log(self._two)
-            else:
-                self._take_type(topic, kind_of(name))
+        for topic, who, kind in self._participant.come():
+            self._alone = math.inf
+            if who == "publisher" and topic in self._taken:
+                self._take_type(topic, kind)
                 self._came = now
+            elif who == "publisher" and topic in self._race.published:
+                self._share(topic)
+        if now >= self._alone:
+            self._alone = math.inf
+            self._log(
+                f"no node has come to domain {self._participant.domain}; accepted: nodes with this ROS_DOMAIN_ID; for "
+                "those on other machines --host, and where there is no multicast --peer ADDRESS"
+            )
         fresh = self._participant.look() - set(STANDING)
         if fresh:
             self._fresh |= fresh
@@ -149,12 +162,23 @@ class Ros2Server:
             self._again = now + self._patience if self._race.step_on_drive else math.inf
             self._patience *= 2.0
 
+    def _share(self, topic: str) -> None:
+        """Say that another publishes on a topic, too, or leave it to that."""
+        if topic == _SCAN:
+            self._log(self._two)
+        elif topic in _ESTIMATED:
+            self._participant.withdraw(topic)
+            self._participant.announce()
+            self._log(f"{topic} has a publisher, to which it is left")
+        elif topic not in _SHARED:
+            self._log(f"{topic} has a publisher, too, and who reads it gets both; accepted: one publisher")
+
     def _take_type(self, topic: str, kind: str) -> None:
         """Read commands of a type that somebody has begun to publish; log one that is none of commands."""
-        if (topic, kind) in self._taken:
+        if kind in self._taken[topic]:
             return
-        accepted = TAKEN.get(topic, _COMMAND_KINDS if topic not in _SWITCHES else (_SWITCHES[topic],))
-        self._taken.add((topic, kind))
+        self._taken[topic].add(kind)
+        accepted = _kinds(topic)
         if kind in accepted:
             self._participant.read(topic, kind)
             self._participant.announce()
@@ -204,17 +228,24 @@ def types_in(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def _taken(types: Mapping[str, str]) -> dict[str, str]:
+def _kinds(topic: str) -> tuple[str, ...]:
+    """Return the types that a topic is read with, the usual one first."""
+    return (_SWITCHES[topic],) if topic in _SWITCHES else TAKEN.get(topic, _COMMAND_KINDS)
+
+
+def _taken(types: Mapping[str, str], published: Collection[str]) -> dict[str, str]:
     """Return the type of each topic that is read.
 
     Raises:
-      SettingsError: a type that is not known, or that commands no car.
+      SettingsError: a type that is not known, or that commands no car, or a topic that is published here.
     """
-    found = {topic: kinds[0] for topic, kinds in TAKEN.items() if topic != GOAL} | _SWITCHES
+    found = {topic: _kinds(topic)[0] for topic in (*TAKEN, *_SWITCHES) if topic != GOAL}
     for topic, name in types.items():
-        accepted = TAKEN.get(topic, _COMMAND_KINDS)
-        kind = known_kind(name, accepted)
-        if topic in _SWITCHES or kind not in accepted:
-            raise SettingsError(f"type of {topic} is {kind}; {accepted_names(kind, accepted)}")
+        if topic == GOAL or (topic in published and topic not in found):
+            accepted = f"{', '.join(found)}, and topics of yours"
+            raise SettingsError(f"type of {topic}, which is not read; accepted: {accepted}")
+        kind = known_kind(name, _kinds(topic))
+        if kind not in _kinds(topic):
+            raise SettingsError(f"type of {topic} is {kind}; {accepted_names(kind, _kinds(topic))}")
         found[topic] = kind
     return found

@@ -1,13 +1,14 @@
 """The node of ROS 2 on DDS: peers in C++ on Fast DDS and in Python on cyclonedds, QoS, garbage, and bad input."""
 
 import os
+import re
 import shutil
 import signal
 import socket
 import subprocess
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,16 +26,18 @@ from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import array, bounded_str, float32, int32, sequence, uint8, uint32
-from cyclonedds.pub import DataWriter
-from cyclonedds.sub import DataReader
+from cyclonedds.pub import DataWriter, Publisher
+from cyclonedds.sub import DataReader, Subscriber
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from fg_mujoco.addons.ros.bag_messages import TRANSFORMS, from_cdr, type_store
+from fg_mujoco.addons.ros.bag_messages import GRID, ODOMETRY, POSE, TRANSFORMS, from_cdr, type_store
+from fg_mujoco.addons.servers.ros2 import server
 from fg_mujoco.addons.servers.ros2.dds_types import cdr_of, dds_type
 from fg_mujoco.addons.servers.ros2.server import Ros2Server, types_in
 
 DOMAIN = 1 + os.getpid() % 90  # another in each worker
+_FULL = DOMAIN + 100
 _PATIENCE = 30.0  # [s]
 _OFFSET, _PRIME = 14695981039346656037, 1099511628211  # of FNV-1a
 
@@ -115,8 +118,8 @@ _RELIABLE, _LOSSY = Policy.Reliability.Reliable(duration(seconds=1)), Policy.Rel
 class Peer:
     """A node on cyclonedds, its types written by hand."""
 
-    def __init__(self, number=DOMAIN):
-        self._participant = DomainParticipant(number)
+    def __init__(self):
+        self._participant = DomainParticipant(DOMAIN)
 
     def reader(self, topic, kind, *policies):
         qos = Qos(Policy.History.KeepLast(10), *(policies or (_LOSSY,)))
@@ -124,6 +127,12 @@ class Peer:
 
     def writer(self, topic, kind, reliability=_RELIABLE):
         return DataWriter(self._participant, Topic(self._participant, topic, kind), qos=Qos(reliability))
+
+    def in_partition(self, of, topic, kind):
+        """Return a reader or writer, DataReader or DataWriter, in a partition."""
+        within = {DataReader: Subscriber, DataWriter: Publisher}[of]
+        group = within(self._participant, qos=Qos(Policy.Partition(["lab"])))
+        return of(group, Topic(self._participant, topic, kind))
 
 
 def newest(reader):
@@ -145,17 +154,17 @@ def drive(speed, angle=0.0):
 
 
 @contextmanager
-def served(step_on_drive=True, number=DOMAIN, setup=None, **options):
+def served(step_on_drive=True, setup=None, **options):
     """Yield a session and what its server, which runs, has logged."""
     session, logged = LiveSession(setup or fg.Setup.of("oval")), []
     session.hold(DriveCommand(steering_angle=0.0, speed=0.0))
-    server = Ros2Server(session, step_on_drive=step_on_drive, domain=number, log=logged.append, **options)
-    thread = threading.Thread(target=server.run)
+    serving = Ros2Server(session, step_on_drive=step_on_drive, domain=DOMAIN, log=logged.append, **options)
+    thread = threading.Thread(target=serving.run)
     thread.start()
     try:
         yield session, logged
     finally:
-        server.close()
+        serving.close()
         thread.join()
 
 
@@ -247,7 +256,8 @@ def test_a_peer_on_cyclonedds_drives_with_the_bits_of_a_race():
 
 
 def test_in_real_time_nodes_see_the_node_and_the_race_and_the_car_stops_when_they_go():
-    with served(step_on_drive=False, namespace="/car_1", distribution="humble") as (session, _):
+    types = {"/reset": "std_msgs/Empty"}
+    with served(step_on_drive=False, namespace="/car_1", distribution="humble", types=types) as (session, _):
         peer = Peer()
         late = Policy.Durability.TransientLocal
         node = newest(peer.reader("ros_discovery_info", ParticipantEntitiesInfo, _RELIABLE, late))
@@ -260,6 +270,9 @@ def test_in_real_time_nodes_see_the_node_and_the_race_and_the_car_stops_when_the
         until(lambda: commands.write(drive(2.0)) or session.simulation.engine.commands[0, 1] == 2.0)
         assert len(newest(scans).ranges) == 1081 and newest(collision).data is False
         until(lambda: session.simulation.engine.commands[0, 1] == 0.0)
+        pause = peer.writer("rt/car_1/pause_sim", Data)
+        until(lambda: pause.write(Data(True)) or session.paused)
+        until(lambda: pause.write(Data(False)) or not session.paused)
         moved = session.simulation.pose
         peer.writer("rt/car_1/reset", Empty).write(Empty(0))  # a late node's first sample may come before it is known
         reset = peer.writer("rt/car_1/reset", Empty)
@@ -279,14 +292,38 @@ def test_two_simulators_need_two_namespaces_or_domains():
             until(lambda: session.simulation.time > 0.0)
 
 
-def test_a_robot_that_comes_later_is_told():
+def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
+    monkeypatch.setattr(server, "_ALONE", 0.0)
     with served() as (_, logged):
-        peer = Peer()
-        newest(peer.reader("rt/scan", LaserScan))
-        assert not logged
-        _ = peer.writer("rt/scan", LaserScan)
         until(lambda: logged)
-        assert "/scan on domain" in logged[0] and "has a publisher" in logged[0]
+        assert "no node has come to domain" in logged.pop()
+        peer, kind = Peer(), dds_type("nav_msgs/msg/Odometry")
+        poses = peer.reader("rt/pf/pose/odom", kind)
+        newest(peer.reader("rt/scan", LaserScan))
+        newest(poses)
+        assert not logged
+        for come, said in (
+            (lambda: peer.writer("rt/scan", LaserScan), "/scan on domain .* has a publisher, another simulator"),
+            (lambda: peer.writer("rt/odom", kind), "/odom has a publisher, too, and .*; accepted: one publisher"),
+            (lambda: peer.writer("rt/pf/pose/odom", kind), "/pf/pose/odom has a publisher, to which it is left"),
+            (lambda: peer.reader("rt/imu", LaserScan), "/imu has a reader of sensor_msgs/msg/LaserScan; .*/Imu"),
+            (
+                lambda: peer.reader("rt/gt_pose", dds_type(POSE), Policy.Ownership.Exclusive),
+                "/gt_pose has a reader whose QoS cannot match, its ownership; accepted",
+            ),
+            (
+                lambda: peer.reader("rt/map", dds_type(GRID), Policy.DataRepresentation(False, True)),
+                "/map has a reader whose QoS cannot match, its data representation; accepted",
+            ),
+            (lambda: peer.in_partition(DataReader, "rt/clock", Data), "/clock has a reader in the partition 'lab'"),
+            (lambda: peer.in_partition(DataWriter, "rt/drive", Data), "/drive has a publisher in the partition 'lab'"),
+        ):
+            here = come()
+            until(lambda: logged)
+            assert re.search(said, logged[0]) and len(logged) == 1, logged
+            logged.clear()
+            del here
+        until(lambda: poses.get_subscription_matched_status().current_count == 0)
 
 
 def test_noise_on_its_ports_is_dropped():
@@ -308,10 +345,10 @@ def test_noise_on_its_ports_is_dropped():
 
 def test_two_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
     setup = fg.Setup.of("oval", opponents=["gap_finder"])
+    peer = Peer()  # is there before, and has commands of the other type
+    _ = peer.writer("rt/reset", Data)
+    commands, second = peer.writer("rt/drive", AckermannDrive), peer.writer("rt/opp_drive", AckermannDriveStamped)
     with served(setup=setup) as (session, logged):
-        peer = Peer()  # whose commands are of the other type
-        _ = peer.writer("rt/reset", Data)
-        commands, second = peer.writer("rt/drive", AckermannDrive), peer.writer("rt/opp_drive", AckermannDriveStamped)
         scans, frames = peer.reader("rt/opp_scan", LaserScan), peer.reader("rt/tf", dds_type(TRANSFORMS))
         assert newest(scans).header.frame_id == "opp_racecar/laser"
         moved = from_cdr(newest(frames).content, TRANSFORMS).transforms
@@ -320,6 +357,9 @@ def test_two_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
         ]  # fmt: skip
         at = moved[-1].transform.translation
         assert (at.x, at.y) == pytest.approx(session.simulation.engine.free_joint(1)[0][:2])
+        for topic, car in (("odom", "ego_racecar"), ("opp_odom", "opp_racecar")):
+            found = from_cdr(newest(peer.reader(f"rt/ego_racecar/{topic}", dds_type(ODOMETRY))).content, ODOMETRY)
+            assert (found.header.frame_id, found.child_frame_id) == ("map", f"{car}/base_link")
         until(lambda: second.get_matched_subscriptions() and commands.get_matched_subscriptions())
         second.write(drive(0.0))
         for _ in range(20):
@@ -341,15 +381,28 @@ def test_every_type_that_is_known_can_be_said_on_dds_and_numbers_are_copied_whol
     [
         ({"domain": 999}, "domain is 999; accepted: a whole number from 0 to 232"),
         ({"namespace": "a-b"}, "namespace is 'a-b'; accepted: names of letters"),
-        ({"host": "192.0.2.77"}, "host is '192.0.2.77'.*accepted: the address of a network interface"),
-        ({"peers": ["<x>"]}, "peer is '<x>'; accepted: the address of a machine"),
+        ({"domain": _FULL}, f"domain {_FULL} .* on 127.0.0.1: Failed to find a free participant index .*--domain"),
+        ({"host": "192.0.2.77"}, "on 192.0.2.77: 192.0.2.77: does not match an available interface; accepted"),
+        ({"host": ""}, "host is ''; accepted: the address of a machine"),
+        ({"host": "0.0.0.0"}, "host is '0.0.0.0'; accepted"),
+        ({"peers": ["<x>\n"]}, r"peer is '<x>\\n'; accepted: the address of a machine"),
+        ({"peers": ["nowhere.invalid"]}, "peer is 'nowhere.invalid'; accepted"),
+        ({"peers": ["10.1.2.3"]}, "peer is '10.1.2.3', which is not reached from host 127.0.0.1; accepted: --host"),
         ({"distribution": "humbel"}, "distribution is 'humbel'; accepted: foxy"),
         ({"types": {"/drive": "sensor_msgs/msg/Scan"}}, "type 'sensor_msgs/msg/Scan' is not known; accepted: acker"),
         ({"types": {"/drive": "sensor_msgs/LaserScan"}}, "type of /drive is sensor_msgs/msg/LaserScan; accepted"),
+        ({"types": {"/reset": "std_msgs/Bool"}}, "type of /reset is std_msgs/msg/Bool; accepted: std_msgs/msg/Empty;"),
+        ({"types": {"/scan": "std_msgs/msg/Bool"}}, "type of /scan, which is not read; accepted: .*/cmd_vel.*yours"),
+        ({"types": {"/goal_pose": "geometry_msgs/msg/PoseStamped"}}, "type of /goal_pose, which is not read"),
     ],
 )
-def test_bad_settings_say_what_is_accepted(settings, said):
-    with pytest.raises(SettingsError, match=said):
-        Ros2Server(LiveSession(fg.Setup.of("oval")), **settings)
+def test_bad_settings_say_what_is_accepted(settings, said, monkeypatch, capfd):
+    monkeypatch.setenv("CYCLONEDDS_URI", "")  # counts as none
+    with ExitStack() as taken:
+        for port in range(7400 + 250 * _FULL, 7400 + 250 * (_FULL + 1)):
+            taken.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("0.0.0.0", port))
+        with pytest.raises(SettingsError, match=said):
+            Ros2Server(LiveSession(fg.Setup.of("oval")), **settings)
     with pytest.raises(SettingsError, match="accepted: TOPIC=TYPE"):
         types_in(["drive"])
+    assert capfd.readouterr().err == ""  # of Cyclone DDS
