@@ -20,7 +20,8 @@ from ..simulation.world import World
 Mask = NDArray[np.bool_]
 Pictures = NDArray[np.uint8]
 
-_MOST_RENDERERS = 8  # that are kept: each holds a context of OpenGL, and takes some seconds to make
+_FEWEST_KEPT = 8  # renderers: each holds a context of OpenGL, takes some seconds to make, and some 100 MB
+_SMALLEST, _LARGEST = 16, 2048  # [px] of width and height
 _QUALITY = "draft"
 
 
@@ -30,9 +31,10 @@ def read_camera(text: Any) -> tuple[int, int, str]:
     Raises:
       SettingsError: another text.
     """
-    found = re.fullmatch(r"(\d{2,4})x(\d{2,4})(?::(\w+))?", text) if isinstance(text, str) else None
-    if found is None or min(int(found[1]), int(found[2])) < 16:
-        raise SettingsError(f"camera is {shown(text)}; accepted: WIDTHxHEIGHT from 16x16 on, as 64x48, or 64x48:VIEW")
+    found = re.fullmatch(r"([0-9]{2,4})x([0-9]{2,4})(?::(\w+))?", text) if isinstance(text, str) else None
+    if found is None or not all(_SMALLEST <= int(pixels) <= _LARGEST for pixels in found.groups()[:2]):
+        sizes = f"WIDTHxHEIGHT, {_SMALLEST} to {_LARGEST} pixels each"
+        raise SettingsError(f"camera is {shown(text)}; accepted: {sizes}, as 64x48, or 64x48:VIEW")
     view = found[3] or "onboard"
     find_camera(view)
     return int(found[1]), int(found[2]), view
@@ -82,8 +84,10 @@ class Cameras:
 
     def _renderer(self, world: World) -> tuple[Renderer, mujoco.MjData]:
         if world not in self._renderers:
-            if len(self._renderers) == _MOST_RENDERERS:
-                self._renderers.popitem(last=False)[1][0].close()
+            if len(self._renderers) >= max(_FEWEST_KEPT, self._engine.count):
+                used = {self._engine.world_of(i) for i in range(self._engine.count)}
+                oldest = next(each for each in self._renderers if each not in used)
+                self._renderers.pop(oldest)[0].close()
             height, width, _ = self.shape
             drawn = Renderer(world, size=(width, height), quality=_QUALITY)
             self._renderers[world] = drawn, mujoco.MjData(world.model)

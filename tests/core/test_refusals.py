@@ -483,7 +483,7 @@ OF_ENVIRONMENTS = {
     "beam_step": (*WHOLE, 0, 541), "speed_range": ((0.0, 21.0), (3.0, 3.0), 3.0), "normalised_actions": (1, "yes"),
     "action_repeat": (*WHOLE, 0), "smoothing": (-1.0, True, "much"), "grid_order": ("upside_down", 3),
     "on_contact": ("bounce", 3), "ended_by": ("none", 3),
-    "camera": ("64", "8x8", 3, "64x48:side", None),
+    "camera": ("64", "8x8", "2049x64", 3, "64x48:side", None),
     "builds": (0, 0.5),
     "rewards": (3, {"colision": 1.0}, {"collision": -1.0}, {"lap": math.nan}, {"my": (3.0, 1)}, {"lap": (len, 1.0)}),
     "end_conditions": ("turned_round", ["turned"], [len], ["turned_round"] * 2),
