@@ -53,8 +53,6 @@ class RaceEnvironment(Remade):
     current_obs: Any = None
     _warned = False
     _times_each_lap = False
-    _own_track: Track | None = None
-    _scale: float = 1.0
 
     def _begin(self, sim: Simulator, map: Any, map_ext: str | float | None) -> None:
         """Take a simulator, and put its cars on a map."""
@@ -112,10 +110,7 @@ class RaceEnvironment(Remade):
     @property
     def track(self) -> Track:
         """The map with its lines."""
-        if self._own_track is None:
-            assert self.sim.course is not None
-            self._own_track = Track.of(self.sim.course, self.sim.map_file, self._scale)
-        return self._own_track
+        return self.sim.track
 
     @staticmethod
     def f1tenth_vehicle_params() -> dict[str, float]:
@@ -158,9 +153,7 @@ class RaceEnvironment(Remade):
 
     def _set_map(self, map: Any, map_ext: str | float | None) -> None:
         self._close_view()
-        self._own_track = map if isinstance(map, Track) else None
         self.sim.set_map(map, map_ext)
-        self._scale = float(map_ext) if isinstance(map_ext, (int, float)) else 1.0
         file = self.sim.map_file
         self.map_path = str(file) if file is not None else self.map_name
 

@@ -7,7 +7,8 @@ Written afresh from their interface.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from enum import Enum
 from typing import Any
@@ -16,11 +17,16 @@ from fg_mujoco.arguments import unknown_argument
 from fg_mujoco.errors import ArgumentError, SettingsError
 from fg_mujoco.messages import require_whole, shown
 
-from .gym_world import BEAMS, FIELD_OF_VIEW
+from .gym_world import BEAMS, SCAN_NOISE
 from .params import F1FIFTH, F1TENTH, FULL_SCALE, number
 from .simulator import DynamicModel, Integrator
 
+_EDGE = 0.75 * math.pi  # bearing of the LiDAR's last beam [rad]
 _MOUNT = (0.275, 0.0, 0.0)  # of the LiDAR [m, m, rad]
+
+RESETS = ("min_dist", "max_dist", "shuffle", "move_laterally", "reference_line", "start_width")
+"""Settings of a reset besides its strategy."""
+_DYNAMIC = ("pose_x", "pose_y", "delta", "linear_vel_magnitude", "pose_theta", "ang_vel_z", "beta")
 
 
 class LongitudinalActionType(Enum):
@@ -63,8 +69,15 @@ class ResetStrategy(Enum):
     MAP_RANDOM_STATIC = "map_random_static"
 
 
+class ReferenceLine(Enum):
+    """Lines on which cars are put at a reset."""
+
+    RACELINE = 1
+    CENTERLINE = 2
+
+
 class LoopCounterMode(Enum):
-    """Ways to count laps; here they are counted by progress, whatever is asked for."""
+    """Ways to count laps; here they are counted by progress from where the car starts, whatever is asked for."""
 
     TOGGLE = 1
     FRENET_BASED = 2
@@ -130,6 +143,11 @@ F1FIFTH_VEHICLE_PARAMETERS = VehicleParameters(**F1FIFTH)
 FULLSCALE_VEHICLE_PARAMETERS = VehicleParameters(**FULL_SCALE)
 
 
+def get_f1tenth_vehicle_parameters() -> VehicleParameters:
+    """Return the parameters of the gym's car of 1:10."""
+    return F1TENTH_VEHICLE_PARAMETERS
+
+
 class Settings:
     """Settings by name, each with a default.
 
@@ -140,7 +158,6 @@ class Settings:
 
     defaults: Mapping[str, Any] = {}
     fixed: Mapping[str, Any] = {}  # that would change what is driven or seen, and cannot be had
-    optional: Collection[str] = ()  # without a default
 
     def __init__(self, **named: Any) -> None:
         parts, name = self.parts(), type(self).__name__
@@ -149,8 +166,8 @@ class Settings:
             setattr(self, part, kind())
         for given, value in named.items():
             setting = f"{given}_config" if f"{given}_config" in parts else given  # both are spelt in releases
-            if setting not in vars(self) and setting not in self.optional:
-                raise ArgumentError(unknown_argument(name, given, [*vars(self), *self.optional]))
+            if setting not in vars(self):
+                raise ArgumentError(unknown_argument(name, given, vars(self)))
             if setting in self.fixed and value != self.fixed[setting]:
                 raise SettingsError(f"{name}.{given} is {shown(value)}; accepted: {self.fixed[setting]!r}")
             if setting in parts and not isinstance(value, parts[setting]):
@@ -176,19 +193,46 @@ class Settings:
 
 
 class LiDARConfig(Settings):
-    """The LiDAR of each car."""
+    """The LiDAR of each car.
 
-    defaults = {"num_beams": BEAMS, "field_of_view": FIELD_OF_VIEW, "base_link_to_lidar_tf": _MOUNT}  # noqa: RUF012
-    fixed = {"enabled": True, "range_min": 0.0, "range_max": 30.0, "noise_std": 0.01}  # noqa: RUF012
-    optional = ("angle_min", "angle_max")
+    Raises:
+      SettingsError: a field of view beside an angle, or angles to one side.
+    """
+
+    defaults = {  # noqa: RUF012
+        "num_beams": BEAMS, "angle_min": -_EDGE, "angle_max": _EDGE, "noise_std": SCAN_NOISE,
+        "base_link_to_lidar_tf": _MOUNT, "scan_device": "cpu",
+    }  # fmt: skip
+    fixed = {  # noqa: RUF012
+        "enabled": True, "range_min": 0.0, "range_max": 30.0, "dropout_prob": 0.0, "range_bias_std": 0.0,
+    }  # fmt: skip
+
+    def __init__(self, *, field_of_view: Any = None, **named: Any) -> None:
+        if field_of_view is not None:
+            if {"angle_min", "angle_max"} & set(named):
+                raise SettingsError("LiDARConfig has field_of_view beside an angle; accepted: one of them")
+            half = 0.5 * number("field_of_view", field_of_view)
+            named |= {"angle_min": -half, "angle_max": half}
+        super().__init__(**named)
+        least, most = (number(name, getattr(self, name)) for name in ("angle_min", "angle_max"))
+        if not math.isclose(-least, most, rel_tol=1e-6):
+            raise SettingsError(f"the LiDAR measures from {least:g} to {most:g} rad; accepted: as far to both sides")
+
+    def with_updates(self, **changes: Any) -> LiDARConfig:
+        """Return it with some changes."""
+        angles = ("angle_min", "angle_max") if "field_of_view" in changes else ()
+        return LiDARConfig(**({name: value for name, value in vars(self).items() if name not in angles} | changes))
 
     @property
-    def span(self) -> float:
+    def field_of_view(self) -> float:
         """From the first beam to the last [rad]."""
-        named = vars(self)
-        if "angle_min" in named and "angle_max" in named:
-            return float(named["angle_max"] - named["angle_min"])
-        return float(named["field_of_view"])
+        own: Any = self
+        return float(own.angle_max - own.angle_min)
+
+    @property
+    def angle_increment(self) -> float:
+        """From a beam to the next [rad]."""
+        return self.field_of_view / max(int(vars(self)["num_beams"]) - 1, 1)
 
     @classmethod
     def from_fov(cls, fov: float, **named: Any) -> LiDARConfig:
@@ -215,7 +259,10 @@ class ControlConfig(Settings):
     defaults = {  # noqa: RUF012
         "longitudinal_mode": LongitudinalActionType.SPEED, "steering_mode": SteerActionType.STEERING_ANGLE,
     }  # fmt: skip
-    fixed = {"steer_delay_steps": 0}  # noqa: RUF012
+    fixed = {  # noqa: RUF012
+        "steer_delay_steps": 0, "throttle_delay_steps": 0, "steer_noise_std": 0.0, "accl_noise_std": 0.0,
+        "steer_kp": None,
+    }  # fmt: skip
 
 
 class SimulationConfig(Settings):
@@ -224,25 +271,32 @@ class SimulationConfig(Settings):
     defaults = {  # noqa: RUF012
         "timestep": 0.01, "integrator_timestep": 0.01, "integrator": Integrator.RK4, "dynamics_model": DynamicModel.ST,
         "loop_counter": LoopCounterMode.FRENET_BASED, "compute_frenet_frame": True, "max_laps": 1,
+        "count_partial_first_lap": True,
     }  # fmt: skip
 
 
 class ObservationConfig(Settings):
     """Types of observations."""
 
-    defaults = {"type": ObservationType.DIRECT, "features": None}  # noqa: RUF012
+    defaults = {"type": ObservationType.DEFAULT, "features": None}  # noqa: RUF012
 
 
 class ResetConfig(Settings):
-    """Places of cars at a reset."""
+    """Places of cars at a reset; what is None is as the strategy has it."""
 
-    defaults = {"strategy": ResetStrategy.RL_GRID_STATIC}  # noqa: RUF012
+    defaults = {  # noqa: RUF012
+        "strategy": ResetStrategy.RL_GRID_STATIC, "min_dist": None, "max_dist": None, "shuffle": None,
+        "move_laterally": None, "reference_line": None, "start_width": None,
+    }  # fmt: skip
 
 
 class RenderConfig(Settings):
-    """Settings of the window; here it is MuJoCo's viewer."""
+    """Settings of the window, which change nothing here: it is MuJoCo's viewer."""
 
-    defaults = {"render_fps": 60, "real_time_factor": 1.0, "frame_output_method": "auto"}  # noqa: RUF012
+    defaults = {"render_fps": 60, "real_time_factor": 1.0} | dict.fromkeys((
+        "frame_output_method", "window_size", "focus_on", "vehicle_palette", "show_wheels", "render_map_img",
+        "car_thickness", "bigger_car_when_map_centered", "show_lap_info",
+    ))  # fmt: skip
 
 
 class TerminationConfig(Settings):
@@ -289,15 +343,23 @@ class RewardConfig(Settings):
             raise SettingsError(f"reward_fn is {shown(own.reward_fn)}; accepted: a function, with RewardMode.CUSTOM")
 
 
-class OtherConfig(Settings):
-    """Settings of what is not here: contacts, randomization; an EnvConfig refuses them."""
+class DomainRandomizationConfig(Settings):
+    """Ranges of what each episode draws, which are not here: `update_params` before a reset changes a car."""
 
-    def __init__(self, **named: Any) -> None:
-        vars(self).update(named)
+    defaults = {"low": None, "high": None}  # noqa: RUF012
+    fixed = {"enabled": False}  # noqa: RUF012
+
+
+class ContactConfig(Settings):
+    """Settings of contacts: there are none here, as these are MuJoCo's."""
 
 
 class EnvConfig(Settings):
-    """All settings of an environment."""
+    """All settings of an environment.
+
+    Raises:
+      SettingsError: cars that go through walls.
+    """
 
     defaults = {  # noqa: RUF012
         "seed": 12345, "map_name": "Spielberg", "map_scale": 1.0, "params": F1TENTH_VEHICLE_PARAMETERS,
@@ -311,7 +373,19 @@ class EnvConfig(Settings):
             "control_config": ControlConfig, "simulation_config": SimulationConfig,
             "observation_config": ObservationConfig, "reset_config": ResetConfig, "lidar_config": LiDARConfig,
             "render_config": RenderConfig, "termination_config": TerminationConfig, "reward_config": RewardConfig,
+            "domain_randomization_config": DomainRandomizationConfig, "contact_config": ContactConfig,
         }  # fmt: skip
+
+    def __init__(self, **named: Any) -> None:
+        super().__init__(**named)
+        if vars(self)["collision_check"] in (CollisionCheckMode.NONE, CollisionCheckMode.NONE.value):
+            accepted = "another one; TerminationConfig(terminate_on_collision=False) drives on after a touch"
+            raise SettingsError(f"collision_check is NONE, and walls are solid here; accepted: {accepted}")
+
+
+def plain_params(params: Any) -> Any:
+    """Return parameters of a car, VehicleParameters or others, by name."""
+    return asdict(params) if is_dataclass(params) and not isinstance(params, type) else params
 
 
 def plain_config(config: Any) -> dict[str, Any]:
@@ -323,21 +397,20 @@ def plain_config(config: Any) -> dict[str, Any]:
     if config is None:
         return {}
     if isinstance(config, Mapping):
-        found = dict(config)
-        if is_dataclass(found.get("params")):
-            found["params"] = asdict(found["params"])
-        return found
+        return dict(config) | ({"params": plain_params(config["params"])} if "params" in config else {})
     if not isinstance(config, EnvConfig):
         raise SettingsError(f"config is {config!r}; accepted: a dictionary of settings, or an EnvConfig")
     own: Any = config
-    simulation, control, lidar = own.simulation_config, own.control_config, own.lidar_config
+    seen = own.observation_config
+    features = _DYNAMIC if seen.type is ObservationType.DYNAMIC_STATE else seen.features
+    simulation, control, lidar, reset = own.simulation_config, own.control_config, own.lidar_config, own.reset_config
     return {
-        "seed": own.seed, "map": own.map_name, "scale": own.map_scale,
-        "params": asdict(own.params) if is_dataclass(own.params) and not isinstance(own.params, type) else own.params,
+        "seed": own.seed, "map": own.map_name, "scale": own.map_scale, "params": plain_params(own.params),
         "num_agents": own.num_agents, "ego_idx": own.ego_index, "timestep": simulation.timestep,
         "integrator": simulation.integrator, "model": simulation.dynamics_model, "max_laps": simulation.max_laps,
         "control_input": [getattr(m, "value", m) for m in (control.longitudinal_mode, control.steering_mode)],
-        "observation_config": {"type": own.observation_config.type, "features": own.observation_config.features},
-        "reset_config": {"type": own.reset_config.strategy}, "num_beams": lidar.num_beams, "fov": lidar.span,
-        "lidar_dist": lidar.ahead,
+        "observation_config": {"type": seen.type, "features": features},
+        "reset_config": {"type": reset.strategy} | {name: getattr(reset, name) for name in RESETS},
+        "num_beams": lidar.num_beams, "fov": lidar.field_of_view, "lidar_dist": lidar.ahead,
+        "noise_std": lidar.noise_std, "enable_rendering": own.render_enabled,
     }  # fmt: skip

@@ -32,8 +32,8 @@ _STATES = {
 }  # fmt: skip
 _SHAPES = {"std_state": (7,), "state": (7,), "frenet_pose": (3,)}
 FEATURES = (
-    "scan", "pose_x", "pose_y", "pose_theta", "linear_vel_x", "linear_vel_y", "ang_vel_z", "delta", "beta", "collision",
-    "lap_time", "lap_count", "sim_time", "std_state", "state", "frenet_pose",
+    "scan", "pose_x", "pose_y", "pose_theta", "linear_vel_x", "linear_vel_y", "linear_vel_magnitude", "ang_vel_z",
+    "delta", "beta", "collision", "lap_time", "lap_count", "sim_time", "std_state", "state", "frenet_pose",
 )  # fmt: skip
 """Names of the observations of each car."""
 
@@ -109,6 +109,8 @@ class Observation:
             return np.array(env.track.cartesian_to_frenet(x, y, heading))
         if feature == "sim_time":
             return env.current_time
+        if feature == "linear_vel_magnitude":
+            return np.hypot(seen["linear_vels_x"][index], seen["linear_vels_y"][index])
         names = {
             "scan": "scans", "pose_x": "poses_x", "pose_y": "poses_y", "pose_theta": "poses_theta",
             "linear_vel_x": "linear_vels_x", "linear_vel_y": "linear_vels_y", "ang_vel_z": "ang_vels_z",

@@ -66,6 +66,7 @@ class Driving:
       seed: of the scans' noise.
       beams: of each scan.
       field_of_view: of each scan [rad].
+      noise: standard deviation of each range [m]; None: the gym's.
 
     Attributes:
       world: the World; its LiDARs have these beams.
@@ -85,6 +86,7 @@ class Driving:
         seed: int = 12345,
         beams: int = BEAMS,
         field_of_view: float = FIELD_OF_VIEW,
+        noise: float | None = None,
     ) -> None:
         first = builds[0]
         self.world = GymWorld(
@@ -93,7 +95,7 @@ class Driving:
         )  # fmt: skip
         if physics is not None:
             self.world.model.opt.timestep = physics  # all digits, of which MJCF text has six
-        self._seed, self._beams = seed, beams
+        self._seed, self._beams, self._scan_noise = seed, beams, noise
         self._agents = range(len(builds))
         self._every = np.ones(len(builds), np.bool_)  # of the engine's rows
         self._data = mujoco.MjData(self.world.model)
@@ -213,7 +215,8 @@ class Driving:
     def scan(self, agent: int) -> FloatArray:
         """Return a car's ranges, noisy; `range_max` where nothing is, 0 where it is too near. Shape (beams,) [m]."""
         noisy = self._noise[agent].standard_normal(self._beams)
-        add_noise(self.engine.ranges[agent], SCAN_NOISE, self.engine.beams.range_max, noisy)
+        deviation = SCAN_NOISE if self._scan_noise is None else self._scan_noise
+        add_noise(self.engine.ranges[agent], deviation, self.engine.beams.range_max, noisy)
         return noisy
 
     def motion(self, agent: int) -> Motion:

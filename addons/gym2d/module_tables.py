@@ -23,6 +23,7 @@ _MODELS = {name: f"gym_functions:{name}" for name in (
 )} | {"DynamicModel": "simulator:DynamicModel"} | {
     name: f"gym_config:{name}" for name in (
         "VehicleParameters", "F1TENTH_VEHICLE_PARAMETERS", "F1FIFTH_VEHICLE_PARAMETERS", "FULLSCALE_VEHICLE_PARAMETERS",
+        "get_f1tenth_vehicle_parameters",
     )
 }  # fmt: skip
 _COLLISIONS = {name: f"gym_functions:{name}" for name in (
@@ -42,12 +43,11 @@ _RENDERING = {
     "CAR_LENGTH": "drawing:CAR_LENGTH", "CAR_WIDTH": "drawing:CAR_WIDTH", "ZOOM_IN_FACTOR": 1.2,
     "ZOOM_OUT_FACTOR": 1.0 / 1.2, "make_lidar_scan_callback": "drawing:Nothing",
 }  # fmt: skip
-_OTHERS = dict.fromkeys(
-    ("DomainRandomizationConfig", "ContactConfig"), "gym_config:OtherConfig"
-) | {"ScanBackend": "drawing:Nothing"}
+_OTHERS = {"ContactConfig": "gym_config:ContactConfig", "ScanBackend": "drawing:Nothing"}
 _CONFIG = {name: f"gym_config:{name}" for name in (
     "EnvConfig", "ControlConfig", "SimulationConfig", "ObservationConfig", "ResetConfig", "RenderConfig",
     "LoopCounterMode", "TerminationConfig", "AgentTerminationMode", "RewardConfig", "RewardMode",
+    "DomainRandomizationConfig",
 )} | _OTHERS | _LASERS | _ACTIONS | _MODELS  # fmt: skip
 _OBSERVATIONS = {
     "Observation": "gym_observations:Observation", "observation_factory": "gym_observations:Observation",
@@ -77,7 +77,7 @@ _RACING: dict[str, Table] = {
     "envs.action": _ACTIONS,
     "envs.observation": _OBSERVATIONS,
     "envs.env_config": _CONFIG,
-    "envs.reset": {"ResetStrategy": "gym_config:ResetStrategy"},
+    "envs.reset": {name: f"gym_config:{name}" for name in ("ResetStrategy", "ReferenceLine")},
     "envs.rendering": _RENDERING,
     "envs.rendering.renderer": _RENDERING,
     "envs.rendering.rendering_pyglet": _RENDERING,

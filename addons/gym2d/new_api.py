@@ -28,7 +28,16 @@ from fg_mujoco.vehicle.tires import Tires
 from fg_mujoco.vehicle.vehicle import Vehicle
 
 from .environment import RaceEnvironment, say_of_others, simulator_of
-from .gym_config import AgentTerminationMode, EnvConfig, RewardMode, VehicleParameters, plain_config
+from .gym_config import (
+    RESETS,
+    AgentTerminationMode,
+    EnvConfig,
+    ReferenceLine,
+    RewardMode,
+    VehicleParameters,
+    plain_config,
+    plain_params,
+)
 from .gym_functions import deep_update
 from .gym_observations import Observation
 from .gym_track import Raceline
@@ -38,7 +47,7 @@ from .simulator import DynamicModel, Integrator, checked, say_of_model
 
 _LONGITUDINAL, _STEERING = ("speed", "accl"), ("steering_angle", "steering_speed")
 _BESIDES = {"speed": "steering_angle", "accl": "steering_speed", "steering_angle": "speed", "steering_speed": "accl"}
-_NOT_HERE = ("integrator_timestep", "enable_rendering", "enable_scan", "control_delay_buffer_size", "compute_frenet",
+_NOT_HERE = ("integrator_timestep", "enable_scan", "control_delay_buffer_size", "compute_frenet",
              "render_fps", "normalize_obs", "normalize_act", "debug_frenet_projection")  # fmt: skip
 _RESETS = [
     f"{line}_{where}_{order}"
@@ -48,6 +57,7 @@ _RESETS = [
 ]
 _ROW = 1.0  # [m] of the line, from its start, in which the first car of a grid is put
 _GAPS = (1.5, 2.5)  # [m] from a car to the next
+_CHANGE = {"params", "control_input", "map", "scale", "max_laps", "reset_config"}  # what `configure` can
 
 
 class CarAction:
@@ -130,13 +140,14 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
     ) -> None:
         given = deep_update(plain_config(config), settings)
         self._times_each_lap = isinstance(config, EnvConfig)
-        later = config if isinstance(config, EnvConfig) else EnvConfig()
-        self._ends, self._rewards = later.termination_config, later.reward_config  # type: ignore[attr-defined]
+        self._take_later(config if isinstance(config, EnvConfig) else EnvConfig())
         defaults = self.default_config()
         say_of_others(name for name in given if name not in defaults and name not in _NOT_HERE)
         self.config: dict[str, Any] = deep_update(defaults, given)
         setting = self.config
-        self.render_mode = render_mode or setting.get("render_mode")
+        self.render_mode = (render_mode or setting.get("render_mode")) if setting["enable_rendering"] else None
+        if setting["seed"] is None:
+            setting["seed"] = int(np.random.SeedSequence().generate_state(1)[0])
         if setting["max_laps"] is not None:
             number("max_laps", setting["max_laps"])
         integrator, model = setting["integrator"], setting["model"]
@@ -147,7 +158,8 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             params=given.get("params"), num_agents=setting["num_agents"], seed=setting["seed"],
             integrator=Integrator.from_string(integrator) if isinstance(integrator, str) else integrator, model=model,
             time_step=setting["timestep"], ego_idx=setting["ego_idx"], lidar_dist=setting["lidar_dist"],
-            num_beams=setting["num_beams"], fov=setting["fov"], vehicle=vehicle, tires=tires, setup=setup, maps=maps,
+            num_beams=setting["num_beams"], fov=setting["fov"], noise_std=setting["noise_std"], vehicle=vehicle,
+            tires=tires, setup=setup, maps=maps,
         )  # fmt: skip
         extension = setting["map_ext"]
         if extension is None or (isinstance(extension, str) and not extension):
@@ -172,7 +184,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             "num_agents": 2, "timestep": 0.01, "ego_idx": 0, "integrator": "rk4", "model": "st",
             "control_input": ["speed", "steering_angle"], "observation_config": {"type": None},
             "reset_config": {"type": None}, "num_beams": BEAMS, "fov": FIELD_OF_VIEW, "lidar_dist": None,
-            "max_laps": 2,
+            "noise_std": None, "max_laps": 2, "enable_rendering": True,
         }  # fmt: skip
 
     @property
@@ -191,15 +203,31 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         return VehicleParameters(**{each.name: self.params[each.name] for each in fields(VehicleParameters)})
 
     def configure(self, config: Any) -> None:
-        """Take other settings; of those the parameters are for the next reset, and how actions are meant."""
-        given = plain_config(config)
-        self.config = deep_update(self.config, given)
-        if "params" in given:
+        """Take other settings from the next reset on.
+
+        Raises:
+          SettingsError: one that a new environment can have only.
+        """
+        given, known = plain_config(config), self.config
+        changed = {name for name, value in given.items() if name not in known or not _same(value, known[name])}
+        if changed - _CHANGE:
+            said = f"configure changes {', '.join(sorted(changed - _CHANGE))}"
+            raise SettingsError(f"{said}; accepted: {', '.join(sorted(_CHANGE))}; a new environment has any")
+        self.config = deep_update(known, given)
+        if isinstance(config, EnvConfig):
+            self._take_later(config)
+        if "params" in changed:
             self.update_params(self.config["params"])
+        if changed & {"map", "scale"}:
+            self.update_map(self.config["map"], self.config["scale"])
         self._take_actions()
         self._note_call("configure", config, of=len(self._calls_since))
 
-    def update_map(self, map_name: Any, map_ext: str | None = None) -> None:
+    def update_params(self, params: Any, index: int = -1) -> None:
+        """Take other parameters from the next reset on, by name or as VehicleParameters; see RaceEnvironment."""
+        super().update_params(plain_params(params), index)
+
+    def update_map(self, map_name: Any, map_ext: str | float | None = None) -> None:
         """Drive on another map from the next reset on."""
         self.map = self.map_name = map_name
         self._set_map(map_name, map_ext)
@@ -212,20 +240,32 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
 
         Args:
           seed: of the places that are drawn.
-          options: with `poses` of the rear axles (num_agents, 3), x [m], y [m], heading [rad]; without, they are drawn
-            as `reset_config` says.
+          options: with `poses` of the rear axles (num_agents, 3), x [m], y [m], heading [rad], or `states`
+            (num_agents, 7), as `sim.agents` have them; without, poses are drawn as `reset_config` says.
 
         Raises:
-          SettingsError: poses of another shape.
+          SettingsError: poses or states of another shape, or another option.
         """
         super().reset(seed=seed)
         if seed is not None:
             self._generator = np.random.default_rng(seed)
-        poses = None if options is None else mapping("options", options).get("poses")
-        self._place(self._drawn_poses() if poses is None else poses)
-        self._steering[:], self._steps = 0.0, -1  # the step that the cars stand is not counted
+        said = {} if options is None else mapping("options", options)
+        for name in said.keys() - {"poses", "states"}:
+            raise SettingsError(f"options has {name!r}; {accepted_names(name, ('poses', 'states'))}")
+        states = np.zeros((self.num_agents, 7))
+        if said.get("states") is not None:
+            meaning = "x, y, steering angle, speed, heading, yaw rate, slip angle"
+            states = np.array(checked(said["states"], self.num_agents, 7, "states", meaning))
+            self._place(states[:, [0, 1, 4]])
+            for agent, state in zip(self.sim.agents, states, strict=True):
+                agent.state = state
+        else:
+            poses = said.get("poses")
+            self._place(self._drawn_poses() if poses is None else poses)
+        self._steering, self._steps = states[:, 2].copy(), -1  # the step that the cars stand is not counted
         self._along, self.terminated_agents = np.zeros(self.num_agents), np.zeros(self.num_agents, np.bool_)
-        first = self.step(np.zeros((self.num_agents, 2)))
+        kinds = [name in ("steering_angle", "speed") for name in self.action_type.type]
+        first = self.step(states[:, 2:4] * kinds)
         return first[0], first[4]
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -238,11 +278,12 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
           The observation, the reward, which is the timestep [s], whether the ego has collided or all cars, with an
           EnvConfig those that its TerminationConfig says, have driven `max_laps`, whether it is truncated, which it is
           by `max_episode_steps` only, and an info: `checkpoint_done`, whether each car has, `lap_times`, `lap_counts`
-          and `sim_time`; with an EnvConfig `collisions` and `progress` [m] of the step, too.
+          and `sim_time`; with an EnvConfig `terminated_agents`, and `collisions` and `progress` [m] of the step.
 
         Raises:
           SettingsError: another shape, or a number that is not finite.
         """
+        self.sim.write_back()  # before accelerations become speeds
         self._advance(self._commands(action))
         done, finished = self._check_done()
         info = {
@@ -254,6 +295,7 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
             return observation, self.timestep, done, False, info
         along, self._along = self._along, np.array([lap.along for lap in self.driving.laps])
         info |= {"collisions": self.collisions.copy(), "progress": self._along - along}
+        info["terminated_agents"] = self.terminated_agents.copy()
         most = self._ends.max_episode_steps
         late = most is not None and self._steps >= most and not done
         return observation, self._reward(observation, action, info, done, late), done, late, info
@@ -291,6 +333,10 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         }  # fmt: skip
         return bool(over[self._ends.agent_mode]), finished
 
+    def _take_later(self, config: Any) -> None:
+        """Take what an EnvConfig has and the settings of v1.0 have not."""
+        self.env_config, self._ends, self._rewards = config, config.termination_config, config.reward_config
+
     def _take_actions(self) -> None:
         self.action_type = CarAction(self.config["control_input"], self.config["params"])
         self.action_space = self.action_type.space_of(self.num_agents)
@@ -313,30 +359,41 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
 
     def _drawn_poses(self) -> FloatArray:
         """Return poses drawn as `reset_config` says."""
-        kind = mapping("reset_config", self.config["reset_config"]).get("type")
+        asked = mapping("reset_config", self.config["reset_config"])
+        for name in asked.keys() - {"type", *RESETS}:
+            raise SettingsError(f"reset_config has {name!r}; {accepted_names(name, ('type', *RESETS))}")
+        kind = asked.get("type")
         kind = str(getattr(kind, "value", kind) or "rl_grid_static").lower()
         if kind not in _RESETS:
             raise SettingsError(f"reset_config has type {kind!r}; {accepted_names(kind, _RESETS)}")
         token, where, order = kind.split("_")
         if not (self.driving.world.track.closed or self.track.has_lines):
             return self._grid()
-        line = self.track.raceline if token == "rl" else self.track.centerline
-        poses = self._poses_on(line, everywhere=where == "random" or token == "map")
-        return self._generator.permutation(poses) if order == "random" else poses
+        wanted = asked.get("reference_line") or (ReferenceLine.RACELINE if token == "rl" else ReferenceLine.CENTERLINE)
+        if not isinstance(wanted, ReferenceLine):
+            raise SettingsError(f"reference_line is {shown(wanted)}; accepted: {', '.join(map(str, ReferenceLine))}")
+        line = self.track.raceline if wanted is ReferenceLine.RACELINE else self.track.centerline
+        row = math.inf if where == "random" or token == "map" else _given(asked, "start_width", _ROW)
+        gaps = _given(asked, "min_dist", _GAPS[0]), _given(asked, "max_dist", _GAPS[1])
+        if gaps[0] > gaps[1]:
+            raise SettingsError(f"cars stand {gaps[0]:g} to {gaps[1]:g} m apart; accepted: min_dist, then max_dist")
+        poses = self._poses_on(line, row, gaps, aside=asked.get("move_laterally") is not False)
+        shuffled = order == "random" if asked.get("shuffle") is None else asked["shuffle"]
+        return self._generator.permutation(poses) if shuffled else poses
 
-    def _poses_on(self, line: Raceline, *, everywhere: bool) -> FloatArray:
-        """Return poses on a line, one behind the other, at its start or anywhere on it."""
+    def _poses_on(self, line: Raceline, row: float, gaps: tuple[float, float], *, aside: bool) -> FloatArray:
+        """Return poses on a line, one behind the other, the first in a row at its start."""
         draw, spline = self._generator, line.spline
         length = float(spline.s[-1])
-        s = draw.uniform(0.0, length if everywhere else min(_ROW, length))
+        s = draw.uniform(0.0, min(row, length))
         poses = np.empty((self.num_agents, 3))
         side = float(draw.choice([-1.0, 1.0])) if self.num_agents > 1 else 0.0
-        width = 0.5 * float(min(1.0, self._room(line)))
+        width = 0.5 * float(min(1.0, self._room(line))) * aside
         for agent in range(self.num_agents):
             (x, y), heading = spline.calc_position(s % length), spline.calc_yaw(s % length)
             offset = side * (-1.0) ** agent * width / self.num_agents
             poses[agent] = (x - offset * math.sin(heading), y + offset * math.cos(heading), heading)
-            s += draw.uniform(*_GAPS)
+            s += draw.uniform(*gaps)
         return poses
 
     def _room(self, line: Raceline) -> float:
@@ -346,3 +403,15 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         if line is not self.track.centerline or widths is None:
             return 0.0
         return max(0.0, float(np.minimum(widths, track.width_right).min()) - 0.4)  # type: ignore[attr-defined]
+
+
+def _given(settings: Mapping[str, Any], name: str, otherwise: float) -> float:
+    """Return a setting from 0 on, or another number where it is None."""
+    return otherwise if settings.get(name) is None else number(name, settings[name], 0.0)
+
+
+def _same(value: Any, known: Any) -> bool:
+    """Return whether two settings are the same; of one with parts those that are named."""
+    if isinstance(value, Mapping) and isinstance(known, Mapping):
+        return all(name in known and _same(each, known[name]) for name, each in value.items())
+    return value is known or bool(np.all(value == known))

@@ -108,6 +108,7 @@ class Simulator:
       lidar_dist: of the LiDAR ahead of the rear axle [m]; None: where the vehicle has it.
       num_beams: of a scan.
       fov: of a scan [rad].
+      noise_std: standard deviation of each range [m]; None: the gym's.
       vehicle: that the parameters change.
       tires: that the cars stand on; None: the vehicle's.
       maps: folder of named maps.
@@ -137,6 +138,7 @@ class Simulator:
         *,
         num_beams: int = BEAMS,
         fov: float = FIELD_OF_VIEW,
+        noise_std: float | None = None,
         vehicle: Vehicle | str | Path = DEFAULT_VEHICLE,
         tires: Tires | str | Path | None = None,
         maps: str | Path | None = None,
@@ -154,6 +156,7 @@ class Simulator:
         self.time_step = number("timestep", time_step)
         self.integrator, self.model, self.action_type = integrator, model, action_type
         self.num_beams, self.fov, self.lidar_dist = num_beams, fov, lidar_dist
+        self._noise = None if noise_std is None else number("noise_std", noise_std, 0.0, 10.0)
         self._vehicle, self._tires = Vehicle.load(vehicle), None if tires is None else Tires.load(tires)
         self._maps = maps
         self.params = all_params(params, self._vehicle)
@@ -165,6 +168,8 @@ class Simulator:
         self.driving: Driving | None = None
         self.map_file: Path | None = None
         self.course: Course | None = None
+        self._own_track: Track | None = None
+        self._scale = 1.0
         self.agent_scans: list[FloatArray] = [np.zeros(num_beams)] * num_agents
         self.collisions = np.zeros(num_agents)
         self.read: list[RaceCar] = []
@@ -198,6 +203,19 @@ class Simulator:
         return np.where(touched.any(axis=1), touched.argmax(axis=1), -1).astype(np.float64)
 
     @property
+    def state(self) -> SimulatorState:
+        """All of the cars after the last step."""
+        return SimulatorState(self)
+
+    @property
+    def track(self) -> Track:
+        """The map with its lines."""
+        if self._own_track is None:
+            assert self.course is not None
+            self._own_track = Track.of(self.course, self.map_file, self._scale)
+        return self._own_track
+
+    @property
     def agent_steerings(self) -> FloatArray:
         """Steering angles of the cars (num_agents,) [rad]."""
         return np.array([agent.state[2] for agent in self.agents])
@@ -219,6 +237,7 @@ class Simulator:
         extension = map_ext if isinstance(map_ext, str) else None
         if not isinstance(map, (str, Path, Track)):
             raise SettingsError(f"map is {shown(map)}; accepted: a path, a name, or a Track")
+        self._own_track, self._scale = map if isinstance(map, Track) else None, scale
         if isinstance(map, Track):
             assert map.course is not None
             self.course, self.map_file = map.course, map._file
@@ -290,8 +309,7 @@ class Simulator:
         driving = self.driving
         if driving is None or not driving.laps:
             raise SettingsError("a step before a reset; accepted: reset first")
-        while self.read:
-            self.read.pop().write_back()
+        self.write_back()
         collided = driving.drive(commands)
         self.collisions = collided.astype(np.float64)
         self.agent_scans = [driving.scan(agent) for agent in range(self.num_agents)]
@@ -307,6 +325,11 @@ class Simulator:
             "ang_vels_z": yaw_rate,
             "collisions": self.collisions,
         }
+
+    def write_back(self) -> None:
+        """Put the cars where a script has written that they are."""
+        while self.read:
+            self.read.pop().write_back()
 
     def _cars(self) -> list[WorldCar]:
         return [
@@ -329,8 +352,24 @@ class Simulator:
         assert self.course is not None
         self.driving = Driving(
             self.course, self._builds, timestep=self.time_step, physics=self._physics, seed=self.seed,
-            beams=self.num_beams, field_of_view=self.fov,
+            beams=self.num_beams, field_of_view=self.fov, noise=self._noise,
         )  # fmt: skip
+
+
+class SimulatorState:
+    """`sim.state` of the later releases: of all cars after the last step, copies, the states as RaceCar has them."""
+
+    def __init__(self, sim: Simulator) -> None:
+        self.poses, self.scans, self.collisions = sim.agent_poses, np.array(sim.agent_scans), sim.collisions.copy()
+        self.sim_time = 0.0 if sim.driving is None else sim.driving.time
+        self._sim, placed = sim, sim.driving is not None and sim.driving.laps
+        self.standard_state = np.array([agent.state if placed else np.zeros(7) for agent in sim.agents])
+        self.state = self.standard_state.copy()
+
+    @property
+    def frenet(self) -> FloatArray:
+        """Progress on the centreline [m], offset to its left [m] and relative heading [rad], (num_agents, 3)."""
+        return np.array([self._sim.track.cartesian_to_frenet(*pose) for pose in self.poses.tolist()])
 
 
 class RaceCar:

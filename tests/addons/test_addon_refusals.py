@@ -280,12 +280,16 @@ CALLS = [
     *((act, action, "accepted: finite numbers of shape (1, 2), steering angle, speed")
       for action in ([[math.nan, 1.0]], [0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]], [[0.0, math.inf]])),
     (gym_config.EnvConfig, {"max_laps": 3}, "no argument 'max_laps'"),
-    (gym_config.EnvConfig, {"contact_config": 1}, "no argument 'contact_config'"),
+    (gym_config.EnvConfig, {"contact_config": 1}, "accepted: a ContactConfig"),
+    (gym_config.EnvConfig, {"collision_check": gym_config.CollisionCheckMode.NONE}, "walls are solid here"),
+    (gym_config.DomainRandomizationConfig, {"enabled": True}, "enabled is True; accepted: False"),
     (gym_config.EnvConfig, {"simulation": {"max_laps": 3}}, "accepted: a SimulationConfig"),
     (gym_config.SimulationConfig, {"max_lap": 3}, "did you mean 'max_laps'"),
-    (gym_config.ControlConfig, {"steer_noise_std": 0.1}, "no argument 'steer_noise_std'"),
+    (gym_config.ControlConfig, {"steer_noise_std": 0.1}, "steer_noise_std is 0.1; accepted: 0.0"),
     (gym_config.ControlConfig, {"steer_delay_steps": 2}, "steer_delay_steps is 2; accepted: 0"),
-    (gym_config.LiDARConfig, {"noise_std": 0.0}, "noise_std is 0.0; accepted: 0.01"),
+    (gym_config.LiDARConfig, {"dropout_prob": 0.1}, "dropout_prob is 0.1; accepted: 0.0"),
+    (gym_config.LiDARConfig, {"angle_min": -1.0}, "from -1 to 2.35619 rad; accepted: as far to both sides"),
+    (gym_config.LiDARConfig, {"angle_min": -1.0, "field_of_view": 2.0}, "accepted: one of them"),
     # learn
     *((lambda record: fg.rollout("oval", n=1, record=record, time_limit=0.1), {"record": record},
        "accepted: summary, telemetry, states, scans, or scans:STEP")

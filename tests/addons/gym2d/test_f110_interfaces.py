@@ -201,9 +201,35 @@ def test_configuration_objects_are_the_settings(drawn):
     assert (env.num_agents, env.timestep, env.sim.num_beams, env.sim.fov) == (2, 0.02, 270, 2.0)
     assert env.action_type.type == ("steering_angle", "accl") and env.world.car.mu == pytest.approx(0.7)
     assert env.config["max_laps"] == 3 and env.observation_type.type == "kinematic_state"
+    with pytest.raises(SettingsError, match="configure changes timestep; accepted"):
+        env.configure(settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=3)))
+    env.configure(settings.with_updates(map_name="oval", params=settings.params.with_updates(mu=0.5)))
+    env.reset(seed=1)
+    assert env.world.track.name == "oval" and env.world.car.mu == pytest.approx(0.5)
     moved = gym_config.LiDARConfig(base_link_to_lidar_tf=(0.1, 0.0, 0.0))
     assert f110.make("f1tenth-v0", config=settings.with_updates(lidar=moved)).sim.lidar_dist == 0.1
     assert settings.with_updates(simulation=gym_config.SimulationConfig(max_laps=5)).simulation_config.max_laps == 5
+
+
+def test_a_reset_of_the_later_releases_puts_cars_as_far_apart_as_asked_or_at_states():
+    """Four metres and more on the centreline; or at 3 m/s, from where cars drive 0.02 s without a loss of speed."""
+    from fg_mujoco.addons.gym2d import gym_config as config
+
+    places = config.ResetConfig(reference_line=config.ReferenceLine.CENTERLINE, min_dist=4.0, max_dist=5.0,
+                                move_laterally=False, shuffle=False)  # fmt: skip
+    env = later(num_agents=2, reset_config=places, lidar_config=config.LiDARConfig(noise_std=0.0))
+    env.reset(seed=1)
+    frenet = env.sim.state.frenet
+    assert 4.0 <= frenet[1, 0] - frenet[0, 0] <= 5.0 and np.abs(frenet[:, 1:]).max() < 1e-3
+    states = np.array([[0.0, 0.1, 0.0, 3.0, 0.0, 0.0, 0.0], [-2.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]])
+    info = env.reset(options={"states": states})[1]
+    np.testing.assert_allclose(env.sim.state.standard_state[:, [0, 1, 2, 3]],
+                               states[:, [0, 1, 2, 3]] + [[0.06, 0.0, 0.0, 0.0], [0.0] * 4], atol=1e-3)  # fmt: skip
+    assert info["terminated_agents"].tolist() == [False, False] and env.sim.state.sim_time == 0.02
+    scans = [env.reset(options={"states": states}) and env.sim.state.scans for _ in range(2)]
+    assert np.array_equal(*scans) and scans[0].shape == (2, 1080)
+    with pytest.raises(SettingsError, match=r"options has 'pose'; .*did you mean 'poses'"):
+        env.reset(options={"pose": states[:, :3]})
 
 
 @each("way", [1, -1])
