@@ -95,8 +95,8 @@ class Session:
         if name not in self.given:
             return default
         value = self.given[name]
-        if isinstance(default, float) and isinstance(value, int) and not isinstance(value, bool):
-            return float(value)
+        if _are(float, default) and _are(int, value):
+            return list(map(float, value)) if isinstance(value, list) else float(value)
         return value
 
     def unknown_parameters(self) -> str:
@@ -223,3 +223,8 @@ class NodeLogger:
     def get_child(self, name: str) -> NodeLogger:
         """Return the logger of a part of the node."""
         return NodeLogger(self._graph, f"{self.name}.{name}")
+
+
+def _are(kind: type, value: Any) -> bool:
+    """Return whether a value, or each of a list, is of a type."""
+    return all(type(each) is kind for each in (value if isinstance(value, (list, tuple)) and value else [value]))

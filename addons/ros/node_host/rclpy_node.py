@@ -77,10 +77,10 @@ class Inside:
             value = None
         asked = self.session.take(name, self.overrides.get(name, value))
         given = asked if override else value
-        lists = isinstance(given, (list, tuple)) and isinstance(value, (list, tuple))
+        empty = isinstance(value, (list, tuple)) and isinstance(given, (list, tuple)) and not (value and given)
         dynamic = bool(getattr(descriptor, "dynamic_typing", False))
         open_to_any = dynamic or value is None or isinstance(value, str)  # "default" stands for anything, as in Foxy
-        if not open_to_any and type_of(given) != type_of(value) and not lists:
+        if not open_to_any and type_of(given) != type_of(value) and not empty:
             raise InvalidParameterTypeException(
                 f"parameter {name!r} of node {self.name!r} is {given!r}; accepted: of the type of its default, "
                 f"{value!r}"

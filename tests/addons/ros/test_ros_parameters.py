@@ -95,3 +95,17 @@ def test_a_node_that_names_itself_gets_the_parameters_of_its_name(tmp_path):
                           (f"ros:{tmp_path / 'launch.yaml'}", 1.5)):  # fmt: skip
         result = fg.race("oval", source, time_limit=1.0)
         assert result.car.max_speed_m_s == pytest.approx(speed, abs=0.05)
+
+
+@each("given, found", [("[3, 1]", 3.0), ("[2.0]", 2.0), ("[]", None), ("[a, b]", "type of its default"),
+                       ("[true]", "type of its default"), ("3.0", "type of its default")])  # fmt: skip
+def test_a_list_is_of_the_type_of_its_default(tmp_path, given, found):
+    (tmp_path / "p.yaml").write_text(f"/**:\n  ros__parameters: {{gains: {given}}}\n")
+    planner = node2(tmp_path, "self.drive((self.get_parameter('gains').get_parameter_value().double_array_value or [1.0])[0])",
+                    "self.declare_parameter('gains', [1.0, 2.0])")  # fmt: skip
+    source = f"{planner}[host.params={tmp_path / 'p.yaml'}]"
+    if isinstance(found, str):
+        with pytest.raises(ControllerError, match=found):
+            fg.race("oval", source, time_limit=0.1)
+    else:
+        assert fg.race("oval", source, time_limit=1.0).car.max_speed_m_s == pytest.approx(found or 1.0, abs=0.05)
