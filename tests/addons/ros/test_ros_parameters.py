@@ -101,8 +101,8 @@ def test_a_node_that_names_itself_gets_the_parameters_of_its_name(tmp_path):
                        ("[true]", "type of its default"), ("3.0", "type of its default")])  # fmt: skip
 def test_a_list_is_of_the_type_of_its_default(tmp_path, given, found):
     (tmp_path / "p.yaml").write_text(f"/**:\n  ros__parameters: {{gains: {given}}}\n")
-    planner = node2(tmp_path, "self.drive((self.get_parameter('gains').get_parameter_value().double_array_value or [1.0])[0])",
-                    "self.declare_parameter('gains', [1.0, 2.0])")  # fmt: skip
+    first = "(self.get_parameter('gains').get_parameter_value().double_array_value or [1.0])[0]"
+    planner = node2(tmp_path, f"self.drive({first})", "self.declare_parameter('gains', [1.0, 2.0])")
     source = f"{planner}[host.params={tmp_path / 'p.yaml'}]"
     if isinstance(found, str):
         with pytest.raises(ControllerError, match=found):
