@@ -13,7 +13,7 @@ from fg_mujoco.cli.command import CONFIG, TRUST, Commands, Part, command, number
 from fg_mujoco.cli.options import setup_of, setup_options
 from fg_mujoco.cli.out import RUN, out_options, write_page
 from fg_mujoco.cli.race import RaceWatch, check_out, race_table
-from fg_mujoco.errors import ControllerError
+from fg_mujoco.errors import ControllerError, SettingsError
 from fg_mujoco.messages import STOP
 from fg_mujoco.pictures.plots import write_run
 from fg_mujoco.racing.race import race_setup
@@ -124,6 +124,8 @@ def _ros2(options: argparse.Namespace) -> int:
     from .ros2.server import Ros2Server, types_in
 
     require_cyclonedds()
+    if options.step_on_drive and hasattr(options, "controller"):
+        raise SettingsError("--controller drives until a command comes, --step-on-drive never; accepted: one of the two")
     return _serve(
         _driven_from_outside(options), Ros2Server, options, "for nodes of ROS 2", types=types_in(options.type or ()),
         namespace=options.namespace, domain=options.domain, host=options.host, peers=options.peer or (),

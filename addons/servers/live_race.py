@@ -269,13 +269,13 @@ class LiveRace:
         session = self.session
         session.message = ""
         session.obey()
+        self._said = session.message  # whoever asked is told
         if session.message:
             raise MessageError(session.message)
         if session.held_from_outside:
             session.hold(STOP)
         self._sense()
         self._publish()
-        self._said = ""
 
     def _publish(self) -> None:
         for topic, text in self.moment([each for each in self._listened() if each not in STANDING]).items():

@@ -17,6 +17,7 @@ import pytest
 
 import fg_mujoco as fg
 from fg_mujoco.addons.look.live.live_session import LiveSession
+from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
 from fg_mujoco.messages import DriveCommand
 
@@ -34,7 +35,7 @@ from cyclonedds.util import duration
 from fg_mujoco.addons.ros.bag_messages import GRID, ODOMETRY, POSE, TRANSFORMS, from_cdr, type_store
 from fg_mujoco.addons.servers.ros2 import server
 from fg_mujoco.addons.servers.ros2.dds_types import cdr_of, dds_type
-from fg_mujoco.addons.servers.ros2.server import Ros2Server, types_in
+from fg_mujoco.addons.servers.ros2.server import Ros2Server
 
 DOMAIN = 1 + os.getpid() % 90  # another in each worker
 _FULL = DOMAIN + 100
@@ -403,6 +404,17 @@ def test_bad_settings_say_what_is_accepted(settings, said, monkeypatch, capfd):
             taken.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)).bind(("0.0.0.0", port))
         with pytest.raises(SettingsError, match=said):
             Ros2Server(LiveSession(fg.Setup.of("oval")), **settings)
-    with pytest.raises(SettingsError, match="accepted: TOPIC=TYPE"):
-        types_in(["drive"])
     assert capfd.readouterr().err == ""  # of Cyclone DDS
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        (["--controller", "gap_finder", "--step-on-drive"], "--controller drives until a command comes, .*; accepted"),
+        (["--type", "drive"], "--type is 'drive'; accepted: TOPIC=TYPE"),
+        (["--peer", "nowhere.invalid"], "--peer is 'nowhere.invalid'; accepted"),
+    ],
+)
+def test_the_command_line_refuses_in_one_line(options, said, capfd):
+    assert main(["serve", "ros2", *options]) == 2
+    assert re.fullmatch(f"fg-mujoco: {said}.*\n", capfd.readouterr().err)
