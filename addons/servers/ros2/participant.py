@@ -1,8 +1,8 @@
 """A participant of DDS that a graph of ROS 2 sees as a node: topics by ROS's names, and `ros_discovery_info`.
 
-    with Participant("fg_mujoco", domain=0, log=print) as participant:
-        participant.offer("/scan", "sensor_msgs/msg/LaserScan")
-        participant.write("/scan", cdr)
+    participant = Participant("fg_mujoco", domain=0, log=print)
+    participant.offer("/scan", "sensor_msgs/msg/LaserScan")
+    participant.write("/scan", cdr)
 
 All is offered reliable and transient local, with the newest sample kept, which matches whatever a reader asks for but a
 deadline or a liveliness of its own. Readers ask for reliable commands, and take best effort from a writer that offers
@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -61,6 +60,18 @@ def require_cyclonedds() -> None:
     """
     if any(importlib.util.find_spec(name) is None for name in ("cyclonedds", "mcap", "rosbags", "scipy")):
         raise missing_extra("a node of ROS 2 needs cyclonedds, mcap, rosbags and SciPy", "ros2")
+
+
+@dataclass(eq=False, kw_only=True)
+class _Writer:
+    """A writer of a topic."""
+
+    kind: str
+    made: Any  # class of its samples
+    entity: Any
+    refused: int = 0  # readers whose QoS did not match
+    matched: int = 0  # readers that it has had
+    told: bool = False  # that a reader is of another type
 
 
 @dataclass(eq=False, kw_only=True)
@@ -107,11 +118,7 @@ class Participant:
         log: Callable[[str], None] = print,
     ) -> None:
         require_cyclonedds()
-        from cyclonedds.builtin import (
-            BuiltinDataReader,
-            BuiltinTopicDcpsPublication,
-            BuiltinTopicDcpsSubscription,
-        )
+        from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
         from cyclonedds.core import DDSException, WaitSet
         from cyclonedds.domain import DomainParticipant
         from cyclonedds.internal import DDS
@@ -122,14 +129,9 @@ class Participant:
         if distribution not in DISTRIBUTIONS:
             raise SettingsError(f"distribution is {distribution!r}; accepted: {', '.join(DISTRIBUTIONS)}")
         self._hashed, self._distribution = distribution in _HASHED, distribution
-        self._writers: dict[str, Any] = {}
-        self._kinds: dict[str, Any] = {}
-        self._offered: dict[str, str] = {}
-        self._topics: dict[str, str] = {}  # by their names on DDS
-        self._told: set[str] = set()  # topics with a reader of another type
+        self._writers: dict[str, _Writer] = {}
         self._readers: list[_Reader] = []
-        self._refused: dict[str, int] = {}
-        self._matched: dict[str, int] = {}  # readers that each writer has had
+        self._topics: dict[str, str] = {}  # by their names on DDS
         self.listened: set[str] = set()
         if host is None and not peers and os.environ.get("CYCLONEDDS_URI"):
             self._domain = None
@@ -154,14 +156,6 @@ class Participant:
     def node(self) -> str:
         """Name of the node, with its namespace."""
         return f"{self._namespace.rstrip('/')}/{self._name}"
-
-    def __enter__(self) -> Participant:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Leave the domain."""
@@ -189,14 +183,14 @@ class Participant:
                 topic, kind = self._topics.get(each.topic_name), kind_of(each.type_name)
                 if topic is None:
                     continue
-                partition, ours = each.qos[Policy.Partition], self._offered.get(topic, kind)
+                partition, writer = each.qos[Policy.Partition], self._writers.get(topic)
                 names = () if partition is None else partition.partitions
                 if names and not any(fnmatchcase("", name) for name in names):
                     self._log(f"{topic} has a {who} in the partition {', '.join(names)!r}; accepted: in none")
                     continue
-                if who == "reader" and kind != ours:
-                    self._log(f"{topic} has a reader of {kind}; accepted: {ours}")
-                    self._told.add(topic)
+                if who == "reader" and writer is not None and writer.kind != kind:
+                    self._log(f"{topic} has a reader of {kind}; accepted: {writer.kind}")
+                    writer.told = True
                 yield topic, who, kind
 
     def _others(self, found: Sequence[Any]) -> list[Any]:
@@ -209,14 +203,12 @@ class Participant:
 
         made = dds_type(kind, self._distribution if kind == _GRAPH else "")
         qos = self._qos(reliable=True, transient=True, depth=1, kind=kind)
-        self._kinds[topic], self._offered[topic] = made, kind
         entity = DataWriter(self._participant, self._topic(topic, made), qos=qos)
-        self._writers[topic], self._refused[topic], self._matched[topic] = entity, 0, 0
+        self._writers[topic] = _Writer(kind=kind, made=made, entity=entity)
 
     def withdraw(self, topic: str) -> None:
         """Publish no longer on a topic."""
-        for each in (self._writers, self._kinds, self._refused, self._matched):
-            each.pop(topic, None)
+        self._writers.pop(topic, None)
         self.listened.discard(topic)
 
     def read(self, topic: str, kind: str) -> None:
@@ -235,7 +227,7 @@ class Participant:
         node = types["rmw_dds_common/msg/NodeEntitiesInfo"](
             node_namespace=self._namespace, node_name=self._name,
             reader_gid_seq=[gid_of(each.entity) for each in self._readers],
-            writer_gid_seq=[gid_of(writer) for topic, writer in self._writers.items() if topic != _DISCOVERY],
+            writer_gid_seq=[gid_of(each.entity) for topic, each in self._writers.items() if topic != _DISCOVERY],
         )  # fmt: skip
         message = types[_GRAPH](gid=gid_of(self._participant), node_entities_info_seq=[node])
         if _DISCOVERY not in self._writers:
@@ -243,11 +235,14 @@ class Participant:
         self.write(_DISCOVERY, bytes(type_store(self._distribution).serialize_cdr(message, _GRAPH)))
 
     def write(self, topic: str, content: bytes) -> None:
-        """Publish the CDR of a message; a reader that does not keep up loses it."""
+        """Publish the CDR of a message, unless the topic was withdrawn; a reader that does not keep up loses it."""
         from cyclonedds.core import DDSException
 
+        writer = self._writers.get(topic)
+        if writer is None:
+            return
         try:
-            self._writers[topic].write(self._kinds[topic](content))
+            writer.entity.write(writer.made(content))
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:
                 raise
@@ -267,17 +262,16 @@ class Participant:
         """Find who reads and publishes now; return the topics with new readers, and log what cannot match."""
         fresh = set()
         for topic, writer in self._writers.items():
-            status = writer.get_publication_matched_status()
+            status = writer.entity.get_publication_matched_status()
             (self.listened.add if status.current_count else self.listened.discard)(topic)
-            if status.total_count != self._matched[topic]:
-                self._matched[topic] = status.total_count
+            if status.total_count != writer.matched:
+                writer.matched = status.total_count
                 fresh.add(topic)
-            refused = writer.get_offered_incompatible_qos_status()
-            if refused.total_count > self._refused[topic]:
-                self._refused[topic] = refused.total_count
-                if refused.last_policy_id == _TYPE and topic in self._told:
-                    continue
-                self._say_refused(f"{topic} has a reader", refused.last_policy_id)
+            refused = writer.entity.get_offered_incompatible_qos_status()
+            if refused.total_count > writer.refused:
+                writer.refused = refused.total_count
+                if refused.last_policy_id != _TYPE or not writer.told:
+                    self._say_refused(f"{topic} has a reader", refused.last_policy_id)
         again = [reader for reader in self._readers if self._is_refused(reader)]
         for reader in again:
             self._waiting.detach(reader.condition)
