@@ -125,7 +125,7 @@ def _ros2(options: argparse.Namespace) -> int:
 
     require_cyclonedds()
     if options.step_on_drive and hasattr(options, "controller"):
-        raise SettingsError("--controller drives until a command comes, --step-on-drive never; accepted: one of the two")
+        raise SettingsError("--controller drives until a command comes, --step-on-drive never; accepted: one of them")
     return _serve(
         _driven_from_outside(options), Ros2Server, options, "for nodes of ROS 2", types=types_in(options.type or ()),
         namespace=options.namespace, domain=options.domain, host=options.host, peers=options.peer or (),
