@@ -47,8 +47,8 @@ WIDEST_ROAD = 30.0
 """[m] No road is wider, of those that are driven from wall to wall."""
 
 _MILLIMETRES = 600.0  # a number of so many, or more, is a width of this kind of course in millimetres
-_SPECIFICATION = re.compile(r"(?P<path>.*\.(?P<suffix>csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
-_ANY = re.compile(r"(?P<path>.*\.(?P<suffix>[^.\[\]]+))\[(?P<settings>.*)\]")
+_SPECIFICATION = re.compile(r"(?P<path>.*\.(?:csv|txt|json|npy|ya?ml))(\[(?P<settings>.*)\])?", re.IGNORECASE)
+_ANY = re.compile(r"(?P<path>.+)\[(?P<settings>.*)\]")
 _REPEATED = 1e-3  # [m] points nearer than this are one
 _JUMP = 5.0  # times the usual width: a width that is no longer that of a wall beside the line
 
@@ -162,7 +162,7 @@ def read_points(path: str | Path) -> FloatArray:
 def is_centreline(name: str) -> bool:
     """Return whether a name of a track, as load_track takes it, is that of a centreline file, and not of a map."""
     match = _specified(name)
-    if match is None or match["suffix"][0] not in "yY":
+    if match is None or not match["path"].lower().endswith(("yaml", "yml")):
         return match is not None
     try:
         text = read_text(match["path"])

@@ -148,9 +148,10 @@ def test_convert_writes_a_centreline_or_a_raceline_that_are_read_back(capsys):
     assert "accepted: one of centerline_waypoints, global_traj_wpnts_iqp" in capsys.readouterr().err
 
 
-def test_a_course_is_scaled():
-    write("tum.csv", COURSES["tum.csv"])
-    track, small = load_track("tum.csv"), load_track("tum.csv[scale=0.5]")
+@each("name", ["tum.csv", "tum"])
+def test_a_course_is_scaled_whatever_its_suffix(name):
+    write(name, COURSES["tum.csv"])
+    track, small = load_track(f"{name}[scale=1]"), load_track(f"{name}[scale=0.5]")
     assert small.length == pytest.approx(0.5 * track.length) and small.width_left[0] == pytest.approx(0.45)
 
 
