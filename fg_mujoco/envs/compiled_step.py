@@ -70,14 +70,13 @@ def act(table: Table, actions: FloatArray) -> int:
 
 @kernel
 def note(table: Table, first: int, end: int) -> None:
-    """Note what the tick of the agents from `first` up to `end` is rewarded by, before they sense anew."""
-    n, telemetry, timers = numbers(table[_NUMBERS]), matrix(table[_TELEMETRY]), rows(table[_TIMERS], LAP_TIMER)
+    """Note by what races the tick of the agents from `first` up to `end` is rewarded, after they were judged."""
+    n, timers = numbers(table[_NUMBERS]), rows(table[_TIMERS], LAP_TIMER)
     crashed, reasons = flags(table[_CRASHED]), whole_numbers(table[_REASONS])
-    progress, wrecked, impacts = numbers(table[_PROGRESS]), flags(table[_WRECKED]), numbers(table[_IMPACTS])
+    progress, wrecked = numbers(table[_PROGRESS]), flags(table[_WRECKED])
     for i in range(first, end):
         row = i * int(n[_STRIDE])
         progress[i], wrecked[i] = timers[row].progress, crashed[row] or reasons[row] == _ROLLED_OVER
-        impacts[i] = math.hypot(telemetry[row, _AHEAD], telemetry[row, _LEFT])
 
 
 @kernel
@@ -97,6 +96,7 @@ def drive_worlds(table: Table, tables: Addresses, firsts: NDArray[np.int64]) -> 
     commands, held, running = matrix(table[_COMMANDS]), matrix(table[_HELD]), flags(table[_RUNNING])
     sliding, telemetry, crashed = numbers(table[_SLIDING]), matrix(table[_TELEMETRY]), flags(table[_CRASHED])
     on_contact, began = int(numbers(table[_NUMBERS])[_ON_CONTACT]), flags(table[_BEGAN])
+    impacts = numbers(table[_IMPACTS])
     for k in range(len(tables)):
         world_table = table_at(tables[k], ARRAYS)
         first, end = firsts[k], firsts[k] + cars_of(world_table)
@@ -106,6 +106,7 @@ def drive_worlds(table: Table, tables: Addresses, firsts: NDArray[np.int64]) -> 
         drive(world_table)
         end_failed(world_table)
         for row in range(first, end):
+            impacts[row] = math.hypot(telemetry[row, _AHEAD], telemetry[row, _LEFT])
             if running[row]:
                 sliding[row] = telemetry[row, _SLIDING_STEPS] / numbers(table[_NUMBERS])[_SUBSTEPS]
         if on_contact > 0:

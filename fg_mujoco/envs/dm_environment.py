@@ -214,6 +214,7 @@ class CarTask(control.Task):  # type: ignore[misc]
 
     def after_step(self, physics: Physics) -> None:
         """End the episode where it is over, compute the reward, and sense."""
+        self._world.measure()
         self._world.judge()
         self.episodes.reward()
         self._observation = self.episodes.observe(_ALL)

@@ -139,7 +139,7 @@ class Episodes:
             "reasons": engine.monitor.reasons, "telemetry": engine.telemetry, "held": engine.commands,
             "odometry": engine.odometry.view(np.float64).reshape(len(engine.commands), -1), "ranges": engine.ranges,
             "driven": self._driven, "commands": self.commands, "clipped": self.clipped, **self.actions.arrays,
-            "progress": np.zeros(count), "wrecked": np.zeros(count, np.bool_), "impacts": np.zeros(count),
+            "progress": np.zeros(count), "wrecked": np.zeros(count, np.bool_), "impacts": self.worlds.speeds,
             "before": self._before, "sliding": self.worlds.sliding, "weights": self._weights, "rewards": self.rewards,
             "terms": self._terms, **({} if contacts is None else contacts.arrays), **self.observer.arrays,
             "numbers": np.array(numbers, np.float64),

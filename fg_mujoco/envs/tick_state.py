@@ -274,6 +274,7 @@ class TickStates:
         self._all_before[:] = self._all_now
         self._driven[:] = driven
         self._read_motions()
+        _note_slips(self._table.rows, self._driven)
 
     def judge(self) -> None:
         """Read what the race monitor says of the cars that were driven."""
@@ -368,14 +369,22 @@ def _judge(table: Table, driven: Mask, substeps: int) -> None:
         for part in range(2):
             matrix(table[_COMMAND])[row, part] = matrix(table[_COMMANDS])[row, part]
             matrix(table[_ACTION])[row, part] = matrix(table[_ACTIONS])[row, part]
-        rear, angle = tires[_LEFT], tires[_ANGLE]
-        turned = rear + numbers(table[_WHEELBASES])[row] * tires[_TURNING]
-        front = turned * math.cos(angle) - tires[_AHEAD] * math.sin(angle)
-        numbers(table[_SLIP_SPEED])[row] = 0.5 * (abs(front) + abs(rear))  # the mean of the axles
         numbers(table[_SLIDING])[row] = tires[_SLIDING_STEPS] / substeps
         flags(table[_CRASHED])[row], flags(table[_DONE])[row] = flags(table[_CRASHES])[row], reasons[row] == _FINISHED
         flags(table[_OVER])[row] = reasons[row] == _ROLLED_OVER
         whole_numbers(table[_TOUCHES])[row] = rows(table[_STATISTICS], STATISTICS)[row].touches
+
+
+@kernel
+def _note_slips(table: Table, driven: Mask) -> None:
+    """Write how fast the axles of the cars `driven` (r,) slipped at the start of a tick, the mean of both."""
+    telemetry, wheelbases, slips = matrix(table[_TELEMETRY]), numbers(table[_WHEELBASES]), numbers(table[_SLIP_SPEED])
+    for row in range(len(driven)):
+        if driven[row]:
+            rear, angle = telemetry[row, _LEFT], telemetry[row, _ANGLE]
+            turned = rear + wheelbases[row] * telemetry[row, _TURNING]
+            front = turned * math.cos(angle) - telemetry[row, _AHEAD] * math.sin(angle)
+            slips[row] = 0.5 * (abs(front) + abs(rear))
 
 
 @kernel

@@ -26,7 +26,7 @@ from .tick_state import SensedState, TickState, TickStates, leads, positions
 
 Mask = NDArray[np.bool_]
 
-_SLIDING_STEPS = TELEMETRY.index("sliding_steps")
+_SLIDING_STEPS, _AHEAD, _LEFT = (TELEMETRY.index(name) for name in ("sliding_steps", "vx_m_s", "vy_m_s"))
 _CRASHES = [END_REASONS.index(reason) for reason in ("crash", "rolled_over", "unstable")]
 
 
@@ -55,6 +55,7 @@ class Worlds:
       stride: every how many-th row of the engine's is that of an agent.
       monitor: of the agents' episodes: laps, which run, and why they ended.
       sliding: share of the last tick's physics steps in which any tire slid, (a,).
+      speeds: over the ground at the start of the last tick, (a,) [m/s].
       contacts: touches of all cars that end nothing; None: with them a race is over.
       tick_state: of the agents after the last tick; None: no term of the settings looks at it.
       sensed_state: the same with what their sensors read last.
@@ -104,7 +105,7 @@ class Worlds:
                 entries, self.engine, settings=settings, period=self.period, states=self._states,
             )  # fmt: skip
             self._opponents.check(settings.drawn_opponents)
-        self.sliding = np.zeros(count * agents)
+        self.sliding, self.speeds = np.zeros(count * agents), np.zeros(count * agents)
         self.contacts = None if settings.on_contact == "end" else Contacts(self.engine, settings.on_contact)
         self._sensed = np.zeros(count * m, np.bool_)  # the cars that have sensed what they can at the present moment
 
@@ -269,18 +270,24 @@ class Worlds:
         engine.drive()
         if self.contacts is not None:
             self.contacts.take()
+        self.measure()
         if self.cars > 1:  # who finishes is taken off the course, and has seen the end of it
             self.sense(self.monitor.running.copy())
             self._sensed[self.rows] = self.monitor.running
         self.judge()
 
-    def judge(self) -> None:
-        """Judge the races after a tick that the engine was driven for; a world ends with the last of its agents."""
+    def measure(self) -> None:
+        """Note how the tick was that the engine was driven for, before the cars sense and the next one begins."""
         engine, running = self.engine, self.monitor.running
-        np.divide(engine.telemetry[self.rows, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
+        telemetry = engine.telemetry[self.rows]
+        np.divide(telemetry[:, _SLIDING_STEPS], engine.substeps, out=self.sliding, where=running)
+        np.hypot(telemetry[:, _AHEAD], telemetry[:, _LEFT], out=self.speeds)
         if self._states is not None:
             self._states.drive(engine.running)
-        engine.judge()
+
+    def judge(self) -> None:
+        """Judge the races after a tick that was measured; a world ends with the last of its agents."""
+        self.engine.judge()
         if self.contacts is not None:
             self.contacts.tell()
         if self._states is not None:

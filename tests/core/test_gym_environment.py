@@ -221,6 +221,24 @@ def test_a_car_that_touches_a_wall_drives_on(on_contact):
     assert env.reset(seed=0)[1]["contacts"] == 0
 
 
+@each("on_contact", ["end", "stop", "continue"])
+def test_a_car_that_hits_a_wall_among_others_is_rewarded_as_alone(on_contact):
+    settings = {"beam_step": 540, "rewards": "no_slide", "on_contact": on_contact}
+    among = F1TenthEnv(opponents=[lambda seen: np.zeros(2)], start="line", **settings)
+    among.reset(seed=0)
+    offset = float(among._world.monitor.timers["offset"][0])
+    alone = F1TenthEnv(start={"offset": offset}, **settings)
+    alone.reset(seed=0)
+    terms, ended = [f"reward_{name}" for name in ("progress", "collision", "sliding", "impact", "slip")], False
+    while not ended and alone._world.times[0] < 1.0:
+        steps = [env.step(np.array([0.25, 4.0])) for env in (alone, among)]
+        assert steps[0][2] == steps[1][2]
+        ended = steps[0][2]
+        for name in terms:
+            assert steps[1][4][name] == pytest.approx(steps[0][4][name], abs=1e-4), name
+    assert alone._info()["return_impact"] < -1.0
+
+
 def test_a_stopped_car_stops_no_other():
     fast = {"opponents": [lambda seen: np.array([0.0, 4.0])], "grid_order": "reversed"}
     env = F1TenthEnv(beam_step=540, start="line", on_contact="stop", **fast)
