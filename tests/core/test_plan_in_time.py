@@ -53,6 +53,8 @@ def test_a_thing_is_between_slowing_down_and_going_on_and_turns_where_it_is_expe
     assert occupied(known, 0.4, 1.0) == pytest.approx((0.39, 0.41))  # the car has waited
     near, far = occupied_if_it_turns(unknown, 1.15, 0.0)
     assert (near, far) == pytest.approx((-1.05 * 1.15, 0.1 - 0.95))
+    drives = target(3.0, 0.0, 2.0, 0.3, to_wall=1.0)  # a car, which follows the walls
+    assert occupied_if_it_turns(drives, 1.0, 0.0) == occupied(drives, 1.0, 0.0) == pytest.approx((0.9, 1.4))
 
 
 @each("seed", range(12))
@@ -123,8 +125,44 @@ def test_a_car_in_the_lane_of_what_comes_drives_on_or_backs_off_and_does_not_sta
     closed = np.minimum(corridor(0.5), 0.75)  # there is no way ahead
     assert decide(coming, 0.0, widened=closed, may_back_off=True)[0] == planned.BACKS_OFF
     plan = np.zeros(1, planned.PLAN_IN_TIME)[0]
-    plan["backed"] = 1.0  # it has backed off as far as it may
-    assert decide(coming, 0.0, widened=closed, may_back_off=True, plan=plan)[0] != planned.BACKS_OFF
+    backs = [decide(coming, -1.0, widened=closed, may_back_off=True, plan=plan)[0] for _ in range(50)]
+    assert backs == 40 * [planned.BACKS_OFF] + 10 * [backs[-1]] and backs[-1] != planned.BACKS_OFF  # 1 m
+    decide(coming, 1.0, widened=closed, plan=plan)
+    assert plan["backed"] == 0.0  # it has driven since
+
+
+@each("speed", np.arange(1.0, 5.0, 0.25))
+def test_a_stop_in_the_lane_of_what_crosses_is_no_end_also_while_it_goes_away(speed):
+    rows, path = np.array([target(2.0, -0.9, 0.0, -0.8, to_wall=1.0, from_wall=2.5)]), np.zeros((56, 6))
+    widened = np.full(1081, 20.0)
+    free = planned._lay(LIMITER, widened, FIRST, INCREMENT, (4.0, 0.0), (8.0, 0.0), 4.0, 0.0, speed, 9.0, 0.6, path)
+    reaches, spans = planned._reaches(CAR_ROW, rows, 0.0), planned._spans(rows, 0.0)
+    gap, _, _ = planned._try(
+        LIMITER, -LIMITER["braking"], path, free, 4.0, (0.0, 0.0, 0.0, 0.0), speed, 9.0, rows, spans, reaches, True
+    )  # fmt: skip
+    *_, (_, x, _, _, _) = driven(path, (0.0, 0.0, 0.0, 0.0), speed)
+    front = CAR.length - CAR.rear_overhang - 0.25 * CAR.width
+    apart = min(abs(x + offset - 2.0) for offset in (front, CAR.lidar_offset, 0.0)) - reaches[0] - planned._LANE
+    assert abs(apart) < 0.12 or (gap < -planned._USED) == (apart < 0.0)
+
+
+def test_a_car_that_has_waited_passes_what_is_known_and_no_sooner():
+    known = target(1.15, 0.32, 0.0, -0.36, to_wall=0.7, from_wall=0.4, turns=2.0)
+    for waited, passes in ((0.0, False), (10.0, True)):
+        plan = np.zeros(1, planned.PLAN_IN_TIME)[0]
+        plan["waited"] = waited
+        assert (decide([known], 0.0, widened=corridor(0.9), plan=plan)[2] > 0.3) == passes
+
+
+@each(("speed", "what"), ((1.0, planned.DRIVES), (3.0, planned.NO_PLAN), (4.0, planned.NO_PLAN)))
+def test_a_motion_after_which_the_car_cannot_stop_before_a_wall_is_none(speed, what):
+    wall = np.minimum(corridor(1.4), 0.9)
+    assert decide([target(3.0, -1.1, 0.0, 0.4, to_wall=2.2)], speed, widened=wall)[0] == what
+
+
+def test_past_what_is_near_the_car_goes_slowly():
+    beside = target(1.5, -0.9, -0.5, 0.0)
+    assert decide([beside], 3.0, onwards=8.0)[2] < 4.5 < decide([target(7.5, -0.9, -0.5, 0.0)], 3.0, onwards=8.0)[2]
 
 
 HOSTILE = {

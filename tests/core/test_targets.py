@@ -97,6 +97,20 @@ def test_what_comes_out_of_cover_is_known_before_the_whole_of_it_is_seen():
     assert target["own"].all() and target["vy"] == pytest.approx(1.0, abs=0.1)
 
 
+def test_what_comes_out_of_cover_obliquely_does_not_seem_to_come_nearer():
+    """Its nearest part is in cover at first: the end that is seen is where it is seen itself."""
+    cover = box(3.0, -1.0, 0.3, 0.6)
+
+    def world(time):
+        y = -2.0 + 1.2 * time
+        return WALLS[:1] + WALLS[2:] + cover + (((5.2, y), (6.0, y + 0.8)),), ()
+
+    for ticks in range(24, 44, 4):
+        memory, _ = watched(world, ticks)
+        for target in moving(memory):
+            assert target["vx"] == pytest.approx(0.0, abs=0.3), ticks
+
+
 def test_what_is_gone_from_plain_view_is_forgotten_and_what_is_hidden_goes_on():
     gone, _ = watched(crossing, 30)
     assert moving(gone)
@@ -129,6 +143,7 @@ def test_what_stops_is_a_standing_thing_after_a_second_and_what_turns_back_is_me
     memory, _ = watched(turns_back, 41)
     (target,) = moving(memory)
     assert target["vy"] == pytest.approx(-1.0, abs=0.25)
+    assert target["turns"] == 1 and target["turned"][0, 1] == pytest.approx(0.4, abs=0.15)
 
 
 @each("speed", (math.nan, math.inf, 1e9))
