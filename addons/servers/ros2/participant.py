@@ -193,6 +193,11 @@ class Participant:
                     writer.told = True
                 yield topic, who, kind
 
+    def publishers(self) -> list[str]:
+        """Return the topics that are read, each as often as it has publishers now."""
+        counts = [(each.topic, each.entity.get_subscription_matched_status().current_count) for each in self._readers]
+        return sorted(topic for topic, count in counts for _ in range(count))
+
     def _others(self, found: Sequence[Any]) -> list[Any]:
         here = [each for each in found if getattr(each, "qos", None) is not None]  # not those that have gone
         return [each for each in here if each.participant_key != self._participant.guid]

@@ -18,10 +18,11 @@ from typing import Any
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.addons.ros.bag_messages import DRIVE, from_cdr
 from fg_mujoco.addons.ros.node_host.drive_topics import DRIVE as DRIVE_TOPIC
+from fg_mujoco.addons.ros.node_host.drive_topics import OPPONENT_DRIVE
 from fg_mujoco.errors import FgMujocoError, MessageError, SettingsError, accepted_names
 
 from ..client_commands import ACKERMANN, TWIST, TWIST_STAMPED
-from ..live_race import GOAL, STANDING, TAKEN, LiveRace
+from ..live_race import GOAL, PLACE, STANDING, TAKEN, LiveRace
 from .dds_types import cdr_of, known_kind
 from .participant import Participant
 
@@ -32,6 +33,7 @@ _SHARED = ("/tf", "/tf_static", DRIVE_TOPIC)  # topics that many publish on
 _ESTIMATED = ("/map", "/map_metadata", "/pf/pose/odom", "/pf/viz/inferred_pose", "/amcl_pose")
 """Topics that are left to a node that publishes on them: they are of a map server, or of a localization."""
 _SWITCHES = {RESET: "std_msgs/msg/Empty", PAUSE: "std_msgs/msg/Bool"}
+_NO_COMMANDS = (*_SWITCHES, PLACE, OPPONENT_DRIVE)  # for the car
 _COMMAND_KINDS = (DRIVE, ACKERMANN, TWIST, TWIST_STAMPED)
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _LOOK_EVERY = 0.1  # [s] of wall time between two looks at who reads and publishes
@@ -75,6 +77,7 @@ class Ros2Server:
         self._open = True
         self._fresh: set[str] = set()  # topics with readers that have not got the present moment
         self._came = 0.0  # [s] of wall time, when the last reader or publisher came
+        self._driving = 0  # publishers of commands
         self._asked: list[str] = []  # topics of the present moment that nobody has answered
         self._alone = math.inf  # [s] when to say that no node has come
         self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
@@ -142,6 +145,11 @@ class Ros2Server:
                 self._came = now
             elif who == "publisher" and topic in self._race.published:
                 self._share(topic)
+        driving = [topic for topic in self._participant.publishers() if topic not in _NO_COMMANDS]
+        if len(driving) > max(1, self._driving):
+            where = ", ".join(dict.fromkeys(driving))
+            self._log(f"{len(driving)} publishers, on {where}, drive the car, each with all of its commands; accepted: one")
+        self._driving = len(driving)
         if now >= self._alone:
             self._alone = math.inf
             self._log(

@@ -316,6 +316,10 @@ def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
                 lambda: peer.reader("rt/map", dds_type(GRID), Policy.DataRepresentation(False, True)),
                 "/map has a reader whose QoS cannot match, its data representation; accepted",
             ),
+            (
+                lambda: [peer.writer(topic, AckermannDriveStamped) for topic in ("rt/drive", "rt/ackermann_cmd")],
+                "^2 publishers, on /ackermann_cmd, /drive, drive the car",
+            ),
             (lambda: peer.in_partition(DataReader, "rt/clock", Data), "/clock has a reader in the partition 'lab'"),
             (lambda: peer.in_partition(DataWriter, "rt/drive", Data), "/drive has a publisher in the partition 'lab'"),
         ):
