@@ -256,6 +256,7 @@ class Episodes:
             self.command(actions)
             if self._waits:
                 self.rewards[~self._driven], self._terms[0][:, ~self._driven] = 0.0, 0.0
+                worlds.sliding[~self._driven] = 0.0
             worlds.drive(self.commands)
             self.reward()
             return

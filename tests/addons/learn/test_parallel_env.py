@@ -93,8 +93,9 @@ def test_agents_stay_until_all_have_ended_or_all_end_with_the_first():
     crash = next(tick for tick, (*_, infos) in enumerate(told) if "end_reason" in infos["car_0"])
     assert crash < 100 and len(told) == 240
     assert told[crash][0]["car_0"]["scan"].any() and told[crash][1]["car_0"] < -6.0
-    for seen, rewards, *_ in told[crash + 1 :]:
-        assert rewards["car_0"] == 0.0 and not any(values.any() for values in seen["car_0"].values())
+    for seen, rewards, _, _, infos in told[crash + 1 :]:
+        assert rewards["car_0"] == infos["car_0"]["sliding"] == 0.0
+        assert not any(values.any() for values in seen["car_0"].values())
     ends = [(any(terminations.values()), any(truncations.values())) for _, _, terminations, truncations, _ in told]
     assert ends[:-1] == [(False, False)] * 239
     assert told[-1][2:4] == ({"car_0": True, "car_1": False}, {"car_0": False, "car_1": True})
