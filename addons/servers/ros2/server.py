@@ -148,7 +148,7 @@ class Ros2Server:
         driving = [topic for topic in self._participant.publishers() if topic not in _NO_COMMANDS]
         if len(driving) > max(1, self._driving):
             where = ", ".join(dict.fromkeys(driving))
-            self._log(f"{len(driving)} publishers, on {where}, drive the car at a time; accepted: one")
+            self._log(f"{len(driving)} publishers, on {where}, drive the car together; accepted: one")
         self._driving = len(driving)
         if now >= self._alone:
             self._alone = math.inf

@@ -318,7 +318,7 @@ def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
             ),
             (
                 lambda: [peer.writer(topic, AckermannDriveStamped) for topic in ("rt/drive", "rt/ackermann_cmd")],
-                "^2 publishers, on /ackermann_cmd, /drive, drive the car",
+                "^2 publishers, on /ackermann_cmd, /drive, drive the car together",
             ),
             (lambda: peer.in_partition(DataReader, "rt/clock", Data), "/clock has a reader in the partition 'lab'"),
             (lambda: peer.in_partition(DataWriter, "rt/drive", Data), "/drive has a publisher in the partition 'lab'"),
