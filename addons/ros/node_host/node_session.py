@@ -95,9 +95,7 @@ class Session:
         if name not in self.given:
             return default
         value = self.given[name]
-        if _are(float, default) and _are(int, value):
-            return list(map(float, value)) if isinstance(value, list) else float(value)
-        return value
+        return doubles(value) if _are(float, default) else value
 
     def unknown_parameters(self) -> str:
         """Return the message for given parameters that the node does not have; an empty text where it has all."""
@@ -223,6 +221,13 @@ class NodeLogger:
     def get_child(self, name: str) -> NodeLogger:
         """Return the logger of a part of the node."""
         return NodeLogger(self._graph, f"{self.name}.{name}")
+
+
+def doubles(value: Any) -> Any:
+    """Return an integer, or a list of integers, as doubles, and another value as it is."""
+    if not _are(int, value):
+        return value
+    return list(map(float, value)) if isinstance(value, (list, tuple)) else float(value)
 
 
 def _are(kind: type, value: Any) -> bool:

@@ -12,11 +12,12 @@ from fg_mujoco.errors import accepted_names
 
 from .graph import Publication, Subscription
 from .message_classes import full_name
-from .node_session import NodeLogger, Session
+from .node_session import NodeLogger, Session, doubles
 from .rclpy_executors import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .rclpy_handles import Clock, Handle, Publisher, Rate, SubscriptionHandle, TimerHandle
 from .rclpy_parameters import (
     InvalidParameterTypeException,
+    InvalidParameterValueException,
     Parameter,
     ParameterAlreadyDeclaredException,
     ParameterNotDeclaredException,
@@ -47,6 +48,7 @@ class Inside:
     handles: list[Any] = field(default_factory=list)
     parameters: dict[str, Parameter] = field(default_factory=dict)
     read_only: set[str] = field(default_factory=set)
+    limits: dict[str, tuple[ParameterType | None, list[Any]]] = field(default_factory=dict)  # types, and ranges
     on_set: list[Callable[[list[Parameter]], Any]] = field(default_factory=list)
     group: CallbackGroup = field(default_factory=MutuallyExclusiveCallbackGroup)
 
@@ -73,24 +75,36 @@ class Inside:
 
     def declare(self, name: str, value: Any, descriptor: Any = None, *, override: bool = True) -> Parameter:
         """Declare a parameter: the value that is given, else its default."""
+        kind = value if isinstance(value, ParameterType) else None
         if isinstance(value, (ParameterType, type)):  # says of which type it is, and has no default
             value = None
+        elif not (getattr(descriptor, "dynamic_typing", False) or value in (None, [], ()) or isinstance(value, str)):
+            kind = type_of(value)  # a text stands for anything, as in Foxy
+        ranges = (getattr(descriptor, f"{each}_range", None) or () for each in ("floating_point", "integer"))
+        self.limits[name] = kind, [(each.from_value, each.to_value) for two in ranges for each in two]
         asked = self.session.take(name, self.overrides.get(name, value))
-        given = asked if override else value
-        empty = isinstance(value, (list, tuple)) and isinstance(given, (list, tuple)) and not (value and given)
-        dynamic = bool(getattr(descriptor, "dynamic_typing", False))
-        open_to_any = dynamic or value is None or isinstance(value, str)  # "default" stands for anything, as in Foxy
-        if not open_to_any and type_of(given) != type_of(value) and not empty:
-            raise InvalidParameterTypeException(
-                f"parameter {name!r} of node {self.name!r} is {given!r}; accepted: of the type of its default, "
-                f"{value!r}"
-            )
+        given, wrong = self.checked(name, asked if override else value)
+        if wrong:
+            said = f"parameter {name!r} of node {self.name!r} is {given!r}; accepted: {wrong}"
+            raise (InvalidParameterValueException if "from" in wrong else InvalidParameterTypeException)(said)
         found = self.parameters[name] = Parameter(name, None, given)
         if getattr(descriptor, "read_only", False):
             self.read_only.add(name)
         self.session.parameters[name] = given
         self.asked_about([found])
         return found
+
+    def checked(self, name: str, value: Any) -> tuple[Any, str]:
+        """Return a value of a parameter, integers as doubles where it is one, and what is accepted if it is not."""
+        kind, ranges = self.limits.get(name) or (None, [])
+        if kind in (ParameterType.DOUBLE, ParameterType.DOUBLE_ARRAY):
+            value = doubles(value)
+        empty = value is None or (value in ([], ()) and "ARRAY" in (kind.name if kind else ""))
+        if kind and not empty and type_of(value) != kind:
+            return value, f"of the type of its default, {kind.name.lower()}"
+        if any(not least <= value <= most for least, most in ranges if value is not None):
+            return value, " or ".join(f"from {least:g} to {most:g}" for least, most in ranges)
+        return value, ""
 
     def asked_about(self, changes: list[Parameter]) -> Any:
         """Return the result of the node's callbacks for changed parameters."""
@@ -403,9 +417,14 @@ class Node:
             if each.name in self._fg.read_only:
                 results.append(set_result(successful=False, reason=f"parameter {each.name!r} is read-only"))
                 continue
-            result = self._fg.asked_about([each])
+            value, wrong = self._fg.checked(each.name, each.value)
+            if wrong:
+                results.append(set_result(successful=False, reason=f"parameter {each.name!r}; accepted: {wrong}"))
+                continue
+            changed = Parameter(each.name, None, value)
+            result = self._fg.asked_about([changed])
             if result.successful:
-                self._fg.parameters[each.name] = each
+                self._fg.parameters[each.name] = changed
             results.append(result)
         return results
 

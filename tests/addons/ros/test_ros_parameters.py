@@ -109,3 +109,18 @@ def test_a_list_is_of_the_type_of_its_default(tmp_path, given, found):
             fg.race("oval", source, time_limit=0.1)
     else:
         assert fg.race("oval", source, time_limit=1.0).car.max_speed_m_s == pytest.approx(found or 1.0, abs=0.05)
+
+
+RANGED = """from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+ranges = [FloatingPointRange(from_value=0.0, to_value=3.0)]
+self.declare_parameter('speed', 2.0, ParameterDescriptor(floating_point_range=ranges))
+tried = [self.set_parameters([rclpy.Parameter('speed', value=value)])[0].successful for value in ('x', 9.0, True, 1)]
+assert tried == [False, False, False, True] and self.get_parameter('speed').value == 1.0
+"""
+
+
+def test_a_parameter_stays_within_its_type_and_range(tmp_path):
+    planner = node2(tmp_path, "self.drive(self.get_parameter('speed').value)", RANGED)
+    assert fg.race("oval", planner, time_limit=1.0).car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
+    with pytest.raises(ControllerError, match="'speed' of node 'mine' is 5.0; accepted: from 0 to 3"):
+        fg.race("oval", f"{planner}[speed=5.0]", time_limit=0.1)
