@@ -122,5 +122,5 @@ assert tried == [False, False, False, True] and self.get_parameter('speed').valu
 def test_a_parameter_stays_within_its_type_and_range(tmp_path):
     planner = node2(tmp_path, "self.drive(self.get_parameter('speed').value)", RANGED)
     assert fg.race("oval", planner, time_limit=1.0).car.max_speed_m_s == pytest.approx(1.0, abs=0.05)
-    with pytest.raises(ControllerError, match="'speed' of node 'mine' is 5.0; accepted: from 0 to 3"):
+    with pytest.raises(ControllerError, match=r"'speed' of node 'mine' is 5\.0; accepted: from 0 to 3"):
         fg.race("oval", f"{planner}[speed=5.0]", time_limit=0.1)
