@@ -350,8 +350,6 @@ def _drive_filtered(
     memory.kept = found and safe == reference
     if memory.kept and guidance.follows and not keeps:
         keep_stop(guidance)
-    elif found:
-        guidance.stop.count = 0
     if among and not memory.kept:
         without, use_without, _ = safe_steering(
             limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, 0.0,
