@@ -1,6 +1,6 @@
-"""Races the planner that makes its own line, and compares its laps from the third on with two scales.
+"""Races a planner on the line of its first lap, and compares its laps from the third on with two scales.
 
-    python benchmarks/scout.py [--track six,maps,random:0:20] [--mu 1.0489,0.66] [--controller gap_finder]
+    python benchmarks/remembered.py [--track six,maps,random:0:20] [--mu 1.0489,0.66] [--controller gap_finder]
         [--data ../shared/data] [--json FILE]
 
 Five laps at 8 m/s. The laps from the third on are compared with those of gap_finder without `remember`, in the mean,
