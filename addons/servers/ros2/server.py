@@ -78,7 +78,7 @@ class Ros2Server:
         self._fresh: set[str] = set()  # topics with readers that have not got the present moment
         self._came = 0.0  # [s] of wall time, when the last reader or publisher came
         self._driving = 0  # publishers of commands
-        self._asked: list[str] = []  # topics of the present moment that nobody has answered
+        self._asked: set[str] = set()  # topics of the present moment that nobody has answered
         self._alone = math.inf  # [s] when to say that no node has come
         self._again, self._patience = math.inf, _UNANSWERED  # [s] when they are published again
         self._race = LiveRace(
@@ -161,7 +161,8 @@ class Ros2Server:
             self._fresh |= fresh
             self._came = now
         if self._fresh and now - self._came > _SETTLED:
-            self._asked, self._again, self._patience = sorted(self._fresh), now, _UNANSWERED
+            self._asked |= self._fresh
+            self._again, self._patience = now, _UNANSWERED
             self._fresh.clear()
         if now >= self._again:
             if self._race.stands:
@@ -195,6 +196,7 @@ class Ros2Server:
 
     def _send(self, topic: str, content: bytes) -> None:
         self._fresh.discard(topic)
+        self._asked.clear()
         self._again = math.inf
         self._participant.write(topic, content)
 

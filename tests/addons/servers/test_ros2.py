@@ -340,7 +340,9 @@ def test_noise_on_its_ports_is_dropped():
                     begin = b"RTPS\x02\x03" if length > 20 else b""
                     noise.sendto(begin + rng.bytes(length), ("127.0.0.1", port))
         peer = Peer()
-        commands, scans = peer.writer("rt/drive", AckermannDriveStamped), peer.reader("rt/scan", LaserScan)
+        scans = peer.reader("rt/scan", LaserScan)
+        newest(scans)
+        commands = peer.writer("rt/drive", AckermannDriveStamped, _LOSSY)  # its first command would be lost
         newest(scans)
         commands.write(drive(float("nan")))  # is no command, and no tick
         commands.write(drive(1.0))
