@@ -146,9 +146,9 @@ class Ros2Server:
             elif who == "publisher" and topic in self._race.published:
                 self._share(topic)
         driving = [topic for topic in self._participant.publishers() if topic not in _NO_COMMANDS]
-        if len(driving) > max(1, self._driving):
+        if self._race.step_on_drive and len(driving) > max(1, self._driving):
             where = ", ".join(dict.fromkeys(driving))
-            self._log(f"{len(driving)} publishers, on {where}, drive the car together; accepted: one")
+            self._log(f"each command of {len(driving)} publishers, on {where}, is a tick; accepted: one publisher")
         self._driving = len(driving)
         if now >= self._alone:
             self._alone = math.inf

@@ -318,7 +318,7 @@ def test_who_comes_and_cannot_match_or_publishes_the_same_is_told(monkeypatch):
             ),
             (
                 lambda: [peer.writer(topic, AckermannDriveStamped) for topic in ("rt/drive", "rt/ackermann_cmd")],
-                "^2 publishers, on /ackermann_cmd, /drive, drive the car together",
+                "each command of 2 publishers, on /ackermann_cmd, /drive, is a tick; accepted: one",
             ),
             (lambda: peer.in_partition(DataReader, "rt/clock", Data), "/clock has a reader in the partition 'lab'"),
             (lambda: peer.in_partition(DataWriter, "rt/drive", Data), "/drive has a publisher in the partition 'lab'"),
@@ -350,8 +350,8 @@ def test_noise_on_its_ports_is_dropped():
         assert session.simulation.time == pytest.approx(0.025)
 
 
-def test_two_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
-    setup = fg.Setup.of("oval", opponents=["gap_finder"])
+def test_several_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
+    setup = fg.Setup.of("oval", opponents=["gap_finder"] * 2)
     peer = Peer()  # is there before, and has commands of the other type
     _ = peer.writer("rt/reset", Data)
     commands, second = peer.writer("rt/drive", AckermannDrive), peer.writer("rt/opp_drive", AckermannDriveStamped)
@@ -361,10 +361,11 @@ def test_two_cars_are_driven_by_the_topics_of_f1tenth_gym_ros():
         moved = from_cdr(newest(frames).content, TRANSFORMS).transforms
         assert [(each.header.frame_id, each.child_frame_id) for each in moved] == [
             ("odom", "base_link"), ("map", "ego_racecar/base_link"), ("map", "opp_racecar/base_link"),
+            ("map", "opp_racecar2/base_link"),
         ]  # fmt: skip
-        at = moved[-1].transform.translation
+        at = moved[2].transform.translation
         assert (at.x, at.y) == pytest.approx(session.simulation.engine.free_joint(1)[0][:2])
-        for topic, car in (("odom", "ego_racecar"), ("opp_odom", "opp_racecar")):
+        for topic, car in (("odom", "ego_racecar"), ("opp_odom", "opp_racecar"), ("opp_odom2", "opp_racecar2")):
             found = from_cdr(newest(peer.reader(f"rt/ego_racecar/{topic}", dds_type(ODOMETRY))).content, ODOMETRY)
             assert (found.header.frame_id, found.child_frame_id) == ("map", f"{car}/base_link")
         until(lambda: second.get_matched_subscriptions() and commands.get_matched_subscriptions())
