@@ -116,7 +116,7 @@ def _rosbridge(options: argparse.Namespace) -> int:
         "--type", "type of commands on a topic, such as /drive=ackermann_msgs/msg/AckermannDrive; again for each",
         "TOPIC=TYPE", action="append",
     ),
-    option("--distribution", "of the nodes' ROS 2: foxy to kilted; default: humble", "NAME", default="humble"),
+    option("--distribution", "of the nodes' ROS 2: foxy to lyrical; default: humble", "NAME", default="humble"),
 )  # fmt: skip
 def _ros2(options: argparse.Namespace) -> int:
     """Serve a live race as a node of ROS 2 on DDS: nodes of a ROS 2 on this machine or others drive the car."""

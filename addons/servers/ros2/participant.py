@@ -32,10 +32,9 @@ from fg_mujoco.messages import shown
 from .dds_types import dds_type, kind_of
 
 HOST = "127.0.0.1"
-DISTRIBUTIONS = ("foxy", "galactic", "humble", "iron", "jazzy", "kilted")
-"""Of ROS 2, whose nodes may be on the other side. From iron on a node's ids are shorter, and types have hashes."""
+_OLDEST, _HASHED = "foxy", "iron"
+"""Distributions of ROS 2, in the order of their letters: the first, and that since which types have hashes."""
 
-_HASHED = DISTRIBUTIONS[3:]
 _DOMAINS = 232  # the greatest: ports are 7400 + 250 times it and more
 _DISCOVERY = "ros_discovery_info"
 _GRAPH = "rmw_dds_common/msg/ParticipantEntitiesInfo"
@@ -95,7 +94,8 @@ class Participant:
       domain: its number; None: that of ROS_DOMAIN_ID, else 0.
       host: address of the network interface; None: 127.0.0.1, this machine alone, unless CYCLONEDDS_URI is set.
       peers: addresses of machines to look for participants on, where multicast does not reach them.
-      distribution: of ROS 2, one of DISTRIBUTIONS.
+      distribution: of ROS 2, whose nodes are on the other side: one that rosbags knows, from foxy on. From iron on
+        a node's ids are shorter, and types have hashes.
       log: takes lines that say what cannot match.
 
     Attributes:
@@ -123,12 +123,15 @@ class Participant:
         from cyclonedds.domain import DomainParticipant
         from cyclonedds.internal import DDS
         from cyclonedds.qos import Policy, Qos
+        from rosbags.typesys import Stores
 
         self.domain = _domain(domain)
         self._name, self._namespace, self._log = name, _namespace(namespace), log
-        if distribution not in DISTRIBUTIONS:
-            raise SettingsError(f"distribution is {distribution!r}; accepted: {', '.join(DISTRIBUTIONS)}")
-        self._hashed, self._distribution = distribution in _HASHED, distribution
+        names = [store.value.removeprefix("ros2_") for store in Stores if store.value.startswith("ros2_")]
+        if distribution not in names or distribution < _OLDEST:
+            accepted = ", ".join(name for name in names if name >= _OLDEST)
+            raise SettingsError(f"distribution is {distribution!r}; accepted: {accepted}")
+        self._hashed, self._distribution = distribution >= _HASHED, distribution
         self._writers: dict[str, _Writer] = {}
         self._readers: list[_Reader] = []
         self._topics: dict[str, str] = {}  # by their names on DDS

@@ -282,11 +282,17 @@ def test_in_real_time_nodes_see_the_node_and_the_race_and_the_car_stops_when_the
 
 
 def test_two_simulators_need_two_namespaces_or_domains():
-    with served():
+    kind, newer = "rmw_dds_common/msg/ParticipantEntitiesInfo", "jazzy"
+    with served(distribution=newer):
         with pytest.raises(SettingsError, match=r"/scan on domain .* has a publisher.*--domain N.*--namespace"):
             Ros2Server(LiveSession(fg.Setup.of("oval")), domain=DOMAIN)
-        with served(namespace="other") as (session, _):
+        with served(namespace="other", distribution=newer) as (session, _):
             peer = Peer()
+            late = _RELIABLE, Policy.Durability.TransientLocal
+            graph = peer.reader("ros_discovery_info", dds_type(kind, newer), *late)
+            told = [type_store(newer).deserialize_cdr(newest(graph).content, kind) for _ in range(2)]
+            assert {each.node_entities_info_seq[0].node_namespace for each in told} == {"/", "/other"}
+            assert all(len(each.gid.data) == 16 for each in told)
             commands = peer.writer("rt/other/drive", AckermannDriveStamped)
             newest(peer.reader("rt/other/scan", LaserScan))
             commands.write(drive(1.0))
@@ -396,7 +402,7 @@ def test_every_type_that_is_known_can_be_said_on_dds_and_numbers_are_copied_whol
         ({"peers": ["<x>\n"]}, r"peer is '<x>\\n'; accepted: the address of a machine"),
         ({"peers": ["nowhere.invalid"]}, "peer is 'nowhere.invalid'; accepted"),
         ({"peers": ["10.1.2.3"]}, "peer is '10.1.2.3', which is not reached from host 127.0.0.1; accepted: --host"),
-        ({"distribution": "humbel"}, "distribution is 'humbel'; accepted: foxy"),
+        ({"distribution": "humbel"}, "distribution is 'humbel'; accepted: foxy, .*, jazzy, kilted"),
         ({"types": {"/drive": "sensor_msgs/msg/Scan"}}, "type 'sensor_msgs/msg/Scan' is not known; accepted: acker"),
         ({"types": {"/drive": "sensor_msgs/LaserScan"}}, "type of /drive is sensor_msgs/msg/LaserScan; accepted"),
         ({"types": {"/reset": "std_msgs/Bool"}}, "type of /reset is std_msgs/msg/Bool; accepted: std_msgs/msg/Empty;"),
