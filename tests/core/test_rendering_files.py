@@ -13,7 +13,8 @@ import pytest
 import fg_mujoco as fg
 from cases import each
 from fg_mujoco.cli.main import main
-from fg_mujoco.pictures.rendering import video
+from fg_mujoco.errors import SettingsError
+from fg_mujoco.pictures.rendering import gl, video
 from fg_mujoco.pictures.rendering.gl import INSTALL_COMMAND
 from fg_mujoco.pictures.rendering.video import write_video
 from rendered import needs_gl
@@ -157,6 +158,12 @@ def test_without_opengl_the_message_is_the_install_line_and_races_run(here, run)
     assert driven.returncode == 1 and driven.stderr == "" and "time limit" in driven.stdout
     refused = subprocess.run([*race, "--video", "a.mp4"], capture_output=True, text=True, env=bare)
     assert (refused.returncode, refused.stdout) == (2, "") and INSTALL_COMMAND in refused.stderr
+
+
+def test_a_process_that_was_forked_from_one_that_has_drawn_is_refused(monkeypatch):
+    monkeypatch.setattr(gl, "_PROCESSES", {os.getppid()})
+    with pytest.raises(SettingsError, match=r"forked, and OpenGL cannot draw in both; accepted: .*spawn"):
+        gl.open_context(16, 16)
 
 
 @needs_gl

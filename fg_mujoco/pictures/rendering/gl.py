@@ -31,6 +31,7 @@ _BACKENDS = tuple(_INSTALL_COMMANDS)
 _CHOICE = "MUJOCO_GL"
 _GL_RENDERER = 0x1F01  # glGetString: what draws
 _PLATFORM = "PYOPENGL_PLATFORM"  # that PyOpenGL is bound to, once for a process
+_PROCESSES: set[int] = set()  # that have opened a context: this one, and that from which it was forked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,8 +76,11 @@ def open_context(width: int, height: int) -> GraphicsContext:
 
     Raises:
       MissingExtraError: none works; the message has the command that installs one.
-      SettingsError: MUJOCO_GL is no back end.
+      SettingsError: MUJOCO_GL is no back end; this process was forked from one that has drawn, so OpenGL hangs.
     """
+    if _PROCESSES and os.getpid() not in _PROCESSES:
+        said = "pictures were drawn before this process was forked, and OpenGL cannot draw in both"
+        raise SettingsError(f"{said}; accepted: spawned processes, as of AsyncVectorEnv(context='spawn')")
     wanted = os.environ.get(_CHOICE, "").strip().lower()
     if wanted in ("disable", "disabled", "off", "false", "0"):
         raise SettingsError(f"MUJOCO_GL is {wanted!r}, which switches pictures off; accepted: {', '.join(_BACKENDS)}")
@@ -112,6 +116,7 @@ def _open(backend: str, width: int, height: int) -> GraphicsContext:
             _forget_opengl()
         raise
     text = renderer.decode(errors="replace") if isinstance(renderer, bytes) else str(renderer)
+    _PROCESSES.add(os.getpid())
     context = GraphicsContext(backend=backend, description=f"drawn by {text} through {backend}", handle=handle)
     atexit.register(context.free)  # before EGL's own display goes, which was registered earlier
     return context
