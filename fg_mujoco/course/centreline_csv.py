@@ -133,7 +133,7 @@ def read_centreline(
     if direction is not None and (enclosed_area(points) > 0.0) != (direction == "counterclockwise"):
         points, right, left = (np.roll(column[::-1], 1, axis=0) for column in (points, left, right))
         walls = tuple(wall[::-1] for wall in reversed(walls))
-    hint, widest, usual = "", float(widths.max()), float(np.median(widths))
+    hint, widest, usual = "", float(widths.max()), float(np.sort(widths, None)[widths.size // 2])
     if widest > _JUMP * usual:  # as of rays that look along a corridor
         hint = f"; a width is {widest:.3g} m, most are {usual:.3g}: {path.name}[width=W] sets one for all"
     try:
