@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from enum import Enum
+from functools import partial
 from typing import Any
 
 from fg_mujoco.arguments import unknown_argument
@@ -143,9 +144,10 @@ F1FIFTH_VEHICLE_PARAMETERS = VehicleParameters(**F1FIFTH)
 FULLSCALE_VEHICLE_PARAMETERS = VehicleParameters(**FULL_SCALE)
 
 
-def get_f1tenth_vehicle_parameters() -> VehicleParameters:
-    """Return the parameters of the gym's car of 1:10."""
-    return F1TENTH_VEHICLE_PARAMETERS
+get_f1tenth_vehicle_parameters, get_f1fifth_vehicle_parameters, get_fullscale_vehicle_parameters = (
+    partial(replace, params)
+    for params in (F1TENTH_VEHICLE_PARAMETERS, F1FIFTH_VEHICLE_PARAMETERS, FULLSCALE_VEHICLE_PARAMETERS)
+)
 
 
 class Settings:

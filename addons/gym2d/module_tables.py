@@ -23,7 +23,7 @@ _MODELS = {name: f"gym_functions:{name}" for name in (
 )} | {"DynamicModel": "simulator:DynamicModel"} | {
     name: f"gym_config:{name}" for name in (
         "VehicleParameters", "F1TENTH_VEHICLE_PARAMETERS", "F1FIFTH_VEHICLE_PARAMETERS", "FULLSCALE_VEHICLE_PARAMETERS",
-        "get_f1tenth_vehicle_parameters",
+        "get_f1tenth_vehicle_parameters", "get_f1fifth_vehicle_parameters", "get_fullscale_vehicle_parameters",
     )
 }  # fmt: skip
 _COLLISIONS = {name: f"gym_functions:{name}" for name in (

@@ -188,11 +188,6 @@ class F110Env(RaceEnvironment, gymnasium.Env[Any, Any]):
         }  # fmt: skip
 
     @property
-    def unwrapped(self) -> F110Env:
-        """Itself."""
-        return self
-
-    @property
     def sim_time(self) -> float:
         """Simulated since the reset [s]."""
         return self.current_time
