@@ -368,8 +368,8 @@ def _joined(number: int, host: str, peers: Sequence[str]) -> Any:
         f"<MaxAutoParticipantIndex>{_PARTICIPANTS}</MaxAutoParticipantIndex><SPDPInterval>500ms</SPDPInterval>"
         f"<Peers>{found}</Peers></Discovery></Domain></CycloneDDS>"
     )
-    kept = os.dup(2)
     with tempfile.TemporaryFile() as told:  # Cyclone DDS tells the reason on stderr alone
+        kept = os.dup(2)  # of a program without stderr, the file itself
         os.dup2(told.fileno(), 2)
         DDS._dll_handle.dds_set_log_mask(_ERRORS)
         try:
