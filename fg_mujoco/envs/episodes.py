@@ -68,6 +68,7 @@ class Episodes:
       rewards: of the last step (n,).
       terminated: whether a crash, a rollover, the last lap, unstable physics or an end condition that terminates has
         ended the episode (n,).
+      terminates: whether each reason does, by its number.
       truncated: whether the time limit, ten seconds without progress, five metres the wrong way or an end condition
         that truncates has ended it (n,).
       clipped: number of clipped actions of the episode (n,).
@@ -84,7 +85,7 @@ class Episodes:
         self._reasons = (*END_REASONS, *(condition.name for condition in self._end_conditions), OTHER_CRASHED)
         truncations = (*TRUNCATIONS, *(each.name for each in self._end_conditions if each.outcome == "truncated"))
         self._truncates = np.array([reason in truncations for reason in self._reasons])
-        self._terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
+        self.terminates = np.array([reason not in ("", *truncations) for reason in self._reasons])
         self._grid = settings.start_grid(worlds.world)
         car, count = worlds.world.parameters, len(worlds.times)
         beams = worlds.world.vehicle.lidar.beams
@@ -158,17 +159,19 @@ class Episodes:
     @property
     def terminated(self) -> Mask:
         """See the attributes."""
-        return self._ended(self._terminates)
+        return self.ended(self.terminates)
 
     @property
     def truncated(self) -> Mask:
         """See the attributes."""
-        return self._ended(self._truncates)
+        return self.ended(self._truncates)
 
-    def _ended(self, outcomes: Mask) -> Mask:
-        """Return whose episode is over for a reason with one of these outcomes (n,)."""
+    def ended(self, outcomes: Mask, late: Mask | None = None) -> Mask:
+        """Return whose episode is over for a reason with one of these outcomes, or would be now: `late` (n,)."""
         ended: Mask = outcomes.take(self.worlds.monitor.reasons)
-        return ended & ~self.running if self._waits else ended
+        if not self._waits:
+            return ended
+        return ended & (~self.running if late is None else late | ~self.running)
 
     def begin(
         self,

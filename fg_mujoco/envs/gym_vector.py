@@ -142,7 +142,7 @@ class F1TenthVectorEnv(Remade, VectorEnv[Observation, NDArray[np.float32], NDArr
         late = self._none.copy() if self._max_steps is None else self._steps >= self._max_steps
         if self._all_run() and not np.count_nonzero(late):  # as nearly always
             return observation, rewards, self._none.copy(), late, self._infos()
-        terminated, truncated = episodes.terminated, late | episodes.truncated
+        terminated, truncated = episodes.ended(episodes.terminates, late), late | episodes.truncated
         over = terminated | truncated
         if self._mode is AutoresetMode.SAME_STEP:
             observation, infos = self._begin_over(over, observation)

@@ -180,6 +180,15 @@ def test_kernels_alone_do_what_they_do_with_python_in_between(settings):
     assert_same(drive(2, False), expected)
 
 
+def test_a_car_that_has_crashed_and_waits_is_terminated_where_its_episode_is_cut_off():
+    settings = {"start": "line", "ended_by": "all", "opponents": ["straight"], "beam_step": 540}
+    envs = F1TenthVectorEnv(2, max_episode_steps=60, **settings)
+    envs.reset(seed=0)
+    ends = [envs.step(np.array([[0.4, 4.0], [0.0, 1.0]]))[2:4] for _ in range(60)]
+    assert not any(over.any() for step in ends[:-1] for over in step)
+    assert [over.tolist() for over in ends[-1]] == [[True, False], [True, True]]
+
+
 def test_stepping_what_does_not_run_is_refused():
     envs = vector(2, autoreset_mode="Disabled", max_episode_steps=1)
     with pytest.raises(gymnasium.error.ResetNeeded, match=r"\[0, 1\]"):
