@@ -340,6 +340,7 @@ def _drive_filtered(
             note(memory.reasons, PLAN_IN_TIME, back, -BACKING_SPEED)
             return hold(scan, odometry, driver, memory, back, -BACKING_SPEED, 1.0)
         if what == DRIVES:
+            history.back = 0.0  # an attempt to reverse is over
             note(memory.reasons, PLAN_IN_TIME, planned, planned_speed)
             return hold(scan, odometry, driver, memory, planned, planned_speed, 1.0)
         predictions, reference_speed = predictions[:0], 0.0
