@@ -16,7 +16,8 @@ near a target motions of some 3 s are tried, and the best one is driven for one 
 5. Of free motions the one wins that comes farthest in 2 s, with room beside targets and without turning the wheels to
    and fro. As it is chosen from few, the car has to be able to stop before what stands after the next tick, by the
    simulated stops of the safety filter. If no motion passes, the car brakes as that filter does.
-6. Where no motion is free, and the car stands and is out of the way behind itself, it backs off, by 1 m at most.
+6. Where no motion is free, and the car stands and is out of the way behind itself, it backs off, by 1 m at most; so it
+   does where it stands before a wall, and nothing comes by behind.
 
 Near a target the car goes at most _PASSING, and faster farther away: what turns is known some .2 s later. What drives
 ahead at _DRIVES or more is a car, and may not turn back.
@@ -78,6 +79,7 @@ _FREE = -10.0  # a motion with a better score is free
 _TRIED, _STOP_MARGINS = 8, (0.1, 0.05)  # motions whose stops are simulated, [m] with these margins
 _MOST_TURN = 0.03  # [rad] that the wheels turn in a tick
 _BACK, _BACKING_STEPS = 0.8, 15  # [m] backwards that are looked at
+_WALLED, _WAITS_BEFORE_WALL = 3, 2.0  # points of the longest free path, with less of which a wall is ahead, and [s]
 _FARTHEST_BACK, _DROVE = 1.0, 0.5  # [m] that the car backs off until it drives again, and [m/s] at which it does
 
 # share of the onward speed and its time [s], twice; then the car brakes
@@ -172,7 +174,7 @@ def plan_in_time(
     response = limiter.settings.steering_response
     servo = share_of_way(period, response) * response / period  # of the limiter's rate, in the mean of a tick
     scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
-    path, cautious = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0)
+    path, cautious, longest = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0), 0
     for number in range(_PATHS + 1):
         if 0 < number < _PLACES and (number + plan.tick) % _PARTS != 0:
             continue
@@ -201,12 +203,14 @@ def plan_in_time(
             limiter, widened, angle_min, angle_increment, (x, y), (goal_x, goal_y), onwards, angle, speed,
             room, servo, path,
         )  # fmt: skip
+        longest = max(longest, free)
         _judge(
             limiter, memory.acceleration, path, free, onwards, speed, room, rows, spans, reaches, cost,
             worth, cautious, scores[number],
         )  # fmt: skip
-    may_back_off = may_back_off and plan.backed < _FARTHEST_BACK and np.max(scores) < _FREE
-    if may_back_off and _is_out_of_the_way_behind(car, rows, reaches):
+    walled = longest < _WALLED and plan.waited > _WAITS_BEFORE_WALL
+    may_back_off = may_back_off and plan.backed < _FARTHEST_BACK and (walled or np.max(scores) < _FREE)
+    if may_back_off and _is_out_of_the_way_behind(car, rows, reaches, walled):
         plan.backed += max(-speed, 0.0) * period
         return BACKS_OFF, 0.0, 0.0
     cap = _cap(limiter, room)
@@ -521,8 +525,8 @@ def _apart(near: float, far: float, along: float, across: float) -> float:
 
 
 @kernel
-def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray) -> bool:
-    """Return whether a car that reverses keeps away from what would touch it where it stands."""
+def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray, walled: bool) -> bool:
+    """Return whether a car that reverses keeps away from what would touch it where it stands; `walled`: or from all."""
     front = car.length - car.rear_overhang - 0.25 * car.width - car.lidar_offset
     stands = backs = 0.0
     for step in range(1, _BACKING_STEPS + 1):
@@ -536,7 +540,7 @@ def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray
                 stands = min(stands, math.sqrt(_apart(near, far, along, across)) - reaches[k])
                 along, across = along - back * row[COS], across + back * row[SIN]
                 backs = min(backs, math.sqrt(_apart(near, far, along, across)) - reaches[k])
-    return backs > max(stands + 0.02, -_USED)
+    return backs > max(stands + 0.02, -_USED) or (walled and backs == 0.0)
 
 
 @kernel

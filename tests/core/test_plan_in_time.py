@@ -160,6 +160,17 @@ def test_a_motion_after_which_the_car_cannot_stop_before_a_wall_is_none(speed, w
     assert decide([target(3.0, -1.1, 0.0, 0.4, to_wall=2.2)], speed, widened=wall)[0] == what
 
 
+def test_a_car_that_stands_before_a_wall_backs_off_where_nothing_comes_by():
+    """Things nearby keep it from turning in moves, and it would stand there for good."""
+    wall = np.minimum(corridor(1.4), 0.45)
+    for way, waited, backs in ((0.3, 0.0, False), (0.3, 3.0, True), (0.9, 3.0, False)):
+        plan = np.zeros(1, planned.PLAN_IN_TIME)[0]
+        plan["waited"] = waited
+        beside = target(-0.95, 0.9, 0.0, -0.7, to_wall=way)
+        what, _, _ = decide([beside], 0.0, widened=wall, plan=plan, may_back_off=True)
+        assert (what == planned.BACKS_OFF) == backs, (way, waited)
+
+
 def test_past_what_is_near_the_car_goes_slowly():
     beside = target(1.5, -0.9, -0.5, 0.0)
     assert decide([beside], 3.0, onwards=8.0)[2] < 4.5 < decide([target(7.5, -0.9, -0.5, 0.0)], 3.0, onwards=8.0)[2]
