@@ -20,7 +20,7 @@ near a target motions of some 3 s are tried, and the best one is driven for one 
    does where it stands before a wall, and nothing comes by behind.
 
 Near a target the car goes at most _PASSING, and faster farther away: what turns is known some .2 s later. What drives
-ahead at _DRIVES or more is a car, and may not turn back.
+ahead as fast as a car does is one, and may not turn back.
 
 Sources: D. Fox, W. Burgard and S. Thrun, The Dynamic Window Approach to Collision Avoidance, IEEE Robotics & Automation
 Magazine 4(1), 1997, for sampled motions; K. Kant and S. Zucker, Toward Efficient Trajectory Planning: The Path-Velocity
@@ -40,7 +40,7 @@ from fg_mujoco.messages import FloatArray
 from ..control.planner_settings import Record
 from ..control.speed import share_of_way
 from ..control.steering import arc_through
-from .predictions import COS, FROM_WALL, RADIUS, SIN, SPEED, SPREAD, TO_WALL, TURNS, X, Y
+from .predictions import COS, FROM_WALL, RADIUS, SEEN, SIN, SPEED, TO_WALL, TURNS, X, Y, occupied, occupied_if_it_turns
 from .safety_filter import bearing_of_arc, reading_towards, speed_at_contact
 
 NO_PLAN, DRIVES, BACKS_OFF = range(3)
@@ -60,13 +60,9 @@ _LOOKS = 1.3  # [m] to the point on the way to a place for which the car steers
 _ARRIVED = 0.5  # [m]
 _MARGIN, _WIDENED = 0.02, 0.02  # [m] besides those of targets, and round the car
 _USED = 0.08  # [m] of all margins that a motion may use up where none is free
-_SIGMAS, _MOST_SPREAD = 2.0, 0.1  # of a target's speed, and [m/s]
-_SLOWS, _MOST_SLOWING = 0.3, 1.0  # [1/s] of its speed, and [m/s^2]: by how much one may become slower
 _BOLD_AFTER, _BOLD = 3.0, 0.06  # [s] of waiting, and of that again until margins of what is known are less by [m]
-_SEEN = 0.15  # [s] after which it is known that one has turned, and .1 m of what it goes until then
 _SOON = 1.2  # [s] for which a motion has to be free of one that turns at once
 _PASSING = 3.0  # [m/s] past a target, and faster past one that drives ahead
-_DRIVES, _LENGTH = 1.5, 0.4  # [m/s] ahead: it is a car, and [m] of it are ahead of what is seen
 _SLOWING = 0.5  # of the greatest braking, on the way to a target
 _LANE, _CROSSES = 0.3, 0.7  # [m] beside the lane of one that crosses; greatest cosine of its course
 _WAIT, _WAITS = 4, 3  # steps for which a car that has stopped should not be met, so many times
@@ -277,40 +273,6 @@ def _spans(rows: FloatArray, bold: float) -> FloatArray:
             spans[step, k, 0], spans[step, k, 1] = occupied(rows[k], step * _STEP, bold)
             spans[step, k, 2], spans[step, k, 3] = occupied_if_it_turns(rows[k], step * _STEP, bold)
     return spans
-
-
-@kernel
-def occupied(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
-    """Return between which ways along its line a target may be at a time [s]; it turns where it is expected to [m].
-
-    `bold`: from 0 to 1, as the car has waited.
-    """
-    known = row[TURNS] >= 2.0
-    speed, spread = row[SPEED], (1.0 - 0.5 * bold if known else _SIGMAS) * min(row[SPREAD], _MOST_SPREAD)
-    slower = 0.0 if known else 0.5 * min(_SLOWS * speed, _MOST_SLOWING) * time * time
-    near, far = max((speed - spread) * time - slower, -spread * time), (speed + spread) * time
-    if _drives(row):
-        return min(near, row[TO_WALL]) - 0.1, min(far, row[TO_WALL]) + _LENGTH
-    if far > row[TO_WALL]:
-        near = min(near, 2.0 * row[TO_WALL] - far)
-        far = max(row[TO_WALL], near)
-    return near, far
-
-
-@kernel
-def _drives(row: FloatArray) -> bool:
-    """Return whether a target drives ahead as a car does, which follows the walls, and does not turn back."""
-    return bool(row[SPEED] * row[COS] > _DRIVES)
-
-
-@kernel
-def occupied_if_it_turns(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
-    """Return the same of a target that turns back at once; a car or one that is known to turn elsewhere does not."""
-    if row[TURNS] >= 2.0 or _drives(row):
-        return occupied(row, time, bold)
-    spread = min(row[SPREAD], _MOST_SPREAD)
-    least = min((row[SPEED] - spread) * max(time - _SEEN, 0.0), max(row[FROM_WALL] - 0.3, 0.0))
-    return -min((row[SPEED] + spread) * time, row[FROM_WALL]), 0.1 - least
 
 
 @kernel
@@ -530,7 +492,7 @@ def _is_out_of_the_way_behind(car: Record, rows: FloatArray, reaches: FloatArray
     front = car.length - car.rear_overhang - 0.25 * car.width - car.lidar_offset
     stands = backs = 0.0
     for step in range(1, _BACKING_STEPS + 1):
-        back = min(max(step * _STEP - _SEEN, 0.0), 1.0) * _BACK
+        back = min(max(step * _STEP - SEEN, 0.0), 1.0) * _BACK
         for k in range(len(rows)):
             row = rows[k]
             near, far = occupied(row, step * _STEP, 0.0)

@@ -52,6 +52,10 @@ _LEAST_RADIUS = 0.1  # [m]
 _FARTHEST_WALL = 4.0  # [m] along its line, to which what stands there is looked for
 _ALONG = 0.1  # [m] between the places where that is done
 _ON_LINE = 0.3  # [m] from a target's line, at which a place where it turned lies on it
+_SIGMAS, _MOST_SPREAD = 2.0, 0.1  # of a target's speed, and [m/s]
+_SLOWS, _MOST_SLOWING = 0.3, 1.0  # [1/s] of its speed, and [m/s^2]: by how much one may become slower
+_DRIVES, _LENGTH = 1.5, 0.4  # [m/s] ahead: it is a car, and [m] of it are ahead of what is seen
+SEEN = 0.15  # [s] after which it is known that one has turned, and .1 m of what it goes until then
 WAIT, WAITS = 0.4, 4  # [s] for which a car that has stopped should not be met, in so many steps
 
 PREDICTIONS = np.dtype(
@@ -200,6 +204,40 @@ def interval(row: FloatArray, time: float) -> tuple[float, float]:
         near = min(near, 2.0 * row[TO_WALL] - far)
         far = max(row[TO_WALL], near)
     return near, far
+
+
+@kernel
+def occupied(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
+    """Return the same interval as the plan in time counts on: what crosses slows by little, and turns at walls.
+
+    `bold`: from 0 to 1, as the car has waited.
+    """
+    known = row[TURNS] >= 2.0
+    speed, spread = row[SPEED], (1.0 - 0.5 * bold if known else _SIGMAS) * min(row[SPREAD], _MOST_SPREAD)
+    slower = 0.0 if known else 0.5 * min(_SLOWS * speed, _MOST_SLOWING) * time * time
+    near, far = max((speed - spread) * time - slower, -spread * time), (speed + spread) * time
+    if _drives(row):
+        return min(near, row[TO_WALL]) - 0.1, min(far, row[TO_WALL]) + _LENGTH
+    if far > row[TO_WALL]:
+        near = min(near, 2.0 * row[TO_WALL] - far)
+        far = max(row[TO_WALL], near)
+    return near, far
+
+
+@kernel
+def _drives(row: FloatArray) -> bool:
+    """Return whether a target drives ahead as a car does, which follows the walls, and does not turn back."""
+    return bool(row[SPEED] * row[COS] > _DRIVES)
+
+
+@kernel
+def occupied_if_it_turns(row: FloatArray, time: float, bold: float) -> tuple[float, float]:
+    """Return the same of a target that turns back at once; a car or one that is known to turn elsewhere does not."""
+    if row[TURNS] >= 2.0 or _drives(row):
+        return occupied(row, time, bold)
+    spread = min(row[SPREAD], _MOST_SPREAD)
+    least = min((row[SPEED] - spread) * max(time - SEEN, 0.0), max(row[FROM_WALL] - 0.3, 0.0))
+    return -min((row[SPEED] + spread) * time, row[FROM_WALL]), 0.1 - least
 
 
 @kernel

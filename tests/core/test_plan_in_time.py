@@ -11,7 +11,7 @@ from fg_mujoco.controllers.control.planner_settings import for_car, record_type,
 from fg_mujoco.controllers.perception.frontiers import FRONTIER_SEARCH
 from fg_mujoco.controllers.safety import plan_in_time as planned
 from fg_mujoco.controllers.safety.friction_limiter import LIMITER_MEMORY, FrictionLimiter
-from fg_mujoco.controllers.safety.plan_in_time import occupied, occupied_if_it_turns
+from fg_mujoco.controllers.safety.predictions import occupied, occupied_if_it_turns
 from fg_mujoco.controllers.safety.safety_filter import EVASIVE, SafetyFilterSettings
 from fg_mujoco.racing.planners import make_controller
 from moving_worlds import WALLS, box, ranges_of
