@@ -17,7 +17,6 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable, Mapping, Sequence
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -49,12 +48,16 @@ def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> a
     if is_folder(options.config):
         options.setup = _setup_of_run(Path(options.config), given_settings(options), trust=options.trust)
         return options
-    parser = deepcopy(parser)  # the defaults of this command line are not those of the next
-    options = parser.parse_args(arguments)
-    file = read_toml(options.config)
-    values, own = _split(file, options.command)
-    options.command.set_defaults(**own)
-    options = parser.parse_args(arguments)
+    file, command = read_toml(options.config), options.command
+    values, own = _split(file, command)
+    before = command._defaults.copy(), [action.default for action in command._actions]
+    try:
+        command.set_defaults(**own)
+        options = parser.parse_args(arguments)
+    finally:  # the defaults of this command line are not those of the next
+        command._defaults = before[0]
+        for action, default in zip(command._actions, before[1], strict=True):
+            action.default = default
     options.setup = _setup_in(file, values)
     return options
 

@@ -56,6 +56,13 @@ def test_the_command_line_wins_over_the_file_in_any_order_even_with_a_default(co
         assert (read.first.seed, read.track, read.laps, read.first.planner_mu) == (0, "oval", 3, math.inf)
 
 
+def test_options_of_a_file_are_not_those_of_the_next_command_line(config):
+    before = vars(options())
+    found = options("--config", config('out = "runs/first"\njson = true\n'))
+    assert (found.out, found.json) == ("runs/first", True)
+    assert vars(options()) == before and before["out"] is None
+
+
 @each(
     ("text", "line", "named"),
     [
