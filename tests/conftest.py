@@ -44,16 +44,19 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 # worker compiles the others wait for.
 SLOWEST = (
     "test_fuzz.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
-    "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_controller_contract.py",
-    "test_hostile_planners.py", "test_every_course.py", "test_kills.py",
-    "test_leaks.py", "test_report_pages.py", "test_car_dynamics.py", "test_comparison.py", "test_hostile_runs.py",
-    "test_every_track.py", "test_replay_proof.py", "test_random_courses.py", "test_bag_map.py",
-    "test_f110_lap_times.py",
-    "test_lab_skidpad.py", "test_tires_circles.py", "test_lab_transient.py", "test_labs.py",
-    "test_map_course.py", "test_lidar_tracks.py", "test_readme.py", "test_cli.py", "test_f110_interfaces.py",
-    "test_report.py", "test_realcar_benchmarks.py", "test_friction_cli.py",
-    "test_friction_learning.py",
-    "test_f1tenth_gym_benchmark.py", "test_autodrive_bridge.py", "test_live_view.py", "test_debug.py",
+    "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_labs.py", "test_controller_contract.py",
+    "test_friction_lab.py", "test_hostile_planners.py", "test_comparison.py", "test_realcar_benchmarks.py",
+    "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
+    "test_friction_learning.py", "test_autodrive_bridge.py", "test_refusals.py", "test_lab_skidpad.py",
+    "test_training_example.py", "test_leaks.py", "test_readme.py", "test_duels.py", "test_friction_cli.py",
+    "test_report_pages.py", "test_rendering_files.py", "test_plan_in_time.py", "test_bag_map.py",
+    "test_replay_proof.py", "test_line_mpc.py", "test_bench.py", "test_doors.py", "test_ros_nodes.py",
+    "test_kills.py", "test_random_courses.py", "test_gym_vector.py", "test_map_course.py", "test_f110_interfaces.py",
+    "test_ros_surroundings.py", "test_hostile_runs.py", "test_rollouts.py", "test_fault.py",
+    "test_f1tenth_gym_benchmark.py", "test_lidar_tracks.py", "test_environment.py", "test_report.py",
+    "test_lab_transient.py", "test_machine_code.py", "test_predictions.py", "test_tires_single_track.py",
+    "test_cli.py", "test_tires_circles.py", "test_bag_replay.py", "test_line_formats.py", "test_guidance.py",
+    "test_scenes.py", "test_league.py", "test_rollout_cli.py", "test_residual.py",
 )  # fmt: skip
 
 # What takes a second or more here is in whole files of studies, benchmarks, examples, pages, bags, and of what starts

@@ -99,8 +99,8 @@ def test_a_run_that_was_interrupted_or_killed_goes_on_and_ends_as_one_that_was_n
         file.write(b'{"cell": {"numb')  # a line that was torn
     settings = LabSettings(seed=SLOW)
     measured = [
-        run_lab(["squares"], out=folder, workers=workers, settings=settings, pictures=False).cells_measured
-        for folder in ("out", "whole")
+        run_lab(["squares"], out=folder, workers=count, settings=settings, pictures=False).cells_measured
+        for folder, count in (("out", workers), ("whole", 1))
     ]
     assert measured == [COUNT - found, COUNT]
     assert files(here / "out") == files(here / "whole")
