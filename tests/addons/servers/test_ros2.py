@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import fg_mujoco as fg
+from cases import each
 from fg_mujoco.addons.look.live.live_session import LiveSession
 from fg_mujoco.cli.main import main
 from fg_mujoco.errors import SettingsError
@@ -172,10 +173,10 @@ def served(step_on_drive=True, setup=None, **options):
 def steer(ranges):
     """Return a command along the middle of the course, as fast_dds_peer.cpp computes it."""
     left = right = 0.0
-    for each in ranges[700:860]:
-        left += min(each, 4.0)
-    for each in ranges[220:380]:
-        right += min(each, 4.0)
+    for reach in ranges[700:860]:
+        left += min(reach, 4.0)
+    for reach in ranges[220:380]:
+        right += min(reach, 4.0)
     return float(np.float32(min(max(0.6 * (left - right) / 160.0, -0.4), 0.4)))
 
 
@@ -390,8 +391,8 @@ def test_every_type_that_is_known_can_be_said_on_dds_and_numbers_are_copied_whol
     assert cdr_of(message, "std_msgs/msg/Float32") == bytes.fromhex("000100000000803f")
 
 
-@pytest.mark.parametrize(
-    "settings, said",
+@each(
+    ("settings", "said"),
     [
         ({"domain": 999}, "domain is 999; accepted: a whole number from 0 to 232"),
         ({"namespace": "a-b"}, "namespace is 'a-b'; accepted: names of letters"),
@@ -420,8 +421,8 @@ def test_bad_settings_say_what_is_accepted(settings, said, monkeypatch, capfd):
     assert capfd.readouterr().err == ""  # of Cyclone DDS
 
 
-@pytest.mark.parametrize(
-    "options, said",
+@each(
+    ("options", "said"),
     [
         (["--controller", "gap_finder", "--step-on-drive"], "--controller drives until a command comes, .*; accepted"),
         (["--type", "drive"], "--type is 'drive'; accepted: TOPIC=TYPE"),
