@@ -53,7 +53,7 @@ _STEP, _STEPS = 0.1, 40  # [s] of a motion
 _POINT, _POINTS = 0.15, 56  # [m] between points of a path
 _SCORED = 2.0  # [s] in which the way counts
 _PLACES, _ASIDE = 19, 0.15  # across the way, [m] between them
-_PARTS = 3  # ticks in which all of them are tried
+_PARTS, _PARTS_AMONG_MANY = 3, 4  # ticks in which all of them are tried; the second among three targets and more
 _PATHS = _PLACES + 2
 _FARTHEST, _NEAREST = 4.0, 1.0  # [m] to these places
 _LOOKS = 1.3  # [m] to the point on the way to a place for which the car steers
@@ -152,7 +152,7 @@ def plan_in_time(
       ground: of type FRONTIER_SEARCH, see `speed_at_contact`.
       may_back_off: whether the car stands, and may reverse.
     """
-    car = limiter.car
+    car, parts = limiter.car, _PARTS if len(rows) < 3 else _PARTS_AMONG_MANY
     plan.tick += 1
     plan.waited = plan.waited + period if speed < 1.0 else 0.0
     if speed > _DROVE:
@@ -172,7 +172,7 @@ def plan_in_time(
     scores, places = np.full((_PATHS + 1, len(_PROFILES)), -math.inf), np.empty((_PATHS + 1, 2))
     path, cautious, longest = np.zeros((_POINTS, 6)), max(_TURNS_AT_ONCE - _PATIENCE * plan.waited, 0.0), 0
     for number in range(_PATHS + 1):
-        if 0 < number < _PLACES and (number + plan.tick) % _PARTS != 0:
+        if 0 < number < _PLACES and (number + plan.tick) % parts != 0:
             continue
         aside, cos, sin = 0.0, math.cos(pose[2]), math.sin(pose[2])
         if number == 0:
@@ -452,6 +452,11 @@ def _try(
             at, beside = row[COS] * (x - row[X]) + row[SIN] * (y - row[Y]), row[COS] * (y - row[Y])
             beside -= row[SIN] * (x - row[X])
             on, aside = row[COS] * cos + row[SIN] * sin, row[COS] * sin - row[SIN] * cos
+            if abs(beside) > reach + _ROOM + front * abs(aside):  # none of the car's discs is near its line,
+                continue
+            first, last = min(spans[step, k, 0], spans[step, k, 2]), max(spans[step, k, 1], spans[step, k, 3])
+            if not stands and (at + front + reach + _ROOM < first or at - front - reach - _ROOM > last):  # or near it
+                continue
             for offset in (front, lidar, 0.0):
                 along, across = at + offset * on, beside + offset * aside
                 if abs(across) > reach + _ROOM:
