@@ -71,6 +71,7 @@ class _Writer:
     refused: int = 0  # readers whose QoS did not match
     matched: int = 0  # readers that it has had
     told: bool = False  # that a reader is of another type
+    waits: bool = False  # with telling of one whose type is not known yet
 
 
 @dataclass(eq=False, kw_only=True)
@@ -277,8 +278,12 @@ class Participant:
                 fresh.add(topic)
             refused = writer.entity.get_offered_incompatible_qos_status()
             if refused.total_count > writer.refused:
-                writer.refused = refused.total_count
-                if refused.last_policy_id != _TYPE or not writer.told:
+                other_type = refused.last_policy_id == _TYPE
+                if other_type and not (writer.told or writer.waits):
+                    writer.waits = True  # if it came since `come`, that tells of it before the next look
+                    continue
+                writer.refused, writer.waits = refused.total_count, False
+                if not (other_type and writer.told):
                     self._say_refused(f"{topic} has a reader", refused.last_policy_id)
         again = [reader for reader in self._readers if self._is_refused(reader)]
         for reader in again:
