@@ -375,18 +375,17 @@ def _drive_filtered(
         return hold(scan, odometry, driver, memory, back, -driver.recovery_settings.speed, use)
     if not found:
         last = stop_ahead(guidance)
-        for margin in (settings.margin_kept * settings.margin_aside, 0.0):
-            if stands or len(last) == 0 or len(predictions) > 0:
-                break
-            use_last = least_cornering(
-                limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
-                now, period, last, margin, 1.0, predictions, radius, guidance.way,
-            )  # fmt: skip
-            if use_last >= 0.0:
-                late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
-                back = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
-                note(memory.reasons, SAFETY_FILTER, back, 0.0)
-                return hold(scan, odometry, driver, memory, back, 0.0, use_last)
+        if not stands and len(last) > 0 and len(predictions) == 0:
+            for margin in (settings.margin_kept * settings.margin_aside, 0.0):
+                use_last = least_cornering(
+                    limiter, memory.limiter, settings, widened, scan.angle_min, scan.angle_increment, reference, angle,
+                    now, period, last, margin, 1.0, predictions, radius, guidance.way,
+                )  # fmt: skip
+                if use_last >= 0.0:
+                    late, path_late = late_by(car), late_on_path(limiter.slip, car, now)
+                    on_last = steer_along(last, 0, 0.0, 0.0, 0.0, now, car.wheelbase, late, path_late)
+                    note(memory.reasons, SAFETY_FILTER, on_last, 0.0)
+                    return hold(scan, odometry, driver, memory, on_last, 0.0, use_last)
         speed = 0.0 if now > settings.crawl_speed or len(predictions) > 0 else min(speed, in_sight)
         if guidance.follows and not keeps:  # it is free, as far as its search could tell
             note(memory.reasons, SAFETY_FILTER, steering_angle, speed)

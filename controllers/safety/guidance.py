@@ -97,7 +97,7 @@ GUIDANCE = np.dtype(
         ("way", FRONTIER_SEARCH),
         ("motion", MOTION),  # that the car follows
         ("trial", MOTION),  # that was last searched for
-        ("stop", MOTION),  # along which the safety filter last found a stop; without points: it found another one since
+        ("stop", MOTION),  # along which the safety filter last found a stop; without points: none yet
         ("stop_progress", np.int64),  # index of its point that is next
         ("follows", np.bool_),  # there is a motion to follow
         ("progress", np.int64),  # index of the motion's point that is next
