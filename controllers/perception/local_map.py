@@ -10,6 +10,9 @@ become walls; ends of neighbouring beams that are close together are joined, bec
 meets a wall at a small angle. The last observation counts, so that an obstacle that has moved on is forgotten when
 its place is seen again.
 
+The ends of beams close to the car are kept as they are, too: those of the last scan, and earlier ones beside and behind
+the car, where no beam goes any more and a car that turns or reverses may touch a wall.
+
 The path of the rear axle is kept with the room to its right and left, so that the way back can be closed (frontiers).
 
 Source: H. Moravec and A. Elfes, High Resolution Maps from Wide Angle Sonar, IEEE ICRA 1985, for the grid. Its cells
@@ -26,6 +29,7 @@ from fg_mujoco.compiled.kernels import kernel
 from fg_mujoco.messages import FloatArray
 
 from ..control.planner_settings import Record
+from .scan_geometry import bearing_of
 
 SIZE = 256  # cells to a side; a power of two, so that `place & RING` is the place of a cell in the ring
 RING = SIZE - 1
@@ -54,7 +58,9 @@ _KEPT = 15  # cells round the car that are kept when the rest is forgotten
 BEFORE = 7.0  # [m] of path that the car is taken to have come before its first tick
 _CLOSE = 2.0  # [m] from the LiDAR within which the ends of beams are kept as they are
 _VERY_CLOSE = 0.6  # [m] the same, all of them; between, every second
-_ENDS = 600
+_ENDS = 720
+_PASSED = 1.0  # [m] from the rear axle within which the ends of earlier beams are kept, where no beam goes now,
+_PASSED_APART = 0.03  # [m] and no closer to each other
 _FARTHEST = 1e9  # [m] or [rad] of a tick; beyond, it is no odometry
 
 LOCAL_MAP = np.dtype(
@@ -75,7 +81,7 @@ LOCAL_MAP = np.dtype(
         ("path", np.float64, (PATH, 8)),
         ("newest", np.int64),  # index of the last point of the path
         ("known", np.int64),  # how many of them there are
-        ("ends", np.float64, (_ENDS, 2)),  # [m] ends of the last scan's beams that are close
+        ("ends", np.float64, (_ENDS, 2)),  # [m] of beams that are close: the last scan's, after those it passed
         ("ends_known", np.int64),
     ]
 )
@@ -158,7 +164,7 @@ def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: f
     turn_cos, turn_sin = math.cos(increment), math.sin(increment)
     cos, sin = math.cos(memory.heading + scan.angle_min), math.sin(memory.heading + scan.angle_min)
     ends = np.empty((count, 2))
-    memory.ends_known = 0
+    _keep_passed_ends(memory, scan, len(ranges), x0, y0)
     for beam in range(count):
         distance = ranges[beam * stride]
         ends[beam, 0], ends[beam, 1] = x0 + distance * cos, y0 + distance * sin
@@ -193,6 +199,27 @@ def enter_scan(memory: Record, scan: Record, ranges: FloatArray, lidar_offset: f
             i = math.floor((x + share * (before_x - x)) * PER_METRE) & RING
             j = math.floor((y + share * (before_y - y)) * PER_METRE) & RING
             cells[i, j], seen[i, j] = WALL, now
+
+
+@kernel
+def _keep_passed_ends(memory: Record, scan: Record, beams: int, x0: float, y0: float) -> None:
+    """Keep of the ends of beams those beside and behind the car that a LiDAR at x0, y0 [m] does not see any more."""
+    cos, sin, kept = math.cos(memory.heading), math.sin(memory.heading), 0
+    to_right, to_left = math.cos(scan.angle_min), math.cos(bearing_of(scan, beams - 1))
+    for k in range(memory.ends_known):
+        x, y = memory.ends[k, 0], memory.ends[k, 1]
+        if (x - memory.x) * (x - memory.x) + (y - memory.y) * (y - memory.y) > _PASSED * _PASSED:
+            continue
+        ahead, left = cos * (x - x0) + sin * (y - y0), cos * (y - y0) - sin * (x - x0)
+        if ahead >= (to_left if left > 0.0 else to_right) * math.sqrt(ahead * ahead + left * left):
+            continue
+        if kept > 0:
+            dx, dy = x - memory.ends[kept - 1, 0], y - memory.ends[kept - 1, 1]
+            if dx * dx + dy * dy < _PASSED_APART * _PASSED_APART:
+                continue
+        memory.ends[kept, 0], memory.ends[kept, 1] = x, y
+        kept += 1
+    memory.ends_known = kept
 
 
 @kernel

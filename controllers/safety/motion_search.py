@@ -243,7 +243,7 @@ def outline_in_walls(world: Record, car: Record, x: float, y: float, cos: float,
 
 @kernel
 def touches(world: Record, car: Record, x: float, y: float, heading: float, margin: float) -> bool:
-    """Return whether an end of the last scan's beams lies in the outline of a car at a place, wider by a margin [m]."""
+    """Return whether an end of a beam lies in the outline of a car at a place, wider by a margin [m]."""
     cos, sin = math.cos(heading), math.sin(heading)
     tail, nose = -car.rear_overhang - margin, car.length - car.rear_overhang + margin
     for k in range(world.ends_known):
@@ -255,7 +255,7 @@ def touches(world: Record, car: Record, x: float, y: float, heading: float, marg
 
 @kernel
 def _sorted_ends(world: Record, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64], float, float]:
-    """Return the first ends of the last scan's beams by the squares in which they lie, for `_touches`.
+    """Return the first ends of beams by the squares in which they lie, for `_touches`.
 
     Returns:
       The ends (n, 2) [m]; the first of each square and of the one after the last; where the squares begin [m]. Squares

@@ -11,6 +11,8 @@ import pytest
 
 from cases import each
 from drawn_worlds import BEARINGS, GEOMETRY, PERIOD, box, cell, lines, middles, seen_from
+from fg_mujoco.controllers.control.planner_settings import CAR as CAR_RECORD
+from fg_mujoco.controllers.control.planner_settings import record_values
 from fg_mujoco.controllers.perception.local_map import (
     ALONG,
     CELL,
@@ -27,6 +29,7 @@ from fg_mujoco.controllers.perception.local_map import (
     in_window,
     move,
 )
+from fg_mujoco.controllers.safety.motion_search import touches
 from scan_worlds import CAR
 
 ROOM = lines(box(-2.05, -1.55, 4.05, 2.05))
@@ -64,6 +67,24 @@ def beside(right, left):
 
 def newest(memory):
     return memory["path"][memory["newest"]]
+
+
+@each("side", [1.0, -1.0])
+@each("wall", [0.16, 0.17, 0.18])
+def test_a_rear_corner_that_turns_into_a_wall_that_no_beam_sees_any_more_touches_it(side, wall):
+    """The car has driven along the wall, and turns its nose away from it about its rear axle.
+
+    Ends of beams 3 cm apart may lie to both sides of a corner: then it is in the wall by up to half of that.
+    """
+    memory, row = new(), np.array([record_values(CAR)], CAR_RECORD)[0]
+    for _ in range(24):
+        see_walls(memory, lines([(-5.0, side * wall), (5.0, side * wall)]))
+        drive(memory, 0.05)
+    for turned in np.arange(0.0, 0.8, 0.02):
+        corner = CAR.rear_overhang * math.sin(turned) + 0.5 * CAR.width * math.cos(turned)
+        if not wall - 0.001 < corner < wall + 0.016:
+            heading = memory["heading"] - side * turned
+            assert touches(memory, row, memory["x"], memory["y"], heading, 0.0) == (corner > wall), turned
 
 
 @each("sign", [1.0, -1.0])
