@@ -4,7 +4,8 @@ A car ahead is followed until there is room to pass it: beside it, and along the
 the course is seen (corridor). A car that follows keeps such a distance that it could stop behind the other
 one, should that one brake. A pass begins where there is `room_to_pass` next to the other car all along that way, and
 more for each m/s. It is given up where there is less than `room_to_go_on`, unless the planner's car is beside the other
-one already, and where they come nearer to each other than a margin: then the planner's car drops back.
+one already, where it is not beside it after 5 s, and where they come nearer to each other than a margin: then the
+planner's car drops back.
 
 Next to another car the planner's car keeps its lane. It closes in on a car ahead only while it is clear of it sidewise.
 
@@ -41,6 +42,7 @@ _PREDICTED = 0.8  # [s] for which the curvature of the other car's way is its me
 _LEAST_SIGHT, _SIGHT = 0.9, 0.25  # [m] and [s] of the way at its speed: how far ahead a lane is followed
 _STEP, _LEAST_LANE = 0.2, 3  # [m] between places of the motion, and the fewest of them
 _GRIP, _SLOWING = 0.8, 0.4  # shares of the grip for cornering on the motion, and for braking before
+_LONGEST = 5.0  # [s] of a pass before the car is beside the other one
 _HELD = 0.85  # of its speed is left when another car begins to brake before the planner's car has passed
 _SPREAD = 0.15  # [m/s] uncertainty of its speed
 
@@ -53,6 +55,7 @@ PASSING = np.dtype(
         ("speed", np.float64),  # [m/s] of the other car in the direction of both
         ("stood", np.float64),  # [s] for which the other car has stood
         ("waits", np.float64),  # [s] before the next pass begins
+        ("lasts", np.float64),  # [s] for which it passes and is still behind
         ("places", np.int64),  # of its way
         ("way", np.float64, (_PLACES, 5)),  # on which it is expected, see corridor.walk
     ]
@@ -100,6 +103,8 @@ def choose(memory: Record, scan: Record, without: FloatArray, car: Record, setti
         passing.speed = max(math.hypot(other.vx, other.vy) * math.cos(between), 0.0)
         gap = math.hypot(dx, dy) - car.length
         passing.waits = max(passing.waits - period_of(scan), 0.0)
+        still_behind = passing.what == PASSES and passing.along > car.length
+        passing.lasts = passing.lasts + period_of(scan) if still_behind else 0.0
         _choose_one(passing, gap, car, settings)
         limit = min(limit, _speed_beside(passing, gap, car, settings))
     return limit
@@ -129,7 +134,8 @@ def _choose_one(passing: Record, gap: float, car: Record, settings: Record) -> N
         room = rooms[0] if passing.side > 0 else rooms[1]
         least = settings.room_to_go_on
         too_near = is_beside and abs(across) < car.width + settings.car_margin and along > 0.0
-        if (along > 0.5 * car.length and room < least) or too_near:
+        too_long = passing.lasts > _LONGEST  # on the other side there may be more room
+        if (along > 0.5 * car.length and room < least) or too_near or too_long:
             passing.what, passing.waits = DROPS_BACK, settings.patience
     if passing.what == DROPS_BACK and along > 1.1 * car.length:
         passing.what = FOLLOWS
@@ -214,8 +220,9 @@ def place_on(passing: Record, way: float) -> tuple[float, float, float]:
 def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record, reference: Record) -> None:
     """Write the reference beside the nearest car that is passed, if there is one: a motion, its steering and its speed.
 
-    The lane is the way of the other car, moved aside: as far as the middle of the room there, and no farther than
-    `aside` from side to side. The motion leads to it by pure pursuit, with a share of the grip.
+    The lane is the way of the other car, moved aside: as far as the wall there allows, at least to the middle of the
+    room, and no farther than `aside` from side to side. The motion leads to it by pure pursuit, with a share of the
+    grip.
 
     Args:
       memory: of type RACING.
@@ -237,7 +244,8 @@ def take_lane(memory: Record, own_speed: float, driver: Record, settings: Record
     for k in range(passing.places):
         row = passing.way[k]
         room = (row[LEFT] if passing.side > 0 else row[RIGHT]) - 0.5 * car.width
-        off = passing.side * (0.5 * car.width + min(0.5 * room, widest))
+        away = max(0.5 * room, room - settings.beside_wall - 0.5 * car.width)
+        off = passing.side * (0.5 * car.width + min(away, widest))
         points[k, 0] = row[X] - off * math.sin(row[HEADING]) + car.lidar_offset
         points[k, 1] = row[Y] + off * math.cos(row[HEADING])
     limiter = driver.limiter

@@ -108,14 +108,23 @@ def test_a_pass_is_given_up_before_the_car_is_beside_and_not_after():
     assert decided(1.5, 0.0, 2.0, 1.0, before=PASSES)[0]["passing"][0]["what"] == FOLLOWS
 
 
+def test_a_pass_is_given_up_after_five_seconds_if_the_car_does_not_come_beside_the_other_one():
+    memory = decided(2.0, 0.0, 2.0, 2.0)[0]
+    scan = corridor(1.0, 1.0)
+    done = []
+    for _ in range(250):
+        choose(memory, scan_record(scan)[0], np.array(scan.ranges), DRIVEN_CAR, SETTINGS)
+        done.append(memory["passing"][0]["what"])
+    assert set(done[:195]) == {PASSES} and FOLLOWS in done[195:210]
+
+
 def test_a_lane_leads_beside_the_other_car_as_far_as_there_is_room():
-    memory, _ = decided(1.5, -0.3, 2.0, 2.0)
     reference = np.zeros(1, REFERENCE)[0]
-    take_lane(memory, 3.0, DRIVER, SETTINGS, reference)
-    assert reference["places"] > 5 and reference["steering_angle"] > 0.0
-    end = reference["lane"][reference["places"] - 1]
-    assert end[1] > -0.3 + CAR.width + 0.1  # to the left of the other one
-    assert end[1] < 1.0 - 0.5 * CAR.width  # within the wall
+    to_wall = 1.0 - 0.5 * CAR.width - SETTINGS["beside_wall"]
+    for other, left in ((-0.3, -0.3 + CAR.width + SETTINGS["aside"]), (0.0, to_wall)):
+        take_lane(decided(1.5, other, 2.0, 2.0)[0], 3.0, DRIVER, SETTINGS, reference)
+        assert reference["places"] > 5 and reference["steering_angle"] > 0.0
+        assert reference["lane"][reference["places"] - 1, 1] == pytest.approx(left, abs=0.03)
     assert not decided(1.5, 0.0, 2.0, 1.0)[0]["passing"][0]["what"]
     reference["places"] = 0
     take_lane(decided(1.5, 0.0, 2.0, 1.0)[0], 3.0, DRIVER, SETTINGS, reference)
