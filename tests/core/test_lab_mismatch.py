@@ -21,7 +21,7 @@ def tables():
 
 
 def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
-    # measured on the oval at .7, 1 and 1.3: first laps of 10.75, 9.20, 8.49 s. On its line the bold one spins, or is as fast
+    # measured on the oval at .7, 1 and 1.3: first laps of 10.75, 9.20, 8.49 s; on its line the bold one spins
     careful, right, bold = tables["laps"]
     assert careful["first_lap_s"] > 1.1 * right["first_lap_s"] > 1.1 * bold["first_lap_s"]
     assert careful["best_lap_s"] > 1.1 * right["best_lap_s"]
