@@ -21,10 +21,9 @@ def tables():
 
 
 def test_believing_in_less_friction_is_slower_and_in_more_slides(tables):
-    # measured on the oval at .7, 1 and 1.3: first laps of 10.75, 9.20, 8.49 s; on its line the bold one spins
+    # measured on the oval at .7, 1 and 1.3: best laps of 10.15, 8.57, 8.48 s; the last slides by up to 5.1 m/s
     careful, right, bold = tables["laps"]
-    assert careful["first_lap_s"] > 1.1 * right["first_lap_s"] > 1.1 * bold["first_lap_s"]
-    assert careful["best_lap_s"] > 1.1 * right["best_lap_s"]
+    assert careful["best_lap_s"] > 1.1 * right["best_lap_s"] > 1.1 * bold["best_lap_s"]
     assert careful["max_slide_m_s"] < right["max_slide_m_s"] < BRISTLES_SLIDE < bold["max_slide_m_s"]
     assert careful["sliding_share"] == right["sliding_share"] == 0.0 < bold["sliding_share"]
     assert right["planner_mu"] == right["mu"] == Vehicle.load().nominal_mu
