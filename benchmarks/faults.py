@@ -99,12 +99,6 @@ FAULTS = {
         new="distance += deviation * noise - error_at(knots, values, 1, distance)",
         tests="test_measured_errors.py",
     ),
-    "the noise of pairs of scans without the root of two": Fault(
-        file="benchmarks/lidar_errors.py",
-        old="np.diff(left, axis=0)[same] / math.sqrt(2.0)",
-        new="np.diff(left, axis=0)[same]",
-        tests="test_realcar_benchmarks.py",
-    ),
     # vehicle
     "a tire's slip angle without its arctangent's sign": Fault(
         file="fg_mujoco/vehicle/tire_patch.py",

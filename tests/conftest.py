@@ -45,7 +45,7 @@ os.environ["FG_MUJOCO_COMPILING"] = "in tests"
 SLOWEST = (
     "test_fuzz.py", "test_identification.py", "test_interpreted.py", "test_kernels.py", "test_rollout_ray.py",
     "test_mission.py", "test_docs.py", "test_f110_scripts.py", "test_labs.py", "test_controller_contract.py",
-    "test_friction_lab.py", "test_hostile_planners.py", "test_comparison.py", "test_realcar_benchmarks.py",
+    "test_friction_lab.py", "test_hostile_planners.py", "test_comparison.py",
     "test_every_course.py", "test_ros2.py", "test_vehicle_contract.py", "test_tire_forces.py",
     "test_friction_learning.py", "test_autodrive_bridge.py", "test_refusals.py", "test_lab_skidpad.py",
     "test_training_example.py", "test_leaks.py", "test_readme.py", "test_duels.py", "test_friction_cli.py",

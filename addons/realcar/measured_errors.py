@@ -4,8 +4,7 @@
     errors.noise[0]                       # [m] standard deviation at bearings[0], at each of `ranges`
     errors = MeasuredErrors.load("my_lidar.toml")
 
-A file is TOML with the keys of MeasuredErrors. `benchmarks/lidar_errors.py` measures one. The bundled files are those
-of models/lidar_effects/.
+A file is TOML with the keys of MeasuredErrors. The bundled files are those of models/lidar_effects/.
 """
 
 from __future__ import annotations
@@ -153,7 +152,7 @@ def _bundled(name: str) -> MeasuredErrors:
 
 
 def _parsed(text: str, where: str) -> MeasuredErrors:
-    table = read_toml_table(text, where, "as benchmarks/lidar_errors.py writes it")
+    table = read_toml_table(text, where, "as models/lidar_effects/ipz20.toml has it")
     return _of(table, where)
 
 

@@ -5,7 +5,7 @@
     scan = lidar.beams.to_scan(lidar.ranges(data), stamp=data.time)
 
 `rangefinder` reads MuJoCo's own sensors, `raycast` draws the scan by a z-buffer (scanline.py): the same beams through
-the same world in 3D, the same distances to float64 rounding, some 80 times as fast (benchmarks/lidar_backends.py).
+the same world in 3D, the same distances to float64 rounding, some 80 times as fast.
 
 `rangefinder` reads the body poses of `data`, so mj_kinematics (or mj_forward, which has it) must have run at the
 present state; mj_step leaves them a step behind. `raycast` needs that only for what hangs on hinges and slides: the

@@ -30,8 +30,8 @@ _MODEL_ERRORS = {
     "stiffness": 0.024, "peak": 0.005, "inertia_ratio": 0.01,
 }  # fmt: skip
 # Of a value, a standard deviation: what the fit's two-track model differs by from our cars in three dimensions, which
-# no spread between segments shows. Measured by benchmarks/identification_coverage.py on cars of other seeds than those
-# that its table is of.
+# no spread between segments shows. Measured on cars of other seeds than those of the table in
+# docs/addons/realcar/identification.md.
 _ABSOLUTE_ERRORS = {
     "steering_offset": 5e-5, "steering_lag": 1.5e-3, "steering_delay": 1.5e-3, "relaxation_length": 5e-4,
 }  # fmt: skip
