@@ -144,5 +144,5 @@ def _ahead(first: float, step: float, ranges: FloatArray) -> tuple[float, FloatA
     count = max(round(math.tau / step), 1)
     skipped = math.ceil((-math.pi - first) / step - 1e-6)  # steps from the first beam to the first of the circle
     circle = np.full(count, math.nan)
-    circle[(np.arange(len(ranges)) - skipped) % count] = ranges
+    np.fmin.at(circle, (np.arange(len(ranges)) - skipped) % count, ranges)  # two beams at one bearing: the nearer
     return first + step * skipped, circle

@@ -90,6 +90,8 @@ def test_a_full_circle_from_0_to_2_pi_is_turned_to_look_ahead():
     assert scan.ranges[0] == ranges[36]
     again = to_scan(robot_scan(np.append(ranges, ranges[0]), first=0.0, step=math.tau / 72))  # 0 and 2 pi both
     np.testing.assert_array_equal(again.ranges, scan.ranges)
+    failed = to_scan(robot_scan(np.append(ranges, math.nan), first=0.0, step=math.tau / 72))  # as an LD19 ends often
+    np.testing.assert_array_equal(failed.ranges, scan.ranges)
 
 
 @each("yaw, roll", [(0.0, 0.0), (0.3, 0.0), (0.0, math.pi), (-0.4, math.pi), (math.pi, 0.0)])
