@@ -53,13 +53,12 @@ from .bag_messages import (
     heading_of,
     stamp_of,
 )
-from .bag_recording import Heard, Recording, Topic
-from .bag_scans import Mount, beyond, disagreement, to_scan
+from .bag_recording import FIRST_TRANSFORMS, Heard, Recording, Topic
+from .bag_scans import Mount, beyond, disagreement, mount_of, to_scan
 from .composed_topics import SPEED_TO_ERPM
 
 POSES = (POSE, POSE_WITH_COVARIANCE)
 
-_FIRST_TRANSFORMS = 1000  # messages of /tf that are read ahead for how the LiDAR sits on the car
 _FIRST_TWISTS = 400  # of Odometry, that are read ahead for whether it has speeds at all
 _MOVED = 0.2  # [m] within which a car has not moved
 _MEASURED_OVER = 80_000_000  # [ns] from pose to pose, for a speed
@@ -135,9 +134,9 @@ class ScanBag:
 
     def __iter__(self) -> Iterator[Delivery]:
         """Yield the scans in the order in which they were received."""
-        known = _Known(self._car, mounting_frames(self.recording), self._odometry, self._has_twist)
+        known = _Known(self._car, self.recording.mounting_frames(), self._odometry, self._has_twist)
         faults = ScanFaults(self.recording)
-        wanted = set(self.topics.items()) | transform_topics(self.recording)
+        wanted = set(self.topics.items()) | self.recording.transform_topics
         clock = Clock()
         refused = False
         try:
@@ -211,29 +210,14 @@ class ScanBag:
             if kind == MOTOR:
                 return f"that of the motor on {topic}, {SPEED_TO_ERPM:g} turns a minute for 1 m/s"
             return f"{'the twist' if self._has_twist else 'that from pose to pose'} on {topic}"
-        if any(_moves(topic, self.recording) for topic in transform_topics(self.recording)):
+        if any(_moves(topic, self.recording) for topic in self.recording.transform_topics):
             return "that of the transforms to the car"
         return f"that commanded on {self.topics[DRIVE]}" if DRIVE in self.topics else "taken to be 0"
 
 
-def transform_topics(bag: Recording) -> set[Topic]:
-    """Return the topics of a bag that have transforms."""
-    return {topic for topic in bag.counts if topic[0] == TRANSFORMS}
-
-
-def mounting_frames(bag: Recording) -> FrameTree:
-    """Return the frames of a bag as they were first heard: how the sensors sit on the car."""
-    frames = FrameTree()
-    static = {topic for topic in transform_topics(bag) if topic[1].endswith("tf_static")}
-    for topics, most in ((transform_topics(bag) - static, _FIRST_TRANSFORMS), (static, None)):
-        for heard in bag.messages(topics, most=most):
-            frames.hear(heard.message)
-    return frames
-
-
 def _moves(topic: Topic, bag: Recording) -> bool:
     """Return whether a topic of transforms has one from a frame of the world."""
-    heard = bag.messages({topic}, most=_FIRST_TRANSFORMS)
+    heard = bag.messages({topic}, most=FIRST_TRANSFORMS)
     return any(
         is_world(entry.header.frame_id) and not is_world(entry.child_frame_id)
         for each in heard
@@ -500,18 +484,6 @@ class Motion:
         along = before[2] + 0.5 * turned
         ahead = (now[0] - before[0]) * math.cos(along) + (now[1] - before[1]) * math.sin(along)
         return float(ahead) / seconds, turned / seconds
-
-
-def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
-    """Return the mount of the LiDAR of a frame on the car; level and straight ahead where there are no transforms.
-
-    Raises:
-      BagError: it is tilted by more than 5 degrees.
-    """
-    base = frames.base_of(sensor, stated)
-    worlds = {MAP_FRAME, "odom", "world", "earth"}
-    found = None if base is None else frames.find(sensor, base, worlds)
-    return Mount() if found is None else Mount.of(found[:3, :3], sensor)
 
 
 def pose_of(message: Any) -> FloatArray:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
@@ -28,12 +28,18 @@ from numpy.typing import NDArray
 from fg_mujoco.course.files import read_text
 from fg_mujoco.errors import BagError, FgMujocoError
 
-from .bag_messages import USUAL, require_ros_extra, type_store
+from .bag_frames import FrameTree
+from .bag_messages import DRIVE, MAP_FRAME, MOTOR, ODOMETRY, SCAN, TRANSFORMS, USUAL, require_ros_extra, type_store
+from .bag_scans import mount_of, to_scan
+from .bag_signs import ENOUGH, SignFinder, Signs, turn_round
 from .bag_storage import ACCEPTED, Channel, Storage, is_storage, open_storage, uncompressed
 from .composed_topics import composed_topics
 
 Topic = tuple[str, str]
 """Type and name of a topic."""
+
+FIRST_TRANSFORMS = 1000
+"""Messages of /tf that are read ahead for how the sensors sit on the car."""
 
 _METADATA = "metadata.yaml"
 _SET_BACK = 500_000_000  # [ns] that a topic's times go back by where the recorder's clock was set, and not late
@@ -42,6 +48,7 @@ _MOST_METADATA = 2**24  # bytes
 _FILES = re.compile(r"^ *relative_file_paths:[ \t]*\n((?:[ \t]*-[ \t].*(?:\n|\Z))+)", re.MULTILINE)
 _ITEM = re.compile(r"^[ \t]*-[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
 _DISTRIBUTION = re.compile(r"^ *ros_distro: *[\"']?(\w+)", re.MULTILINE)
+_RIGHT = Signs()
 _NUMBERED = re.compile(r"(?P<stem>.*?)_(?P<number>\d+)$")
 
 
@@ -88,6 +95,7 @@ class Recording:
             made = {topic: each.count for topic, each in self._composed.items()}
             self.counts = {**{topic: count for topic, count in self.counts.items() if topic not in hidden}, **made}
             self._decoders: dict[Channel, Callable[[bytes], Any]] = {}
+            self._signs: dict[Topic, Signs] = {}
             self._stack = stack.pop_all()
         return self
 
@@ -109,6 +117,8 @@ class Recording:
         """Return the duration of the bag, and its topics with their types and counts, one line each."""
         rows = [f"{self.path}: {self.span:.1f} s, {sum(self._recorded.values())} messages"]
         for (kind, topic), count in sorted(self._recorded.items(), key=lambda row: row[0][1]):
+            if kind in (ODOMETRY, MOTOR):
+                self.signs_of((kind, topic))  # which says what is wrong with them
             rows.append(f"  {topic:<32} {kind:<40} {count:>8}")
         for (kind, topic), each in sorted(self._composed.items(), key=lambda row: row[0][1]):
             names = ", ".join(sorted(name.rpartition("/")[2] for _, name in each.sources))
@@ -175,10 +185,76 @@ class Recording:
     def messages(self, wanted: Collection[Topic], most: int | None = None) -> Iterator[Heard]:
         """Yield the messages of topics, those of one time in the order in which they were written.
 
+        Odometry and motors that are negative where the car drives forward are turned round, which is said.
+
         Args:
           wanted: the topics.
           most: stop after so many.
         """
+        signs = {topic: self.signs_of(topic) for topic in wanted if topic[0] in (ODOMETRY, MOTOR)}
+        for heard in self._as_recorded(wanted, most):
+            if signs.get(heard.topic, _RIGHT) != _RIGHT:
+                turn_round(heard.message, signs[heard.topic])
+            yield heard
+
+    @property
+    def transform_topics(self) -> set[Topic]:
+        """The topics that have transforms."""
+        return {topic for topic in self.counts if topic[0] == TRANSFORMS}
+
+    def mounting_frames(self, *, static: bool = True) -> FrameTree:
+        """Return the frames as they were first heard: how the sensors sit on the car.
+
+        Args:
+          static: whether those of /tf_static count, too.
+        """
+        frames = FrameTree()
+        fixed = {topic for topic in self.transform_topics if topic[1].endswith("tf_static")}
+        for topics, most in ((self.transform_topics - fixed, FIRST_TRANSFORMS), (fixed if static else (), None)):
+            for heard in self._as_recorded(topics, most):
+                frames.hear(heard.message)
+        return frames
+
+    def signs_of(self, topic: Topic) -> Signs:
+        """Return the signs of an Odometry or a motor, by the commands and the scans; wrong ones are said, once."""
+        if topic not in self._signs:
+            self._signs[topic] = _RIGHT
+            if topic not in self._composed:
+                with suppress(BagError):  # of messages that cannot be read, which is said where they are
+                    self._signs[topic] = self._found_signs(topic)
+        return self._signs[topic]
+
+    def _found_signs(self, topic: Topic) -> Signs:
+        witnesses = [
+            min((each for each in self.counts if each[0] == kind), key=_rank, default=None) for kind in (SCAN, DRIVE)
+        ]
+        if not any(witnesses):
+            return _RIGHT
+        finder, frames, frame = SignFinder(), self.mounting_frames(), ""
+        with warnings.catch_warnings():  # which are given where these messages are read
+            warnings.simplefilter("ignore")
+            for heard in self._as_recorded({topic, *(each for each in witnesses if each is not None)}, None):
+                time = heard.time / 1e9
+                if heard.topic == topic:
+                    finder.hear_odometry(time, heard.message)
+                    frame = heard.message.header.frame_id
+                elif heard.topic[0] == DRIVE:
+                    finder.hear_command(time, heard.message)
+                else:
+                    finder.hear_scan(time, to_scan(heard.message, mount_of(frames, heard.message.header.frame_id)))
+                if finder.votes >= ENOUGH:
+                    break
+        found, by = finder.signs()
+        if found == _RIGHT:
+            if by:
+                self.warn(f"{topic[1]}: {by}; it is read as it is")
+            return found
+        if found.in_pose and self.mounting_frames(static=False).find(frame, MAP_FRAME) is not None:
+            found = replace(found, in_pose=False)  # a localisation's correction is of the poses as they are
+        self.warn(f"{topic[1]} is negative where the car drives forward, {by}; its sign is turned round")
+        return found
+
+    def _as_recorded(self, wanted: Collection[Topic], most: int | None) -> Iterator[Heard]:
         composing = {topic: self._composed[topic].begin() for topic in wanted if topic in self._composed}
         if not composing:
             yield from self._written(wanted, most)
@@ -349,6 +425,12 @@ class Recording:
         if wrong:
             self.warn(f"{channel.kind} on {channel.topic}: {wrong}; the usual one is taken")
         return store
+
+
+def _rank(topic: Topic) -> tuple[int, str]:
+    """Return where a topic stands among those of its type: the usual ones first."""
+    usual = USUAL[topic[0]]
+    return usual.index(topic[1]) if topic[1] in usual else len(usual), topic[1]
 
 
 def _set_back(times: NDArray[np.int64], owners: NDArray[np.int64]) -> list[tuple[int, int]]:

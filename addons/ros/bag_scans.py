@@ -22,7 +22,8 @@ import numpy as np
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import FloatArray, LaserScan
 
-from .bag_messages import nanoseconds, stamp_of
+from .bag_frames import FrameTree
+from .bag_messages import MAP_FRAME, nanoseconds, stamp_of
 
 _FLAT = math.cos(math.radians(5.0))  # of a mount that counts as level
 _NOTHING = (65.5325, 65.5355)  # [m] from 65533 to 65535 mm, as Hokuyo's codes are
@@ -48,6 +49,18 @@ class Mount:
             raise BagError(f"frame {frame!r} is tilted by {tilt:.0f} deg on the car; accepted: a level LiDAR")
         yaw = math.atan2(rotation[1, 0], rotation[0, 0])
         return cls(yaw=yaw, upside_down=bool(rotation[2, 2] < 0.0))
+
+
+def mount_of(frames: FrameTree, sensor: str, stated: str = "") -> Mount:
+    """Return the mount of the LiDAR of a frame on the car; level and straight ahead where there are no transforms.
+
+    Raises:
+      BagError: it is tilted by more than 5 degrees.
+    """
+    base = frames.base_of(sensor, stated)
+    worlds = {MAP_FRAME, "odom", "world", "earth"}
+    found = None if base is None else frames.find(sensor, base, worlds)
+    return Mount() if found is None else Mount.of(found[:3, :3], sensor)
 
 
 def to_scan(message: Any, mount: Mount | None = None, *, period: float = 0.025) -> LaserScan:

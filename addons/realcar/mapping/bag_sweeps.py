@@ -24,17 +24,9 @@ import numpy as np
 
 from fg_mujoco.addons.ros.bag_frames import FrameTree, flat, plain, planar
 from fg_mujoco.addons.ros.bag_messages import MAP_FRAME, ODOMETRY, SCAN, stamp_of
-from fg_mujoco.addons.ros.bag_reader import (
-    POSES,
-    Clock,
-    ScanFaults,
-    mount_of,
-    mounting_frames,
-    pose_of,
-    transform_topics,
-)
+from fg_mujoco.addons.ros.bag_reader import POSES, Clock, ScanFaults, pose_of
 from fg_mujoco.addons.ros.bag_recording import Heard, Recording, Topic
-from fg_mujoco.addons.ros.bag_scans import to_scan
+from fg_mujoco.addons.ros.bag_scans import mount_of, to_scan
 from fg_mujoco.errors import BagError
 from fg_mujoco.messages import CarParameters, FloatArray, LaserScan
 
@@ -68,7 +60,7 @@ def read_sweeps(
     scan = bag.choose((SCAN,), wanted=scan_topic, option="--scan-topic")
     if scan is None:
         raise BagError(f"{bag.path}: holds no scans; accepted: a bag with {SCAN}; it has {bag.held()}")
-    frames = mounting_frames(bag)
+    frames = bag.mounting_frames()
     sensor = next((plain(heard.message.header.frame_id) for heard in bag.messages({scan}, most=1)), "")
     source = _source(bag, frames, sensor, pose_topic, odometry_topic)
     heard_scans: list[tuple[int, int, LaserScan]] = []  # stamp, recorder's growing time
@@ -186,7 +178,7 @@ def _poses(
             bag.warn(f"no transforms say where the LiDAR is on the car; taken: {offset[0]:.3f} m ahead of base_link")
     elif source.kind == "transforms":
         live = FrameTree()
-        for heard in bag.messages(transform_topics(bag)):
+        for heard in bag.messages(bag.transform_topics):
             live.hear(heard.message)
             found = live.find(sensor, source.world)
             if found is not None and not heard.topic[1].endswith("tf_static"):
