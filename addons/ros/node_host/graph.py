@@ -190,7 +190,7 @@ class Process:
             if not self.graph.closed:
                 pass_on(lambda: self.graph.listener)  # the thread that decides is another one
                 self._target()
-        except (NodeEnded, SystemExit):
+        except (NodeEnded, SystemExit, KeyboardInterrupt):  # the latter two a node raises to end itself
             pass
         except BaseException as error:
             self.error = error

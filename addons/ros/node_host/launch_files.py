@@ -1,9 +1,10 @@
-"""Launch files of ROS 2 in Python: which nodes they start, with which parameters, names of topics and arguments.
+"""Launch files of ROS 2, in Python, XML or YAML: the nodes that they start, their parameters, topics and arguments.
 
     launched(Path("ws/src/my_car/launch/race.launch.py"), {"speed": "2.0"}, said, graph)
 
-They are executed, with the stubs of `launch_objects`. A node is one of a package of the same workspace, in Python;
-others, such as RViz, a driver or the simulator, are left out, and a warning names them.
+Those in Python are executed, with the stubs of `launch_objects`; `launch_frontends` reads the others. A node is one of
+a package of the same workspace, in Python; others, such as RViz, a driver or the simulator, are left out, and a warning
+names them.
 """
 
 from __future__ import annotations
@@ -21,23 +22,26 @@ from fg_mujoco.errors import ControllerError, accepted_names
 from fg_mujoco.simulation.planner_failure import one_line
 
 from .graph import Graph
+from .launch_frontends import read_entities
 from .launch_objects import Context, Lacking, LaunchImports, Made, executed, refusal
 from .ros_parameters import flat, read_ros_arguments
 from .source import data_file
-from .workspace import executable, packages
+from .workspace import executable, is_launch_file, packages
 
 _DEEPEST = 10  # launch files that include each other
 _SIMULATORS = ("f1tenth_gym_ros", "f1tenth_simulator", "autodrive_f1tenth", "autodrive_roboracer")
 """Packages of simulators, whose nodes this simulator replaces."""
 _NODES = ("Node", "LifecycleNode")
 _INCLUDES = ("IncludeLaunchDescription",)
-_GROUPS = ("LaunchDescription", "GroupAction", "TimerAction", "RegisterEventHandler", "OpaqueCoroutine")
+_GROUPS = ("LaunchDescription", "GroupAction", "TimerAction", "RosTimer", "RegisterEventHandler", "OpaqueCoroutine")
 _HANDLERS = ("OnProcessStart", "OnExecutionComplete")
 _WITHOUT_NODES = (
-    "LogInfo", "EmitEvent", "Shutdown", "SetEnvironmentVariable", "AppendEnvironmentVariable", "SetUseSimTime",
+    "LogInfo", "EmitEvent", "Shutdown", "AppendEnvironmentVariable", "SetUseSimTime",
     "UnsetEnvironmentVariable", "UnsetLaunchConfiguration",
 )  # fmt: skip
-_SAME_TEXT = ("TextSubstitution", "ParameterValue", "ParameterFile", "PathSubstitution", "BooleanSubstitution")
+_SAME_TEXT = (
+    "TextSubstitution", "ParameterValue", "ParameterFile", "PathSubstitution", "BooleanSubstitution", "AnonName",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +56,7 @@ class Launched:
     parameter_files: tuple[Path, ...]
     remap: Mapping[str, str]
     arguments: tuple[str, ...]
+    environment: Mapping[str, str]  # variables that differ from those of this process
 
 
 @dataclass
@@ -75,6 +80,8 @@ class LaunchFiles:
     _everywhere: dict[str, Any] = field(default_factory=dict)  # parameters of all nodes
     _namespaces: list[str] = field(default_factory=list)
     _remaps: list[tuple[str, str]] = field(default_factory=list)
+    _files: list[Path] = field(default_factory=list)  # parameters of all nodes
+    _environment: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._known = packages(self.first)
@@ -92,7 +99,8 @@ class LaunchFiles:
         path = path.resolve()
         self.read[path] = None
         try:
-            self._take(executed(path, self._imports), depth)
+            python = path.suffix == ".py"
+            self._take(executed(path, self._imports) if python else read_entities(path, self._context), depth)
         except ControllerError as error:
             if str(error).startswith(self.said):
                 raise
@@ -126,6 +134,11 @@ class LaunchFiles:
             name = action.named.get("name", action.values[0] if action.values else "")
             value = action.named.get("value", action.values[-1] if action.values else None)
             self._everywhere[self._text(name)] = self._parameter(value)
+        elif action.kind == "SetParametersFromFile":
+            self._files += self._parameter_file((*action.values, *action.named.values())[0], place)
+        elif action.kind == "SetEnvironmentVariable":
+            name, value = (*action.values, *action.named.values())[:2]
+            self._environment[self._text(name)] = self._text(value)
         elif action.kind == "PushRosNamespace":
             self._namespaces.append(self._text((*action.values, *action.named.values())[0]).strip("/"))
         elif action.kind == "SetRemap":
@@ -137,15 +150,17 @@ class LaunchFiles:
             self._context.launch_configurations = self.configurations
             self._take(function(self._context, *values, **named), depth)
         elif action.kind in _GROUPS:
-            kept = (dict(self.configurations), dict(self._everywhere), list(self._namespaces), list(self._remaps))
+            kept = (self.configurations.copy(), self._everywhere.copy(), self._namespaces.copy(), self._remaps.copy(),
+                    self._files.copy(), self._environment.copy())  # fmt: skip
             for each in (*action.values, action.named.get("initial_entities"), action.named.get("actions")):
                 self._take(each, depth)
             handler = action.named.get("event_handler", action.values[0] if action.values else None)
             if isinstance(handler, Made) and handler.kind in _HANDLERS:
                 for name in ("on_start", "on_completion"):
                     self._take(handler.named.get(name), depth)
-            if action.kind == "GroupAction" and action.named.get("scoped", True):
-                self.configurations, self._everywhere, self._namespaces, self._remaps = kept
+            if action.kind == "GroupAction" and self._truth(action.named.get("scoped", True), "scoped", place):
+                (self.configurations, self._everywhere, self._namespaces, self._remaps, self._files,
+                 self._environment) = kept  # fmt: skip
         elif action.kind not in _WITHOUT_NODES:
             self.left_out.append(f"{action.kind}{place}")
 
@@ -159,10 +174,8 @@ class LaunchFiles:
             return True
         values = [*condition.values, *condition.named.values()]
         if condition.kind in ("IfCondition", "UnlessCondition"):
-            text = self._text(values[0] if values else "").strip().lower()
-            if text not in ("true", "1", "false", "0"):
-                raise ControllerError(f"{self.said}: a condition is {text!r}{place}; accepted: true, false, 1, 0")
-            return (text in ("true", "1")) is (condition.kind == "IfCondition")
+            holds = self._truth(values[0] if values else "", "a condition", place)
+            return holds is (condition.kind == "IfCondition")
         if condition.kind in ("LaunchConfigurationEquals", "LaunchConfigurationNotEquals") and len(values) == 2:
             same = self.configurations.get(self._text(values[0])) == self._text(values[1])
             return same is (condition.kind == "LaunchConfigurationEquals")
@@ -170,6 +183,12 @@ class LaunchFiles:
             f"{self.said}: the condition {condition.kind} is not understood{place}; accepted: IfCondition, "
             "UnlessCondition, LaunchConfigurationEquals, LaunchConfigurationNotEquals"
         )
+
+    def _truth(self, value: Any, said: str, place: str) -> bool:
+        text = self._text(value).strip().lower()
+        if text not in ("true", "1", "false", "0"):
+            raise ControllerError(f"{self.said}: {said} is {text!r}{place}; accepted: true, false, 1, 0")
+        return text in ("true", "1")
 
     def _declare(self, action: Made, place: str) -> None:
         name = self._text(action.named.get("name", action.values[0] if action.values else ""))
@@ -201,8 +220,8 @@ class LaunchFiles:
         if not path.is_file():
             self.left_out.append(f"the included launch file {path}, which is not here{place}")
             return
-        if path.suffix != ".py":
-            self.left_out.append(f"the included launch file {path}, which is not in Python{place}")
+        if not is_launch_file(path):
+            self.left_out.append(f"the included file {path}, which is no launch file of ROS 2{place}")
             return
         if any(name in path.parts for name in _SIMULATORS):
             self.left_out.append(f"the launch file of the simulator {path.name}{place}")
@@ -231,7 +250,7 @@ class LaunchFiles:
         if found is None:
             self.left_out.append(f"{said} of {package}, of which there is no Python file{place}")
             return
-        parameters, files = dict(self._everywhere), []
+        parameters, files = dict(self._everywhere), list(self._files)
         rows = named.get("parameters", ())
         self._refuse(rows, place)
         for row in rows if isinstance(rows, (list, tuple)) else [rows or {}]:
@@ -241,8 +260,7 @@ class LaunchFiles:
                     self._refuse(value, place)
                     parameters[name] = self._parameter(value)
             else:
-                file = self._parameter_file(row, place)
-                files += [] if file is None else [file]
+                files += self._parameter_file(row, place)
         remap = dict(self._remaps)
         rows = named.get("remappings", ())
         self._refuse(rows, place)
@@ -252,6 +270,8 @@ class LaunchFiles:
             for each in row:
                 self._refuse(each, place)
             remap[self._text(row[0])] = self._text(row[1])
+        own = dict(named.get("additional_env") or named.get("env") or {})
+        environment = {**self._environment, **{self._text(key): self._text(value) for key, value in own.items()}}
         given = named.get("arguments", ())
         self._refuse(given, place)
         arguments = [self._text(each) for each in given or () if not isinstance(each, Lacking)]
@@ -263,24 +283,25 @@ class LaunchFiles:
                 path=found[0], entry=found[1], name=given.name or called,
                 namespace=(given.namespace or namespace).strip("/"), parameters={**parameters, **given.parameters},
                 parameter_files=(*files, *given.files), remap={**remap, **given.remap}, arguments=given.plain,
+                environment=environment,
             )
         )  # fmt: skip
 
     # Values
 
-    def _parameter_file(self, value: Any, place: str) -> Path | None:
-        """Return a file of parameters; as in ROS one that is not there gives a warning, and is left out."""
+    def _parameter_file(self, value: Any, place: str) -> list[Path]:
+        """Return a file of parameters, alone; as in ROS one that is not there gives a warning, and is left out."""
         if isinstance(value, Made) and value.kind == "ParameterFile":
             value = (*value.values, *value.named.values())[0]
         path = Path(self._text(value))
         if path.is_file():
-            return path
+            return [path]
         found = data_file(str(path), self.first)
         if found is None:
             self.left_out.append(f"the parameters of {path}, which is no file{place}")
-        else:
-            warnings.warn(f"{path} is not there; {found} is taken{place}", stacklevel=2)
-        return found
+            return []
+        warnings.warn(f"{path} is not there; {found} is taken{place}", stacklevel=2)
+        return [found]
 
     def _parameter(self, value: Any) -> Any:
         """Return the value of a parameter: a substitution's text is read as YAML, as launch_ros does."""
@@ -288,6 +309,8 @@ class LaunchFiles:
             inner, kind = (*value.values, *value.named.values())[0], value.named.get("value_type")
             text = self._text(inner)
             return text if kind is str else kind(self._read(text)) if kind in (float, int, bool) else self._read(text)
+        if isinstance(value, Made) and value.kind == "ParameterList":
+            return [self._parameter(each) for each in value.values[0]]
         if isinstance(value, Made):
             return self._read(self._text(value))
         if isinstance(value, (list, tuple)):
@@ -329,7 +352,7 @@ class LaunchFiles:
             raise ControllerError(f"{self.said}: the launch argument {name!r} is not declared{place}; {known}")
         if value.kind == "PathJoinSubstitution":
             return os.path.join(*(self._text(each) for each in first)) if first else ""
-        if value.kind == "FindPackageShare":
+        if value.kind in ("FindPackageShare", "FindPackagePrefix"):
             found = self._known.get(self._text(first))
             return f"/{self._text(first)} is not here" if found is None else str(found)
         if value.kind == "PythonExpression":
@@ -341,15 +364,16 @@ class LaunchFiles:
                 raise ControllerError(f"{self.said}: {said}{place}") from error
         if value.kind in ("EnvironmentVariable", "OptionalEnvironmentVariable"):
             default = value.named.get("default_value", value.values[1] if len(value.values) > 1 else "")
-            return os.environ.get(self._text(first), self._text(default))
-        if value.kind == "ThisLaunchFileDir":
-            return str(value.file.resolve().parent)
+            return {**os.environ, **self._environment}.get(self._text(first), self._text(default))
+        if value.kind in ("ThisLaunchFileDir", "ThisLaunchFile"):
+            path = value.file.resolve()
+            return str(path if value.kind == "ThisLaunchFile" else path.parent)
         if value.kind in ("EqualsSubstitution", "NotEqualsSubstitution"):
             same = self._text(values[0]) == self._text(values[1])
             return str(same is (value.kind == "EqualsSubstitution")).lower()
-        if value.kind in ("AndSubstitution", "OrSubstitution"):
+        if value.kind in ("AndSubstitution", "AllSubstitution", "OrSubstitution", "AnySubstitution"):
             truths = [self._text(each).lower() in ("true", "1") for each in values]
-            return str(all(truths) if value.kind == "AndSubstitution" else any(truths)).lower()
+            return str(all(truths) if value.kind[:3] in ("And", "All") else any(truths)).lower()
         if value.kind == "NotSubstitution":
             return str(self._text(first).lower() not in ("true", "1")).lower()
         if value.kind == "IfElseSubstitution":

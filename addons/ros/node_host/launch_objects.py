@@ -57,9 +57,7 @@ class Made:
         return self._of("PathJoinSubstitution", [other, self])
 
     def _of(self, kind: str, value: Any) -> Made:
-        found: Made = type(kind, (Made,), {"kind": kind, "context": self.context})(value)
-        found.line, found.file = self.line, self.file
-        return found
+        return new_object(kind, self.context, self.file, self.line, value)
 
     def perform(self, context: Any) -> str:
         """Return the text of a substitution."""
@@ -74,6 +72,13 @@ class Made:
         self.values.append(action)
 
     add_entity = add_action
+
+
+def new_object(kind: str, context: Context, file: Path, line: int, *values: Any, **named: Any) -> Made:
+    """Return an object of a class of `launch` or `launch_ros`, made in a line of a file."""
+    found: Made = type(kind, (Made,), {"kind": kind, "context": context})(*values, **named)
+    found.line, found.file = line, file
+    return found
 
 
 class Lacking:

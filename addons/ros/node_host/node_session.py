@@ -40,6 +40,7 @@ class Session:
       name: of the node; None: its own.
       arguments: in its `sys.argv`, behind the file.
       namespace: of the topics that it names without one; its own where there is none.
+      environment: variables that differ from those of this process.
       undeclared: parameters that it need not have.
       given_to: returns what is given to a node of a full name, where its program names it; None: `given` is.
     """
@@ -51,6 +52,7 @@ class Session:
     name: str | None = None
     arguments: tuple[str, ...] = ()
     namespace: str = ""
+    environment: Mapping[str, str] = field(default_factory=dict)
     undeclared: frozenset[str] = frozenset()
     given_to: Callable[[str], dict[str, Any]] | None = None
     ok: bool = False

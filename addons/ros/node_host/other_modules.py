@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import signal
 import sys
@@ -265,7 +266,10 @@ def overlays(session: Session, sleep: Callable[[float], Any]) -> dict[str, Modul
         def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
             return super().parse_known_args(list(session.arguments) if args is None else args, namespace)
 
+    environ = {**os.environ, **session.environment}
+    own_environment = {"os": Overlay(os, environ=environ, getenv=environ.get), "os.path": os.path}
     return {
+        **(own_environment if session.environment else {}),
         "time": Overlay(
             time, time=graph.wall_time, monotonic=graph.wall_time, perf_counter=graph.wall_time, sleep=sleep,
             time_ns=graph.read, clock=graph.wall_time,

@@ -1,6 +1,6 @@
 """Reads the file that `ros:` names, a node's or a launch file of several nodes; only `start_launch_file` executes any.
 
-A launch file is YAML, with paths from its own folder:
+A launch file of ours is YAML, with paths from its own folder:
 
     nodes:
       - file: wall_follow.py
@@ -33,7 +33,7 @@ from .launch_files import launched
 from .message_classes import ROS1, ROS2
 from .ros_parameters import flat, read_parameters
 from .source import own_files, parse
-from .workspace import may_start
+from .workspace import is_launch_file, may_start
 
 SCHEME = "ros:"
 _KEYS = ("file", "class", "name", "parameters", "params_file", "remap", "args")
@@ -60,6 +60,7 @@ class NodeFile:
     arguments: tuple[str, ...] = ()
     entry: str = ""  # function that is called once the file is executed as a module; empty: as the lines above say
     namespace: str = ""
+    environment: Mapping[str, str] = field(default_factory=dict)  # variables that differ from those of this process
     takes_all: bool = False  # whether parameters that it has not are passed over, as ROS does
 
 
@@ -69,8 +70,8 @@ class Program:
 
     path: Path  # of the node, or of the launch file
     text: bytes = field(repr=False)  # of the file, of all that it names, and of their own modules
-    nodes: tuple[NodeFile, ...]  # none of a launch file in Python, which says them when it is executed
-    files: frozenset[Path] = frozenset()  # of a launch file in Python: whose text is in `text`
+    nodes: tuple[NodeFile, ...]  # none of a launch file of ROS 2, which says them when it is executed
+    files: frozenset[Path] = frozenset()  # of a launch file of ROS 2: whose text is in `text`
 
     @property
     def name(self) -> str:
@@ -87,35 +88,27 @@ def read_program(source: str) -> Program:
     said = f"controller {source!r}"
     rest = source.removeprefix(SCHEME)
     path, colon, class_name = rest.rpartition(":") if re.search(r":\w*$", rest) else (rest, "", "")
-    if path.endswith((".yaml", ".yml")) and not colon:
+    if not colon and is_launch_file(Path(path)):
+        return _read_launch_of_ros(Path(path))
+    elif path.endswith((".yaml", ".yml")) and not colon:
         return _read_launch(Path(path), said)
-    elif path.endswith(".py") and not colon and _is_launch_python(Path(path)):
-        return _read_launch_python(Path(path))
     elif path.endswith(".py"):
         node = read_node_file(Path(path), class_name, said)
         return Program(path=Path(path), text=_with_modules(node), nodes=(node,))
     raise ControllerError(
-        f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py, ros:path/launch.yaml or "
-        "ros:path/name.launch.py"
+        f"{said}; accepted: ros:path/node.py:ClassName, ros:path/node.py, ros:path/launch.yaml or a "
+        "launch file of ROS 2: ros:path/name.launch.py, .xml or .yaml"
     )
 
 
-def _is_launch_python(path: Path) -> bool:
-    """Return whether a file is a launch file in Python."""
-    try:
-        return re.search(rb"^def generate_launch_description\b", path.read_bytes(), re.MULTILINE) is not None
-    except OSError:
-        return False
-
-
-def _read_launch_python(path: Path) -> Program:
+def _read_launch_of_ros(path: Path) -> Program:
     files = may_start(path)
     text = b"".join(b"\n# " + each.name.encode() + b"\n" + each.read_bytes() for each in files)
     return Program(path=path, text=text, nodes=(), files=frozenset(files))
 
 
 def start_launch_file(program: Program, given: Mapping[str, Any], said: str, graph: Graph) -> tuple[NodeFile, ...]:
-    """Execute a launch file in Python, and return the nodes that it starts; a graph gets the files that it reads.
+    """Execute a launch file of ROS 2, and return the nodes that it starts; a graph gets the files that it reads.
 
     Args:
       program: of the file.
@@ -145,7 +138,7 @@ def start_launch_file(program: Program, given: Mapping[str, Any], said: str, gra
                 read_node_file(
                     each.path, "", said, name=each.name, parameters={**parameters, **each.parameters},
                     remap=each.remap, arguments=each.arguments, entry=each.entry, namespace=each.namespace,
-                    takes_all=True,
+                    environment=each.environment, takes_all=True,
                 )
             )  # fmt: skip
         except ControllerError as error:  # as in ROS the others drive on

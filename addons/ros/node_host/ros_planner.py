@@ -67,7 +67,7 @@ class RosPlanner:
       max_speed: fastest that is commanded, whatever the nodes ask for [m/s].
       settings: parameters of the nodes, by name; `remap./scan` is another name for a topic, `host.params` a file of
         parameters, `host.args` the arguments of a node, `host.beams` how many beams a scan has, `launch.NAME` an
-        argument of a launch file in Python, `host.wall_limit` the wall time that a node may take [s].
+        argument of a launch file of ROS 2, `host.wall_limit` the wall time that a node may take [s].
 
     Raises:
       ControllerError: a parameter that no node has, or a node that cannot drive.
@@ -82,6 +82,7 @@ class RosPlanner:
     _ticked: bool
     _flavour: int
     _failed: list[str]  # of nodes that the others drive on without
+    _ended: list[Process]  # of nodes, failed ones included, that have been told of
 
     def __init__(self, car: CarParameters, max_speed: float, settings: Mapping[str, Any] | None = None) -> None:
         self._car, self._max_speed, self._settings = car, max_speed, dict(settings or {})
@@ -103,9 +104,13 @@ class RosPlanner:
         time = BEGIN + nanoseconds(max(scan.stamp, odometry.stamp))
         self._graph.listener = listener()
         self._run(lambda: self._graph.tick(time, self._sensing.messages(scan, odometry)))
-        if all(process.done for process in self._graph.processes):
-            raise NodeError(f"{self._said()} has ended, and a planner may not{self._line()}")
-        return self._command(scan.stamp - self._began)
+        over = all(process.done for process in self._graph.processes)
+        for process in self._graph.processes[: len(self._sessions)]:
+            if process.done and process not in self._ended:
+                self._ended.append(process)
+                then = "; the car stops" if over else ""
+                warnings.warn(f"node {process.name!r} has ended, t = {scan.stamp:.3f} s{then}", stacklevel=2)
+        return STOP if over else self._command(scan.stamp - self._began)
 
     def look_round(self, surroundings: Surroundings) -> None:
         """Take what surrounds the car: nodes may listen to the map and to the other cars' odometry."""
@@ -147,7 +152,7 @@ class RosPlanner:
             program, read = replace(program, nodes=nodes), launching.data
         elif for_launch:
             name = next(iter(for_launch))
-            raise ControllerError(f"there is no launch argument {name!r}; accepted: with a launch file in Python")
+            raise ControllerError(f"there is no launch argument {name!r}; accepted: with a launch file of ROS 2")
         self._program = program  # type: ignore[misc]
         self._graph = Graph(float(limit))
         self._graph.data |= read
@@ -157,7 +162,7 @@ class RosPlanner:
         message_class("std_msgs/msg/Header", self._flavour)  # definitions are read here, and not in a node's time
         self._sensing = Sensing(self._graph, self._flavour, self._car, beams)
         self._driving = Driving(self._graph, self._car, partial(_said, self._graph, self._program))
-        goes_on, self._failed = weakref.WeakMethod(self._goes_on_without), []
+        goes_on, self._failed, self._ended = weakref.WeakMethod(self._goes_on_without), [], []
         self._graph.spares = lambda process, error: goes_on()(process, error)  # type: ignore[misc]
         self._sessions, definitions = [], Definitions(self._flavour)
         for node in self._program.nodes:
@@ -169,6 +174,7 @@ class RosPlanner:
             session = Session(
                 self._graph, node.path, parameters(f"{namespace}/{called}" if called else ""),
                 {**node.remap, **said.remap, **remap}, called, said.plain, namespace=namespace,
+                environment=node.environment,
                 undeclared=frozenset(node.parameters if node.takes_all else ()),
                 given_to=parameters if files and not called else None,
             )  # fmt: skip
@@ -212,19 +218,27 @@ class RosPlanner:
         if process not in several or all(each.done for each in several) or needed or not process.done:
             return False
         self._failed.append(f"node {process.name!r} has failed: {one_line(error)}{graph.place_of_error(error)}")
+        self._ended.append(process)
         warnings.warn(f"{self._failed[-1]}; the other nodes drive on", stacklevel=2)
         graph.bury(process)
         return True
 
     def _check(self) -> None:
-        """Refuse nodes that cannot drive, and parameters that none of them has."""
-        known = set().union(*(session.asked for session in self._sessions))
-        for session in self._sessions:
+        """Refuse nodes that cannot drive, and parameters that none of them has.
+
+        A node that has ended, or failed, may have more than it has asked for: those that its text names.
+        """
+        processes = self._graph.processes
+        nodes = list(zip(self._sessions, self._program.nodes, processes, strict=False))
+        self._ended += [process for process in processes if process.done]
+        known = set().union(*(session.asked for session, _, _ in nodes))
+        unread = b"".join(node.text for _, node, process in nodes if process.done)
+        known |= {name for name in self._settings if name.encode() in unread}
+        for session, _, process in nodes:
             session.asked |= known & set(self._settings)
-            wrong = session.unknown_parameters()
+            wrong = "" if process.done and len(nodes) > 1 else session.unknown_parameters()
             if wrong:
                 raise NodeError(f"{self._said()} {wrong}{self._line()}")
-        processes = self._graph.processes
         if all(process.done for process in processes):
             raise NodeError(
                 f"{self._said()} has ended at once; accepted: one that spins, or a class: ros:{self._program.path}:"

@@ -19,6 +19,11 @@ _DEEP = 5  # folders below a workspace in which packages are looked for
 _MOST_FOLDERS = 1000  # that are looked through for packages: a workspace may lie in a folder of all else
 _SKIPPED = ("build", "install", "log", "devel", "node_modules", "site-packages")
 _NAME = re.compile(r"<name>\s*([\w-]+)\s*</name>")
+_LAUNCH = {
+    ".py": rb"^def generate_launch_description\b", ".xml": rb"<launch\b",
+    **dict.fromkeys((".yaml", ".yml"), rb"^launch\s*:"),
+}  # fmt: skip
+"""Endings of launch files, and what one has in it."""
 _SCRIPT_FOLDERS = ("scripts", "src", "nodes", "script", "node", "bin", "")
 
 
@@ -70,11 +75,23 @@ def executable(package: Path, name: str) -> tuple[Path, str] | None:
             found = _module_file(package, module)
             return None if found is None else (found, function)
     inner = package / package_name(package)
-    for folder in (*(package / each for each in _SCRIPT_FOLDERS), inner):
-        for file in (folder / name, folder / f"{name}.py"):
-            if file.is_file() and _is_python(file):
-                return file, ""
+    folders = (*(package / each for each in _SCRIPT_FOLDERS), inner)
+    named = (folder / each for folder in folders for each in (name, f"{name}.py"))
+    anywhere = (each for each in _files(package) if each.name in (name, f"{name}.py"))
+    for file in (*_installed_by_cmake(package, name), *named, *anywhere):
+        if file.is_file() and _is_python(file):
+            return file, ""
     return None
+
+
+def _installed_by_cmake(package: Path, name: str) -> Iterator[Path]:
+    """Yield the files that CMakeLists.txt names and that may be installed as an executable of a name."""
+    file = package / "CMakeLists.txt"
+    text = re.sub(r"#.*", "", file.read_text("utf-8", "replace")) if file.is_file() else ""
+    text = text.replace("${PROJECT_NAME}", package_name(package)).replace('"', " ")
+    renamed = re.findall(rf"([^\s(]+)(?:\s+DESTINATION\s+[^\s)]+)?\s+RENAME\s+{re.escape(name)}[\s)]", text)
+    for said in (*renamed, *re.findall(rf"[^\s(]*(?<![\w.-]){re.escape(name)}(?:\.py)?(?=[\s)])", text)):
+        yield package / re.sub(r"\$\{\w+\}/?", "", said).lstrip("/")
 
 
 def may_start(launch: Path) -> list[Path]:
@@ -99,12 +116,25 @@ def may_start(launch: Path) -> list[Path]:
 
 
 def _python_files(package: Path) -> list[Path]:
-    """Return the Python files of a package, sorted."""
-    found: list[Path] = []
+    """Return the Python and launch files of a package, sorted."""
+    found = [each.resolve() for each in _files(package) if each.is_file()]
+    return sorted(each for each in found if is_launch_file(each) or _is_python(each))
+
+
+def _files(package: Path) -> Iterator[Path]:
+    """Yield the files of a package that may be programs: without an ending, Python, XML or YAML."""
     for folder, inner, files in os.walk(package):
-        inner[:] = [each for each in inner if each[0] != "." and each not in _SKIPPED]
-        found += [Path(folder, each).resolve() for each in files if os.path.splitext(each)[1] in ("", ".py")]
-    return sorted(each for each in found if each.is_file() and _is_python(each))
+        inner[:] = sorted(each for each in inner if each[0] != "." and each not in _SKIPPED)
+        yield from (Path(folder, each) for each in sorted(files) if Path(each).suffix in ("", ".py", *_LAUNCH))
+
+
+def is_launch_file(path: Path) -> bool:
+    """Return whether a file is a launch file of ROS 2, in Python, XML or YAML."""
+    begins = _LAUNCH.get(path.suffix)
+    try:
+        return begins is not None and re.search(begins, path.read_bytes(), re.MULTILINE) is not None
+    except OSError:
+        return False
 
 
 def _entry_points(package: Path) -> Iterator[tuple[str, str, str]]:

@@ -67,6 +67,10 @@ node = rclpy.create_node('board')
 """
 
 
+DRIVE_XML = '<node pkg="my_car" exec="drive" name="driver"><remap from="out" to="/drive"/>{}</node>'
+DRIVE_YAML = "node: {{pkg: my_car, exec: drive, name: driver, remap: [{{from: out, to: /drive}}]{}}}"
+
+
 @pytest.fixture
 def workspace(tmp_path):
     """Write a workspace of two packages, and return what writes a launch file and names it."""
@@ -94,7 +98,8 @@ def workspace(tmp_path):
 
     def write(body, name="race.launch.py"):
         path = car / "launch" / name
-        path.write_text(HEAD + "".join(f"    {line}\n" for line in body.splitlines()))
+        indented = "".join(f"    {line}\n" for line in body.splitlines())
+        path.write_text(HEAD + indented if name.endswith(".py") else body)
         return f"ros:{path}"
 
     return write
@@ -138,6 +143,81 @@ def test_a_launch_file_in_python_starts_its_nodes(body, speed, workspace):
     assert speeds(workspace(body))[0] == speed
 
 
+def xml(*entities):
+    return "".join(f"{each}\n" for each in ("<launch>", *entities, "</launch>"))
+
+
+@each("name, text, speed",
+    [("a.launch.xml", xml('<arg name="v" default="2.5"/>',
+                          DRIVE_XML.format('<param name="speed" value="$(var v)"/>')), 2.5),
+     ("a.xml", xml(DRIVE_XML.format('<param name="limits"><param name="top" value="0.5"/></param>')), 0.5),
+     ("a.launch.xml", xml(DRIVE_XML.format('<param from="$(find-pkg-share my_car)/config/car.yaml"/>')), 1.5),
+     ("a.launch.xml", xml(DRIVE_XML.format('<param from="$(dirname)/../config/car.yaml"/>'
+                                           '<param name="speed" value="30." type="float"/>')), 4.0),
+     ("a.launch.xml", xml('<let name="m" value="fast"/>', '<group if="$(eval &quot;\'$(var m)\' == \'fast\'&quot;)">',
+                          '<set_parameter name="speed" value="3.0"/>', DRIVE_XML.format(""), "</group>",
+                          '<node pkg="gone" exec="x" unless="$(equals $(var m) fast)"/>'), 3.0),
+     ("a.launch.xml", xml('<group><let name="v" value="9."/><push-ros-namespace namespace="car"/></group>',
+                          '<arg name="v" default="0.75"/>', '<include file="$(dirname)/inner.launch.py">',
+                          '<arg name="fast" value="$(var v)"/></include>'), 0.75),
+     ("a.launch.xml", xml('<set_env name="BACK" value="true"/>', DRIVE_XML.format(
+         '<param name="back" value="$(env BACK false)"/><env name="GAIN" value="$(optenv NONE 2.0)"/>')), -2.0),
+     ("a.launch.xml", xml(DRIVE_XML.format("").replace(" name", ' args="$(dirname) \'b c\'" ros_args="-p speed:=2.0" '
+                                                       "name")), 2.0),
+     ("a.launch.yaml", "launch:\n- arg: {name: v, default: '2.5'}\n- "
+                       + DRIVE_YAML.format(", param: [{name: speed, value: $(var v)}]"), 2.5),
+     ("a.yaml", "launch:\n  - group:\n    - set_parameter: {name: speed, value: 3.0}\n    - "
+                + DRIVE_YAML.format(", param: [{from: $(find-pkg-share my_car)/config/car.yaml}]"), 3.0),
+     ("a.launch.yml", "launch:\n- group: {scoped: false, if: 'true', children: [{let: {name: b, value: 'true'}}]}\n- "
+                      + DRIVE_YAML.format(", param: [{name: back, value: $(var b)}, {name: speed, value: 2.0}]"), -2.0),
+     ("b.yaml", "launch:\n- include: {file: $(dirname)/inner.launch.py, arg: [{name: fast, value: '0.5'}]}", 0.5)])
+def test_a_launch_file_in_xml_or_yaml_starts_what_one_in_python_does(name, text, speed, workspace):
+    source = workspace(text, name)
+    node = Path(source.removeprefix("ros:")).parents[1] / "my_car" / "drive_node.py"
+    text = DRIVE.replace("gain(),", "gain() * float(os.environ.get('GAIN', 1)),")
+    node.write_text(text.replace("import sys", "import os\nimport sys"))
+    path = Path(source.removeprefix("ros:"))
+    outer = workspace(f"source = AnyLaunchDescriptionSource({str(path)!r})\n"
+                      "return LaunchDescription([IncludeLaunchDescription(source)])")
+    head = Path(outer.removeprefix("ros:"))
+    head.write_text(head.read_text().replace("import PythonLaunch", "import AnyLaunchDescriptionSource, PythonLaunch"))
+    assert speeds(source)[0] == speeds(outer)[0] == speed
+
+
+@each("text, said",
+      [(xml('<arg name="v"/>', DRIVE_XML.format("")), r"'v' has no default \(.*a.launch.xml, line 2\); .*launch.v="),
+       (xml(DRIVE_XML.format('<parm name="speed"/>')), r"node has 'parm'; accepted: param, .*xml, line 2\)"),
+       (xml('<node pkg="my_car" exe="drive"/>'), r"node has 'exe'; accepted: .*exec.* line 2\)"),
+       (xml("<nod/>"), r"the entity 'nod' is not known; accepted: .*node.* line 2\)"),
+       (xml(DRIVE_XML.format('<param name="speed" value="$(arg v)"/>')), r"\$\(arg\) is not known; accepted: .*line 2"),
+       (xml(DRIVE_XML.format('<param name="speed" value="$(var v"/>')), r"a substitution without its end.*line 2\)"),
+       (xml(DRIVE_XML.format('<param name="speed" value="$(var w)"/>')), r"argument 'w' is not declared \(.*line 2\)"),
+       (xml(DRIVE_XML.format("").replace("<node", '<node if="maybe"')), r"a condition is 'maybe' \(.*line 2\)"),
+       (xml('<let name="v"/>'), r"let has no 'value'; accepted: name, value, if.* \(.*line 2\)"),
+       (xml("<executable cmd='ls'/>"), r"starts no node .*left out are executable \(.*line 2\)"),
+       ("<launch><node></launch>", r"mismatched tag: line 1"),
+       ("<robot><launch/></robot>", r"begins with 'robot'; accepted: launch")])
+def test_what_a_launch_file_in_xml_fails_of_is_named_with_its_line(text, said, workspace):
+    with pytest.raises(ControllerError, match=said):
+        speeds(workspace(text, "a.launch.xml"))
+
+
+@each("place, cmake",
+      [("nodes/deep/wheels.py", "install(PROGRAMS\n  nodes/deep/wheels.py\n  DESTINATION lib/${PROJECT_NAME})"),
+       ("nodes/drive.py", "install(PROGRAMS nodes/drive.py DESTINATION lib/my_car RENAME wheels)"),
+       ("a/wheels", 'set(ALL "${CMAKE_CURRENT_SOURCE_DIR}/a/wheels")\ninstall(PROGRAMS ${ALL} DESTINATION lib/x)'),
+       ("my_car/a/wheels.py", "install(PROGRAMS ${PROJECT_NAME}/a/wheels.py DESTINATION lib/${PROJECT_NAME})"),
+       ("b/wheels.py", "install(DIRECTORY b/ DESTINATION lib/${PROJECT_NAME})  # not a/wheels.py")])
+def test_an_executable_is_the_file_that_cmake_installs_from_any_folder(place, cmake, workspace):
+    source = workspace("return LaunchDescription([drive(executable='wheels')])")
+    package = Path(source.removeprefix("ros:")).parents[1]
+    (package / "CMakeLists.txt").write_text(cmake)
+    (package / place).parent.mkdir(parents=True, exist_ok=True)
+    (package / place).write_text(f"#!/usr/bin/env python3\n{DRIVE.replace('1.0)', '2.25)')}\nstart()\n")
+    assert speeds(source)[0] == 2.25
+    (package / place).unlink()
+
+
 def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
     source = workspace("return LaunchDescription([DeclareLaunchArgument('v', default_value='2.0'),\n"
         "    DeclareLaunchArgument('side', default_value='left', choices=['left', 'right']),\n"
@@ -150,7 +230,7 @@ def test_launch_arguments_are_given_in_brackets_and_checked(workspace):
         speeds(source, **{"launch.w": 3})
     with pytest.raises(ControllerError, match=r"launch.side is 'up' \(.*line 21\); accepted: left, right"):
         speeds(source, **{"launch.side": "up"})
-    with pytest.raises(ControllerError, match="no launch argument 'v'; accepted: with a launch file in Python"):
+    with pytest.raises(ControllerError, match="no launch argument 'v'; accepted: with a launch file of ROS 2"):
         speeds(f"ros:{Path(__file__).parent / 'ros_nodes' / 'wall_follow.py'}", **{"launch.v": 1})
 
 

@@ -5,14 +5,16 @@ import math
 import re
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cases import each
 from fg_mujoco.addons.ros.node_host.graph import NodeError
+from fg_mujoco.errors import ControllerError
 from fg_mujoco.simulation.planner_failure import one_line
-from ros_planners import ODOMETRY, commands, make, node1, node2, speeds
+from ros_planners import ODOMETRY, ROS2, commands, make, node1, node2, speeds, write
 
 # Callbacks of rospy
 
@@ -54,6 +56,46 @@ def test_ten_commands_in_a_row_that_are_no_numbers_fail(tmp_path):
         assert speeds(planner, 10) == [1.0] * 10
     with pytest.raises(NodeError, match=r"has published speed nan on /drive .*, 10 times in a row; accepted"):
         commands(planner, 12)
+
+
+# Nodes that fail, and nodes that end
+
+
+BROKEN = """
+import rclpy
+from rclpy.node import Node
+rclpy.init()
+node = Node("broken")
+open("/a/folder/that/is/not/here")
+node.declare_parameter("line", "")
+"""
+
+
+@each("entry", ["parameters: {line: a.csv}", "params_file: params.yaml", "args: --ros-args -p line:=a.csv"])
+def test_parameters_of_a_node_that_has_failed_at_its_start_refuse_no_race(entry, tmp_path):
+    write(tmp_path, BROKEN, "broken.py")
+    write(tmp_path, "/**: {ros__parameters: {line: a.csv}}", "params.yaml")
+    node2(tmp_path, "self.drive(1.5)")
+    launch = f"nodes: [{{file: broken.py, name: broken, {entry}}}, {{file: mine.py, class: Mine}}]"
+    source = write(tmp_path, launch, "launch.yaml")
+    with pytest.warns(UserWarning, match=r"'broken' has failed: FileNotFoundError.*line 6\); the other nodes drive on"):
+        assert speeds(make(source, line="b.csv"), 2) == [1.5, 1.5]
+    with (pytest.warns(UserWarning, match="has failed"),
+          pytest.raises(ControllerError, match=r"launch.yaml has no parameter 'lime'; accepted")):  # fmt: skip
+        make(source, lime="b.csv")
+
+
+@each("ends", ["rclpy.shutdown()", "raise SystemExit", "raise KeyboardInterrupt"])
+def test_a_node_that_ends_by_itself_has_ended_and_the_car_stops(ends, tmp_path):
+    text = node2(tmp_path, f"self.drive(1.5)\nif self.calls == 3: {ends}", head=f"import rclpy\n{ROS2}")
+    source = write(tmp_path, Path(text[4:-5]).read_text() + "rclpy.init()\nrclpy.spin(Mine())\n", "ends.py")
+    planner = make(source)
+    with pytest.warns(UserWarning, match=r"node 'ends' has ended, t = 0.050 s; the car stops") as caught:
+        assert speeds(planner, 6) == [1.5, 1.5, 0.0, 0.0, 0.0, 0.0]
+    assert len(caught) == 1
+    planner.reset()
+    with pytest.warns(UserWarning, match="the car stops"):
+        assert speeds(planner, 3) == [1.5, 1.5, 0.0]
 
 
 # Scalars of NumPy in messages
